@@ -1,0 +1,1 @@
+"""Floor 2: compiled flows of hybrid systems."""

@@ -1,0 +1,135 @@
+"""What every result can do: become an xarray Dataset, be saved, read again, compared and plotted."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    import os
+
+    import xarray as xr
+
+__all__ = ["Result", "as_json", "frozen", "load"]
+
+_HOMES = {
+    "Trajectory": "saltus.flow.simulate",
+    "PeriodicOrbit": "saltus.orbits.orbit",
+    "Branch": "saltus.continuation.branch",
+}
+
+
+def frozen(array: Any, dtype: Any = np.float64) -> Any:
+    """Return a read-only copy of an array.
+
+    Examples
+    --------
+    >>> frozen([1.0, 2.0]).flags.writeable
+    False
+    """
+    copy = np.array(array, dtype=dtype)
+    copy.setflags(write=False)
+    return copy
+
+
+class Result(ABC):
+    """Base of all results; each can be saved to NetCDF and read back equal, without the model at hand."""
+
+    @abstractmethod
+    def to_xarray(self) -> xr.Dataset:
+        """Return everything in the result as a Dataset with named dimensions."""
+
+    @classmethod
+    @abstractmethod
+    def from_xarray(cls, dataset: xr.Dataset) -> Self:
+        """Return the result that `to_xarray` described."""
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the result to a NetCDF file and return its path.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        from importlib.metadata import version
+
+        path = Path(path)
+        dataset = self.to_xarray()
+        dataset.attrs |= {"saltus_result": type(self).__name__, "saltus_version": version("saltus")}
+        try:
+            dataset.to_netcdf(path, engine="h5netcdf")
+        except OSError as error:
+            raise InputError("path", str(path), "a file that can be written", str(error)) from error
+        return path
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a result of this kind from a file; see `saltus.load`."""
+        result = load(path)
+        if not isinstance(result, cls):
+            raise InputError("path", str(path), f"the file of a {cls.__name__}", f"it holds a {type(result).__name__}")
+        return result
+
+    def plot(self, *args: Any, **options: Any) -> Any:
+        """Draw the result; see `saltus.plotting`."""
+        from saltus.plotting import plot
+
+        return plot(self, *args, **options)
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        mine, theirs = self.to_xarray(), other.to_xarray()  # type: ignore[attr-defined]
+        return mine.attrs == theirs.attrs and bool(mine.identical(theirs))
+
+    __hash__ = object.__hash__
+
+
+def load(path: str | os.PathLike[str]) -> Result:
+    """Return the result saved in a file, whatever its kind.
+
+    Parameters
+    ----------
+    path : path-like
+        A NetCDF file written by `Result.save`.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it was not written by saltus.
+
+    Examples
+    --------
+    >>> load("nowhere.nc")
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: path = 'nowhere.nc': must be a file that exists
+    """
+    import xarray as xr
+
+    if not Path(path).is_file():
+        raise InputError("path", str(path), "a file that exists")
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as dataset:
+            dataset.load()
+    except (OSError, ValueError) as error:
+        raise InputError("path", str(path), "a NetCDF file", str(error)) from error
+    kind = dataset.attrs.pop("saltus_result", None)
+    dataset.attrs.pop("saltus_version", None)
+    if kind not in _HOMES:
+        raise InputError("path", str(path), "a file written by saltus")
+    home: type[Result] = getattr(importlib.import_module(_HOMES[kind]), kind)
+    return home.from_xarray(dataset)
+
+
+def as_json(value: Any) -> str:
+    """Return plain data as the text kept in a file's attributes."""
+    return json.dumps(value, sort_keys=True)

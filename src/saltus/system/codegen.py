@@ -1,0 +1,345 @@
+"""From a definition to compiled functions: one source file a system, in the user's cache folder.
+
+Every generated function has the signature ``(k, m, x, p, out) -> None``: `k` a mode or transition, `m` a count of
+columns or a parameter, `x` the state (with sensitivities behind it), `p` the parameters and behind them the constants
+that `derive` makes of them, `out` what is returned. Drivers call them by address, so they are compiled once for all.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import sympy
+    from numpy.typing import NDArray
+
+    from saltus.system.derivatives import Symbolic
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["FUNCTIONS", "Compiled", "cache_folder", "load", "source_file"]
+
+FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p", "reset", "reset_x", "reset_p",
+             "outputs", "guard")  # fmt: skip
+"""Names of the generated functions, in the order of `Compiled.addresses`."""
+
+_GENERATION = 1
+"""Raised when the text that this module writes changes, so that files of an older one are not used."""
+
+
+class Compiled:
+    """The compiled functions of one system.
+
+    Attributes
+    ----------
+    addresses : ndarray of int64, shape (functions,)
+        Where each of `FUNCTIONS` begins; valid in this process only.
+    n, n_parameters, n_constants, n_outputs : int
+        Sizes of the full state, of the parameters, of the constants made from them, of the outputs.
+    """
+
+    def __init__(self, module: Any, system: HybridSystem) -> None:
+        self._module = module
+        self.addresses = np.array([getattr(module, name).address for name in FUNCTIONS], dtype=np.int64)
+        self.n = len(system.all_states)
+        self.n_parameters = len(system.parameters)
+        self.n_constants = int(module.CONSTANTS)
+        self.n_outputs = len(system.outputs)
+        self._calls: dict[str, Any] = {name: getattr(module, name).ctypes for name in FUNCTIONS}
+
+    def extended(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return parameters with the constants behind them, shape (n_parameters + n_constants,)."""
+        out = np.empty(self.n_parameters + self.n_constants)
+        out[: self.n_parameters] = p
+        self.call("derive", 0, 0, out[:1], out, out)
+        return out
+
+    def field(self, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the vector field of a mode at a full state."""
+        out = np.empty(self.n)
+        self.call("field", mode, 0, x, self.extended(p), out)
+        return out
+
+    def call(
+        self,
+        name: str,
+        k: int,
+        m: int,
+        x: NDArray[np.float64],
+        p: NDArray[np.float64],
+        out: NDArray[np.float64],
+    ) -> None:
+        """Call one generated function; `p` is extended, arrays are contiguous."""
+        import ctypes
+
+        double = ctypes.POINTER(ctypes.c_double)
+        self._calls[name](k, m, *(a.ctypes.data_as(double) for a in (x, p, out)))
+
+
+def cache_folder() -> Path:
+    """Return the folder of generated files, made if need be; a temporary one where the user's cannot be written."""
+    import platformdirs
+
+    chosen = os.environ.get("SALTUS_CACHE_DIR")
+    candidates = [Path(chosen)] if chosen else [Path(platformdirs.user_cache_dir("saltus", appauthor=False))]
+    candidates.append(Path(tempfile.gettempdir()) / f"saltus-{os.getuid() if hasattr(os, 'getuid') else 'user'}")
+    for folder in candidates:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    return Path(tempfile.mkdtemp(prefix="saltus-"))
+
+
+def source_file(system: HybridSystem) -> Path:
+    """Return the file of the system's generated source, written now unless an equal definition has one.
+
+    Raises
+    ------
+    DefinitionError
+        An expression of the definition cannot be read.
+    """
+    from importlib.metadata import version
+
+    mathematics = {key: value for key, value in system.definition().items() if key not in ("name", "groups")}
+    mathematics["parameters"] = list(system.parameters)
+    for key in ("positive", "parameter_bounds"):
+        mathematics.pop(key)
+    key = json.dumps([mathematics, _GENERATION, version("numba"), version("sympy"), sys.version_info[:2]])
+    digest = hashlib.sha256(key.encode()).hexdigest()[:20]
+    file = cache_folder() / f"system_{digest}.py"
+    if not file.exists():
+        from saltus.system.derivatives import Symbolic
+
+        _write(file, "".join(_module_text(Symbolic(system))))
+    return file
+
+
+def load(file: Path, system: HybridSystem) -> Compiled:
+    """Return the functions of a generated file, compiled or read from the cache on disk."""
+    if not file.exists():
+        file = source_file(system)
+    name = f"saltus_{file.stem}"
+    module = sys.modules.get(name)
+    if module is None:
+        spec = importlib.util.spec_from_file_location(name, file)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module  # Numba's cache looks the module up by name
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[name]
+            raise
+    return Compiled(module, system)
+
+
+def _write(file: Path, text: str) -> None:
+    handle, name = tempfile.mkstemp(dir=file.parent, suffix=".tmp")
+    with os.fdopen(handle, "w", encoding="utf-8") as stream:
+        stream.write(text)
+    Path(name).chmod(0o644)
+    Path(name).replace(file)
+
+
+_HEAD = '''"""Generated by saltus from the definition of a hybrid system; safe to delete."""
+import math
+
+from numba import cfunc, float64, int64, types, void
+
+P = types.CPointer(float64)
+SIGNATURE = void(int64, int64, P, P, P)
+OPTIONS = {"cache": True, "error_model": "numpy"}
+'''
+
+
+def _module_text(system: Symbolic) -> Iterator[str]:
+    writer = _Writer(system)
+    body = list(writer.functions())
+    yield _HEAD
+    yield f"CONSTANTS = {len(writer.constants)}\n"
+    yield writer.derive()
+    yield from body
+
+
+class _Writer:
+    """Texts of the generated functions; gathers the constants that depend on parameters alone."""
+
+    def __init__(self, system: Symbolic) -> None:
+        self.system = system
+        self.n = len(system.x)
+        self.constants: dict[sympy.Expr, int] = {}
+        self._symbols: list[sympy.Dummy] = []
+        self._parameters = set(system.p)
+        self._printer = _printer()
+        self._names = {symbol: f"x[{i}]" for i, symbol in enumerate(system.x)}
+        self._names |= {symbol: f"p[{i}]" for i, symbol in enumerate(system.p)}
+
+    def functions(self) -> Iterator[str]:
+        s = self.system
+        modes, transitions = range(len(s.field)), range(len(s.event))
+        yield self._function("field", {k: self._assign(s.field[k]) for k in modes})
+        yield self._function("vary", {k: self._vary(s.field[k]) for k in modes})
+        yield self._by_parameter("field_p", {k: s.field[k] for k in modes})
+        event = {k: [s.event[k], s.rate[k]] for k in transitions}
+        yield self._function("event", {k: self._assign(event[k]) for k in transitions})
+        gradient = {k: [*event[k], *(e for row in s.jacobian(event[k]) for e in row)] for k in transitions}
+        yield self._function("event_x", {k: self._assign(gradient[k]) for k in transitions})
+        yield self._by_parameter("event_p", event)
+        yield self._function("reset", {k: self._assign(s.reset[k]) for k in transitions})
+        jacobian = {k: [e for row in s.jacobian(s.reset[k]) for e in row] for k in transitions}
+        yield self._function("reset_x", {k: self._assign(jacobian[k]) for k in transitions})
+        yield self._by_parameter("reset_p", {k: s.reset[k] for k in transitions})
+        yield self._function("outputs", {k: self._assign(s.outputs[k]) for k in modes})
+        guards = [*s.domain, *s.when]
+        yield self._function("guard", {k: self._assign([guard]) for k, guard in enumerate(guards)})
+
+    def derive(self) -> str:
+        lines = self._lines(list(self.constants), len(self.constants), len(self.system.p), "", True)
+        return self._function("derive", {0: lines})
+
+    def _function(self, name: str, branches: dict[int, list[str]]) -> str:
+        lines = ["\n\n@cfunc(SIGNATURE, **OPTIONS)", f"def {name}(k, m, x, p, out):"]
+        for index, (k, body) in enumerate(branches.items()):
+            lines.append(f"    {'if' if index == 0 else 'elif'} k == {k}:")
+            lines += [f"        {line}" for line in (body or ["pass"])]
+        if not branches:
+            lines.append("    pass")
+        return "\n".join(lines) + "\n"
+
+    def _by_parameter(self, name: str, expressions: dict[int, list[sympy.Expr]]) -> str:
+        branches = {}
+        for k, group in expressions.items():
+            lines = [f"out[{i}] = 0.0" for i in range(len(group))]
+            first = True
+            for j in range(len(self.system.p)):
+                derivatives = self.system.along(group, j)
+                if all(d == 0 for d in derivatives):
+                    continue
+                lines.append(f"{'if' if first else 'elif'} m == {j}:")
+                lines += [f"    {line}" for line in self._assign(derivatives, keep_zero=False)]
+                first = False
+            branches[k] = lines
+        return self._function(name, branches)
+
+    def _vary(self, field: list[sympy.Expr]) -> list[str]:
+        n, jacobian = self.n, self.system.jacobian(field)
+        entries = [(i, j) for i in range(n) for j in range(n) if jacobian[i][j] != 0]
+        lines = self._assign(field, [jacobian[i][j] for i, j in entries], name="j")
+        lines.append("for c in range(m):")
+        for i in range(n):
+            terms = [f"j{e} * x[{n} + {j} * m + c]" for e, (row, j) in enumerate(entries) if row == i]
+            lines.append(f"    out[{n} + {i} * m + c] = {' + '.join(terms) if terms else '0.0'}")
+        return lines
+
+    def _assign(
+        self,
+        expressions: list[sympy.Expr],
+        locals_: list[sympy.Expr] | None = None,
+        *,
+        name: str = "",
+        keep_zero: bool = True,
+    ) -> list[str]:
+        locals_ = locals_ or []
+        hoisted = [self._hoist(e) for e in (*expressions, *locals_)]
+        return self._lines(hoisted, len(expressions), 0, name, keep_zero)
+
+    def _lines(self, expressions: list[sympy.Expr], n_out: int, offset: int, name: str, keep_zero: bool) -> list[str]:
+        import sympy
+
+        shared, results = sympy.cse(expressions, symbols=sympy.numbered_symbols("u"))
+        lines = [f"{symbol} = {self._text(value)}" for symbol, value in shared]
+        for i, result in enumerate(results[:n_out]):
+            if keep_zero or result != 0:
+                lines.append(f"out[{offset + i}] = {self._text(result)}")
+        lines += [f"{name}{i} = {self._text(result)}" for i, result in enumerate(results[n_out:])]
+        return lines
+
+    def _text(self, expression: sympy.Expr) -> str:
+        import sympy
+
+        renamed = {s: sympy.Symbol(self._names[s]) for s in expression.free_symbols if s in self._names}
+        text = str(self._printer.doprint(expression.xreplace(renamed)))
+        return f"{text}.0" if text.lstrip("-").isdigit() else text
+
+    def _hoist(self, expression: sympy.Expr) -> sympy.Expr:
+        """Replace what depends on parameters alone by a constant that `derive` computes."""
+        import sympy
+
+        if not expression.args or expression.is_number:
+            return expression
+        if expression.free_symbols <= self._parameters:
+            return self._constant(expression)
+        if isinstance(expression, sympy.Add | sympy.Mul):
+            fixed = [a for a in expression.args if a.free_symbols <= self._parameters]
+            if len(fixed) > 1 and not all(a.is_number for a in fixed):
+                rest = [self._hoist(a) for a in expression.args if not a.free_symbols <= self._parameters]
+                return expression.func(self._constant(expression.func(*fixed)), *rest)
+        return expression.func(*(self._hoist(a) for a in expression.args))
+
+    def _constant(self, expression: sympy.Expr) -> sympy.Expr:
+        import sympy
+
+        index = self.constants.setdefault(expression, len(self.constants))
+        while index >= len(self._symbols):
+            self._symbols.append(sympy.Dummy())
+        symbol = self._symbols[index]
+        self._names[symbol] = f"p[{len(self.system.p) + index}]"
+        return symbol
+
+
+def _printer() -> Any:
+    import sympy
+    from sympy.printing.pycode import PythonCodePrinter
+
+    class Printer(PythonCodePrinter):  # type: ignore[misc]
+        """Python text that Numba compiles: exact floats, powers as products, roots clamped at zero."""
+
+        def _print_Float(self, expr: Any) -> str:
+            return repr(float(expr))
+
+        def _print_Rational(self, expr: Any) -> str:
+            return repr(float(expr))
+
+        def _print_Integer(self, expr: Any) -> str:
+            return f"{int(expr)}.0"
+
+        def _print_Pi(self, expr: Any) -> str:
+            return repr(float(sympy.pi))
+
+        def _print_sign(self, expr: Any) -> str:
+            return f"math.copysign(1.0, {self._print(expr.args[0])})"
+
+        def _print_Abs(self, expr: Any) -> str:
+            return f"abs({self._print(expr.args[0])})"
+
+        def _print_Pow(self, expr: Any, rational: bool = False, sqrt: str = "math.sqrt") -> str:
+            base, exponent = expr.as_base_exp()
+            if exponent.is_Rational and exponent.q in (1, 2) and abs(exponent.p) <= 24:
+                text = self._power(f"({self._print(base)})", abs(int(exponent.p)), int(exponent.q))
+                return text if exponent.p > 0 else f"(1.0/{text})"
+            return f"(({self._print(base)})**({self._print(exponent)}))"
+
+        @staticmethod
+        def _power(base: str, p: int, q: int) -> str:
+            whole, half = divmod(p, q)
+            factors = [base] * whole
+            if half:
+                # stages of a step overshoot the surface where a root begins
+                factors.append(f"math.sqrt(max({base}, 0.0))")
+            return f"({'*'.join(factors)})"
+
+    return Printer({"fully_qualified_modules": True, "allow_unknown_functions": False})

@@ -1,0 +1,112 @@
+"""All derivatives of a definition, symbolically."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import sympy
+
+from saltus.errors import DefinitionError
+from saltus.system.expressions import parse
+
+if TYPE_CHECKING:
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["Symbolic"]
+
+_ANGLES = (0.3, 1.7, 4.1)
+
+
+class Symbolic:
+    """A definition parsed and differentiated.
+
+    Every list is indexed by mode or transition in the order of definition. `rate` is the Lie derivative of an event
+    function along the field of its source mode.
+    """
+
+    def __init__(self, system: HybridSystem) -> None:
+        self.system = system
+        names = (*system.all_states, *system.parameters)
+        self.x = [sympy.Symbol(name, real=True) for name in system.all_states]
+        self.p = [sympy.Symbol(name, real=True) for name in system.parameters]
+        phase_rate = [] if system.phase is None else [self._read(system.phase[1], tuple(system.parameters), "phase")]
+        self.field = []
+        self.domain = []
+        for key, mode in system.modes.items():
+            where = f"mode {key!r}"
+            self.field.append([self._read(mode.field[name], names, where) for name in system.states] + phase_rate)
+            self.domain.append(sympy.Integer(1) if mode.domain is None else self._read(mode.domain, names, where))
+        self.event, self.reset, self.when = [], [], []
+        for transition in system.transitions:
+            where = f"transition {transition.name!r}"
+            self.event.append(self._read(transition.event, names, where))
+            new = {name: self._read(value, names, where) for name, value in transition.reset.items()}
+            self.reset.append([new.get(symbol.name, symbol) for symbol in self.x])
+            when = transition.when
+            self.when.append(sympy.Integer(1) if when is None else self._read(when, names, where))
+            if not self.event[-1].free_symbols & set(self.x):
+                raise DefinitionError(where, transition.event, "an event function of the state")
+        self.outputs = [
+            [self._read(by_mode[mode], names, f"output {key!r}") for key, by_mode in system.outputs.items()]
+            for mode in system.modes
+        ]
+        self.source = [system.mode_names.index(t.source) for t in system.transitions]
+
+    def _read(self, text: str, names: tuple[str, ...], where: str) -> sympy.Expr:
+        expression = parse(text, names, where)
+        phase = self.system.phase
+        if phase is not None and expression.has(theta := sympy.Symbol(phase[0], real=True)):
+            jump = expression - expression.subs(theta, theta + 2 * sympy.pi)
+            if jump != 0 and any(abs(_sampled(jump, theta, angle)) > 1e-9 for angle in _ANGLES):
+                wanted = f"of period 2 pi in {theta}"
+                hint = "carry a clock as an ordinary state with its own event where it must not be"
+                raise DefinitionError(where, text, wanted, hint)
+        return expression
+
+    @cached_property
+    def rate(self) -> list[sympy.Expr]:
+        """Lie derivative of each event function along its source's field."""
+        return [
+            sum(sympy.diff(h, symbol) * f for symbol, f in zip(self.x, self.field[mode], strict=True))
+            for h, mode in zip(self.event, self.source, strict=True)
+        ]
+
+    def jacobian(self, expressions: list[sympy.Expr]) -> list[list[sympy.Expr]]:
+        """Derivatives of expressions with respect to the full state, shape (expression, state)."""
+        return [[_smooth_diff(expression, symbol) for symbol in self.x] for expression in expressions]
+
+    def along(self, expressions: list[sympy.Expr], parameter: int) -> list[sympy.Expr]:
+        """Derivatives of expressions with respect to one parameter."""
+        return [_smooth_diff(expression, self.p[parameter]) for expression in expressions]
+
+    def as_html(self, title: str) -> str:
+        """Equations as HTML with TeX, for a notebook."""
+        latex = sympy.latex
+        rows = [f"<b>{title}</b>"]
+        for key, field, domain in zip(self.system.modes, self.field, self.domain, strict=True):
+            lines = [rf"\dot{{{latex(s)}}} &= {latex(f)}" for s, f in zip(self.x, field, strict=True)]
+            where = "" if domain == 1 else f", where ${latex(domain)} > 0$"
+            body = r" \\ ".join(lines)
+            rows.append(f"mode <code>{key}</code>{where}: $$\\begin{{aligned}}{body}\\end{{aligned}}$$")
+        for t, event, reset in zip(self.system.transitions, self.event, self.reset, strict=True):
+            jumps = [rf"{latex(s)} \mapsto {latex(g)}" for s, g in zip(self.x, reset, strict=True) if g != s]
+            arrow = {-1: r"\downarrow 0", 0: "= 0", 1: r"\uparrow 0"}[t.direction]
+            text = f"<code>{t.name}</code>: {t.source} &rarr; {t.target} at ${latex(event)} {arrow}$"
+            rows.append(text + (f", ${', '.join(jumps)}$" if jumps else ""))
+        return "<br>".join(rows)
+
+
+def _smooth_diff(expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
+    derivative = sympy.diff(expression, symbol)
+    return (
+        derivative.replace(sympy.DiracDelta, lambda *args: sympy.Integer(0))
+        if expression.has(sympy.sign)
+        else derivative
+    )
+
+
+def _sampled(expression: sympy.Expr, theta: sympy.Symbol, angle: float) -> complex:
+    others = sorted(expression.free_symbols - {theta}, key=str)
+    values = {symbol: sympy.Float(0.37 + 0.11 * i) for i, symbol in enumerate(others)}
+    return complex(expression.subs({theta: angle, **values}).evalf())

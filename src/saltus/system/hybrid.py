@@ -1,0 +1,427 @@
+"""The definition of a hybrid system: states, parameters, modes, transitions, phase and named outputs."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.errors import DefinitionError, InputError, nearest
+from saltus.system.expressions import check_name, text_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.system.codegen import Compiled
+
+__all__ = ["HybridSystem", "Mode", "Transition"]
+
+_DIRECTIONS = {-1: "falls", 0: "passes", 1: "rises"}
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Smooth dynamics that hold until a transition.
+
+    Parameters
+    ----------
+    field : mapping of str to expression
+        Time derivative of each state.
+    domain : expression, optional
+        Positive where the field is defined; a state outside is refused, an orbit that leaves it is not admissible.
+
+    Examples
+    --------
+    >>> Mode({"z": "v", "v": "-g"}, domain="z")
+    Mode(z' = v, v' = -g; domain z > 0)
+    """
+
+    field: Mapping[str, Any]
+    domain: Any = None
+
+    def __repr__(self) -> str:
+        equations = ", ".join(f"{name}' = {rate}" for name, rate in self.field.items())
+        return f"Mode({equations}" + (f"; domain {self.domain} > 0)" if self.domain is not None else ")")
+
+
+@dataclass(frozen=True)
+class Transition:
+    """A jump from one mode to another when an event function vanishes.
+
+    Parameters
+    ----------
+    source, target : str
+        Modes.
+    event : expression
+        Function of state, phase and parameters whose zero is the event.
+    direction : {-1, 0, 1}
+        The event counts when its function falls through zero (-1), rises (1), or both (0).
+    reset : mapping of str to expression, optional
+        New values of states, in terms of the values before; states not named keep theirs.
+    when : expression, optional
+        Must be positive at the crossing for the transition to happen.
+    name : str, optional
+        By default ``source_to_target``.
+
+    Examples
+    --------
+    >>> Transition("flight", "flight", event="z", direction=-1, reset={"v": "-e*v"}, name="impact")
+    Transition('impact': flight -> flight when z falls through 0, v := -e*v)
+    """
+
+    source: str
+    target: str
+    event: Any
+    direction: int = 0
+    reset: Mapping[str, Any] = field(default_factory=dict)
+    when: Any = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            object.__setattr__(self, "name", f"{self.source}_to_{self.target}")
+
+    def __repr__(self) -> str:
+        return f"Transition({self.name!r}: {self._sentence()})"
+
+    def _sentence(self) -> str:
+        text = f"{self.source} -> {self.target} when {self.event} {_DIRECTIONS[self.direction]} through 0"
+        if self.when is not None:
+            text += f" and {self.when} > 0"
+        return text + "".join(f", {name} := {value}" for name, value in self.reset.items())
+
+
+class HybridSystem:
+    """A piecewise-smooth dynamical system, defined once and symbolically.
+
+    Parameters
+    ----------
+    states : sequence of str
+        Names of the states, the phase excepted.
+    parameters : mapping of str to float
+        Parameters and their default values.
+    modes : mapping of str to Mode
+        Vector fields by name.
+    transitions : iterable of Transition, optional
+        Jumps between them.
+    phase : (str, expression), optional
+        Name and rate of an angle: ``theta' = w`` on the circle, ``0 <= theta < 2 pi``, in every mode. It is the last
+        component of the full state; expressions must have the period 2 pi in it. Phase 0 is the natural section.
+    outputs : mapping of str to expression (or to a mapping of mode to expression), optional
+        Named quantities that results record.
+    groups : mapping of str to sequence of str, optional
+        A name that sets several parameters at once.
+    positive : iterable of str, optional
+        Parameters that must be positive.
+    parameter_bounds : mapping of str to (float, float), optional
+        Closed interval in which a parameter must lie.
+    name : str, optional
+        What the system is called in its `repr` and in files.
+
+    Raises
+    ------
+    DefinitionError
+        A name or an expression that cannot be used; the message names the mode or transition.
+
+    Examples
+    --------
+    >>> ball = HybridSystem(
+    ...     states=("z", "v"),
+    ...     parameters={"g": 1.0, "e": 0.5},
+    ...     modes={"flight": Mode({"z": "v", "v": "-g"})},
+    ...     transitions=[Transition("flight", "flight", "z", -1, {"v": "-e*v"}, name="impact")],
+    ...     name="bouncing ball",
+    ... )
+    >>> print(ball)
+    HybridSystem 'bouncing ball'
+      states      z, v
+      parameters  g = 1.0, e = 0.5
+      mode flight
+        z' = v
+        v' = -g
+      transition impact: flight -> flight when z falls through 0, v := -e*v
+    """
+
+    def __init__(
+        self,
+        states: Sequence[str],
+        parameters: Mapping[str, float],
+        modes: Mapping[str, Mode],
+        transitions: Iterable[Transition] = (),
+        *,
+        phase: tuple[str, Any] | None = None,
+        outputs: Mapping[str, Any] | None = None,
+        groups: Mapping[str, Sequence[str]] | None = None,
+        positive: Iterable[str] = (),
+        parameter_bounds: Mapping[str, tuple[float, float]] | None = None,
+        name: str = "",
+    ) -> None:
+        self.name = name
+        self.states = _names(states, "states")
+        self.parameters = {check_name(key, "parameters"): value for key, value in parameters.items()}
+        self.phase = None if phase is None else (check_name(phase[0], "phase"), text_of(phase[1], "phase"))
+        self.modes = {str(key): _clean_mode(str(key), mode) for key, mode in modes.items()}
+        self.transitions = tuple(_clean_transition(transition) for transition in transitions)
+        self.outputs = self._clean_outputs(outputs or {})
+        self.groups = {str(key): tuple(members) for key, members in (groups or {}).items()}
+        self.positive = tuple(positive)
+        self.parameter_bounds = {key: (float(a), float(b)) for key, (a, b) in (parameter_bounds or {}).items()}
+        self._check_structure()
+        self.parameters = {key: float(value) for key, value in self.parameters.items()}
+        from saltus.system import codegen
+
+        self._source = codegen.source_file(self)
+        self.parameter_vector({})
+
+    @property
+    def all_states(self) -> tuple[str, ...]:
+        """Names of the full state: the states, then the phase where there is one."""
+        return self.states if self.phase is None else (*self.states, self.phase[0])
+
+    @property
+    def mode_names(self) -> tuple[str, ...]:
+        """Names of the modes, in the order of definition."""
+        return tuple(self.modes)
+
+    @property
+    def transition_names(self) -> tuple[str, ...]:
+        """Names of the transitions, in the order of definition."""
+        return tuple(transition.name for transition in self.transitions)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of definition."""
+        return tuple(self.parameters)
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the outputs, in the order of definition."""
+        return tuple(self.outputs)
+
+    @cached_property
+    def compiled(self) -> Compiled:
+        """The compiled functions of this system (floor 2 and above call them by address)."""
+        from saltus.system import codegen
+
+        return codegen.load(self._source, self)
+
+    def definition(self) -> dict[str, Any]:
+        """Return the definition as plain data, from which `from_definition` makes an equal system."""
+        return {
+            "name": self.name,
+            "states": list(self.states),
+            "parameters": dict(self.parameters),
+            "phase": None if self.phase is None else list(self.phase),
+            "modes": {key: {"field": dict(mode.field), "domain": mode.domain} for key, mode in self.modes.items()},
+            "transitions": [
+                {
+                    "source": t.source, "target": t.target, "event": t.event, "direction": t.direction,
+                    "reset": dict(t.reset), "when": t.when, "name": t.name,
+                }
+                for t in self.transitions
+            ],
+            "outputs": {key: dict(value) for key, value in self.outputs.items()},
+            "groups": {key: list(value) for key, value in self.groups.items()},
+            "positive": list(self.positive),
+            "parameter_bounds": {key: list(value) for key, value in self.parameter_bounds.items()},
+        }  # fmt: skip
+
+    @classmethod
+    def from_definition(cls, definition: Mapping[str, Any]) -> HybridSystem:
+        """Return the system that `definition` describes."""
+        data = dict(definition)
+        modes = {key: Mode(**mode) for key, mode in data.pop("modes").items()}
+        transitions = [Transition(**transition) for transition in data.pop("transitions")]
+        return cls(modes=modes, transitions=transitions, **data)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, HybridSystem) and self.definition() == other.definition()
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.states, self._source))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return HybridSystem.from_definition, (self.definition(),)
+
+    def resolve(self, parameters: Mapping[str, float] | None) -> dict[str, float]:
+        """Return all parameters: the defaults with `parameters` over them, groups spread out.
+
+        Raises
+        ------
+        InputError
+            An unknown name, a value that is not finite, or one out of its bounds.
+        """
+        values = dict(self.parameters)
+        for key, value in (parameters or {}).items():
+            if key not in values and key not in self.groups:
+                known = (*values, *self.groups)
+                raise InputError("parameter", key, f"one of {', '.join(known)}", nearest(key, known))
+            for member in self.groups.get(key, (key,)):
+                values[member] = value
+        for key, value in values.items():
+            values[key] = self._checked(key, value)
+        return values
+
+    def _checked(self, key: str, value: object) -> float:
+        try:
+            number = float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            raise InputError(key, value, "a number") from None
+        if not math.isfinite(number):
+            raise InputError(key, number, "finite")
+        if key in self.positive and number <= 0.0:
+            raise InputError(key, number, "> 0")
+        low, high = self.parameter_bounds.get(key, (-math.inf, math.inf))
+        if not low <= number <= high:
+            raise InputError(key, number, _interval(low, high))
+        return number
+
+    def parameter_vector(self, parameters: Mapping[str, float] | None) -> NDArray[np.float64]:
+        """Return all parameters as a vector in the order of `parameter_names`; see `resolve`."""
+        return np.array(list(self.resolve(parameters).values()), dtype=np.float64)
+
+    def full_state(self, x0: ArrayLike, name: str = "x0") -> NDArray[np.float64]:
+        """Return `x0`, shape (states,), at phase 0, or with the phase as its last component, as a full state.
+
+        Raises
+        ------
+        InputError
+            Another length, or a value that is not finite.
+        """
+        try:
+            x = np.array(x0, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputError(name, x0, f"numbers, one for each of {', '.join(self.states)}") from None
+        n = len(self.states)
+        if x.shape == (n,) and self.phase is not None:
+            x = np.append(x, 0.0)
+        if x.shape != (len(self.all_states),):
+            wanted = f"of shape ({n},), one number for each of {', '.join(self.states)}"
+            raise InputError(name, np.array(x0).tolist(), wanted)
+        if not np.all(np.isfinite(x)):
+            raise InputError(name, np.array(x0).tolist(), "finite")
+        return x
+
+    def mode_index(self, mode: str) -> int:
+        """Return the index of a mode; raise `InputError` where there is none of that name."""
+        if mode not in self.modes:
+            raise InputError("mode", mode, f"one of {', '.join(self.modes)}", nearest(str(mode), self.modes))
+        return self.mode_names.index(mode)
+
+    def field(self, mode: str, state: ArrayLike, parameters: Mapping[str, float] | None = None) -> NDArray[np.float64]:
+        """Return the vector field of `mode` at a full state (phase last), shape (all states,)."""
+        return self.compiled.field(self.mode_index(mode), self.full_state(state), self.parameter_vector(parameters))
+
+    def _clean_outputs(self, outputs: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+        clean: dict[str, dict[str, str]] = {}
+        for key, value in outputs.items():
+            where = f"output {key!r}"
+            check_name(key, "outputs")
+            by_mode = value if isinstance(value, Mapping) else dict.fromkeys(self.modes, value)
+            if set(by_mode) != set(self.modes):
+                raise DefinitionError(where, list(by_mode), f"given for each of the modes {', '.join(self.modes)}")
+            clean[key] = {mode: text_of(by_mode[mode], where) for mode in self.modes}
+        return clean
+
+    def _check_structure(self) -> None:
+        taken: set[str] = set()
+        for name in (*self.all_states, *self.parameters, *self.outputs):
+            if name in taken:
+                raise DefinitionError("states, parameters, phase and outputs", name, "named once")
+            taken.add(name)
+        if not self.modes:
+            raise DefinitionError("modes", {}, "at least one mode")
+        for key, mode in self.modes.items():
+            if missing := [name for name in self.states if name not in mode.field]:
+                wanted = f"an equation for each of {', '.join(self.states)}"
+                raise DefinitionError(f"mode {key!r}", list(mode.field), wanted, f"{missing[0]!r} is missing")
+            if extra := [name for name in mode.field if name not in self.states]:
+                hint = "the phase has its rate already" if self.phase and extra[0] == self.phase[0] else ""
+                hint = hint or nearest(extra[0], self.states)
+                raise DefinitionError(f"mode {key!r}", extra[0], f"a state: {', '.join(self.states)}", hint)
+        names = self.transition_names
+        for transition in self.transitions:
+            where = f"transition {transition.name!r}"
+            if names.count(transition.name) > 1:
+                raise DefinitionError(where, transition.name, "named once", "pass name=")
+            for mode in (transition.source, transition.target):
+                if mode not in self.modes:
+                    raise DefinitionError(where, mode, f"a mode: {', '.join(self.modes)}", nearest(mode, self.modes))
+            for state in transition.reset:
+                if state not in self.all_states:
+                    wanted = f"a state to reset: {', '.join(self.states)}"
+                    raise DefinitionError(where, state, wanted, nearest(state, self.states))
+                if self.phase and state == self.phase[0]:
+                    raise DefinitionError(where, state, "a state other than the phase, which runs on across events")
+        for key, members in self.groups.items():
+            if unknown := [member for member in members if member not in self.parameters]:
+                raise DefinitionError(f"group {key!r}", unknown[0], f"one of {', '.join(self.parameters)}")
+        for key in (*self.positive, *self.parameter_bounds):
+            if key not in self.parameters:
+                raise DefinitionError("positive, parameter_bounds", key, f"one of {', '.join(self.parameters)}")
+
+    def __str__(self) -> str:
+        lines = [f"HybridSystem {self.name!r}" if self.name else "HybridSystem"]
+        lines.append(f"  states      {', '.join(self.states)}")
+        if self.phase is not None:
+            lines.append(f"  phase       {self.phase[0]}' = {self.phase[1]}, modulo 2 pi")
+        lines.append(f"  parameters  {', '.join(f'{key} = {value!r}' for key, value in self.parameters.items())}")
+        for key, mode in self.modes.items():
+            lines.append(f"  mode {key}" + (f", where {mode.domain} > 0" if mode.domain is not None else ""))
+            lines += [f"    {name}' = {rate}" for name, rate in mode.field.items()]
+        lines += [f"  transition {t.name}: {t._sentence()}" for t in self.transitions]
+        for key, by_mode in self.outputs.items():
+            texts = set(by_mode.values())
+            shown = texts.pop() if len(texts) == 1 else "; ".join(f"{text} in {m}" for m, text in by_mode.items())
+            lines.append(f"  output {key} = {shown}")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        """Equations for a notebook."""
+        from saltus.system.derivatives import Symbolic
+
+        return Symbolic(self).as_html(html.escape(self.name or "HybridSystem"))
+
+
+def _names(names: Sequence[str], where: str) -> tuple[str, ...]:
+    if isinstance(names, str) or not names:
+        raise DefinitionError(where, names, "a sequence of names, at least one")
+    return tuple(check_name(name, where) for name in names)
+
+
+def _clean_mode(key: str, mode: Mode) -> Mode:
+    where = f"mode {key!r}"
+    if not isinstance(mode, Mode):
+        raise DefinitionError(where, mode, "a Mode")
+    field_ = {name: text_of(rate, where) for name, rate in mode.field.items()}
+    return Mode(field_, None if mode.domain is None else text_of(mode.domain, where))
+
+
+def _clean_transition(transition: Transition) -> Transition:
+    if not isinstance(transition, Transition):
+        raise DefinitionError("transitions", transition, "a sequence of Transition")
+    where = f"transition {transition.name!r}"
+    if transition.direction not in _DIRECTIONS:
+        raise DefinitionError(where, transition.direction, "-1 (falling), 0 (either) or 1 (rising) as its direction")
+    return Transition(
+        transition.source,
+        transition.target,
+        text_of(transition.event, where),
+        int(transition.direction),
+        {name: text_of(value, where) for name, value in transition.reset.items()},
+        None if transition.when is None else text_of(transition.when, where),
+        transition.name,
+    )
+
+
+def _interval(low: float, high: float) -> str:
+    if math.isinf(high):
+        return f">= {low:g}"
+    return f"<= {high:g}" if math.isinf(low) else f"between {low:g} and {high:g}"
