@@ -1,0 +1,63 @@
+"""Dynamics of hybrid (piecewise-smooth) systems: orbits, stability, bifurcations, with tapping-mode AFM built in."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+_HOMES = {
+    "saltus.system": ("HybridSystem", "Mode", "Transition"),
+    "saltus.flow": ("Trajectory", "simulate"),
+    "saltus.orbits": ("PeriodicOrbit", "find_orbit", "solve_orbit"),
+    "saltus.continuation": ("Branch", "SpecialPoint", "StepControl", "continue_orbit"),
+    "saltus.results": ("Result", "load"),
+    "saltus.errors": (
+        "ChatteringError",
+        "ConvergenceError",
+        "DefinitionError",
+        "DivergenceError",
+        "InputError",
+        "SaltusError",
+    ),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "Branch",
+    "ChatteringError",
+    "ConvergenceError",
+    "DefinitionError",
+    "DivergenceError",
+    "HybridSystem",
+    "InputError",
+    "Mode",
+    "PeriodicOrbit",
+    "Result",
+    "SaltusError",
+    "SpecialPoint",
+    "StepControl",
+    "Trajectory",
+    "Transition",
+    "__version__",
+    "continue_orbit",
+    "find_orbit",
+    "load",
+    "simulate",
+    "solve_orbit",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("saltus")
+    if name in _HOME_OF:
+        value = getattr(importlib.import_module(_HOME_OF[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'saltus' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,704 @@
+"""The compiled event-driven flow: adaptive steps of order 8, every crossing of a step, landings by stepping anew.
+
+A step is taken whole, then the event functions of the mode are followed along its dense output: each is fitted by a
+Bernstein polynomial of degree 8 on pieces of the step, pieces being halved until two more points agree, and its zeros
+are isolated by sign variations, so that two crossings inside a step are both seen. The first crossing that counts is
+landed on by Runge-Kutta steps from the start of the step. A function that is zero where a segment starts has that zero
+divided out, and the side to which the motion leaves is read from its rate, or from the second derivative where the
+rate vanishes.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+from numba import njit
+
+from saltus.flow._kernels import call, dense_coefficients, dense_value, error_norm, stage
+from saltus.system.codegen import FUNCTIONS
+
+FIELD, EVENT, EVENT_X, RESET, GUARD = (
+    FUNCTIONS.index(name) for name in ("field", "event", "event_x", "reset", "guard")
+)
+
+DONE, AGAIN, CHATTERING, UNBOUNDED, STEP_UNDERFLOW, LEFT_DOMAIN, FIELD_NOT_FINITE, RESET_NOT_FINITE = range(8)
+"""What `run_kernel` returns; AGAIN when a buffer is full or the budget of steps is spent."""
+
+T, T_LOW, STEP, DURATION, LONGEST, LAST, LAST_BUT_ONE, FIRST_STEP, RESIDUAL, N_NUMBERS = range(10)
+"""Places in `numbers`: time and its rounding, next step, time since the last event, the longest such time, the last
+two, the first step of this segment, residual of the last landing relative to its scale."""
+
+MODE, STARTING, FIRED, MODE_BEFORE, WRAPS, EVENTS, SMALL_RUN, SHRINKING_RUN, STILL_RUN, N_STEPS, N_EVENTS, N_COUNTS = (
+    range(12)
+)
+"""Places in `counts`."""
+
+BOUND = 1e12
+"""A state larger than this has diverged."""
+
+CHATTERING_RUN = 50
+CHATTERING_DURATION = 1e-10
+"""Chattering: more than so many events in a row, each following after less than this part of the time scale."""
+
+DEGREE = 8
+ROOTS = 16
+DEPTH = 64
+EPSILON = 2.220446049250313e-16
+ROUNDING = 64.0 * EPSILON
+TWO_PI = 2.0 * math.pi
+
+
+def _bernstein_fit():
+    """Matrix from values at `FIT_NODES` to Bernstein coefficients, exact but for its last rounding."""
+    nodes = [Fraction(round(512 * (1.0 - math.cos(math.pi * j / DEGREE))), 1024) for j in range(DEGREE + 1)]
+    rows = [[math.comb(DEGREE, j) * s**j * (1 - s) ** (DEGREE - j) for j in range(DEGREE + 1)] for s in nodes]
+    size = DEGREE + 1
+    work = [row + [Fraction(int(i == j)) for j in range(size)] for i, row in enumerate(rows)]
+    for i in range(size):
+        pivot = next(r for r in range(i, size) if work[r][i] != 0)
+        work[i], work[pivot] = work[pivot], work[i]
+        work[i] = [value / work[i][i] for value in work[i]]
+        for r in range(size):
+            if r != i and work[r][i] != 0:
+                work[r] = [a - work[r][i] * b for a, b in zip(work[r], work[i], strict=True)]
+    return np.array([float(s) for s in nodes]), np.array([[float(v) for v in row[size:]] for row in work])
+
+
+FIT_NODES, FIT = _bernstein_fit()
+CHECKS = np.array([0.2213, 0.7841])
+"""Fractions of a piece at which the fitted polynomial is compared with the event function, between the nodes."""
+
+
+@njit(cache=True, error_model="numpy")
+def _variations(b, degree):
+    """Sign variations of Bernstein coefficients, and the first and last sign that is not zero."""
+    count = first = last = 0
+    for i in range(degree + 1):
+        sign = 1 if b[i] > 0.0 else (-1 if b[i] < 0.0 else 0)
+        if sign != 0:
+            if last != 0 and sign != last:
+                count += 1
+            if first == 0:
+                first = sign
+            last = sign
+    return count, first, last
+
+
+@njit(cache=True, error_model="numpy")
+def _bernstein_value(b, degree, s, work):
+    """Value and derivative of a Bernstein polynomial at s, by de Casteljau's scheme."""
+    for i in range(degree + 1):
+        work[i] = b[i]
+    slope = 0.0
+    for level in range(degree, 0, -1):
+        if level == 1:
+            slope = degree * (work[1] - work[0])
+        for i in range(level):
+            work[i] += s * (work[i + 1] - work[i])
+    return work[0], slope
+
+
+@njit(cache=True, error_model="numpy")
+def _single_root(b, degree, first, work):
+    """The one root in (0, 1) of a polynomial whose coefficients change sign once, from sign `first`."""
+    low, high, s = 0.0, 1.0, 0.5
+    for _ in range(200):
+        value, slope = _bernstein_value(b, degree, s, work)
+        if value * first > 0.0:
+            low = s
+        elif value == 0.0:
+            return s
+        else:
+            high = s
+        new = s - value / slope
+        if not low < new < high:
+            # roots next to the start are sought on their own scale
+            new = 0.5 * (low + high) if low > 1e-3 * high else max(math.sqrt(low * high), 1e-3 * high)
+        if abs(new - s) <= 1e-14 * new or high - low <= 1e-15 * high or high < 1e-30:
+            return new
+        s = new
+    return s
+
+
+@njit(cache=True, error_model="numpy")
+def _bernstein_roots(b, degree, noise, start, width, stack, work, found, count):
+    """Append the roots in (0, 1) of a Bernstein polynomial, in order, as start + width * root; the new count, or -1.
+
+    Roots that `noise` may have made in pairs are left out.
+    """
+    for i in range(degree + 1):
+        stack[0, i] = b[i]
+    stack[0, DEGREE + 1] = 0.0
+    stack[0, DEGREE + 2] = 1.0
+    top = 1
+    while top > 0:
+        top -= 1
+        piece = stack[top]
+        low, high = piece[DEGREE + 1], piece[DEGREE + 2]
+        changes, first, last = _variations(piece, degree)
+        if changes == 0:
+            continue
+        root = -1.0
+        if changes == 1:
+            root = low + (high - low) * _single_root(piece, degree, first, work)
+        else:
+            largest = 0.0
+            for i in range(degree + 1):
+                largest = max(largest, abs(piece[i]))
+            if largest <= noise or high - low < 1e-13 or top + 2 >= DEPTH:
+                if first == last:
+                    continue
+                root = 0.5 * (low + high)
+        if root >= 0.0:
+            if count == ROOTS:
+                return -1
+            found[count] = start + width * root
+            count += 1
+            continue
+        cut = 0.5
+        for _ in range(4):
+            value, _slope = _bernstein_value(piece, degree, cut, work)
+            if value != 0.0:
+                break
+            cut -= 0.01907
+        # left half ends up above the right one on the stack
+        left, right = stack[top + 1], stack[top]
+        for i in range(degree + 1):
+            work[i] = right[i]
+        left[0] = work[0]
+        for level in range(degree, 0, -1):
+            for i in range(level):
+                work[i] += cut * (work[i + 1] - work[i])
+            right[level] = work[level]
+            left[degree - level + 1] = work[0]
+        right[0] = work[0]
+        middle = low + cut * (high - low)
+        left[DEGREE + 1] = low
+        left[DEGREE + 2] = middle
+        right[DEGREE + 1] = middle
+        right[DEGREE + 2] = high
+        top += 2
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _event_at(addresses, k, n, p, x, dense, s, y, event):
+    """Event function at a fraction of the step."""
+    dense_value(dense, 0, n, x, 0, s, y)
+    call(addresses[EVENT], k, 0, y, 0, p, event, 0)
+    return event[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _leaving_side(q, degree, rate_counts):
+    """Side to which a motion leaves a surface: the sign of h / s near 0, with the coefficients q of h / s; 0: stays."""
+    if rate_counts and q[0] != 0.0:
+        return 1 if q[0] > 0.0 else -1
+    largest = 0.0
+    for i in range(1, degree + 1):
+        largest = max(largest, abs(q[i]))
+    if largest > 0.0:
+        for i in range(1, degree + 1):
+            if abs(q[i]) > 1e-8 * largest:
+                return 1 if q[i] > 0.0 else -1
+    return 0
+
+
+@njit(cache=True, error_model="numpy")
+def _scan(
+    addresses, k, n, p, x, dense, h, value_0, value_1, on, rate_h, rate_counts, consumed, side, direction,
+    rtol, atol, size, y, event, values, b, stack, work, found,
+):  # fmt: skip
+    """All zeros of event function k in the step, in order.
+
+    on: the step starts on the surface, so that zero is divided out; `side` is then the side of the motion before, or 0.
+    Returns the count of zeros (-1: too many for one step) and the side before the first of them; side 0: still on it.
+    """
+    count = 0
+    before = side
+    now = side
+    a, width = 0.0, 1.0
+    at_a = value_0
+    while a < 1.0:
+        end = a + width
+        values[0] = at_a
+        values[DEGREE] = value_1 if end >= 1.0 else _event_at(addresses, k, n, p, x, dense, end, y, event)
+        largest = max(abs(values[0]), abs(values[DEGREE]))
+        for i in range(1, DEGREE):
+            values[i] = _event_at(addresses, k, n, p, x, dense, a + width * FIT_NODES[i], y, event)
+            largest = max(largest, abs(values[i]))
+        on_here = on and a == 0.0
+        origin = values[0] if on_here else 0.0
+        for i in range(DEGREE + 1):
+            total = 0.0
+            for j in range(DEGREE + 1):
+                total += FIT[i, j] * (values[j] - origin)
+            b[i] = total
+        fits = True
+        tolerance = max(0.1 * (atol + rtol * largest), 1e-12 * largest, 4.0 * ROUNDING * size)
+        for i in range(2):
+            fitted, _slope = _bernstein_value(b, DEGREE, CHECKS[i], work)
+            exact = _event_at(addresses, k, n, p, x, dense, a + width * CHECKS[i], y, event)
+            if not abs(fitted + origin - exact) <= tolerance:
+                fits = False
+                break
+        if not fits and width > 1.0 / 512.0:
+            width *= 0.5
+            continue
+        noise = 1e-14 * largest
+        degree = DEGREE
+        if on_here:
+            # h / s: its coefficient i is h's coefficient i + 1 times degree / (i + 1)
+            degree = DEGREE - 1
+            for i in range(DEGREE):
+                b[i] = b[i + 1] * DEGREE / (i + 1.0)
+            b[0] = rate_h * width if rate_counts else 0.0
+            leaves = _leaving_side(b, degree, rate_counts)
+            if leaves == 0:
+                return 0, 0
+            if before != 0:
+                crosses = leaves != before
+            else:
+                crosses = direction == leaves and not (consumed and rate_counts)
+            before = -leaves if crosses else leaves
+            now = leaves
+            if crosses:
+                found[0] = 0.0
+                count = 1
+        else:
+            _changes, first, _last = _variations(b, degree)
+            if now == 0:
+                before = now = first
+            if first != 0 and first != now:
+                if count == ROOTS:
+                    return -1, before
+                found[count] = a
+                count += 1
+                now = first
+        earlier = count
+        count = _bernstein_roots(b, degree, noise, a, width, stack, work, found, count)
+        if count < 0:
+            return -1, before
+        if (count - earlier) % 2 == 1:
+            now = -now
+        at_a = values[DEGREE]
+        a = end
+        width = min(2.0 * width, 1.0 - a)
+    return count, before
+
+
+@njit(cache=True, error_model="numpy")
+def _full_step(addresses, mode, n, p, h, x, slopes, y, x_end):
+    """Twelve stages from x, the first of them known; the end of the step in x_end."""
+    for i in range(1, 12):
+        stage(i, slopes, n, h, x, y)
+        call(addresses[FIELD], mode, 0, y, 0, p, slopes, i * n)
+    stage(12, slopes, n, h, x, x_end)
+
+
+@njit(cache=True, error_model="numpy")
+def _dense(addresses, mode, n, p, h, x, x_end, slopes, y, dense):
+    """Three more stages and the dense output; the slope at the end is known."""
+    for i in range(13, 16):
+        stage(i, slopes, n, h, x, y)
+        call(addresses[FIELD], mode, 0, y, 0, p, slopes, i * n)
+    dense_coefficients(slopes, n, h, x, x_end, dense)
+
+
+@njit(cache=True, error_model="numpy")
+def _scale(gradient, at, n, size):
+    """Size of the terms that a function sums up: its rounding is a small multiple of epsilon of it."""
+    total = 0.0
+    for e in range(n):
+        total += abs(gradient[at + e]) * size[e]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _land(addresses, k, mode, n, p, h, low, guess, high, before, x, slopes, trial, y, size, event, x_end):
+    """Step from x that ends on event k, bracketed by fractions low and high of h: (dt, relative residual).
+
+    Newton's method in the step; a correction below 1e-9 h is applied along the field, which is exact to rounding. Where
+    no step lands (a dip lost in the tolerance), the best one is taken. Leaves the slopes in `trial`, that at the end
+    included, the sizes of the state in `size`, and the event with its gradient in `event`.
+    """
+    for e in range(n):
+        trial[e] = slopes[e]
+    low, high, dt = low * h, high * h, guess * h
+    best, best_value = dt, math.inf
+    landed = False
+    for _ in range(40):
+        _full_step(addresses, mode, n, p, dt, x, trial, y, x_end)
+        call(addresses[EVENT_X], k, 0, x_end, 0, p, event, 0)
+        for e in range(n):
+            size[e] = max(abs(x[e]), abs(x_end[e]), dt * abs(trial[e]))
+        value, rate = event[0], event[1]
+        if abs(value) < best_value:
+            best, best_value = dt, abs(value)
+        if value * before > 0.0:
+            low = max(low, dt)
+        else:
+            high = min(high, dt)
+        correction = -value / rate if rate * before < 0.0 else math.nan
+        if abs(correction) <= 1e-9 * h and dt + correction >= 0.0:
+            call(addresses[FIELD], mode, 0, x_end, 0, p, trial, 12 * n)
+            for e in range(n):
+                x_end[e] += correction * trial[12 * n + e]
+            dt += correction
+            landed = True
+            break
+        if low < dt + correction < high:
+            dt += correction
+        elif abs(value) <= ROUNDING * _scale(event, 2, n, size) or high - low <= 4.0 * EPSILON * high:
+            break
+        else:
+            dt = 0.5 * (low + high)
+    if not landed:
+        dt = best
+        _full_step(addresses, mode, n, p, dt, x, trial, y, x_end)
+    call(addresses[FIELD], mode, 0, x_end, 0, p, trial, 12 * n)
+    call(addresses[EVENT_X], k, 0, x_end, 0, p, event, 0)
+    for e in range(n):
+        size[e] = max(abs(x[e]), abs(x_end[e]), dt * abs(trial[e]))
+    scale = _scale(event, 2, n, size)
+    return dt, abs(event[0]) / scale if scale > 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end):
+    """A first step (Hairer, Norsett & Wanner 1993, section II.4): an Euler step tells the second derivative."""
+    d0 = d1 = 0.0
+    for e in range(used):
+        scale = atol + rtol * abs(x[e])
+        d0 += (x[e] / scale) ** 2
+        d1 += (slopes[e] / scale) ** 2
+    d0, d1 = math.sqrt(d0 / used), math.sqrt(d1 / used)
+    h = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
+    for e in range(n):
+        y[e] = x[e] + h * slopes[e]
+    call(addresses[FIELD], mode, 0, y, 0, p, x_end, 0)
+    d2 = 0.0
+    for e in range(used):
+        d2 += ((x_end[e] - slopes[e]) / (atol + rtol * abs(x[e]))) ** 2
+    d2 = math.sqrt(d2 / used) / h
+    largest = max(d1, d2)
+    if not largest < math.inf:
+        return 1e-3 * h
+    other = max(1e-6, 1e-3 * h) if largest <= 1e-15 else (0.01 / largest) ** 0.125
+    return min(100.0 * h, other)
+
+
+@njit(cache=True, error_model="numpy")
+def _advance(numbers, dt):
+    """Add to the time, with the rounding kept apart."""
+    t = numbers[T]
+    new = t + dt
+    numbers[T_LOW] += (t - new) + dt if t >= dt else (dt - new) + t
+    numbers[T] = new
+    numbers[DURATION] += dt
+
+
+@njit(cache=True, error_model="numpy")
+def _record_event(counts, numbers, k, n, rate, x_before, x_after, mode_before, mode_after, times, which, ends, rates):
+    i = counts[N_EVENTS]
+    times[i] = numbers[T] + numbers[T_LOW]
+    which[i, 0] = k
+    which[i, 1] = mode_before
+    which[i, 2] = mode_after
+    rates[i] = rate
+    for e in range(n):
+        ends[i, 0, e] = x_before[e]
+        ends[i, 1, e] = x_after[e]
+    counts[N_EVENTS] = i + 1
+
+
+@njit(cache=True, error_model="numpy")
+def _record_step(counts, numbers, n, h, mode, x, dense, step_times, step_modes, step_starts, step_dense):
+    i = counts[N_STEPS]
+    step_times[i, 0] = numbers[T] + numbers[T_LOW]
+    step_times[i, 1] = h
+    step_modes[i] = mode
+    for e in range(n):
+        step_starts[i, e] = x[e]
+    for j in range(7):
+        for e in range(n):
+            step_dense[i, j, e] = dense[j * n + e]
+    counts[N_STEPS] = i + 1
+
+
+@njit(cache=True, error_model="numpy")
+def _chatters(counts, numbers, phase):
+    """Whether the event that ends a segment is one of infinitely many; the next segment's times are set."""
+    duration = numbers[DURATION]
+    scale = TWO_PI / phase if phase > 0.0 else numbers[LONGEST]
+    still = duration <= 4.0 * EPSILON * max(scale, numbers[T])
+    small = duration <= CHATTERING_DURATION * scale
+    shrinking = still or duration < 0.9999 * numbers[LAST_BUT_ONE]
+    counts[SMALL_RUN] = counts[SMALL_RUN] + 1 if small else 0
+    counts[SHRINKING_RUN] = counts[SHRINKING_RUN] + 1 if shrinking else 0
+    counts[STILL_RUN] = counts[STILL_RUN] + 1 if still else 0
+    if min(counts[SMALL_RUN], counts[SHRINKING_RUN]) > CHATTERING_RUN or counts[STILL_RUN] > CHATTERING_RUN:
+        # the rest of the geometric series, two events at a time so that two modes may take turns
+        if 0.0 < duration < numbers[LAST_BUT_ONE]:
+            ratio = duration / numbers[LAST_BUT_ONE]
+            _advance(numbers, (duration + numbers[LAST]) * ratio / (1.0 - ratio))
+        return True
+    numbers[LONGEST] = max(numbers[LONGEST], duration)
+    numbers[LAST_BUT_ONE] = numbers[LAST]
+    numbers[LAST] = duration
+    numbers[DURATION] = 0.0
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def run_kernel(
+    addresses, transitions, phase, p, t_end, last_wrap, last_event, rtol, atol, budget,
+    x, slopes, size, numbers, counts, side, on, value, first_steps,
+    step_times, step_modes, step_starts, step_dense,
+    event_times, event_which, event_ends, event_rates,
+):  # fmt: skip
+    """Follow a hybrid flow until t_end, a number of phase wraps or events, or a full buffer; a status.
+
+    transitions: (transition, 3) source, target, direction; phase: its rate, 0 without one; p: extended parameters;
+    budget: steps to try in this call. Kept between calls, changed in place: x (n,); slopes (16 n,); size (n,);
+    numbers; counts; side, on, value, each (transition,); first_steps (mode,). Buffers: step_times (step, 2) start and
+    length, step_modes (step,), step_starts (step, n), step_dense (step, 7, n), of no length where steps are not
+    wanted; event_times (event,), event_which (event, 3) transition (-1: phase) and modes, event_ends (event, 2, n),
+    event_rates (event,).
+    """
+    n = x.size
+    used = n - 1 if phase > 0.0 else n
+    n_transitions = transitions.shape[0]
+    store = step_modes.size > 0
+    y = np.empty(n)
+    x_end = np.empty(n)
+    landing = np.empty(n)
+    after = np.empty(n)
+    landing_size = np.empty(n)
+    trial = np.empty(16 * n)
+    dense = np.empty(7 * n)
+    event = np.empty(2 + 2 * n)
+    values = np.empty(DEGREE + 1)
+    b = np.empty(DEGREE + 1)
+    work = np.empty(DEGREE + 1)
+    stack = np.empty((DEPTH, DEGREE + 3))
+    found = np.empty((n_transitions, ROOTS))
+    n_found = np.zeros(n_transitions, np.int64)
+    passed = np.zeros(n_transitions, np.int64)
+    before = np.zeros(n_transitions, np.int64)
+    value_end = np.empty(n_transitions)
+    guard = np.empty(1)
+    n_modes = first_steps.size
+    counts[N_STEPS] = counts[N_EVENTS] = 0
+    while True:
+        if counts[WRAPS] >= last_wrap or counts[EVENTS] >= last_event:
+            return DONE
+        room = (t_end - numbers[T]) - numbers[T_LOW]
+        if room <= 0.0:
+            return DONE
+        if budget <= 0 or counts[N_EVENTS] == event_times.size or (store and counts[N_STEPS] == step_modes.size):
+            return AGAIN
+        budget -= 1
+        mode = counts[MODE]
+
+        if counts[STARTING] == 1:
+            call(addresses[FIELD], mode, 0, x, 0, p, slopes, 0)
+            for e in range(n):
+                if not abs(slopes[e]) < math.inf:
+                    return FIELD_NOT_FINITE
+            numbers[STEP] = first_steps[mode]
+            if numbers[STEP] <= 0.0:
+                numbers[STEP] = _first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end)
+            numbers[FIRST_STEP] = 0.0
+            for k in range(n_transitions):
+                if transitions[k, 0] != mode:
+                    continue
+                call(addresses[EVENT_X], k, 0, x, 0, p, event, 0)
+                value[k] = event[0]
+                reach = (ROUNDING + 4.0 * numbers[RESIDUAL]) * _scale(event, 2, n, size)
+                on[k] = 1 if abs(event[0]) <= reach else 0
+                if on[k] == 0:
+                    side[k] = 1 if event[0] > 0.0 else -1
+                elif k == counts[FIRED] or counts[MODE_BEFORE] != mode:
+                    side[k] = 0
+            counts[STARTING] = 0
+
+        # how far: to the tolerance, the end, or the phase's wrap, whichever is first
+        wraps = False
+        if phase > 0.0:
+            to_wrap = (TWO_PI - x[n - 1]) / phase
+            if to_wrap <= room + 1e-13 * TWO_PI / phase:
+                wraps = True
+                room = to_wrap
+        tried = numbers[STEP]
+        ends = room <= 1.01 * tried
+        h = room if ends else (tried if room >= 2.0 * tried else 0.5 * room)
+        wraps = wraps and ends
+
+        _full_step(addresses, mode, n, p, h, x, slopes, y, x_end)
+        error = error_norm(slopes, n, used, h, x, x_end, rtol, atol)
+        factor = 6.0 if error < 1e-8 else min(6.0, max(0.2, 0.9 * error**-0.125))
+        accepted = error <= 1.0
+        if accepted:
+            if wraps:
+                x_end[n - 1] = TWO_PI
+            call(addresses[FIELD], mode, 0, x_end, 0, p, slopes, 12 * n)
+            for e in range(n):
+                accepted = accepted and abs(slopes[12 * n + e]) < math.inf
+        if not accepted:
+            if not error >= 0.0 or error <= 1.0 or error == math.inf:
+                factor = 0.2
+            numbers[STEP] = h * factor
+            if numbers[STEP] <= 4.0 * EPSILON * numbers[T] or numbers[STEP] < 1e-250:
+                return STEP_UNDERFLOW
+            continue
+
+        # every zero of every event function in the step
+        active = False
+        for k in range(n_transitions):
+            active = active or transitions[k, 0] == mode
+        if active or store:
+            _dense(addresses, mode, n, p, h, x, x_end, slopes, y, dense)
+        too_many = False
+        for k in range(n_transitions):
+            n_found[k] = passed[k] = 0
+            if transitions[k, 0] != mode:
+                continue
+            rate_h, rate_counts = 0.0, False
+            if on[k] == 1:
+                call(addresses[EVENT_X], k, 0, x, 0, p, event, 0)
+                rate_h = event[1] * h
+                rate_counts = abs(event[1]) > ROUNDING * _scale(event, 2 + n, n, size)
+            call(addresses[EVENT], k, 0, x_end, 0, p, event, 0)
+            value_end[k] = event[0]
+            consumed = k == counts[FIRED] and counts[MODE_BEFORE] == mode
+            n_found[k], before[k] = _scan(
+                addresses, k, n, p, x, dense, h, value[k], value_end[k], on[k] == 1, rate_h, rate_counts, consumed,
+                side[k], transitions[k, 2], rtol, atol, 0.0, y, event, values, b, stack, work, found[k],
+            )  # fmt: skip
+            too_many = too_many or n_found[k] < 0
+        if too_many:
+            numbers[STEP] = 0.5 * h
+            if numbers[STEP] <= 4.0 * EPSILON * numbers[T] or numbers[STEP] < 1e-250:
+                return STEP_UNDERFLOW
+            continue
+
+        # the first that counts: in its direction, and allowed
+        fired = -1
+        dt = h
+        while active:
+            first, fraction, index = -1, 2.0, 0
+            for k in range(n_transitions):
+                if transitions[k, 0] != mode:
+                    continue
+                for j in range(passed[k], n_found[k]):
+                    goes = -before[k] if j % 2 == 0 else before[k]
+                    if transitions[k, 2] == 0 or transitions[k, 2] == goes:
+                        if found[k, j] < fraction:
+                            first, fraction, index = k, found[k, j], j
+                        break
+            if first < 0:
+                break
+            if fraction == 0.0:
+                dt = 0.0
+                numbers[RESIDUAL] = 0.0
+                for e in range(n):
+                    landing[e] = x[e]
+                    landing_size[e] = size[e]
+            else:
+                low = 0.0 if index == 0 else 0.5 * (found[first, index - 1] + fraction)
+                high = 1.0 if index + 1 == n_found[first] else 0.5 * (fraction + found[first, index + 1])
+                sign = before[first] if index % 2 == 0 else -before[first]
+                dt, numbers[RESIDUAL] = _land(
+                    addresses, first, mode, n, p, h, low, fraction, high, sign, x, slopes, trial, y, landing_size,
+                    event, landing,
+                )  # fmt: skip
+            # of those at the same time, the first in the definition
+            for k in range(first):
+                if transitions[k, 0] != mode:
+                    continue
+                for j in range(passed[k], n_found[k]):
+                    goes = -before[k] if j % 2 == 0 else before[k]
+                    if transitions[k, 2] == 0 or transitions[k, 2] == goes:
+                        if found[k, j] < fraction + 1e-6:
+                            call(addresses[EVENT_X], k, 0, landing, 0, p, event, 0)
+                            if abs(event[0]) <= ROUNDING * _scale(event, 2, n, landing_size):
+                                first, index = k, j
+                        break
+                if first == k:
+                    break
+            call(addresses[GUARD], n_modes + first, 0, landing, 0, p, guard, 0)
+            if guard[0] > 0.0:
+                fired = first
+                break
+            passed[first] = index + 1
+
+        if numbers[FIRST_STEP] == 0.0:
+            numbers[FIRST_STEP] = h * factor
+        if fired < 0:
+            for e in range(used):
+                if not abs(x_end[e]) < BOUND:
+                    return UNBOUNDED
+            if store:
+                _record_step(counts, numbers, n, h, mode, x, dense, step_times, step_modes, step_starts, step_dense)
+            for e in range(n):
+                size[e] = max(abs(x[e]), abs(x_end[e]), h * abs(slopes[e]))
+                x[e] = x_end[e]
+                slopes[e] = slopes[12 * n + e]
+            _advance(numbers, h)
+            call(addresses[GUARD], mode, 0, x, 0, p, guard, 0)
+            if not guard[0] > 0.0:
+                return LEFT_DOMAIN
+            for k in range(n_transitions):
+                if transitions[k, 0] == mode:
+                    value[k] = value_end[k]
+                    side[k] = before[k] if n_found[k] % 2 == 0 else -before[k]
+                    on[k] = 1 if side[k] == 0 else 0
+            numbers[STEP] = max(h * factor, tried) if ends else h * factor
+            if wraps:
+                for e in range(n):
+                    y[e] = x[e]
+                x[n - 1] = 0.0
+                counts[WRAPS] += 1
+                _record_event(counts, numbers, -1, n, phase, y, x, mode, mode, event_times, event_which, event_ends,
+                              event_rates)  # fmt: skip
+                for k in range(n_transitions):
+                    if transitions[k, 0] == mode:
+                        call(addresses[EVENT], k, 0, x, 0, p, event, 0)
+                        value[k] = event[0]
+            continue
+
+        # a transition
+        if store and dt > 0.0:
+            _dense(addresses, mode, n, p, dt, x, landing, trial, y, dense)
+            _record_step(counts, numbers, n, dt, mode, x, dense, step_times, step_modes, step_starts, step_dense)
+        _advance(numbers, dt)
+        for k in range(n_transitions):
+            if transitions[k, 0] == mode:
+                side[k] = before[k]
+                for j in range(n_found[k]):
+                    # one at the same time waits for its turn, unless its condition failed
+                    if k != fired and (found[k, j] < fraction - 1e-9 or j < passed[k]):
+                        side[k] = -side[k]
+        call(addresses[EVENT], fired, 0, landing, 0, p, event, 0)
+        rate = event[1]
+        call(addresses[RESET], fired, 0, landing, 0, p, after, 0)
+        target = transitions[fired, 1]
+        _record_event(counts, numbers, fired, n, rate, landing, after, mode, target, event_times, event_which,
+                      event_ends, event_rates)  # fmt: skip
+        if numbers[DURATION] > 0.0:
+            first_steps[mode] = min(numbers[FIRST_STEP], 2.0 * numbers[DURATION])
+        for e in range(n):
+            x[e] = after[e]
+            size[e] = max(landing_size[e], abs(after[e]))
+            if not abs(after[e]) < math.inf:
+                return RESET_NOT_FINITE
+        counts[MODE] = target
+        counts[MODE_BEFORE] = mode
+        counts[FIRED] = fired
+        counts[EVENTS] += 1
+        counts[STARTING] = 1
+        if _chatters(counts, numbers, phase):
+            return CHATTERING

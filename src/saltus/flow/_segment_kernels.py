@@ -1,0 +1,193 @@
+"""Compiled flow of one segment of given duration, in clustered time, with sensitivities.
+
+Time is mapped by t = T s^2 (3 - 2 s), s from 0 to 1, so that a field which is only C^1 at a segment's two ends is smooth
+in s. A mesh in s carries the steps: `adapt` makes one under error control, `flow` runs on it, `redistribute` moves it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from saltus.flow._kernels import call, dense_coefficients, error_norm, stage
+from saltus.flow.tableaux import NODES
+
+VARY, FIELD, FIELD_P, EVENT_X, EVENT_P = 2, 1, 3, 5, 6
+C = tuple(NODES.tolist())
+MOST_STEPS = 4000
+
+
+@njit(cache=True, error_model="numpy")
+def state_slope(functions, mode, duration, s, x, p, slopes, at, n):
+    """Write dx/ds of the clustered flow at `at` in `slopes`."""
+    call(functions[FIELD], mode, 0, x, 0, p, slopes, at)
+    rate = duration * 6.0 * s * (1.0 - s)
+    for e in range(n):
+        slopes[at + e] *= rate
+
+
+@njit(cache=True, error_model="numpy")
+def state_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, n):
+    """Take one step of the state; slopes[:n] is set before, slopes[12 n:13 n] after. y: scratch, (n,)."""
+    for i in range(1, 12):
+        stage(i, slopes, n, h, x, y)
+        state_slope(functions, mode, duration, s + C[i] * h, y, p, slopes, i * n, n)
+    stage(12, slopes, n, h, x, x_end)
+    state_slope(functions, mode, duration, s + h, x_end, p, slopes, 12 * n, n)
+
+
+@njit(cache=True, error_model="numpy")
+def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
+    """Fill `mesh` with the ends of steps from 0 to 1 whose errors are within tolerance; return their count.
+
+    -1 where the flow cannot be followed: the state is not finite, or more than the mesh holds. mesh: (count + 1,).
+    """
+    n = x0.size
+    slopes = np.zeros(16 * n)
+    x, y, x_end = x0.copy(), np.empty(n), np.empty(n)
+    mesh[0] = 0.0
+    count, s, h = 0, 0.0, 0.05
+    state_slope(functions, mode, duration, 0.0, x, p, slopes, 0, n)
+    while s < 1.0:
+        h = min(h, 1.0 - s)
+        if 1.0 - s - h < 0.1 * h:
+            h = 1.0 - s
+        if h < 1e-12:
+            return -1
+        state_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, n)
+        error = error_norm(slopes, n, n, h, x, x_end, rtol, atol)
+        if not error < 1e300:
+            h *= 0.1
+            continue
+        if error > 1.0:
+            h *= max(0.2, 0.9 * error**-0.125)
+            continue
+        count += 1
+        if count >= mesh.size:
+            return -1
+        s = 1.0 if h == 1.0 - s else s + h
+        mesh[count] = s
+        for e in range(n):
+            x[e] = x_end[e]
+            slopes[e] = slopes[12 * n + e]
+        h *= min(6.0, 0.9 * max(error, 1e-12) ** -0.125)
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def redistribute(mesh, count, errors, target, out):
+    """Write a mesh whose steps have equal errors, `target` of the tolerance, from the errors on `mesh`; return its count."""
+    density = np.empty(count)
+    for i in range(count):
+        density[i] = max(errors[i] / target, 1e-5) ** 0.125 / (mesh[i + 1] - mesh[i])
+    total = 0.0
+    for i in range(count):
+        smooth = density[i]
+        if i > 0:
+            smooth = max(smooth, 0.6 * density[i - 1])
+        if i < count - 1:
+            smooth = max(smooth, 0.6 * density[i + 1])
+        errors[i] = smooth
+        total += smooth * (mesh[i + 1] - mesh[i])
+    new = min(max(int(math.ceil(total)), 4), out.size - 1)
+    out[0] = 0.0
+    i, done = 0, 0.0
+    for j in range(1, new):
+        wanted = total * j / new
+        while i < count - 1 and done + errors[i] * (mesh[i + 1] - mesh[i]) < wanted:
+            done += errors[i] * (mesh[i + 1] - mesh[i])
+            i += 1
+        out[j] = mesh[i] + (wanted - done) / errors[i]
+    out[new] = 1.0
+    return new
+
+
+@njit(cache=True, error_model="numpy")
+def slope(functions, mode, transition, mean, duration, s, y, p, active, slopes, at, n, columns, ev):
+    """Write the s-derivative of state, sensitivities and, where `mean`, of the mean event rate with its own."""
+    call(functions[VARY], mode, columns, y, 0, p, slopes, at)
+    weight = 6.0 * s * (1.0 - s)
+    rate = duration * weight
+    size = n * (1 + columns)
+    if mean:
+        for e in range(n):
+            ev[e] = slopes[at + e]
+    for e in range(size):
+        slopes[at + e] *= rate
+    if mean:
+        for e in range(n):
+            slopes[at + n + e * columns + columns - 1] += weight * ev[e]
+    for a in range(active.size):
+        call(functions[FIELD_P], mode, active[a], y, 0, p, ev, 0)
+        for e in range(n):
+            slopes[at + n + e * columns + n + a] += rate * ev[e]
+    if mean:
+        call(functions[EVENT_X], transition, 0, y, 0, p, ev, 0)
+        slopes[at + size] = weight * ev[1]
+        for c in range(columns):
+            total = 0.0
+            for e in range(n):
+                total += ev[2 + n + e] * y[n + e * columns + c]
+            slopes[at + size + 1 + c] = weight * total
+        for a in range(active.size):
+            call(functions[EVENT_P], transition, active[a], y, 0, p, ev, 0)
+            slopes[at + size + 1 + n + a] += weight * ev[1]
+
+
+@njit(cache=True, error_model="numpy")
+def flow(functions, mode, transition, mean, x0, x0_at, duration, p, active, rtol, atol, mesh, mesh_at, count, n, y, errors):
+    """Run a segment on its mesh and leave state and sensitivities in `y`; the steps' errors over tolerance in `errors`.
+
+    y: [x (n), dx (n, columns), and where `mean` the mean rate of the event function and its derivatives (columns,)], the
+    columns being the n components of the initial state, the active parameters and, where `mean`, the duration.
+    """
+    columns = n + active.size + (1 if mean else 0)
+    length = n * (1 + columns) + ((1 + columns) if mean else 0)
+    slopes = np.empty(13 * length)
+    trial, end = np.empty(length), np.empty(length)
+    ev = np.empty(2 + 2 * n)
+    for e in range(length):
+        y[e] = 0.0
+    for e in range(n):
+        y[e] = x0[x0_at + e]
+        y[n + e * columns + e] = 1.0
+    slope(functions, mode, transition, mean, duration, 0.0, y, p, active, slopes, 0, n, columns, ev)
+    for step in range(count):
+        s = mesh[mesh_at + step]
+        h = mesh[mesh_at + step + 1] - s
+        for i in range(1, 12):
+            stage(i, slopes, length, h, y, trial)
+            slope(functions, mode, transition, mean, duration, s + C[i] * h, trial, p, active, slopes, i * length, n, columns, ev)
+        stage(12, slopes, length, h, y, end)
+        slope(functions, mode, transition, mean, duration, s + h, end, p, active, slopes, 12 * length, n, columns, ev)
+        errors[mesh_at + step] = error_norm(slopes, length, n, h, y, end, rtol, atol)
+        for e in range(length):
+            y[e] = end[e]
+            slopes[e] = slopes[12 * length + e]
+
+
+@njit(cache=True, error_model="numpy")
+def dense(functions, mode, x0, x0_at, duration, p, mesh, mesh_at, count, n, nodes, nodes_at, coefficients, coefficients_at):
+    """Run a segment's state on its mesh and keep dense output: nodes (count + 1, n) and coefficients (count, 7 n), flat."""
+    slopes = np.empty(16 * n)
+    x, y, x_end, one = np.empty(n), np.empty(n), np.empty(n), np.empty(7 * n)
+    for e in range(n):
+        x[e] = x0[x0_at + e]
+        nodes[nodes_at + e] = x[e]
+    state_slope(functions, mode, duration, 0.0, x, p, slopes, 0, n)
+    for step in range(count):
+        s = mesh[mesh_at + step]
+        h = mesh[mesh_at + step + 1] - s
+        state_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, n)
+        for i in range(13, 16):
+            stage(i, slopes, n, h, x, y)
+            state_slope(functions, mode, duration, s + C[i] * h, y, p, slopes, i * n, n)
+        dense_coefficients(slopes, n, h, x, x_end, one)
+        for e in range(7 * n):
+            coefficients[coefficients_at + step * 7 * n + e] = one[e]
+        for e in range(n):
+            x[e] = x_end[e]
+            slopes[e] = slopes[12 * n + e]
+            nodes[nodes_at + (step + 1) * n + e] = x[e]

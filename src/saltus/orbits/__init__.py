@@ -1,0 +1,6 @@
+"""Floor 3: periodic orbits of hybrid systems."""
+
+from saltus.orbits.orbit import PeriodicOrbit, Segment
+from saltus.orbits.solve import solve_orbit
+
+__all__ = ["PeriodicOrbit", "Segment", "solve_orbit"]

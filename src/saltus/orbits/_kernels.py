@@ -1,0 +1,508 @@
+"""Compiled equations of a periodic orbit: residual, Jacobian, dense survey, small linear algebra."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from saltus.flow._kernels import call, dense_value
+from saltus.flow._segment_kernels import FIELD, dense, flow, redistribute
+
+DERIVE, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = 0, 4, 5, 6, 7, 8, 9, 10, 11
+EVENT_END, MEAN_END, PHASE_END, CLOSED_END = 0, 1, 2, 3
+
+
+@njit(cache=True, error_model="numpy")
+def equations(functions, modes, transitions, kinds, turns, n, u, p, active, rtol, atol, mesh, mesh_at, anchor, F, J, errors):
+    """Write the residual F, (m,), and the Jacobian J, (m, m + active), of all segment equations.
+
+    u: each segment's state (n,) and duration, m = segments * (n + 1) in all. p: extended parameters. mesh_at: offsets of
+    the segments' meshes, one more than segments. anchor: point and direction of the phase condition, (2 n,).
+    """
+    segments, wide = modes.size, n + 1
+    m, n_active = segments * wide, active.size
+    for i in range(m):
+        for j in range(m + n_active):
+            J[i, j] = 0.0
+    y = np.empty((n + 1) * (n + n_active + 2))
+    ends = np.empty(n)
+    gx, gp, ev, f = np.empty(n * n), np.empty(n), np.empty(2 + 2 * n), np.empty(n)
+    for i in range(segments):
+        row = i * wide
+        following = row + wide if i + 1 < segments else 0
+        kind, mode, transition, duration = kinds[i], modes[i], transitions[i], u[row + n]
+        mean = kind == MEAN_END
+        columns = n + n_active + (1 if mean else 0)
+        count = mesh_at[i + 1] - mesh_at[i] - 1
+        flow(
+            functions, mode, transition, mean, u, row, duration, p, active, rtol, atol,
+            mesh, mesh_at[i], count, n, y, errors,
+        )  # fmt: skip
+        call(functions[FIELD], mode, 0, y, 0, p, f, 0)
+        if transition >= 0:
+            call(functions[RESET], transition, 0, y, 0, p, ends, 0)
+            call(functions[RESET_X], transition, 0, y, 0, p, gx, 0)
+        else:
+            for a in range(n):
+                ends[a] = y[a]
+                for b in range(n):
+                    gx[a * n + b] = 1.0 if a == b else 0.0
+        for a in range(n):
+            F[row + a] = ends[a] - u[following + a]
+            for c in range(n + n_active):
+                total = 0.0
+                for b in range(n):
+                    total += gx[a * n + b] * y[n + b * columns + c]
+                J[row + a, row + c if c < n else m + c - n] += total
+            total = 0.0
+            for b in range(n):
+                total += gx[a * n + b] * (y[n + b * columns + columns - 1] if mean else f[b])
+            J[row + a, row + n] += total
+            J[row + a, following + a] -= 1.0
+        if transition >= 0:
+            for k in range(n_active):
+                call(functions[RESET_P], transition, active[k], y, 0, p, gp, 0)
+                for a in range(n):
+                    J[row + a, m + k] += gp[a]
+        if following == 0 and turns > 0:
+            F[row + n - 1] -= 2.0 * math.pi * turns
+        last = row + n
+        if kind == EVENT_END:
+            call(functions[EVENT_X], transition, 0, y, 0, p, ev, 0)
+            F[last] = ev[0]
+            for c in range(n + n_active):
+                total = 0.0
+                for b in range(n):
+                    total += ev[2 + b] * y[n + b * columns + c]
+                J[last, row + c if c < n else m + c - n] += total
+            J[last, row + n] += ev[1]
+            for k in range(n_active):
+                call(functions[EVENT_P], transition, active[k], y, 0, p, gp, 0)
+                J[last, m + k] += gp[0]
+        elif mean:
+            at = n * (1 + columns)
+            F[last] = y[at]
+            for c in range(n + n_active):
+                J[last, row + c if c < n else m + c - n] += y[at + 1 + c]
+            J[last, row + n] += y[at + columns]
+        elif kind == PHASE_END:
+            F[last] = u[row + n - 1]
+            J[last, row + n - 1] += 1.0
+        else:
+            F[last] = 0.0
+            for a in range(n):
+                F[last] += anchor[n + a] * (u[row + a] - anchor[a])
+                J[last, row + a] += anchor[n + a]
+
+
+@njit(cache=True, error_model="numpy")
+def solve(matrix, rhs):
+    """Solve matrix x = rhs in place (both are overwritten) and return the sign and log of |det|; sign 0 where singular.
+
+    matrix: (m, m); rhs: (m, k).
+    """
+    m, k = rhs.shape
+    sign, log = 1.0, 0.0
+    for i in range(m):
+        pivot, best = i, abs(matrix[i, i])
+        for r in range(i + 1, m):
+            if abs(matrix[r, i]) > best:
+                pivot, best = r, abs(matrix[r, i])
+        if not best > 0.0:
+            return 0.0, -np.inf
+        if pivot != i:
+            sign = -sign
+            for c in range(i, m):
+                matrix[i, c], matrix[pivot, c] = matrix[pivot, c], matrix[i, c]
+            for c in range(k):
+                rhs[i, c], rhs[pivot, c] = rhs[pivot, c], rhs[i, c]
+        if matrix[i, i] < 0.0:
+            sign = -sign
+        log += math.log(best)
+        for r in range(i + 1, m):
+            factor = matrix[r, i] / matrix[i, i]
+            if factor != 0.0:
+                for c in range(i + 1, m):
+                    matrix[r, c] -= factor * matrix[i, c]
+                for c in range(k):
+                    rhs[r, c] -= factor * rhs[i, c]
+    for c in range(k):
+        for i in range(m - 1, -1, -1):
+            total = rhs[i, c]
+            for j in range(i + 1, m):
+                total -= matrix[i, j] * rhs[j, c]
+            rhs[i, c] = total / matrix[i, i]
+    return sign, log
+
+
+@njit(cache=True, error_model="numpy")
+def pencil(J, kinds, n, P, R):
+    """Write the (n, n) pencil P v = mu R v of the linearised return map at the first segment's start.
+
+    Durations are eliminated by reflections and segments joined by orthogonal null spaces, so nothing is divided by the
+    normal velocity: where it vanishes (grazing) R is singular and a multiplier infinite.
+    """
+    segments, wide = kinds.size, n + 1
+    for a in range(n):
+        for b in range(n):
+            P[a, b] = 0.0
+            R[a, b] = 0.0
+    for i in range(segments):
+        row = i * wide
+        left, right = np.zeros((wide, n)), np.zeros((wide, n))
+        tau = np.empty(wide)
+        for a in range(wide):
+            tau[a] = J[row + a, row + n]
+            for b in range(n):
+                left[a, b] = J[row + a, row + b]
+                if segments == 1 and a == b:
+                    left[a, b] += 1.0
+        for a in range(n):
+            right[a, a] = 1.0
+        if kinds[i] == PHASE_END or kinds[i] == CLOSED_END:
+            for a in range(n):
+                for b in range(n):
+                    P[a, b] = left[a, b]
+                    R[a, b] = right[a, b]
+            return
+        _reflect(tau, left, right)
+        here_left, here_right = left[1:], right[1:]
+        if i == 0:
+            for a in range(n):
+                for b in range(n):
+                    P[a, b] = here_left[a, b]
+                    R[a, b] = here_right[a, b]
+        else:
+            _join(P, R, here_left, here_right)
+
+
+@njit(cache=True, error_model="numpy")
+def _reflect(tau, left, right):
+    """Apply to both matrices the reflection that turns `tau` onto its first component."""
+    size = tau.size
+    norm = 0.0
+    for a in range(size):
+        norm += tau[a] * tau[a]
+    norm = math.sqrt(norm)
+    if norm == 0.0:
+        return
+    v = tau.copy()
+    v[0] += norm if tau[0] >= 0.0 else -norm
+    square = 0.0
+    for a in range(size):
+        square += v[a] * v[a]
+    for b in range(left.shape[1]):
+        one = two = 0.0
+        for a in range(size):
+            one += v[a] * left[a, b]
+            two += v[a] * right[a, b]
+        one *= 2.0 / square
+        two *= 2.0 / square
+        for a in range(size):
+            left[a, b] -= one * v[a]
+            right[a, b] -= two * v[a]
+
+
+@njit(cache=True, error_model="numpy")
+def _join(P, R, left, right):
+    """Eliminate the middle state from P x0 = R x1 and left x1 = right x2, leaving P x0 = R x2 in place.
+
+    The rows (R; left) are turned by reflections until only n of them are non-zero; the other n give the new pencil.
+    """
+    n = P.shape[0]
+    stack = np.zeros((2 * n, 3 * n))
+    for a in range(n):
+        for b in range(n):
+            stack[a, b] = -R[a, b]
+            stack[n + a, b] = left[a, b]
+            stack[a, n + b] = P[a, b]
+            stack[n + a, 2 * n + b] = right[a, b]
+    for c in range(n):
+        norm = 0.0
+        for a in range(c, 2 * n):
+            norm += stack[a, c] * stack[a, c]
+        norm = math.sqrt(norm)
+        if norm == 0.0:
+            continue
+        v = np.zeros(2 * n)
+        for a in range(c, 2 * n):
+            v[a] = stack[a, c]
+        v[c] += norm if v[c] >= 0.0 else -norm
+        square = 0.0
+        for a in range(c, 2 * n):
+            square += v[a] * v[a]
+        for b in range(c, 3 * n):
+            total = 0.0
+            for a in range(c, 2 * n):
+                total += v[a] * stack[a, b]
+            total *= 2.0 / square
+            for a in range(c, 2 * n):
+                stack[a, b] -= total * v[a]
+    for a in range(n):
+        for b in range(n):
+            P[a, b] = stack[n + a, n + b]
+            R[a, b] = stack[n + a, 2 * n + b]
+
+
+@njit(cache=True, error_model="numpy")
+def sample(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, s, p, x, out):
+    """Return a quantity at clustered time `s` of a segment, its state left in `x`.
+
+    what: a state (below n), an output (below n + n_outputs) or, behind these, the event function of a transition; times `sign`.
+    """
+    low, high = 0, count - 1
+    while low < high:
+        middle = (low + high + 1) // 2
+        if mesh[first + middle] <= s:
+            low = middle
+        else:
+            high = middle - 1
+    a, b = mesh[first + low], mesh[first + low + 1]
+    dense_value(coefficients, dense_at + low * 7 * n, n, nodes, nodes_at + low * n, (s - a) / (b - a), x)
+    if what < n:
+        return sign * x[what]
+    if what < n + n_outputs:
+        call(functions[OUTPUTS], mode, 0, x, 0, p, out, 0)
+        return sign * out[what - n]
+    call(functions[EVENT], what - n - n_outputs, 0, x, 0, p, out, 0)
+    return sign * out[0]
+
+
+@njit(cache=True, error_model="numpy")
+def lowest(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, a, m, b, p, x, out):
+    """Return the place and value of the least value of a quantity in (a, b), bracketed at m, by parabolas and sections."""
+    fa = sample(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, a, p, x, out)
+    fm = sample(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, m, p, x, out)
+    fb = sample(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, b, p, x, out)
+    for step in range(60):
+        if b - a < 1e-7 or not fm <= min(fa, fb):
+            break
+        r, q = (m - a) * (fm - fb), (m - b) * (fm - fa)
+        bottom = 2.0 * (r - q)
+        t = m - ((m - a) * r - (m - b) * q) / bottom if bottom != 0.0 else m
+        margin = 0.02 * min(m - a, b - m)
+        if step % 3 == 2 or not (a + margin < t < b - margin) or abs(t - m) < 1e-10:
+            t = m + 0.3 * (b - m) if b - m > m - a else m - 0.3 * (m - a)
+        ft = sample(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, t, p, x, out)
+        if ft < fm:
+            if t < m:
+                b, fb = m, fm
+            else:
+                a, fa = m, fm
+            m, fm = t, ft
+        elif t < m:
+            a, fa = t, ft
+        else:
+            b, fb = t, ft
+    if fa < fm:
+        return a, fa
+    if fb < fm:
+        return b, fb
+    return m, fm
+
+
+FINE = 4
+DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE = 1, 2, 4, 8, 16, 32
+
+
+@njit(cache=True, error_model="numpy")
+def survey(
+    functions, modes, transitions, kinds, sources, directions, n, n_modes, n_outputs, has_phase, u, p, mesh, mesh_at,
+    nodes, coefficients, lows, highs, margins, places, rates, at_zero,
+):
+    """Follow an orbit densely: extremes of every state and output, margins to other events, normal velocities, state at phase 0.
+
+    lows, highs: (n + n_outputs,). margins, places: (segments, transitions): the least interior local minimum of each event
+    function in its firing direction (inf where there is none), and where in clustered time. rates: (segments, 2): Lie
+    derivative of each segment's event at its end and at its start. Returns the bits of what makes the orbit inadmissible.
+    """  # fmt: skip
+    segments, wide, n_transitions = modes.size, n + 1, sources.size
+    bad = 0
+    x, out, one = np.empty(n), np.empty(max(n_outputs, 2)), np.empty(2)
+    for q in range(n + n_outputs):
+        lows[q] = np.inf
+        highs[q] = -np.inf
+    best = np.zeros((2, n + n_outputs, 2))
+    found_zero = False
+    target = 0.0
+    if has_phase:
+        target = 2.0 * math.pi * math.ceil(u[n - 1] / (2.0 * math.pi) - 1e-13)
+    for i in range(segments):
+        mode, transition, row = modes[i], transitions[i], i * wide
+        duration = u[row + n]
+        count = mesh_at[i + 1] - mesh_at[i] - 1
+        first = mesh_at[i]
+        nodes_at, dense_at = first * n, first * 7 * n
+        dense(functions, mode, u, row, duration, p, mesh, first, count, n, nodes, nodes_at, coefficients, dense_at)
+        if not duration > 0.0 and kinds[i] != MEAN_END or duration < 0.0:
+            bad |= DURATION
+        end = nodes_at + count * n
+        if transition >= 0:
+            call(functions[EVENT], transition, 0, nodes, end, p, one, 0)
+            rates[i, 0] = one[1]
+            if directions[transition] * one[1] < 0.0:
+                bad |= DIRECTION
+            call(functions[GUARD], n_modes + transition, 0, nodes, end, p, one, 0)
+            if not one[0] > 0.0:
+                bad |= WHEN
+            call(functions[EVENT], transition, 0, nodes, nodes_at, p, one, 0)
+            rates[i, 1] = one[1]
+        total = count * FINE
+        for j in range(total + 1):
+            step = min(j // FINE, count - 1)
+            part = (j - step * FINE) / FINE
+            if j % FINE == 0:
+                for e in range(n):
+                    x[e] = nodes[nodes_at + (j // FINE) * n + e]
+            else:
+                dense_value(coefficients, dense_at + step * 7 * n, n, nodes, nodes_at + step * n, part, x)
+            for e in range(n):
+                if not abs(x[e]) < 1e300:
+                    bad |= VALUE
+            call(functions[GUARD], mode, 0, x, 0, p, one, 0)
+            if not one[0] > 0.0:
+                bad |= DOMAIN
+            if n_outputs > 0:
+                call(functions[OUTPUTS], mode, 0, x, 0, p, out, 0)
+            for q in range(n + n_outputs):
+                value = x[q] if q < n else out[q - n]
+                if value < lows[q]:
+                    lows[q] = value
+                    best[0, q, 0], best[0, q, 1] = i, j
+                if value > highs[q]:
+                    highs[q] = value
+                    best[1, q, 0], best[1, q, 1] = i, j
+            if has_phase and not found_zero and x[n - 1] >= target - 1e-13:
+                s = _fine(mesh, first, count, j)
+                low = _fine(mesh, first, count, max(j - 1, 0))
+                high = s
+                for _ in range(80):
+                    middle = 0.5 * (low + high)
+                    value = sample(
+                        functions, mode, n - 1, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at,
+                        coefficients, middle, p, x, out,
+                    )  # fmt: skip
+                    if value >= target:
+                        high = middle
+                    else:
+                        low = middle
+                    if high - low < 1e-16:
+                        break
+                sample(
+                    functions, mode, n - 1, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at,
+                    coefficients, high, p, at_zero, out,
+                )  # fmt: skip
+                at_zero[n - 1] = 0.0
+                found_zero = True
+        for k in range(n_transitions):
+            margins[i, k] = np.inf
+            places[i, k] = 0.5
+            if sources[k] != mode:
+                continue
+            what = n + n_outputs + k
+            sign = -1.0 if directions[k] > 0 else 1.0
+            previous = before = 0.0
+            size = 0.0
+            armed = False
+            for j in range(total + 1):
+                s = _fine(mesh, first, count, j)
+                value = sample(
+                    functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at,
+                    coefficients, s, p, x, out,
+                )  # fmt: skip
+                if directions[k] == 0 and j == 1 and value < 0.0:
+                    sign, value, previous = -sign, -value, -previous
+                size = max(size, abs(value))
+                small = 1e-9 * (1e-3 + size)
+                if j >= 2 and previous < before and previous <= value and (armed or before > small):
+                    place, least = lowest(
+                        functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at,
+                        coefficients, _fine(mesh, first, count, j - 2), _fine(mesh, first, count, j - 1), s, p, x, out,
+                    )  # fmt: skip
+                    call(functions[GUARD], n_modes + k, 0, x, 0, p, one, 0)
+                    if one[0] > 0.0 and least < margins[i, k]:
+                        margins[i, k] = least
+                        places[i, k] = place
+                        if least < -small:
+                            bad |= EARLY
+                if j > 0 and j < total and value < -small and (armed or (j == 1 and abs(previous) <= small and duration > 0.0)):
+                    call(functions[GUARD], n_modes + k, 0, x, 0, p, one, 0)
+                    if one[0] > 0.0:
+                        bad |= EARLY
+                    armed = False
+                if j == total and k != transition and armed and value < -small:
+                    bad |= EARLY
+                if value > small:
+                    armed = True
+                before = previous
+                previous = value
+    for side in range(2):
+        sign = 1.0 if side == 0 else -1.0
+        for q in range(n + n_outputs):
+            i, j = int(best[side, q, 0]), int(best[side, q, 1])
+            count = mesh_at[i + 1] - mesh_at[i] - 1
+            first, total = mesh_at[i], count * FINE
+            if j == 0 or j == total:
+                continue
+            place, least = lowest(
+                functions, modes[i], q, sign, first * 7 * n, mesh, first, count, n, n_outputs, nodes, first * n,
+                coefficients, _fine(mesh, first, count, j - 1), _fine(mesh, first, count, j), _fine(mesh, first, count, j + 1),
+                p, x, out,
+            )  # fmt: skip
+            if side == 0:
+                lows[q] = min(lows[q], least)
+            else:
+                highs[q] = max(highs[q], -least)
+    if not has_phase or not found_zero:
+        for e in range(n):
+            at_zero[e] = u[e]
+    return bad
+
+
+@njit(cache=True, error_model="numpy")
+def _fine(mesh, first, count, j):
+    """Clustered time of the j-th fine sample of a segment."""
+    step = min(j // FINE, count - 1)
+    a, b = mesh[first + step], mesh[first + step + 1]
+    return a + (b - a) * (j - step * FINE) / FINE
+
+
+@njit(cache=True, error_model="numpy")
+def call_derive(functions, p):
+    """Recompute the constants behind the parameters, in place."""
+    call(functions[DERIVE], 0, 0, p, 0, p, p, 0)
+
+
+FINEST, COARSEST = 2.0, 2e-3
+
+
+@njit(cache=True, error_model="numpy")
+def remesh(mesh, mesh_at, errors):
+    """Return the largest error, a new flat mesh and the segments' counts; no counts where the mesh may stay as it is."""
+    segments = mesh_at.size - 1
+    worst = 0.0
+    stay = True
+    for i in range(segments):
+        top = 0.0
+        for j in range(mesh_at[i], mesh_at[i + 1] - 1):
+            top = max(top, errors[j])
+        worst = max(worst, top)
+        if top > FINEST or (top < COARSEST and mesh_at[i + 1] - mesh_at[i] > 6):
+            stay = False
+    counts = np.zeros(0 if stay else segments, np.int64)
+    fresh = np.empty(0 if stay else 3 * mesh.size + 8 * segments)
+    if stay:
+        return worst, fresh, counts
+    at = 0
+    for i in range(segments):
+        count = mesh_at[i + 1] - mesh_at[i] - 1
+        room = np.empty(3 * count + 8)
+        counts[i] = redistribute(
+            mesh[mesh_at[i] : mesh_at[i + 1]], count, errors[mesh_at[i] : mesh_at[i + 1]], 0.2, room
+        )  # fmt: skip
+        for j in range(counts[i] + 1):
+            fresh[at + j] = room[j]
+        at += counts[i] + 1
+    return worst, fresh, counts

@@ -1,0 +1,269 @@
+"""A periodic orbit: segments, period, multipliers, stability, extremes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
+from saltus.orbits.problem import OrbitProblem, Signature, Survey
+from saltus.results import Result, as_json, frozen
+from saltus.system import HybridSystem
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+__all__ = ["PeriodicOrbit", "Segment", "orbit_at"]
+
+
+class Segment(NamedTuple):
+    """One smooth piece of an orbit.
+
+    Attributes
+    ----------
+    mode, transition : str
+        Where it runs and how it ends; the phase's name, or nothing, where it ends with the period.
+    state : ndarray, shape (all states,)
+        Full state at its start, phase last (running on over the period).
+    duration : float
+        How long it lasts.
+    """
+
+    mode: str
+    transition: str
+    state: NDArray[np.float64]
+    duration: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PeriodicOrbit(Result):
+    """A periodic orbit of a hybrid system.
+
+    Attributes
+    ----------
+    system : HybridSystem
+        The system.
+    parameters : mapping of str to float
+        All parameters.
+    form : Signature
+        Modes, transitions and ends as indices.
+    states : ndarray, shape (segments, all states)
+        Full state at each segment's start.
+    durations : ndarray, shape (segments,)
+        Durations of the segments.
+    multipliers : ndarray of complex, shape (states,)
+        Floquet multipliers, largest first; an autonomous system's trivial one is last.
+    residual : float
+        Largest component of the segment equations.
+    faults : int
+        Bits of what makes the orbit not admissible; see `reasons`.
+    x0 : ndarray, shape (states,)
+        State at phase 0; without a phase, the start of the first segment.
+    lows, highs : ndarray, shape (all states + outputs,)
+        Extremes over the period.
+    tol : float
+        Relative tolerance of the flow.
+    """
+
+    system: HybridSystem
+    parameters: Mapping[str, float]
+    form: Signature
+    states: NDArray[np.float64]
+    durations: NDArray[np.float64]
+    multipliers: NDArray[np.complex128]
+    residual: float
+    faults: int
+    x0: NDArray[np.float64]
+    lows: NDArray[np.float64]
+    highs: NDArray[np.float64]
+    tol: float
+
+    def __post_init__(self) -> None:
+        for name in ("states", "durations", "x0", "lows", "highs"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        object.__setattr__(self, "multipliers", frozen(self.multipliers, np.complex128))
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+
+    @property
+    def period(self) -> float:
+        """Period, the sum of the durations."""
+        return float(self.durations.sum())
+
+    @property
+    def signature(self) -> tuple[tuple[str, str], ...]:
+        """The cyclic list of (mode, transition) names."""
+        return self.form.names(self.system)
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """The smooth pieces, in order."""
+        return tuple(
+            Segment(mode, transition, state, float(duration))
+            for (mode, transition), state, duration in zip(self.signature, self.states, self.durations, strict=True)
+        )
+
+    @property
+    def stable(self) -> bool:
+        """Whether every multiplier but the trivial one lies inside the unit circle."""
+        return unstable_count(nontrivial(self.multipliers, autonomous=self.system.phase is None)) == 0
+
+    @property
+    def admissible(self) -> bool:
+        """Whether the orbit is a motion: no other event inside a segment, events crossed the right way, domains kept."""
+        return self.faults == 0
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the orbit is not admissible, in words."""
+        return _reasons(self.faults)
+
+    @cached_property
+    def min(self) -> Mapping[str, float]:
+        """Least value of every state and output over the period."""
+        return MappingProxyType(self._extremes(self.lows))
+
+    @cached_property
+    def max(self) -> Mapping[str, float]:
+        """Greatest value of every state and output over the period."""
+        return MappingProxyType(self._extremes(self.highs))
+
+    def _extremes(self, values: NDArray[np.float64]) -> dict[str, float]:
+        names = (*self.system.all_states, *self.system.output_names)
+        skip = None if self.system.phase is None else self.system.phase[0]
+        return {name: float(value) for name, value in zip(names, values, strict=True) if name != skip}
+
+    @property
+    def unknowns(self) -> NDArray[np.float64]:
+        """States and durations as the vector that `OrbitProblem` solves for."""
+        return np.column_stack([self.states, self.durations]).ravel()
+
+    def problem(self, active: str | None = None, scale: float = 1.0) -> OrbitProblem:
+        """Return the orbit's equations, meshes made, with a parameter among the unknowns if one is named."""
+        p = self.system.parameter_vector(self.parameters)
+        index = [] if active is None else [self.system.parameter_names.index(active)]
+        problem = OrbitProblem(self.system, self.form, p, index, np.full(len(index), scale), self.tol)
+        u = self.unknowns if active is None else np.append(self.unknowns, p[index] / scale)
+        problem.start(u)
+        return problem
+
+    def sample(self, points: int = 400) -> xr.Dataset:
+        """Return the orbit over one period.
+
+        Parameters
+        ----------
+        points : int, optional
+            About how many times; every segment's two ends are among them.
+
+        Returns
+        -------
+        xarray.Dataset
+            States, outputs and the mode's number against the dimension ``t``, which starts at the first segment's start.
+        """
+        from saltus.orbits.sampling import sample_orbit
+
+        return sample_orbit(self, points)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return segments, multipliers, extremes and a sampled period as a Dataset."""
+        dataset = self.sample()
+        n_all = len(self.system.all_states)
+        dataset["segment_state"] = (("segment", "state"), self.states)
+        dataset["segment_duration"] = ("segment", self.durations)
+        dataset["multiplier_re"] = ("multiplier", self.multipliers.real)
+        dataset["multiplier_im"] = ("multiplier", self.multipliers.imag)
+        dataset["x0"] = ("own_state", self.x0)
+        dataset["minimum"] = ("quantity", self.lows)
+        dataset["maximum"] = ("quantity", self.highs)
+        dataset = dataset.assign_coords(
+            state=list(self.system.all_states),
+            own_state=list(self.system.states),
+            quantity=[*self.system.all_states, *self.system.output_names],
+            segment_mode=("segment", [mode for mode, _ in self.signature]),
+            segment_transition=("segment", [transition for _, transition in self.signature]),
+        )
+        dataset.attrs |= {
+            "definition": as_json(self.system.definition()),
+            "parameters": json.dumps(dict(self.parameters)),
+            "form": as_json([self.form.modes, self.form.transitions, self.form.kinds, self.form.turns]),
+            "period": self.period,
+            "residual": self.residual,
+            "faults": self.faults,
+            "stable": int(self.stable),
+            "admissible": int(self.admissible),
+            "tol": self.tol,
+        }
+        del n_all
+        return dataset
+
+    @classmethod
+    def from_xarray(cls, dataset: xr.Dataset) -> PeriodicOrbit:
+        """Return the orbit that `to_xarray` described."""
+        attrs = dataset.attrs
+        modes, transitions, kinds, turns = json.loads(attrs["form"])
+        return cls(
+            HybridSystem.from_definition(json.loads(attrs["definition"])),
+            json.loads(attrs["parameters"]),
+            Signature(tuple(modes), tuple(transitions), tuple(kinds), turns),
+            dataset["segment_state"].values,
+            dataset["segment_duration"].values,
+            dataset["multiplier_re"].values + 1j * dataset["multiplier_im"].values,
+            float(attrs["residual"]),
+            int(attrs["faults"]),
+            dataset["x0"].values,
+            dataset["minimum"].values,
+            dataset["maximum"].values,
+            float(attrs["tol"]),
+        )
+
+    def __repr__(self) -> str:
+        kind = "stable" if self.stable else "unstable"
+        if not self.admissible:
+            kind += f", not admissible ({'; '.join(self.reasons)})"
+        path = " -> ".join(f"{mode}:{transition}" if transition else mode for mode, transition in self.signature)
+        turns = f" = {self.form.turns} forcing period{'s' if self.form.turns > 1 else ''}" if self.form.turns else ""
+        shown = ", ".join(f"{value:.6g}" for value in self.x0)
+        sizes = ", ".join(f"{abs(value):.6g}" for value in self.multipliers)
+        return (
+            f"PeriodicOrbit of {self.system.name or 'a hybrid system'}: {kind}\n"
+            f"  period      {self.period:.12g}{turns}\n"
+            f"  signature   {path}\n"
+            f"  x0          [{shown}]\n"
+            f"  |multipliers| {sizes}\n"
+            f"  residual    {self.residual:.2g}"
+        )
+
+
+def orbit_at(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], residual: float, survey: Survey | None = None
+) -> PeriodicOrbit:
+    """Return the orbit that solves `problem` at `u`, surveyed."""
+    if survey is None:
+        survey = problem.survey(u)
+    blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
+    parameters = dict(zip(problem.system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
+    return PeriodicOrbit(
+        problem.system,
+        parameters,
+        problem.signature,
+        blocks[:, : problem.n],
+        blocks[:, problem.n],
+        multipliers(problem, u, J),
+        residual,
+        survey.faults,
+        survey.x0[: len(problem.system.states)],
+        survey.lows,
+        survey.highs,
+        problem.tol,
+    )
+
+
+def _reasons(faults: int) -> tuple[str, ...]:
+    empty = np.empty(0)
+    return Survey(faults, empty, empty, empty, empty, empty, empty).reasons()

@@ -1,0 +1,251 @@
+"""A periodic orbit of given signature as a zero problem: segment equations, their Jacobian, dense survey."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from saltus.system import HybridSystem
+
+__all__ = ["OrbitProblem", "Signature", "Survey"]
+
+EVENT_END, MEAN_END, PHASE_END, CLOSED_END = 0, 1, 2, 3
+"""Ways in which a segment ends: its event vanishes; the mean rate of its event function vanishes (for a segment that
+starts on the surface on which it ends: the trivial one of zero length is divided out); a whole number of forcing
+periods; a closed curve of an autonomous mode."""
+
+_FAULTS = (
+    (1, "a segment's duration is not positive"),
+    (2, "an event is crossed in the wrong direction"),
+    (4, "another event lies inside a segment"),
+    (8, "a transition's condition does not hold"),
+    (16, "a mode's domain is left"),
+    (32, "the state is not finite"),
+)
+
+
+@dataclass(frozen=True)
+class Signature:
+    """The cyclic list of (mode, transition) of an orbit, as indices, with how each segment ends.
+
+    Parameters
+    ----------
+    modes, transitions, kinds : tuple of int
+        One entry a segment; transition -1 for a segment without an event.
+    turns : int
+        Forcing periods in one period of the orbit; 0 for an autonomous system.
+    """
+
+    modes: tuple[int, ...]
+    transitions: tuple[int, ...]
+    kinds: tuple[int, ...]
+    turns: int
+
+    def __len__(self) -> int:
+        return len(self.modes)
+
+    def names(self, system: HybridSystem) -> tuple[tuple[str, str], ...]:
+        """Return (mode, transition) names; a segment that ends with the period names the phase, or nothing."""
+        closing = "" if system.phase is None else system.phase[0]
+        return tuple(
+            (system.mode_names[mode], closing if transition < 0 else system.transition_names[transition])
+            for mode, transition in zip(self.modes, self.transitions, strict=True)
+        )
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a dense look at an orbit shows.
+
+    Attributes
+    ----------
+    faults : int
+        Bits of what makes the orbit no motion of the system; 0 for an admissible orbit.
+    lows, highs : ndarray, shape (states + outputs,)
+        Extremes over the period.
+    margins, places : ndarray, shape (segments, transitions)
+        Least interior minimum of each event function in its firing direction, and the clustered time of it.
+    rates : ndarray, shape (segments, 2)
+        Lie derivative of each segment's event at its end and start.
+    x0 : ndarray, shape (states,)
+        State at phase 0, or at the first segment's start where there is no phase.
+    """
+
+    faults: int
+    lows: NDArray[np.float64]
+    highs: NDArray[np.float64]
+    margins: NDArray[np.float64]
+    places: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    x0: NDArray[np.float64]
+
+    @property
+    def admissible(self) -> bool:
+        """Whether the orbit is a motion of the hybrid system."""
+        return self.faults == 0
+
+    def reasons(self) -> tuple[str, ...]:
+        """Return in words why the orbit is not admissible."""
+        return tuple(text for bit, text in _FAULTS if self.faults & bit)
+
+
+@dataclass
+class OrbitProblem:
+    """The equations F(u) = 0 of a periodic orbit.
+
+    The unknowns are each segment's initial full state and duration, then the active parameters in units of their scales.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        The system.
+    signature : Signature
+        Modes, transitions and ends of the segments.
+    p : ndarray, shape (parameters,)
+        All parameters; the active ones are overwritten by the unknowns.
+    active : sequence of int
+        Parameters among the unknowns.
+    scales : ndarray, shape (active,)
+        Units of the active parameters.
+    tol : float
+        Relative tolerance of a step.
+    """
+
+    system: HybridSystem
+    signature: Signature
+    p: NDArray[np.float64]
+    active: Sequence[int] = ()
+    scales: NDArray[np.float64] = field(default_factory=lambda: np.ones(0))
+    tol: float = 1e-11
+
+    def __post_init__(self) -> None:
+        from saltus.orbits import _kernels
+
+        self._kernels = _kernels
+        compiled = self.system.compiled
+        self.n = compiled.n
+        self.segments = len(self.signature)
+        self.size = self.segments * (self.n + 1)
+        self._functions = compiled.addresses
+        self._modes = np.array(self.signature.modes, dtype=np.int64)
+        self._transitions = np.array(self.signature.transitions, dtype=np.int64)
+        self._kinds = np.array(self.signature.kinds, dtype=np.int64)
+        self._active = np.array(self.active, dtype=np.int64)
+        self.scales = np.array(self.scales, dtype=np.float64)
+        self._extended = compiled.extended(self.p)
+        self._anchor = np.zeros(2 * self.n)
+        self.state_scale = np.ones(self.n)
+        self._mesh = np.zeros(0)
+        self._mesh_at = np.zeros(self.segments + 1, dtype=np.int64)
+        self._errors = np.zeros(0)
+        transitions = self.system.transitions
+        self._sources = np.array([self.system.mode_index(t.source) for t in transitions], dtype=np.int64)
+        self._directions = np.array([t.direction for t in transitions], dtype=np.int64)
+
+    def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return all parameters, shape (parameters,), where the unknowns are `u`."""
+        p = self.p.copy()
+        p[self._active] = u[self.size :] * self.scales
+        return p
+
+    def set_parameters(self, u: NDArray[np.float64]) -> None:
+        """Take the active parameters from the unknowns."""
+        if self._active.size:
+            extended = self._extended
+            for place, value, scale in zip(self._active, u[self.size :], self.scales, strict=True):
+                extended[place] = value * scale
+            self._kernels.call_derive(self._functions, extended)
+
+    def start(self, u: NDArray[np.float64]) -> int | None:
+        """Make meshes, scales and the phase condition fit the orbit `u`; return a segment that cannot be followed, if any."""
+        from saltus.flow import _segment_kernels
+
+        self.set_parameters(u)
+        meshes = []
+        blocks = u[: self.size].reshape(self.segments, self.n + 1)
+        self.state_scale = np.maximum(np.max(np.abs(blocks[:, : self.n]), axis=0), 1e-300)
+        self.state_scale[self.state_scale < 1e-12 * self.state_scale.max()] = self.state_scale.max()
+        if self.system.phase is not None:
+            self.state_scale[-1] = 2.0 * math.pi
+        buffer = np.empty(_segment_kernels.MOST_STEPS + 1)
+        for index, (mode, block) in enumerate(zip(self._modes, blocks, strict=True)):
+            x, duration = np.ascontiguousarray(block[: self.n]), block[self.n]
+            count = _segment_kernels.adapt(
+                self._functions, mode, x, duration, self._extended, self.tol, self._atol(), buffer
+            )
+            if count < 0:
+                return index
+            meshes.append(buffer[: count + 1].copy())
+        self._use(meshes)
+        if self._kinds[0] == CLOSED_END:
+            x = np.ascontiguousarray(blocks[0, : self.n])
+            slope = np.empty(self.n)
+            self.system.compiled.call("field", int(self._modes[0]), 0, x, self._extended, slope)
+            self._anchor[: self.n] = x
+            self._anchor[self.n :] = slope / max(float(np.linalg.norm(slope)), 1e-300)
+        return None
+
+    def _atol(self) -> float:
+        return self.tol * float(min(1.0, self.state_scale.min()))
+
+    def _use(self, meshes: list[NDArray[np.float64]]) -> None:
+        self._mesh = np.concatenate(meshes)
+        self._mesh_at = np.concatenate([[0], np.cumsum([len(mesh) for mesh in meshes])]).astype(np.int64)
+        self._errors = np.zeros(self._mesh.size)
+        self._nodes = np.empty(self._mesh.size * self.n)
+        self._coefficients = np.empty(self._mesh.size * 7 * self.n)
+
+    @property
+    def steps(self) -> int:
+        """Steps in all segments' meshes."""
+        return int(self._mesh.size - self.segments)
+
+    def refine(self) -> float:
+        """Move the meshes to equal errors after an evaluation; return the largest error, in tolerances, before.
+
+        Meshes are moved only where they are too coarse, or finer than they need be.
+        """
+        worst, fresh, changed = self._kernels.remesh(self._mesh, self._mesh_at, self._errors)
+        if changed.size:
+            meshes, at = [], 0
+            for count in changed:
+                meshes.append(fresh[at : at + count + 1])
+                at += count + 1
+            self._use(meshes)
+        return float(worst)
+
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the residual, shape (size,), and the Jacobian, shape (size, size + active)."""
+        self.set_parameters(u)
+        m = self.size
+        F, J = np.empty(m), np.empty((m, m + self._active.size))
+        self._kernels.equations(
+            self._functions, self._modes, self._transitions, self._kinds, self.signature.turns, self.n, u,
+            self._extended, self._active, self.tol, self._atol(), self._mesh, self._mesh_at, self._anchor, F, J,
+            self._errors,
+        )  # fmt: skip
+        if self._active.size:
+            J[:, m:] *= self.scales
+        return F, J
+
+    def survey(self, u: NDArray[np.float64]) -> Survey:
+        """Return what a dense look at the orbit `u` shows; parameters as last set."""
+        compiled = self.system.compiled
+        n, n_out, n_t = self.n, compiled.n_outputs, len(self.system.transitions)
+        lows, highs = np.empty(n + n_out), np.empty(n + n_out)
+        margins, places = np.empty((self.segments, n_t)), np.empty((self.segments, n_t))
+        rates, x0 = np.zeros((self.segments, 2)), np.empty(n)
+        faults = self._kernels.survey(
+            self._functions, self._modes, self._transitions, self._kinds, self._sources, self._directions, n,
+            len(self.system.modes), n_out, self.system.phase is not None, u, self._extended, self._mesh, self._mesh_at,
+            self._nodes, self._coefficients, lows, highs, margins, places, rates, x0,
+        )  # fmt: skip
+        return Survey(int(faults), lows, highs, margins, places, rates, x0)

@@ -1,0 +1,246 @@
+"""Periodic orbits from a guess: Newton's method on the segment equations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.errors import ConvergenceError, InputError, nearest
+from saltus.orbits.orbit import PeriodicOrbit, orbit_at
+from saltus.orbits.problem import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, OrbitProblem, Signature
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.system import HybridSystem
+
+__all__ = ["converge", "settle_signature", "solve_orbit", "solve_unknowns"]
+
+_ITERATIONS = 40
+_SMALL = 1e-11
+
+
+def solve_orbit(
+    system: HybridSystem,
+    parameters: Mapping[str, float] | None = None,
+    segments: Sequence[tuple[str, str | None, ArrayLike, float]] = (),
+    *,
+    tol: float = 1e-11,
+) -> PeriodicOrbit:
+    """Return the periodic orbit near a guess, stable or not.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        The system.
+    parameters : mapping of str to float, optional
+        Parameters that differ from the system's defaults.
+    segments : sequence of (mode, transition, x0, duration)
+        The guess, in order: where each segment runs, the transition that ends it, its initial state and its duration.
+        With a phase, `x0` may leave it out: the first segment then starts at phase 0, and a last segment whose
+        transition is the phase's name ends at phase 0 again. A segment that closes without any event has the phase's
+        name, or None, as its transition.
+    tol : float, optional
+        Relative tolerance of the flow's steps.
+
+    Returns
+    -------
+    PeriodicOrbit
+
+    Raises
+    ------
+    InputError
+        The segments do not fit the system.
+    ConvergenceError
+        Newton's method finds no orbit near the guess.
+
+    Examples
+    --------
+    The orbit of a ball on a vibrating table that jumps once a period, unstable where it is a saddle:
+
+    >>> from saltus import HybridSystem, Mode, Transition
+    >>> ball = HybridSystem(
+    ...     ("z", "v"), {"g": 1.0, "e": 0.5, "a": 1.2, "w": 1.0}, {"flight": Mode({"z": "v", "v": "-g"})},
+    ...     [Transition("flight", "flight", "z - a*sin(theta)", -1, {"v": "-e*v + (1+e)*a*w*cos(theta)"}, name="impact")],
+    ...     phase=("theta", "w"),
+    ... )
+    >>> orbit = solve_orbit(ball, segments=[("flight", "impact", [0.6, 3.14, 0.5], 6.28)])
+    >>> orbit.signature, round(orbit.period, 6)
+    ((('flight', 'impact'),), 6.283185)
+    """
+    p = system.parameter_vector(parameters)
+    signature, u = _read_segments(system, p, segments)
+    return converge(system, signature, u, p, tol)
+
+
+def converge(
+    system: HybridSystem, signature: Signature, u: NDArray[np.float64], p: NDArray[np.float64], tol: float
+) -> PeriodicOrbit:
+    """Return the orbit of a signature near the unknowns `u`, its segments' ends chosen to be regular."""
+    problem = OrbitProblem(system, signature, p, tol=tol)
+    u, F, J = solve_unknowns(problem, u)
+    chosen, turned = settle_signature(problem, u)
+    if chosen != signature:
+        problem = OrbitProblem(system, chosen, p, tol=tol)
+        u, F, J = solve_unknowns(problem, turned)
+    return orbit_at(problem, u, J, float(np.abs(F).max()))
+
+
+def solve_unknowns(
+    problem: OrbitProblem, u: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return unknowns, residual and Jacobian of an orbit near `u`, by damped Newton steps at fixed parameters.
+
+    Raises
+    ------
+    ConvergenceError
+        The steps do not converge.
+    """
+    u = _within_reach(problem, u)
+    scale = np.tile(np.append(problem.state_scale, 1.0), problem.segments)
+    F, J = problem.evaluate(u)
+    size, remeshed = float(np.abs(F).max()), 0
+    for iteration in range(_ITERATIONS):
+        try:
+            step = np.linalg.solve(J, -F)
+        except np.linalg.LinAlgError:
+            raise ConvergenceError("periodic orbit", size, iteration, "the equations are singular there") from None
+        length = float(np.max(np.abs(step) / scale))
+        if not math.isfinite(length):
+            break
+        factor = min(1.0, 2.0 / length) if length > 2.0 else 1.0
+        while True:
+            trial = u + factor * step
+            F_new, J_new = problem.evaluate(trial)
+            new = float(np.abs(F_new).max())
+            if new <= (1.0 - 0.2 * factor) * size or (length < 1e-6 and new < 1e-6):
+                break
+            factor *= 0.5
+            if factor < 1e-3:
+                raise ConvergenceError("periodic orbit", size, iteration, "start from a nearer guess")
+        u, F, J, size = trial, F_new, J_new, new
+        if factor == 1.0 and length < _SMALL:
+            if problem.refine() <= 2.0 or remeshed >= 4:
+                return u, F, J
+            remeshed += 1
+            F, J = problem.evaluate(u)
+            size = float(np.abs(F).max())
+        elif length > 1e-2 or iteration == 0:
+            u = _within_reach(problem, u)
+            F, J = problem.evaluate(u)
+            size = float(np.abs(F).max())
+    raise ConvergenceError("periodic orbit", size, _ITERATIONS, "start from a nearer guess")
+
+
+def _within_reach(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return unknowns whose flow can be followed: durations that run into a singularity of the field are shortened."""
+    u = u.copy()
+    for _ in range(100):
+        blocked = problem.start(u)
+        if blocked is None:
+            return u
+        u[blocked * (problem.n + 1) + problem.n] *= 0.97
+    hint = "the field is singular or the state diverges there"
+    raise ConvergenceError("flow of a segment", math.inf, 0, hint)
+
+
+def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Signature, NDArray[np.float64]]:
+    """Return signature and unknowns with the longest segment first, and mean-rate ends where a segment starts on its own event.
+
+    A segment that starts on the surface on which it ends has the trivial solution of zero length, which would make the
+    equations singular at a grazing; the longest segment keeps its event as its end.
+    """
+    signature, n = problem.signature, problem.n
+    blocks = u[: problem.size].reshape(problem.segments, n + 1).copy()
+    if signature.kinds[0] in (PHASE_END, CLOSED_END):
+        return signature, u
+    first = int(np.argmax(blocks[:, n]))
+    if problem.system.phase is not None:
+        blocks[:first, n - 1] += 2.0 * math.pi * signature.turns
+    blocks = np.roll(blocks, -first, axis=0)
+    if problem.system.phase is not None:
+        blocks[:, n - 1] -= 2.0 * math.pi * math.floor(blocks[0, n - 1] / (2.0 * math.pi) + 1e-12)
+    modes = np.roll(signature.modes, -first)
+    transitions = np.roll(signature.transitions, -first)
+    kinds = [EVENT_END]
+    out = np.empty(2)
+    for block, transition in zip(blocks[1:], transitions[1:], strict=True):
+        problem.system.compiled.call("event", int(transition), 0, np.ascontiguousarray(block[:n]), problem._extended, out)
+        speed = max(abs(out[1]), 1e-3)
+        kinds.append(MEAN_END if abs(out[0]) < 1e-9 * speed else EVENT_END)
+    chosen = Signature(tuple(modes.tolist()), tuple(transitions.tolist()), tuple(kinds), signature.turns)
+    return chosen, blocks.ravel()
+
+
+def _read_segments(
+    system: HybridSystem, p: NDArray[np.float64], segments: Sequence[tuple[Any, ...]]
+) -> tuple[Signature, NDArray[np.float64]]:
+    if not segments:
+        raise InputError("segments", list(segments), "one (mode, transition, x0, duration) or more")
+    n = len(system.all_states)
+    phase = None if system.phase is None else system.phase[0]
+    rate = 0.0
+    blocks, modes, transitions = np.empty((len(segments), n + 1)), [], []
+    elapsed = 0.0
+    for i, segment in enumerate(segments):
+        try:
+            mode, transition, x0, duration = segment
+        except (TypeError, ValueError):
+            raise InputError(f"segments[{i}]", segment, "(mode, transition, x0, duration)") from None
+        modes.append(system.mode_index(mode))
+        transitions.append(_transition_index(system, mode, transition, i))
+        if not (isinstance(duration, int | float | np.number) and 0.0 < duration < math.inf):
+            raise InputError(f"segments[{i}] duration", duration, "a finite number > 0")
+        x = system.full_state(x0, f"segments[{i}] x0")
+        if phase is not None:
+            if i == 0:
+                field = system.compiled.field(modes[0], x, p)
+                rate, elapsed = float(field[-1]), float(x[-1])
+            elif np.size(x0) == len(system.states):
+                x[-1] = elapsed
+            else:
+                x[-1] += 2.0 * math.pi * round((elapsed - x[-1]) / (2.0 * math.pi))
+            elapsed += rate * duration
+        blocks[i, :n], blocks[i, n] = x, duration
+    turns = 0
+    if phase is not None:
+        turns = round((elapsed - blocks[0, n - 1]) / (2.0 * math.pi))
+        if turns < 1:
+            wanted = "durations that sum to a whole number of forcing periods, at least one"
+            raise InputError("segments", float(blocks[:, n].sum()), wanted, f"the forcing period is {2 * math.pi / rate:g}")
+    if transitions[-1] < 0 and len(segments) > 1:
+        if modes[-1] != modes[0]:
+            raise InputError("segments", segments[-1][0], f"closed in the mode of the first segment, {segments[0][0]!r}")
+        last = blocks[-1].copy()
+        last[n] += blocks[0, n]
+        if phase is not None:
+            last[n - 1] -= 2.0 * math.pi * turns
+        blocks = np.vstack([last, blocks[1:-1]])
+        modes, transitions = modes[:-1], transitions[:-1]
+    if any(transition < 0 for transition in transitions[: None if len(transitions) > 1 else 0]):
+        raise InputError("segments", [s[1] for s in segments], "a transition for each segment but the last")
+    for i, transition in enumerate(transitions):
+        if transition >= 0:
+            target = system.mode_index(system.transitions[transition].target)
+            if target != modes[(i + 1) % len(modes)]:
+                name = system.transitions[transition].name
+                wanted = f"{system.mode_names[target]!r}, where {name!r} leads"
+                raise InputError(f"segments[{(i + 1) % len(modes)}] mode", system.mode_names[modes[(i + 1) % len(modes)]], wanted)
+    closing = PHASE_END if phase is not None else CLOSED_END
+    kinds = (closing,) if transitions[0] < 0 else (EVENT_END,) * len(modes)
+    return Signature(tuple(modes), tuple(transitions), kinds, turns), blocks.ravel()
+
+
+def _transition_index(system: HybridSystem, mode: str, transition: str | None, i: int) -> int:
+    if transition is None or (system.phase is not None and transition == system.phase[0]):
+        return -1
+    names = [t.name for t in system.transitions if t.source == mode]
+    if transition not in names:
+        closing = [] if system.phase is None else [system.phase[0]]
+        known = [*names, *closing]
+        wanted = f"a transition out of {mode!r}: {', '.join(known) or 'none'}"
+        raise InputError(f"segments[{i}] transition", transition, wanted, nearest(str(transition), known))
+    return system.transition_names.index(transition)
