@@ -26,9 +26,12 @@ FIELD, EVENT, EVENT_X, RESET, GUARD = (
 DONE, AGAIN, CHATTERING, UNBOUNDED, STEP_UNDERFLOW, LEFT_DOMAIN, FIELD_NOT_FINITE, RESET_NOT_FINITE = range(8)
 """What `run_kernel` returns; AGAIN when a buffer is full or the budget of steps is spent."""
 
-T, T_LOW, STEP, DURATION, LONGEST, LAST, LAST_BUT_ONE, FIRST_STEP, RESIDUAL, N_NUMBERS = range(10)
+T, T_LOW, STEP, DURATION, LONGEST, LAST, LAST_BUT_ONE, FIRST_STEP, RESIDUAL, STEP_BEFORE, ERROR_BEFORE, N_NUMBERS = (
+    range(12)
+)
 """Places in `numbers`: time and its rounding, next step, time since the last event, the longest such time, the last
-two, the first step of this segment, residual of the last landing relative to its scale."""
+two, the first step of this segment, residual of the last landing relative to its scale, the last step accepted in this
+segment and its error (0: none)."""
 
 MODE, STARTING, FIRED, MODE_BEFORE, WRAPS, EVENTS, SMALL_RUN, SHRINKING_RUN, STILL_RUN, N_STEPS, N_EVENTS, N_COUNTS = (
     range(12)
@@ -209,7 +212,7 @@ def _leaving_side(q, degree, rate_counts):
 @njit(cache=True, error_model="numpy")
 def _scan(
     addresses, k, n, p, x, dense, h, value_0, value_1, on, rate_h, rate_counts, consumed, side, direction,
-    rtol, atol, size, y, event, values, b, stack, work, found,
+    rtol, atol, y, event, values, b, stack, work, found,
 ):  # fmt: skip
     """All zeros of event function k in the step, in order.
 
@@ -237,7 +240,7 @@ def _scan(
                 total += FIT[i, j] * (values[j] - origin)
             b[i] = total
         fits = True
-        tolerance = max(0.1 * (atol + rtol * largest), 1e-12 * largest, 4.0 * ROUNDING * size)
+        tolerance = max(0.1 * (atol + rtol * largest), 1e-12 * largest)
         for i in range(2):
             fitted, _slope = _bernstein_value(b, DEGREE, CHECKS[i], work)
             exact = _event_at(addresses, k, n, p, x, dense, a + width * CHECKS[i], y, event)
@@ -247,7 +250,7 @@ def _scan(
         if not fits and width > 1.0 / 512.0:
             width *= 0.5
             continue
-        noise = 1e-14 * largest
+        noise = 1e-13 * largest
         degree = DEGREE
         if on_here:
             # h / s: its coefficient i is h's coefficient i + 1 times degree / (i + 1)
@@ -287,6 +290,28 @@ def _scan(
         a = end
         width = min(2.0 * width, 1.0 - a)
     return count, before
+
+
+@njit(cache=True, error_model="numpy")
+def _stays_away(addresses, k, n, p, x, dense, value_0, slope_0, value_1, slope_1, y, event):
+    """Whether an event function is far from zero in the whole step.
+
+    The cubic with the values and slopes at both ends lies within its Bernstein coefficients; all of them must be ten
+    times farther from zero than the function is from the cubic, at two points.
+    """
+    b1, b2 = value_0 + slope_0 / 3.0, value_1 - slope_1 / 3.0
+    if value_0 > 0.0:
+        least = min(min(value_0, b1), min(b2, value_1))
+    else:
+        least = -max(max(value_0, b1), max(b2, value_1))
+    if not least > 0.0:
+        return False
+    for s in (0.2831, 0.6137):
+        other = 1.0 - s
+        cubic = other**3 * value_0 + 3.0 * s * other * (other * b1 + s * b2) + s**3 * value_1
+        if not 10.0 * abs(_event_at(addresses, k, n, p, x, dense, s, y, event) - cubic) < least:
+            return False
+    return True
 
 
 @njit(cache=True, error_model="numpy")
@@ -388,6 +413,18 @@ def _first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end):
         return 1e-3 * h
     other = max(1e-6, 1e-3 * h) if largest <= 1e-15 else (0.01 / largest) ** 0.125
     return min(100.0 * h, other)
+
+
+@njit(cache=True, error_model="numpy")
+def _step_factor(error, h, numbers):
+    """Next step over this one: predictive where steps shrink towards a steep place (Hairer & Wanner, II, IV.8)."""
+    if error < 1e-8:
+        return 6.0
+    factor = 0.9 * error**-0.125
+    if numbers[STEP_BEFORE] > 0.0 and error <= 1.0:
+        predicted = 0.9 * h / numbers[STEP_BEFORE] * (numbers[ERROR_BEFORE] / (error * error)) ** 0.125
+        factor = min(factor, predicted)
+    return min(6.0, max(0.2, factor))
 
 
 @njit(cache=True, error_model="numpy")
@@ -511,7 +548,7 @@ def run_kernel(
             numbers[STEP] = first_steps[mode]
             if numbers[STEP] <= 0.0:
                 numbers[STEP] = _first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end)
-            numbers[FIRST_STEP] = 0.0
+            numbers[FIRST_STEP] = numbers[STEP_BEFORE] = 0.0
             for k in range(n_transitions):
                 if transitions[k, 0] != mode:
                     continue
@@ -526,11 +563,12 @@ def run_kernel(
             counts[STARTING] = 0
 
         # how far: to the tolerance, the end, or the phase's wrap, whichever is first
-        wraps = False
+        wraps, last = False, True
         if phase > 0.0:
             to_wrap = (TWO_PI - x[n - 1]) / phase
             if to_wrap <= room + 1e-13 * TWO_PI / phase:
                 wraps = True
+                last = to_wrap >= room - 1e-13 * TWO_PI / phase
                 room = to_wrap
         tried = numbers[STEP]
         ends = room <= 1.01 * tried
@@ -539,7 +577,7 @@ def run_kernel(
 
         _full_step(addresses, mode, n, p, h, x, slopes, y, x_end)
         error = error_norm(slopes, n, used, h, x, x_end, rtol, atol)
-        factor = 6.0 if error < 1e-8 else min(6.0, max(0.2, 0.9 * error**-0.125))
+        factor = _step_factor(error, h, numbers)
         accepted = error <= 1.0
         if accepted:
             if wraps:
@@ -551,6 +589,13 @@ def run_kernel(
             if not error >= 0.0 or error <= 1.0 or error == math.inf:
                 factor = 0.2
             numbers[STEP] = h * factor
+            for k in range(n_transitions):
+                # the field may have a kink on the surface ahead: end just past it, and the landing is near
+                if transitions[k, 0] == mode and on[k] == 0:
+                    call(addresses[EVENT], k, 0, x, 0, p, event, 0)
+                    ahead = -1.05 * event[0] / event[1]
+                    if numbers[STEP] < ahead < 0.8 * h:
+                        numbers[STEP] = ahead
             if numbers[STEP] <= 4.0 * EPSILON * numbers[T] or numbers[STEP] < 1e-250:
                 return STEP_UNDERFLOW
             continue
@@ -566,17 +611,22 @@ def run_kernel(
             n_found[k] = passed[k] = 0
             if transitions[k, 0] != mode:
                 continue
-            rate_h, rate_counts = 0.0, False
+            rate_counts = False
+            call(addresses[EVENT_X if on[k] == 1 else EVENT], k, 0, x, 0, p, event, 0)
+            rate_h = event[1] * h
             if on[k] == 1:
-                call(addresses[EVENT_X], k, 0, x, 0, p, event, 0)
-                rate_h = event[1] * h
                 rate_counts = abs(event[1]) > ROUNDING * _scale(event, 2 + n, n, size)
             call(addresses[EVENT], k, 0, x_end, 0, p, event, 0)
             value_end[k] = event[0]
+            before[k] = side[k]
+            if on[k] == 0 and side[k] * value[k] > 0.0 and _stays_away(
+                addresses, k, n, p, x, dense, value[k], rate_h, event[0], event[1] * h, y, event
+            ):
+                continue
             consumed = k == counts[FIRED] and counts[MODE_BEFORE] == mode
             n_found[k], before[k] = _scan(
                 addresses, k, n, p, x, dense, h, value[k], value_end[k], on[k] == 1, rate_h, rate_counts, consumed,
-                side[k], transitions[k, 2], rtol, atol, 0.0, y, event, values, b, stack, work, found[k],
+                side[k], transitions[k, 2], rtol, atol, y, event, values, b, stack, work, found[k],
             )  # fmt: skip
             too_many = too_many or n_found[k] < 0
         if too_many:
@@ -636,7 +686,7 @@ def run_kernel(
             passed[first] = index + 1
 
         if numbers[FIRST_STEP] == 0.0:
-            numbers[FIRST_STEP] = h * factor
+            numbers[FIRST_STEP] = h * min(factor, max(1.0, 0.5 * factor))
         if fired < 0:
             for e in range(used):
                 if not abs(x_end[e]) < BOUND:
@@ -648,6 +698,8 @@ def run_kernel(
                 x[e] = x_end[e]
                 slopes[e] = slopes[12 * n + e]
             _advance(numbers, h)
+            if ends and last:
+                numbers[T], numbers[T_LOW] = t_end, 0.0
             call(addresses[GUARD], mode, 0, x, 0, p, guard, 0)
             if not guard[0] > 0.0:
                 return LEFT_DOMAIN
@@ -657,6 +709,7 @@ def run_kernel(
                     side[k] = before[k] if n_found[k] % 2 == 0 else -before[k]
                     on[k] = 1 if side[k] == 0 else 0
             numbers[STEP] = max(h * factor, tried) if ends else h * factor
+            numbers[STEP_BEFORE], numbers[ERROR_BEFORE] = h, max(error, 1e-4)
             if wraps:
                 for e in range(n):
                     y[e] = x[e]

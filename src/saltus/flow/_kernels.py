@@ -287,3 +287,21 @@ def dense_value(dense, at, n, x, x_at, fraction, out):
         y = (y + dense[c + n]) * other
         y = (y + dense[c]) * fraction
         out[e] = x[x_at + e] + y
+
+
+@njit(cache=True, error_model="numpy")
+def dense_slope(dense, at, n, fraction, out):
+    """Write the derivative of the dense output with respect to the fraction of the step into `out`, (n,)."""
+    other = 1.0 - fraction
+    for e in range(n):
+        c = at + e
+        y = slope = 0.0
+        for k in range(6, -1, -1):
+            y += dense[c + k * n]
+            if k % 2 == 0:
+                slope = slope * fraction + y
+                y *= fraction
+            else:
+                slope = slope * other - y
+                y *= other
+        out[e] = slope

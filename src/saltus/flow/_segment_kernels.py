@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from saltus.flow._kernels import call, dense_coefficients, error_norm, stage
+from saltus.flow._kernels import call, dense_coefficients, dense_slope, dense_value, error_norm, stage
 from saltus.flow.tableaux import NODES
 
 VARY, FIELD, FIELD_P, EVENT_X, EVENT_P = 2, 1, 3, 5, 6
@@ -38,6 +38,27 @@ def state_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, n):
     state_slope(functions, mode, duration, s + h, x_end, p, slopes, 12 * n, n)
 
 
+PROBES = (0.16, 0.46, 0.75, 0.93)
+MISSED = 1e4
+
+
+@njit(cache=True, error_model="numpy")
+def missed(functions, mode, duration, s, h, p, dense, dense_at, nodes, nodes_at, n, x, probe, field, rtol, atol):
+    """Whether a step passed over something: its dense output, between the stages, is far from satisfying the equations.
+
+    The error estimate sees the field at the stages only, and a narrow dip towards a surface can lie between them.
+    """
+    for k in range(len(PROBES)):
+        fraction = PROBES[k]
+        dense_value(dense, dense_at, n, nodes, nodes_at, fraction, x)
+        dense_slope(dense, dense_at, n, fraction, probe)
+        state_slope(functions, mode, duration, s + fraction * h, x, p, field, 0, n)
+        for e in range(n):
+            if not abs(probe[e] - h * field[e]) <= MISSED * (atol + rtol * abs(x[e])):
+                return True
+    return False
+
+
 @njit(cache=True, error_model="numpy")
 def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
     """Fill `mesh` with the ends of steps from 0 to 1 whose errors are within tolerance; return their count.
@@ -47,6 +68,7 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
     n = x0.size
     slopes = np.zeros(16 * n)
     x, y, x_end = x0.copy(), np.empty(n), np.empty(n)
+    coefficients, probe, field = np.empty(7 * n), np.empty(n), np.empty(n)
     mesh[0] = 0.0
     count, s, h = 0, 0.0, 0.05
     state_slope(functions, mode, duration, 0.0, x, p, slopes, 0, n)
@@ -64,6 +86,13 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
         if error > 1.0:
             h *= max(0.2, 0.9 * error**-0.125)
             continue
+        for i in range(13, 16):
+            stage(i, slopes, n, h, x, y)
+            state_slope(functions, mode, duration, s + C[i] * h, y, p, slopes, i * n, n)
+        dense_coefficients(slopes, n, h, x, x_end, coefficients)
+        if missed(functions, mode, duration, s, h, p, coefficients, 0, x, 0, n, y, probe, field, rtol, atol):
+            h *= 0.5
+            continue
         count += 1
         if count >= mesh.size:
             return -1
@@ -72,7 +101,7 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
         for e in range(n):
             x[e] = x_end[e]
             slopes[e] = slopes[12 * n + e]
-        h *= min(6.0, 0.9 * max(error, 1e-12) ** -0.125)
+        h *= min(4.0, 0.9 * max(error, 1e-12) ** -0.125)
     return count
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from saltus.flow._kernels import call, dense_value
-from saltus.flow._segment_kernels import FIELD, dense, flow, redistribute
+from saltus.flow._segment_kernels import FIELD, dense, flow, missed, redistribute
 
 DERIVE, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = 0, 4, 5, 6, 7, 8, 9, 10, 11
 EVENT_END, MEAN_END, PHASE_END, CLOSED_END = 0, 1, 2, 3
@@ -95,46 +95,6 @@ def equations(functions, modes, transitions, kinds, turns, n, u, p, active, rtol
             for a in range(n):
                 F[last] += anchor[n + a] * (u[row + a] - anchor[a])
                 J[last, row + a] += anchor[n + a]
-
-
-@njit(cache=True, error_model="numpy")
-def solve(matrix, rhs):
-    """Solve matrix x = rhs in place (both are overwritten) and return the sign and log of |det|; sign 0 where singular.
-
-    matrix: (m, m); rhs: (m, k).
-    """
-    m, k = rhs.shape
-    sign, log = 1.0, 0.0
-    for i in range(m):
-        pivot, best = i, abs(matrix[i, i])
-        for r in range(i + 1, m):
-            if abs(matrix[r, i]) > best:
-                pivot, best = r, abs(matrix[r, i])
-        if not best > 0.0:
-            return 0.0, -np.inf
-        if pivot != i:
-            sign = -sign
-            for c in range(i, m):
-                matrix[i, c], matrix[pivot, c] = matrix[pivot, c], matrix[i, c]
-            for c in range(k):
-                rhs[i, c], rhs[pivot, c] = rhs[pivot, c], rhs[i, c]
-        if matrix[i, i] < 0.0:
-            sign = -sign
-        log += math.log(best)
-        for r in range(i + 1, m):
-            factor = matrix[r, i] / matrix[i, i]
-            if factor != 0.0:
-                for c in range(i + 1, m):
-                    matrix[r, c] -= factor * matrix[i, c]
-                for c in range(k):
-                    rhs[r, c] -= factor * rhs[i, c]
-    for c in range(k):
-        for i in range(m - 1, -1, -1):
-            total = rhs[i, c]
-            for j in range(i + 1, m):
-                total -= matrix[i, j] * rhs[j, c]
-            rhs[i, c] = total / matrix[i, i]
-    return sign, log
 
 
 @njit(cache=True, error_model="numpy")
@@ -304,23 +264,25 @@ def lowest(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outpu
 
 
 FINE = 4
-DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE = 1, 2, 4, 8, 16, 32
+DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE, COARSE = 1, 2, 4, 8, 16, 32, 64
 
 
 @njit(cache=True, error_model="numpy")
 def survey(
-    functions, modes, transitions, kinds, sources, directions, n, n_modes, n_outputs, has_phase, u, p, mesh, mesh_at,
+    functions, modes, transitions, kinds, sources, directions, n, n_modes, n_outputs, has_phase, u, p, rtol, atol, mesh, mesh_at,
     nodes, coefficients, lows, highs, margins, places, rates, at_zero,
 ):
     """Follow an orbit densely: extremes of every state and output, margins to other events, normal velocities, state at phase 0.
 
     lows, highs: (n + n_outputs,). margins, places: (segments, transitions): the least interior local minimum of each event
     function in its firing direction (inf where there is none), and where in clustered time. rates: (segments, 2): Lie
-    derivative of each segment's event at its end and at its start. Returns the bits of what makes the orbit inadmissible.
+    derivative of each segment's event at its end and at its start. Returns the bits of what makes the orbit inadmissible, and
+    COARSE where a step passed over something.
     """  # fmt: skip
     segments, wide, n_transitions = modes.size, n + 1, sources.size
     bad = 0
     x, out, one = np.empty(n), np.empty(max(n_outputs, 2)), np.empty(2)
+    probe, field = np.empty(n), np.empty(n)
     for q in range(n + n_outputs):
         lows[q] = np.inf
         highs[q] = -np.inf
@@ -338,6 +300,14 @@ def survey(
         dense(functions, mode, u, row, duration, p, mesh, first, count, n, nodes, nodes_at, coefficients, dense_at)
         if not duration > 0.0 and kinds[i] != MEAN_END or duration < 0.0:
             bad |= DURATION
+        for step in range(count):
+            a = mesh[first + step]
+            if missed(
+                functions, mode, duration, a, mesh[first + step + 1] - a, p, coefficients, dense_at + step * 7 * n,
+                nodes, nodes_at + step * n, n, x, probe, field, rtol, atol,
+            ):  # fmt: skip
+                bad |= COARSE
+                break
         end = nodes_at + count * n
         if transition >= 0:
             call(functions[EVENT], transition, 0, nodes, end, p, one, 0)

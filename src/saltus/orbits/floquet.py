@@ -27,8 +27,8 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     Parameters
     ----------
     problem : OrbitProblem
-        The equations; parameters as last set.
-    u : ndarray, shape (size,) or more
+        The equations.
+    u : ndarray, shape (size + active,)
         The orbit.
     J : ndarray, shape (size, size) or wider
         Jacobian there.
@@ -42,6 +42,7 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     Dankowicz and Schilder, Recipes for Continuation, SIAM 2013, ch. 9; Leine and Nijmeijer, Dynamics and Bifurcations of
     Non-Smooth Mechanical Systems, Springer 2004, ch. 7.
     """
+    problem.set_parameters(u)
     n = problem.n
     P, R = np.empty((n, n)), np.empty((n, n))
     problem._kernels.pencil(J, problem._kinds, n, P, R)
@@ -105,7 +106,9 @@ def doubling_determinant(problem: OrbitProblem, J: NDArray[np.float64]) -> tuple
     matrix = J[:, :m].copy()
     last = m - n - 1
     matrix[last : last + n, :n] += 2.0 * np.eye(n)
-    sign, log = problem._kernels.solve(matrix, np.zeros((m, 0)))
+    from saltus.flow._linear_kernels import solve
+
+    sign, log = solve(matrix, np.zeros((m, 1)))
     return float(sign), float(log)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
-from saltus.orbits.problem import OrbitProblem, Signature, Survey
+from saltus.orbits.problem import FAULTS, OrbitProblem, Signature, Survey
 from saltus.results import Result, as_json, frozen
 from saltus.system import HybridSystem
 
@@ -122,7 +122,7 @@ class PeriodicOrbit(Result):
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why the orbit is not admissible, in words."""
-        return _reasons(self.faults)
+        return tuple(text for bit, text in FAULTS if self.faults & bit)
 
     @cached_property
     def min(self) -> Mapping[str, float]:
@@ -262,8 +262,3 @@ def orbit_at(
         survey.highs,
         problem.tol,
     )
-
-
-def _reasons(faults: int) -> tuple[str, ...]:
-    empty = np.empty(0)
-    return Survey(faults, empty, empty, empty, empty, empty, empty).reasons()

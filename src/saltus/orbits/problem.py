@@ -22,7 +22,7 @@ EVENT_END, MEAN_END, PHASE_END, CLOSED_END = 0, 1, 2, 3
 starts on the surface on which it ends: the trivial one of zero length is divided out); a whole number of forcing
 periods; a closed curve of an autonomous mode."""
 
-_FAULTS = (
+FAULTS = (
     (1, "a segment's duration is not positive"),
     (2, "an event is crossed in the wrong direction"),
     (4, "another event lies inside a segment"),
@@ -30,6 +30,7 @@ _FAULTS = (
     (16, "a mode's domain is left"),
     (32, "the state is not finite"),
 )
+_COARSE = 64
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,8 @@ class Survey:
     ----------
     faults : int
         Bits of what makes the orbit no motion of the system; 0 for an admissible orbit.
+    coarse : bool
+        Whether a step of the mesh passed over something, so that the orbit is to be solved again on a new mesh.
     lows, highs : ndarray, shape (states + outputs,)
         Extremes over the period.
     margins, places : ndarray, shape (segments, transitions)
@@ -80,6 +83,7 @@ class Survey:
     """
 
     faults: int
+    coarse: bool
     lows: NDArray[np.float64]
     highs: NDArray[np.float64]
     margins: NDArray[np.float64]
@@ -94,7 +98,7 @@ class Survey:
 
     def reasons(self) -> tuple[str, ...]:
         """Return in words why the orbit is not admissible."""
-        return tuple(text for bit, text in _FAULTS if self.faults & bit)
+        return tuple(text for bit, text in FAULTS if self.faults & bit)
 
 
 @dataclass
@@ -237,7 +241,8 @@ class OrbitProblem:
         return F, J
 
     def survey(self, u: NDArray[np.float64]) -> Survey:
-        """Return what a dense look at the orbit `u` shows; parameters as last set."""
+        """Return what a dense look at the orbit `u` shows."""
+        self.set_parameters(u)
         compiled = self.system.compiled
         n, n_out, n_t = self.n, compiled.n_outputs, len(self.system.transitions)
         lows, highs = np.empty(n + n_out), np.empty(n + n_out)
@@ -245,7 +250,18 @@ class OrbitProblem:
         rates, x0 = np.zeros((self.segments, 2)), np.empty(n)
         faults = self._kernels.survey(
             self._functions, self._modes, self._transitions, self._kinds, self._sources, self._directions, n,
-            len(self.system.modes), n_out, self.system.phase is not None, u, self._extended, self._mesh, self._mesh_at,
+            len(self.system.modes), n_out, self.system.phase is not None, u, self._extended, self.tol, self._atol(), self._mesh, self._mesh_at,
             self._nodes, self._coefficients, lows, highs, margins, places, rates, x0,
         )  # fmt: skip
-        return Survey(int(faults), lows, highs, margins, places, rates, x0)
+        return Survey(int(faults) & ~_COARSE, bool(faults & _COARSE), lows, highs, margins, places, rates, x0)
+
+    def state_on(self, u: NDArray[np.float64], segment: int, place: float) -> NDArray[np.float64]:
+        """Return the full state at a clustered time of a segment, after `survey` at the same `u`."""
+        x, out = np.empty(self.n), np.empty(max(2, self.system.compiled.n_outputs))
+        first = int(self._mesh_at[segment])
+        count = int(self._mesh_at[segment + 1]) - first - 1
+        self._kernels.sample(
+            self._functions, self._modes[segment], 0, 1.0, first * 7 * self.n, self._mesh, first, count, self.n,
+            self.system.compiled.n_outputs, self._nodes, first * self.n, self._coefficients, place, self._extended, x, out,
+        )  # fmt: skip
+        return x

@@ -123,8 +123,9 @@ def solve_unknowns(
                 raise ConvergenceError("periodic orbit", size, iteration, "start from a nearer guess")
         u, F, J, size = trial, F_new, J_new, new
         if factor == 1.0 and length < _SMALL:
-            if problem.refine() <= 2.0 or remeshed >= 4:
+            if (problem.refine() <= 2.0 and not problem.survey(u).coarse) or remeshed >= 4:
                 return u, F, J
+            problem.start(u)
             remeshed += 1
             F, J = problem.evaluate(u)
             size = float(np.abs(F).max())
@@ -166,11 +167,12 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
     modes = np.roll(signature.modes, -first)
     transitions = np.roll(signature.transitions, -first)
     kinds = [EVENT_END]
-    out = np.empty(2)
+    gradient = np.empty(2 + 2 * n)
     for block, transition in zip(blocks[1:], transitions[1:], strict=True):
-        problem.system.compiled.call("event", int(transition), 0, np.ascontiguousarray(block[:n]), problem._extended, out)
-        speed = max(abs(out[1]), 1e-3)
-        kinds.append(MEAN_END if abs(out[0]) < 1e-9 * speed else EVENT_END)
+        x = np.ascontiguousarray(block[:n])
+        problem.system.compiled.call("event_x", int(transition), 0, x, problem._extended, gradient)
+        size = float(np.abs(gradient[2 : 2 + n]) @ problem.state_scale)
+        kinds.append(MEAN_END if abs(gradient[0]) < 1e-8 * size else EVENT_END)
     chosen = Signature(tuple(modes.tolist()), tuple(transitions.tolist()), tuple(kinds), signature.turns)
     return chosen, blocks.ravel()
 

@@ -1,0 +1,36 @@
+# saltus: `make` lists the targets. PYTHON=python3.12 make ... chooses the interpreter.
+.POSIX:
+.NOTPARALLEL:
+.PHONY: help demo test lint bench lock clean
+
+BIN = .venv/bin
+PYTEST_ARGS = -n 2
+LOCK_ARGS =
+
+help: ## list the targets
+	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' Makefile | expand -t 8
+
+demo: ## compute figure 3 of the paper into results/
+	@tools/make_env.sh run
+	$(BIN)/saltus reproduce fig3 -o results/
+
+test: lint ## all checks: those of lint, then the tests (PYTEST_ARGS="-n 0 -k flow")
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+lint: ## style, types and the contract between the floors
+	@tools/make_env.sh test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+
+bench: ## run the benchmarks; benchmarks/README.md keeps the results
+	@tools/make_env.sh run
+	@set -e; for file in benchmarks/bench_*.py; do echo "$$file"; $(BIN)/python "$$file"; done
+
+lock: ## renew both lock files after a change of pyproject.toml (LOCK_ARGS=--upgrade: all to the newest)
+	@tools/lock.sh $(LOCK_ARGS)
+
+clean: ## remove .venv and all caches; results/ stays
+	rm -rf .venv .venv-lock build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -path ./.git -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +

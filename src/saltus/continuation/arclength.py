@@ -1,0 +1,372 @@
+"""Pseudo-arclength continuation of a zero problem: prediction, correction, steps, location. No orbits here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Event", "Failure", "Point", "StepControl", "ZeroProblem", "follow", "locate", "start_point"]
+
+
+@dataclass(frozen=True)
+class StepControl:
+    """How a branch is stepped along.
+
+    Parameters
+    ----------
+    initial, smallest, largest : float
+        Steps in arclength, measured in units of the orbit's size and of the parameter's interval.
+    deviation : float
+        Distance between predicted and corrected point at which the step is kept as it is.
+    angle : float
+        Largest angle between the tangents at a step's two ends, in radians.
+    iterations : int
+        Newton iterations after which a step is given up.
+    most : int
+        Points after which a branch stops.
+    """
+
+    initial: float = 0.01
+    smallest: float = 1e-8
+    largest: float = 0.1
+    deviation: float = 1e-3
+    angle: float = 0.5
+    iterations: int = 7
+    most: int = 5000
+
+    def __post_init__(self) -> None:
+        for name in ("initial", "smallest", "largest", "deviation", "angle"):
+            value = getattr(self, name)
+            if not (isinstance(value, int | float) and math.isfinite(value) and value > 0.0):
+                raise InputError(f"StepControl.{name}", value, "a finite number > 0")
+        if not self.smallest <= self.largest:
+            raise InputError("StepControl.smallest", self.smallest, f"<= largest, {self.largest!r}")
+
+
+class ZeroProblem(Protocol):
+    """F(u) = 0 with one unknown more than equations; the last unknown is the parameter."""
+
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the residual, shape (m,), and the Jacobian, shape (m, m + 1)."""
+
+    def accurate(self) -> bool:
+        """Return whether the discretisation was fine enough at the last evaluation; refine it where it was not."""
+
+    def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return weights, shape (m + 1,): the squared arclength of du is sum weights du^2."""
+
+    def scale(self) -> NDArray[np.float64]:
+        """Return typical sizes of the unknowns, shape (m + 1,), for Newton's criterion."""
+
+    def examine(self, point: Point, before: Point | None) -> Examined:
+        """Return what is to be known of a corrected point, and whether it may follow the one before."""
+
+    def monitor(self, name: str, point: Point) -> float:
+        """Return one monitor function at a point that need not be quite corrected."""
+
+
+@dataclass(frozen=True)
+class Examined:
+    """What a problem says of a point: values of its monitor functions, a fault that forbids it, anything it keeps."""
+
+    monitors: Mapping[str, float]
+    fault: str | None = None
+    data: Any = None
+
+
+@dataclass(eq=False)
+class Point:
+    """A point of a branch with its tangent (unit arclength) and the sign and log of the bordered determinant."""
+
+    u: NDArray[np.float64]
+    J: NDArray[np.float64]
+    tangent: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    sign: float
+    log: float
+    residual: float
+    iterations: int = 0
+    arc: float = 0.0
+    examined: Examined = field(default_factory=lambda: Examined({}))
+
+    @property
+    def parameter(self) -> float:
+        """The last unknown."""
+        return float(self.u[-1])
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A step that was not taken: where, how long, why."""
+
+    parameter: float
+    step: float
+    reason: str
+
+    def __str__(self) -> str:
+        return f"at parameter {self.parameter:.9g}, step {self.step:.3g}: {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """A zero of a monitor function, located."""
+
+    name: str
+    point: Point
+    value: float
+
+
+_ACCEPT = 1e-8
+
+
+def _bordered(J: NDArray[np.float64], row: NDArray[np.float64], rhs: NDArray[np.float64]) -> tuple[float, float]:
+    from saltus.flow._linear_kernels import solve
+
+    m = J.shape[0]
+    matrix = np.empty((m + 1, m + 1))
+    matrix[:m] = J
+    matrix[m] = row
+    sign, log = solve(matrix, rhs)
+    return float(sign), float(log)
+
+
+def correct(
+    problem: ZeroProblem,
+    guess: NDArray[np.float64],
+    tangent: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    iterations: int,
+) -> Point | str:
+    """Return the point of the branch in the hyperplane through `guess` normal to `tangent`, or why there is none."""
+    u = guess.copy()
+    row = weights * tangent
+    m = u.size - 1
+    scale = problem.scale()
+    previous = math.inf
+    for iteration in range(1, iterations + 1):
+        F, J = problem.evaluate(u)
+        rhs = np.zeros((m + 1, 2))
+        rhs[:m, 0] = -F
+        rhs[m, 0] = -(row @ (u - guess))
+        rhs[m, 1] = 1.0
+        sign, log = _bordered(J, row, rhs)
+        if sign == 0.0 or not math.isfinite(log):
+            return "Newton: the equations are singular there"
+        size = float(np.abs(rhs[:, 0] / scale).max())
+        if not size < 1e6:
+            return "Newton: the flow cannot be followed there"
+        u = u + rhs[:, 0]
+        if size < _ACCEPT and problem.accurate():
+            direction = rhs[:, 1] / math.sqrt(float(weights @ rhs[:, 1] ** 2))
+            return Point(u, J, direction, weights, sign, log, float(np.abs(F).max()), iteration)
+        if size > 0.7 * previous and size > 1e-5:
+            return "Newton: no contraction"
+        previous = size
+    return "Newton: too many iterations"
+
+
+def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float = 1.0) -> Point:
+    """Return the point nearest to `u` on the branch through it, its tangent with the parameter growing if `orientation` > 0.
+
+    Raises
+    ------
+    ValueError
+        There is no branch near `u`.
+    """
+    weights = problem.metric(u)
+    root = np.sqrt(np.maximum(weights, 1e-12))
+    J = np.empty(0)
+    for _ in range(6):
+        F, J = problem.evaluate(u)
+        step = np.linalg.lstsq(J / root, -F, rcond=None)[0] / root
+        u = u + step
+        if np.abs(step / problem.scale()).max() < _ACCEPT:
+            break
+    null = np.linalg.svd(J / root)[2][-1] / root
+    null *= np.sign(orientation * null[-1]) or 1.0
+    null /= math.sqrt(float(weights @ null**2))
+    point = correct(problem, u, null, weights, 7)
+    if isinstance(point, str):
+        raise ValueError(point)
+    return point
+
+
+def follow(
+    problem: ZeroProblem,
+    start: Point,
+    control: StepControl,
+    *,
+    located: Callable[[str], bool],
+    log: list[Failure],
+    first_step: float | None = None,
+) -> Iterator[Point | Event | str]:
+    """Yield points of a branch from `start` on (itself not) and the events between them, at last why it ended.
+
+    Parameters
+    ----------
+    problem : ZeroProblem
+        What is continued.
+    start : Point
+        Where, and by its tangent in which direction; examined.
+    control : StepControl
+        Steps.
+    located : callable
+        Whether a zero of the named monitor function is looked for.
+    log : list of Failure
+        Takes each rejected step.
+    first_step : float, optional
+        Instead of `control.initial`.
+    """
+    h = min(first_step or control.initial, control.largest)
+    point, before = start, None
+    while True:
+        guess, direction = _predict(point, before, h)
+        new = correct(problem, guess, point.tangent, point.weights, control.iterations)
+        reason = new if isinstance(new, str) else _misstep(point, new, guess, h, control)
+        events: list[Event] = []
+        if not isinstance(new, str) and reason is None:
+            new.arc = point.arc + _distance(point, new)
+            new.examined = problem.examine(new, point)
+            reason = new.examined.fault
+            if reason is None:
+                found = _events(problem, point, new, located)
+                if isinstance(found, str):
+                    reason = found
+                else:
+                    events = found
+        if reason is not None or isinstance(new, str):
+            log.append(Failure(point.parameter, h, str(reason)))
+            h *= 0.5 if isinstance(new, str) or "Newton" not in str(reason) else 0.25
+            if h < control.smallest:
+                yield f"step below {control.smallest:g}: {reason}"
+                return
+            continue
+        yield from events
+        yield new
+        deviation = math.sqrt(float(point.weights @ (new.u - guess) ** 2)) / control.deviation
+        growth = min(2.0, max(0.3, (1.0 / max(deviation, 1e-9)) ** (1.0 / 3.0)))
+        angle = _angle(point, new)
+        if angle > 0.5 * control.angle:
+            growth = min(growth, 0.8)
+        before, point = point, new
+        h = min(h * growth, control.largest)
+        del direction
+
+
+def _predict(point: Point, before: Point | None, h: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the point a step on, by the parabola through the tangents at the last two points, and the tangent there."""
+    if before is None or before.u.size != point.u.size or point.arc <= before.arc:
+        return point.u + h * point.tangent, point.tangent
+    bend = (point.tangent - before.tangent) / (point.arc - before.arc)
+    return point.u + h * point.tangent + 0.5 * h * h * bend, point.tangent + h * bend
+
+
+def _distance(a: Point, b: Point) -> float:
+    return math.sqrt(float(a.weights @ (b.u - a.u) ** 2))
+
+
+def _angle(a: Point, b: Point) -> float:
+    cosine = float(a.weights @ (a.tangent * b.tangent)) / math.sqrt(float(a.weights @ b.tangent**2))
+    return math.acos(min(1.0, max(-1.0, cosine)))
+
+
+def _misstep(point: Point, new: Point, guess: NDArray[np.float64], h: float, control: StepControl) -> str | None:
+    if _angle(point, new) > control.angle:
+        return "angle: the branch turns too sharply for the step"
+    moved = math.sqrt(float(point.weights @ (new.u - guess) ** 2))
+    if moved > max(20.0 * control.deviation, 0.0) or moved > 0.5 * h:
+        return "deviation: the corrected point lies too far from the predicted one"
+    a, b = point.tangent[-1], new.tangent[-1]
+    chord = (new.u[-1] - point.u[-1]) / h
+    if a * b > 0.0 and chord * a < 0.0:
+        return "folds: the parameter turns twice within the step"
+    return None
+
+
+def _events(problem: ZeroProblem, a: Point, b: Point, located: Callable[[str], bool]) -> list[Event] | str:
+    events: list[Event] = []
+    for name, value in b.examined.monitors.items():
+        old = a.examined.monitors.get(name, math.nan)
+        if not located(name) or not (math.isfinite(old) and math.isfinite(value)) or old == 0.0:
+            continue
+        if (old < 0.0) != (value < 0.0) or value == 0.0:
+            event = locate(problem, name, a, b, old, value)
+            if event is None:
+                return f"location: no zero of {name} between the step's ends"
+            events.append(event)
+    return sorted(events, key=lambda event: event.point.arc)
+
+
+def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: float) -> Event | None:
+    """Return the zero of a monitor function between two points, by Newton in the branch and secants along it.
+
+    Each iterate is one Newton step of the equations bordered by the plane normal to the branch, at the place along the
+    step where the secant of the monitor function vanishes, kept within the bracket.
+    """
+    length = b.arc - a.arc
+    low, high, f_low, f_high = 0.0, 1.0, fa, fb
+    s = fa / (fa - fb)
+    offset = np.zeros_like(a.u)
+    last_s, last_f = (0.0, fa) if abs(fa) < abs(fb) else (1.0, fb)
+    scale, m = problem.scale(), a.u.size - 1
+    floor = 1e-13 * max(abs(fa), abs(fb))
+    best: tuple[float, Point, float] | None = None
+    for _ in range(40):
+        base, tangent = _hermite(a, b, length, s)
+        tangent /= math.sqrt(float(a.weights @ tangent**2))
+        u = base + offset
+        row = a.weights * tangent
+        F, J = problem.evaluate(u)
+        rhs = np.zeros((m + 1, 2))
+        rhs[:m, 0] = -F
+        rhs[m, 1] = 1.0
+        sign, log = _bordered(J, row, rhs)
+        step = rhs[:, 0] if np.abs(F).max() > 1e-13 else np.zeros(m + 1)
+        size = float(np.abs(step / scale).max())
+        if sign == 0.0 or not size < 1e3:
+            return None
+        direction = rhs[:, 1] / math.sqrt(float(a.weights @ rhs[:, 1] ** 2))
+        offset = offset + step
+        point = Point(u + step, J, direction, a.weights, sign, log, float(np.abs(F).max()), 1, a.arc + s * length)
+        f = problem.monitor(name, point)
+        if not math.isfinite(f):
+            return None
+        if size < 1e-9 and not problem.accurate():
+            best, last_s, s = None, s, s
+            continue
+        if size < 1e-9 and (best is None or abs(f) < best[0]):
+            best = (abs(f), point, f)
+        if size < 1e-10 and (abs(f) <= floor or abs(s - last_s) * length < 1e-13):
+            break
+        if size < 1e-6 or abs(f) > 1e3 * size:
+            if (f < 0.0) == (f_low < 0.0):
+                low, f_low = s, f
+            else:
+                high, f_high = s, f
+        new = s - f * (s - last_s) / (f - last_f) if f != last_f else s
+        if not low < new < high:
+            new = 0.5 * (low + high) if abs(f) > floor and high - low > 1e-12 else s
+        last_s, last_f, s = s, f, new
+        if high - low < 1e-15:
+            break
+    if best is None:
+        return None
+    return Event(name, best[1], best[2])
+
+
+def _hermite(a: Point, b: Point, length: float, s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the cubic through both points with their tangents, and its derivative, at a fraction of the step."""
+    d = b.u - a.u
+    ta, tb = length * a.tangent, length * b.tangent
+    value = a.u + s * s * (3.0 - 2.0 * s) * d + s * (1.0 - s) * ((1.0 - s) * ta - s * tb)
+    slope = 6.0 * s * (1.0 - s) * d + (1.0 - s) * (1.0 - 3.0 * s) * ta + s * (3.0 * s - 2.0) * tb
+    return value, slope

@@ -1,0 +1,153 @@
+"""The neighbouring signature at a grazing, as a combinatorial step on the segments."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.orbits.problem import CLOSED_END, EVENT_END, PHASE_END, OrbitProblem, Signature
+from saltus.orbits.solve import settle_signature
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Neighbour", "neighbour"]
+
+_NEAR = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbour:
+    """The same orbit in another signature."""
+
+    signature: Signature
+    u: NDArray[np.float64]
+
+
+def neighbour(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> Neighbour | str:
+    """Return the grazing orbit `u` in the neighbouring signature, or in words why there is none.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The signature in which it was found.
+    monitor : str
+        What vanishes: ``margin i k`` (segment i touches the surface of transition k), ``rate i`` (segment i's event is
+        met without velocity) or ``duration i`` (segment i has no length).
+    u : ndarray, shape (size + 1,)
+        The orbit and the parameter.
+    """
+    kind, *numbers = monitor.split(" ")
+    blocks = u[: problem.size].reshape(problem.segments, problem.n + 1).copy()
+    if kind == "margin":
+        found = _insert(problem, blocks, u, int(numbers[0]), int(numbers[1]))
+    elif kind == "duration":
+        found = _remove(problem, blocks, u, int(numbers[0]))
+    else:
+        found = _merge(problem, blocks, u, int(numbers[0]))
+    if isinstance(found, str):
+        return found
+    signature, rows = found
+    fresh = OrbitProblem(problem.system, signature, problem.parameters_at(u), tol=problem.tol)
+    signature, turned = settle_signature(fresh, rows.ravel())
+    return Neighbour(signature, np.append(turned, u[problem.size :]))
+
+
+_Found = tuple[Signature, "NDArray[np.float64]"]
+
+
+def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int, k: int) -> _Found | str:
+    """Cut segment `i` where it touches the surface of transition `k`."""
+    system, n, old = problem.system, problem.n, problem.signature
+    place = problem.survey(u).places[i, k]
+    duration = blocks[i, n]
+    before = duration * place * place * (3.0 - 2.0 * place)
+    touching = problem.state_on(u, i, place)
+    landed = np.empty(n)
+    system.compiled.call("reset", k, 0, touching, problem._extended, landed)
+    scale = problem.state_scale
+    if np.max(np.abs(landed - touching) / scale) > _NEAR:
+        return "the reset moves the state there: no neighbouring signature is continuous"
+    mode = old.modes[i]
+    target = system.mode_index(system.transitions[k].target)
+    cut = [(mode, k, np.append(blocks[i, :n], before))]
+    if target != mode:
+        back = _way_back(problem, target, mode, landed)
+        if back is None:
+            return f"no transition leads back from {system.mode_names[target]!r}"
+        cut.append((target, back, np.append(landed, 0.0)))
+    rest = np.append(landed, duration - before)
+    if old.kinds[0] in (PHASE_END, CLOSED_END):
+        rest[n] = duration
+        for _, _, block in cut[1:]:
+            block[n - 1] += 2.0 * math.pi * old.turns
+        rows = [(mode, k, rest), *cut[1:]]
+    else:
+        same = [(m, t, b) for m, t, b in zip(old.modes, old.transitions, blocks, strict=True)]
+        rows = [*same[:i], *cut, (mode, old.transitions[i], rest), *same[i + 1 :]]
+    return _gather(rows, old.turns)
+
+
+def _way_back(problem: OrbitProblem, source: int, target: int, x: NDArray[np.float64]) -> int | None:
+    out = np.empty(2)
+    names = problem.system.mode_names
+    for k, transition in enumerate(problem.system.transitions):
+        if transition.source == names[source] and transition.target == names[target]:
+            problem.system.compiled.call("event", k, 0, np.ascontiguousarray(x), problem._extended, out)
+            if abs(out[0]) < _NEAR:
+                return k
+    return None
+
+
+def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> _Found | str:
+    """Take out segment `i`, which has no length, and join those on its two sides."""
+    old = problem.signature
+    count = len(old)
+    previous, following = (i - 1) % count, (i + 1) % count
+    if old.modes[previous] != old.modes[following]:
+        return "the modes on the two sides of the vanishing segment differ"
+    if count == 2:
+        return _closed(problem, blocks[previous], u)
+    joined = blocks[previous].copy()
+    joined[problem.n] += blocks[following, problem.n]
+    rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
+    rows[previous] = (old.modes[previous], old.transitions[following], joined)
+    kept = [row for j, row in enumerate(rows) if j not in (i, following)]
+    return _gather(kept, old.turns)
+
+
+def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> _Found | str:
+    """Join segment `i`, whose event is met without velocity and changes nothing, with the next one."""
+    old, n = problem.signature, problem.n
+    count = len(old)
+    following = (i + 1) % count
+    if old.modes[i] != old.modes[following]:
+        return "the event met without velocity changes the mode"
+    if count == 1:
+        return _closed(problem, blocks[0], u)
+    joined = blocks[i].copy()
+    joined[n] += blocks[following, n]
+    rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
+    rows[i] = (old.modes[i], old.transitions[following], joined)
+    kept = [row for j, row in enumerate(rows) if j != following]
+    return _gather(kept, old.turns)
+
+
+def _closed(problem: OrbitProblem, block: NDArray[np.float64], u: NDArray[np.float64]) -> _Found:
+    """One segment without events, from phase 0 where there is a phase."""
+    old, n = problem.signature, problem.n
+    closing = CLOSED_END if problem.system.phase is None else PHASE_END
+    signature = Signature((old.modes[0],), (-1,), (closing,), old.turns)
+    row = block.copy()
+    if closing == PHASE_END:
+        row[:n] = problem.survey(u).x0
+    return signature, row[None, :]
+
+
+def _gather(rows: list[tuple[int, int, NDArray[np.float64]]], turns: int) -> _Found:
+    modes, transitions, blocks = zip(*rows, strict=True)
+    kinds = (EVENT_END,) * len(rows)
+    return Signature(tuple(modes), tuple(transitions), kinds, turns), np.array(blocks)

@@ -1,0 +1,602 @@
+"""Branches of periodic orbits along one parameter, through grazings into the neighbouring signature."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, correct, follow, start_point
+from saltus.continuation.branch import Branch, SpecialPoint, SpecialPoints
+from saltus.continuation.grazing import Neighbour, neighbour
+from saltus.errors import InputError, nearest
+from saltus.orbits.floquet import doubling_determinant, has_unit_pair, multipliers, nontrivial, unstable_count
+from saltus.orbits.orbit import PeriodicOrbit, orbit_at
+from saltus.orbits.problem import MEAN_END, OrbitProblem, Signature, Survey
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["continue_orbit"]
+
+ACCURATE = 2.0
+"""Error of a segment's step, in tolerances, up to which a mesh is kept."""
+
+BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
+
+
+def continue_orbit(
+    orbit: PeriodicOrbit,
+    parameter: str,
+    bounds: tuple[float, float],
+    *,
+    steps: StepControl | None = None,
+    directions: str = "both",
+    events: Mapping[str, float] | None = None,
+    stop_at: str | Iterable[str] = (),
+    at_grazing: str = "switch",
+    progress: Callable[[int, float], None] | None = None,
+) -> Branch:
+    """Return the branch of periodic orbits through an orbit, as one parameter varies.
+
+    Saddle-nodes (SN), period doublings (PD), torus bifurcations (TR), branch points (BP) and grazings (GR) are located by
+    Newton's method. At a grazing the branch goes on in the neighbouring signature.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        Where the branch starts.
+    parameter : str
+        What varies.
+    bounds : (float, float)
+        Interval of the parameter; the start must lie in it.
+    steps : StepControl, optional
+        Sizes of steps and their limits.
+    directions : {"both", "up", "down"}
+        Which way the parameter goes at the start.
+    events : mapping of str to float, optional
+        Places of interest: ``{"gap": 0.02}`` records where an extreme of that output or state passes the value,
+        ``{"min_gap": ...}`` or ``{"max_gap": ...}`` one extreme only, a parameter's name where the parameter does.
+    stop_at : str or iterable of str, optional
+        Types of special points (``"SN"``, or a key of `events`) at the first of which the branch ends.
+    at_grazing : {"switch", "pass", "stop"}
+        Go on in the neighbouring signature, in the same one (where the equations have solutions that are no motion,
+        ``admissible`` false), or end there.
+    progress : callable, optional
+        Called with the count of points and the parameter after each.
+
+    Returns
+    -------
+    Branch
+        With what was found, however it ended: `Branch.stopped` says why. An interrupt (Ctrl-C) ends it likewise.
+
+    Raises
+    ------
+    InputError
+        A name, bounds or an option that cannot be used.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem, Mode, Transition, solve_orbit
+    >>> oscillator = HybridSystem(
+    ...     ("x", "v"), {"k": 1.0, "c": 0.1, "d": 1.0, "e": 0.8, "w": 1.0, "A": 1.0},
+    ...     {"free": Mode({"x": "v", "v": "A*cos(s) - c*v - k*x"})},
+    ...     [Transition("free", "free", "x - d", 1, {"v": "-e*v"}, name="impact")], phase=("s", "w"),
+    ... )
+    >>> orbit = solve_orbit(oscillator, {}, [("free", "impact", [1.0, -1.3, 0.1], 6.28)])
+    >>> branch = continue_orbit(orbit, "A", (0.05, 1.2))
+    >>> f"{branch['SN1'].parameters['A']:.9f} {branch['GR1'].parameters['A']:.9f}"
+    '0.099970754 0.100000000'
+    """
+    control = steps or StepControl()
+    system = orbit.system
+    low, high = _check(orbit, parameter, bounds, directions, at_grazing)
+    wanted = _read_events(orbit, parameter, events or {})
+    stops = {stop_at} if isinstance(stop_at, str) else set(stop_at)
+    if unknown := stops - {*BIFURCATIONS, *(name for name, *_ in wanted)}:
+        known = [*BIFURCATIONS, *(events or {})]
+        raise InputError("stop_at", min(unknown), f"one of {', '.join(known)}", nearest(min(unknown), known))
+    index = system.parameter_names.index(parameter)
+    scale = _scale(low, high, orbit.parameters[parameter])
+    run = _Run(orbit, index, scale, low / scale, high / scale, control, wanted, stops, at_grazing, progress)
+    start = run.begin()
+    halves: list[_Half] = []
+    for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
+        if halves and (halves[0].closed or halves[0].interrupted):
+            break
+        halves.append(run.trace(start, sign))
+    return _assemble(orbit, parameter, scale, start, halves, run)
+
+
+def _check(
+    orbit: PeriodicOrbit, parameter: str, bounds: tuple[float, float], directions: str, at_grazing: str
+) -> tuple[float, float]:
+    if not isinstance(orbit, PeriodicOrbit):
+        raise InputError("orbit", orbit, "a PeriodicOrbit", "find_orbit and solve_orbit give one")
+    names = orbit.system.parameter_names
+    if parameter not in names:
+        raise InputError("parameter", parameter, f"one of {', '.join(names)}", nearest(str(parameter), names))
+    if directions not in ("both", "up", "down"):
+        raise InputError("directions", directions, "'both', 'up' or 'down'")
+    if at_grazing not in ("switch", "pass", "stop"):
+        raise InputError("at_grazing", at_grazing, "'switch', 'pass' or 'stop'")
+    try:
+        low, high = (float(bound) for bound in bounds)
+    except (TypeError, ValueError):
+        raise InputError("bounds", bounds, "two numbers, the lower first") from None
+    value = orbit.parameters[parameter]
+    if math.isnan(low) or math.isnan(high) or not low < high:
+        raise InputError("bounds", bounds, "two numbers, the lower first")
+    if not low <= value <= high:
+        raise InputError("bounds", bounds, f"an interval that holds the start, {parameter} = {value:g}")
+    return low, high
+
+
+def _scale(low: float, high: float, value: float) -> float:
+    if math.isfinite(high - low):
+        return high - low
+    return abs(value) or 1.0
+
+
+def _read_events(orbit: PeriodicOrbit, parameter: str, events: Mapping[str, float]) -> list[tuple[str, str, float]]:
+    """Return (name, kind, value) for each event, kind being ``parameter`` or an extreme."""
+    found = []
+    quantities = [*orbit.min]
+    for name, value in events.items():
+        if not (isinstance(value, int | float) and math.isfinite(value)):
+            raise InputError(f"events[{name!r}]", value, "a finite number")
+        if name == parameter:
+            found.append((name, "parameter", float(value)))
+        elif name in quantities:
+            found += [(name, f"min_{name}", float(value)), (name, f"max_{name}", float(value))]
+        elif name.startswith(("min_", "max_")) and name[4:] in quantities:
+            found.append((name, name, float(value)))
+        else:
+            known = [parameter, *quantities, *(f"min_{q}" for q in quantities), *(f"max_{q}" for q in quantities)]
+            raise InputError("events", name, f"one of {', '.join(known)}", nearest(name, known))
+    return found
+
+
+@dataclass(frozen=True)
+class _Data:
+    """What a point of a branch keeps: its survey and its multipliers."""
+
+    survey: Survey
+    multipliers: NDArray[np.complex128]
+    unstable: int
+
+
+class _OrbitBranch:
+    """Orbits of one signature as a zero problem with one parameter."""
+
+    def __init__(self, problem: OrbitProblem, u: NDArray[np.float64], run: _Run) -> None:
+        self.problem = problem
+        self.run = run
+        self.n = problem.n
+        system = problem.system
+        self._names = (*system.all_states, *system.output_names)
+        self._autonomous = system.phase is None
+        self._log = math.nan
+        self.adjust(u)
+        transitions = system.transitions
+        self._margins = {
+            f"margin {i} {k}": (i, k)
+            for i, mode in enumerate(problem.signature.modes)
+            for k in range(len(transitions))
+            if transitions[k].source == system.mode_names[mode]
+        }
+        kinds = problem.signature.kinds
+        self._durations = {f"duration {i}": i for i, kind in enumerate(kinds) if kind == MEAN_END}
+        shadowed = {j for i in self._durations.values() for j in (i, i - 1 if i else len(kinds) - 1)}
+        self._rates = {
+            f"rate {i}": (i, float(transitions[k].direction or -1))
+            for i, k in enumerate(problem.signature.transitions)
+            if k >= 0 and i not in shadowed
+        }
+
+    def adjust(self, u: NDArray[np.float64]) -> None:
+        """Take typical sizes from an orbit."""
+        problem = self.problem
+        blocks = u[: problem.size].reshape(problem.segments, self.n + 1)
+        period = float(np.abs(blocks[:, self.n]).sum())
+        self._scale = np.append(np.tile(np.append(problem.state_scale, period), problem.segments), 1.0)
+
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return self.problem.evaluate(u)
+
+    def accurate(self) -> bool:
+        return self.problem.refine() <= ACCURATE
+
+    def scale(self) -> NDArray[np.float64]:
+        return self._scale
+
+    def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Weights of the segments' initial states by the trapezoidal rule over the period, so that a segment of zero length changes nothing."""
+        problem, n = self.problem, self.n
+        durations = np.abs(u[: problem.size].reshape(problem.segments, n + 1)[:, n])
+        share = 0.5 * (durations + np.roll(durations, 1)) / durations.sum()
+        block = np.append(1.0 / problem.state_scale**2, 0.0)
+        return np.append(np.outer(share, block).ravel(), 1.0)
+
+    def examine(self, point: Point, before: Point | None) -> Examined:
+        problem = self.problem
+        survey = problem.survey(point.u)
+        if survey.coarse:
+            problem.start(point.u)
+            better = correct(self, point.u, point.tangent, point.weights, 7)
+            if isinstance(better, str):
+                return Examined({}, better)
+            point.u, point.J, point.tangent = better.u, better.J, better.tangent
+            point.sign, point.log, point.residual = better.sign, better.log, better.residual
+            survey = problem.survey(point.u)
+        values = multipliers(problem, point.u, point.J)
+        data = _Data(survey, values, unstable_count(nontrivial(values, autonomous=self._autonomous)))
+        monitors = {name: self._value(name, point, data) for name in self._monitors()}
+        point.weights = self.metric(point.u)
+        point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
+        return Examined(monitors, None if before is None else self._fault(point, before, monitors, data), data)
+
+    def _monitors(self) -> list[str]:
+        extras = [f"event {i}" for i in range(len(self.run.events))]
+        return ["low", "high", "SN", "PD", "TR", "BP", *self._margins, *self._durations, *self._rates, *extras]
+
+    def monitor(self, name: str, point: Point) -> float:
+        return self._value(name, point, None)
+
+    def _value(self, name: str, point: Point, data: _Data | None) -> float:
+        problem, kind = self.problem, name.split(" ", 1)[0]
+        if kind == "low":
+            return point.parameter - self.run.low
+        if kind == "high":
+            return point.parameter - self.run.high
+        if kind == "SN":
+            return float(point.tangent[-1])
+        if kind == "duration":
+            return float(point.u[self._durations[name] * (self.n + 1) + self.n])
+        if kind in ("PD", "BP"):
+            sign, log = doubling_determinant(problem, point.J) if kind == "PD" else (point.sign, point.log)
+            key = f"_log_{kind}"
+            if not hasattr(self, key):
+                setattr(self, key, log)
+            return sign * math.exp(min(log - getattr(self, key), 600.0))
+        if kind == "TR":
+            values = multipliers(problem, point.u, point.J) if data is None else data.multipliers
+            return has_unit_pair(values)
+        survey = data.survey if data is not None else problem.survey(point.u)
+        if kind == "margin":
+            i, k = self._margins[name]
+            return float(survey.margins[i, k])
+        if kind == "rate":
+            i, direction = self._rates[name]
+            return direction * float(survey.rates[i, 0])
+        _, what, value = self.run.events[int(name.split(" ")[1])]
+        if what == "parameter":
+            return point.parameter * self.run.scale - value
+        source = survey.lows if what.startswith("min_") else survey.highs
+        return float(source[self._names.index(what[4:])]) - value
+
+    def _fault(self, point: Point, before: Point, monitors: Mapping[str, float], data: _Data) -> str | None:
+        old: _Data = before.examined.data
+        changed = {
+            name
+            for name, value in monitors.items()
+            if math.isfinite(value)
+            and math.isfinite(a := before.examined.monitors.get(name, math.nan))
+            and (a < 0.0) != (value < 0.0)
+        }
+        grazing = any(name.split(" ")[0] in ("margin", "duration", "rate") for name in changed)
+        if old.survey.admissible and not data.survey.admissible and not grazing:
+            return "not admissible: " + "; ".join(data.survey.reasons())
+        step = point.arc - before.arc
+        if step > 1e-4 and not grazing and old.survey.admissible:
+            explained = sum(1 for name in changed if name in ("SN", "PD", "BP")) + 2 * ("TR" in changed)
+            if abs(data.unstable - old.unstable) > explained or (data.unstable - old.unstable - explained) % 2:
+                return "stability changes without a bifurcation that explains it"
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A special point: its type, the orbit in the signature in which it is shown, its test function, its place."""
+
+    name: str
+    orbit: PeriodicOrbit
+    value: float
+    after: int
+    arc: float
+
+
+@dataclass
+class _Half:
+    """One direction of a branch."""
+
+    points: list[tuple[_OrbitBranch, Point]] = field(default_factory=list)
+    specials: list[_Found] = field(default_factory=list)
+    stopped: str = ""
+    closed: bool = False
+    interrupted: bool = False
+
+
+class _Run:
+    """One call of `continue_orbit`: options, and what both directions share."""
+
+    def __init__(
+        self,
+        orbit: PeriodicOrbit,
+        index: int,
+        scale: float,
+        low: float,
+        high: float,
+        control: StepControl,
+        events: list[tuple[str, str, float]],
+        stops: set[str],
+        at_grazing: str,
+        progress: Callable[[int, float], None] | None,
+    ) -> None:
+        self.orbit, self.index, self.scale = orbit, index, scale
+        self.low, self.high = low, high
+        self.control, self.events, self.stops, self.at_grazing = control, events, stops, at_grazing
+        self.progress = progress
+        self.name = orbit.system.parameter_names[index]
+        self.log: list[Failure] = []
+        self.count = 0
+
+    def piece(self, signature: Signature, u: NDArray[np.float64]) -> _OrbitBranch:
+        """Return the zero problem of a signature near `u`."""
+        p = self.orbit.system.parameter_vector(self.orbit.parameters)
+        problem = OrbitProblem(
+            self.orbit.system, signature, p, [self.index], np.array([self.scale]), self.orbit.tol
+        )
+        problem.start(u)
+        return _OrbitBranch(problem, u, self)
+
+    def begin(self) -> tuple[_OrbitBranch, Point]:
+        """Return the start, its tangent towards growing parameter."""
+        u = np.append(self.orbit.unknowns, self.orbit.parameters[self.name] / self.scale)
+        branch = self.piece(self.orbit.form, u)
+        try:
+            point = start_point(branch, u)
+        except ValueError as error:
+            hint = f"the equations have no regular branch there: {error}"
+            raise InputError("orbit", self.orbit.signature, "a regular periodic orbit", hint) from None
+        point.examined = branch.examine(point, None)
+        return branch, point
+
+    def located(self, name: str) -> bool:
+        """Whether zeros of a monitor function are looked for."""
+        kind = name.split(" ")[0]
+        return not (kind in ("margin", "duration", "rate") and self.at_grazing == "pass" and kind == "margin")
+
+    def trace(self, start: tuple[_OrbitBranch, Point], sign: float) -> _Half:
+        """Follow one direction to its end."""
+        half = _Half()
+        branch, origin = start
+        point = _turned(origin, sign)
+        first: float | None = None
+        try:
+            while True:
+                ended = self._piece(half, branch, point, start, first)
+                if isinstance(ended, str):
+                    half.stopped = ended
+                    return half
+                branch, point, first = ended
+        except KeyboardInterrupt:
+            half.stopped, half.interrupted = "interrupted", True
+            return half
+
+    def _piece(
+        self,
+        half: _Half,
+        branch: _OrbitBranch,
+        point: Point,
+        start: tuple[_OrbitBranch, Point],
+        first: float | None,
+    ) -> str | tuple[_OrbitBranch, Point, float]:
+        """Follow one signature; return why the branch ended, or where it goes on."""
+        last = point
+        for item in follow(branch, point, self.control, located=self.located, log=self.log, first_step=first):
+            if isinstance(item, str):
+                value = last.parameter * self.scale
+                return f"{self.name} = {value:.9g}: {item}"
+            if isinstance(item, Event):
+                end = self._event(half, branch, item, last)
+                if end is not None:
+                    return end
+                continue
+            if self._passes(start, branch, last, item):
+                half.points.append((start[0], start[1]))
+                half.closed = True
+                return "the branch is closed"
+            half.points.append((branch, item))
+            self.count += 1
+            if self.progress is not None:
+                self.progress(self.count, item.parameter * self.scale)
+            if len(half.points) >= self.control.most:
+                return f"{self.name} = {item.parameter * self.scale:.9g}: {self.control.most} points"
+            last = item
+        raise AssertionError("follow ends with a reason")
+
+    def _event(
+        self, half: _Half, branch: _OrbitBranch, event: Event, last: Point
+    ) -> str | tuple[_OrbitBranch, Point, float] | None:
+        kind = event.name.split(" ")[0]
+        point = event.point
+        point.examined = branch.examine(point, None)
+        if kind in ("low", "high"):
+            half.points.append((branch, point))
+            return f"{self.name} = {point.parameter * self.scale:.9g}: bound reached"
+        if kind == "event":
+            name = self.events[int(event.name.split(" ")[1])][0]
+        elif kind in ("margin", "duration", "rate"):
+            name = "GR"
+        else:
+            name = kind
+        if name != "GR":
+            half.specials.append(_found(name, branch, point.u, event.value, half, point.arc))
+            return self._end_at(half, branch, point, name)
+        if any(s.name == "GR" and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
+            return None
+        if self.at_grazing == "pass":
+            half.specials.append(_found(name, branch, point.u, event.value, half, point.arc))
+            return self._end_at(half, branch, point, name)
+        found = neighbour(branch.problem, event.name, point.u)
+        shown, where = branch, point.u
+        if isinstance(found, Neighbour) and len(found.signature) < branch.problem.segments:
+            shown, where = self.piece(found.signature, found.u), found.u
+        half.specials.append(_found(name, shown, where, event.value, half, point.arc))
+        half.points.append((branch, point))
+        if self.at_grazing == "stop" or name in self.stops:
+            return f"{self.name} = {point.parameter * self.scale:.9g}: grazing"
+        if isinstance(found, str):
+            return f"{self.name} = {point.parameter * self.scale:.9g}: grazing, {found}"
+        return self._switch(found, point)
+
+    def _end_at(self, half: _Half, branch: _OrbitBranch, point: Point, name: str) -> str | None:
+        if name not in self.stops:
+            return None
+        half.points.append((branch, point))
+        return f"{self.name} = {point.parameter * self.scale:.9g}: {name}"
+
+    def _switch(self, found: Neighbour, old: Point) -> str | tuple[_OrbitBranch, Point, float]:
+        """Return the neighbouring signature's branch at a grazing, its tangent towards admissible orbits."""
+        branch = self.piece(found.signature, found.u)
+        try:
+            point = start_point(branch, found.u)
+        except ValueError as error:
+            return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no branch goes on: {error}"
+        point.arc = old.arc
+        for sign in (1.0, -1.0):
+            for probe in (1e-5, 1e-6, 1e-4):
+                start = _turned(point, sign)
+                start.examined = Examined({}, None, _Data(_INADMISSIBLE, np.empty(0, complex), 0))
+                trial = follow(
+                    branch, start, StepControl(initial=probe, smallest=probe / 4, largest=probe),
+                    located=lambda _: False, log=[],
+                )  # fmt: skip
+                item = next(trial)
+                if isinstance(item, Point) and item.examined.data.survey.admissible:
+                    item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
+                    return branch, item, min(self.control.initial, 1e-3)
+        return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no admissible orbit beyond it"
+
+    def _passes(
+        self, start: tuple[_OrbitBranch, Point], branch: _OrbitBranch, last: Point, new: Point
+    ) -> bool:
+        """Whether the step from `last` to `new` passes the start again."""
+        origin = start[1]
+        if branch.problem.signature != start[0].problem.signature or new.arc < 3.0 * self.control.initial:
+            return False
+        if branch is start[0] and last.arc == 0.0:
+            return False
+        w = last.weights
+        away = origin.u - last.u
+        if branch.problem.system.phase is not None:
+            n = branch.n
+            shift = 2.0 * math.pi * round(float(away[n - 1]) / (2.0 * math.pi))
+            away = away.copy()
+            away[n - 1 : branch.problem.size : n + 1] -= shift
+        chord = new.u - last.u
+        length = float(w @ chord**2)
+        share = float(w @ (away * chord)) / length
+        if not 0.0 < share <= 1.0:
+            return False
+        rest = away - share * chord
+        along = abs(float(w @ (origin.tangent * chord))) / math.sqrt(length * float(w @ origin.tangent**2))
+        bend = math.sqrt(float(w @ rest**2) / length)
+        return along > 0.9 and bend < 0.3 and math.sqrt(float(w @ rest**2)) < 20.0 * self.control.deviation
+
+
+_INADMISSIBLE = Survey(1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
+
+
+def _turned(point: Point, sign: float) -> Point:
+    if sign > 0.0:
+        return point
+    monitors = dict(point.examined.monitors)
+    if "SN" in monitors:
+        monitors["SN"] = -monitors["SN"]
+    if "BP" in monitors:
+        monitors["BP"] = -monitors["BP"]
+    examined = Examined(monitors, point.examined.fault, point.examined.data)
+    return Point(
+        point.u, point.J, -point.tangent, point.weights, -point.sign, point.log, point.residual, point.iterations,
+        point.arc, examined,
+    )  # fmt: skip
+
+
+def _assemble(
+    orbit: PeriodicOrbit,
+    parameter: str,
+    scale: float,
+    start: tuple[_OrbitBranch, Point],
+    halves: list[_Half],
+    run: _Run,
+) -> Branch:
+    """Put the two directions together, the second after the first turned round."""
+    rows = [start]
+    specials: list[tuple[_Found, float]] = []
+    arcs = [0.0]
+    if len(halves) == 2:
+        back = halves[0]
+        count = len(back.points)
+        rows = [*reversed(back.points), start]
+        arcs = [-p.arc for _, p in rows]
+        specials = [(found, count - found.after - 0.5) for found in reversed(back.specials)]
+        offset = count
+    else:
+        offset = 0
+    ahead = halves[-1]
+    rows += ahead.points
+    travelled = ahead.points[-2][1].arc if ahead.closed and len(ahead.points) > 1 else 0.0
+    arcs += [p.arc if p is not start[1] else travelled for _, p in ahead.points]
+    specials += [(found, offset + found.after + 0.5) for found in ahead.specials]
+    forms = list(dict.fromkeys(b.problem.signature for b, _ in rows))
+    counts: dict[str, int] = {}
+    points = []
+    for found, position in specials:
+        counts[found.name] = counts.get(found.name, 0) + 1
+        label = f"{found.name}{counts[found.name]}"
+        points.append(SpecialPoint(found.name, label, found.orbit, found.value, position))
+    n_own = len(orbit.system.states)
+    autonomous = orbit.system.phase is None
+    data: list[_Data] = [p.examined.data for _, p in rows]
+    reasons = [half.stopped for half in halves]
+    stopped = (reasons[0], reasons[1]) if len(reasons) == 2 else ("the start", reasons[0])
+    if halves[0].closed:
+        stopped = ("the branch is closed", "the branch is closed")
+    return Branch(
+        orbit.system,
+        parameter,
+        dict(orbit.parameters),
+        np.array([p.parameter * scale for _, p in rows]),
+        np.array([d.survey.x0[:n_own] for d in data]),
+        np.array([d.multipliers for d in data]),
+        np.array([unstable_count(nontrivial(d.multipliers, autonomous=autonomous)) == 0 for d in data]),
+        np.array([d.survey.admissible for d in data]),
+        np.array([p.u[b.n : b.problem.size : b.n + 1].sum() for b, p in rows]),
+        np.array([p.residual for _, p in rows]),
+        np.array(arcs) - arcs[0],
+        np.array([d.survey.lows for d in data]),
+        np.array([d.survey.highs for d in data]),
+        tuple(forms),
+        np.array([forms.index(b.problem.signature) for b, _ in rows]),
+        tuple(p.u[: b.problem.size] for b, p in rows),
+        SpecialPoints(points, parameter),
+        stopped,
+        tuple(str(failure) for failure in run.log),
+        orbit.tol,
+    )
+
+
+def _found(
+    name: str, branch: _OrbitBranch, u: NDArray[np.float64], value: float, half: _Half, arc: float
+) -> _Found:
+    F, J = branch.problem.evaluate(u)
+    orbit = orbit_at(branch.problem, u, J, float(np.abs(F).max()))
+    if name == "PD":
+        finite = orbit.multipliers[np.isfinite(orbit.multipliers)]
+        value = float(np.abs(finite + 1.0).min())
+    return _Found(name, orbit, value, len(half.points), arc)

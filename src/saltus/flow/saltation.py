@@ -1,0 +1,93 @@
+"""The saltation matrix: how a perturbation of the state passes an event."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["saltation_matrix"]
+
+
+def saltation_matrix(
+    system: HybridSystem,
+    parameters: Mapping[str, float] | None,
+    transition: str,
+    x_before: ArrayLike,
+) -> NDArray[np.float64]:
+    """Return the saltation matrix of a transition, shape (all states, all states).
+
+    With the event function h, the reset g, and the fields f1 before and f2 after the event,
+    ``S = Dg + (f2(g(x)) - Dg f1(x)) dh / (dh f1(x))``: a perturbation of the state before the event, carried to the
+    time of the unperturbed event, becomes S times it after. A phase is one of the states, so that no further terms in
+    time are needed.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        Whose event it is.
+    parameters : mapping of str to float, or None
+        Values that differ from the defaults.
+    transition : str
+        Name of the transition.
+    x_before : array_like, shape (states,) or (all states,)
+        State just before the event, on its surface.
+
+    Returns
+    -------
+    ndarray, shape (all states, all states)
+
+    Raises
+    ------
+    InputError
+        An unknown transition, or one that is grazed: ``dh f1 = 0``.
+
+    References
+    ----------
+    M. A. Aizerman, F. R. Gantmakher, On the stability of periodic motions, J. Appl. Math. Mech. 22 (1958) 1065-1078;
+    M. di Bernardo, C. J. Budd, A. R. Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, Springer 2008,
+    chapter 2.
+
+    Examples
+    --------
+    >>> from saltus.system.hybrid import HybridSystem, Mode, Transition
+    >>> ball = HybridSystem(
+    ...     states=("z", "v"),
+    ...     parameters={"g": 1.0, "e": 0.5},
+    ...     modes={"flight": Mode({"z": "v", "v": "-g"})},
+    ...     transitions=[Transition("flight", "flight", "z", -1, {"v": "-e*v"}, name="impact")],
+    ... )
+    >>> saltation_matrix(ball, None, "impact", [0.0, -1.0])
+    array([[-0.5,  0. ],
+           [ 1.5, -0.5]])
+    """
+    names = system.transition_names
+    if transition not in names:
+        known = ", ".join(names) or "the system's transitions; it has none"
+        raise InputError("transition", transition, f"one of {known}", nearest(str(transition), names))
+    k = names.index(transition)
+    compiled, x = system.compiled, system.full_state(x_before, "x_before")
+    n, p = compiled.n, system.parameter_vector(parameters)
+    extended = compiled.extended(p)
+    event, after, jacobian = np.empty(2 + 2 * n), np.empty(n), np.empty(n * n)
+    compiled.call("event_x", k, 0, x, extended, event)
+    compiled.call("reset", k, 0, x, extended, after)
+    compiled.call("reset_x", k, 0, x, extended, jacobian)
+    reset_x = jacobian.reshape(n, n)
+    source, target = (system.mode_names.index(mode) for mode in (system.transitions[k].source, system.transitions[k].target))
+    f1, f2 = compiled.field(source, x, p), compiled.field(target, after, p)
+    event_x = event[2 : 2 + n]
+    rate = float(event_x @ f1)
+    if abs(rate) <= 1e-14 * float(np.abs(event_x) @ np.abs(f1)):
+        hint = "the motion grazes the surface, where no saltation matrix exists"
+        raise InputError(f"normal velocity at transition {transition!r}", rate, "different from 0", hint)
+    return np.asarray(reset_x + np.outer(f2 - reset_x @ f1, event_x) / rate)

@@ -1,0 +1,674 @@
+"""Event-driven simulation: follow a hybrid system from a state, through every transition, to a time or phase.
+
+Rules
+-----
+* A transition happens where its event function changes sign in its direction and its condition `when` is positive.
+* Where several happen at the same time, the first in the definition comes first; another follows at once if, after the
+  reset, the mode is still its source and its event function still passes zero there.
+* A motion that starts on an event surface leaves it to one side. If that is the side of the event's direction, the event
+  happens at once; an event of direction 0 does not. A transition that has just led back to its own mode by a reset that
+  lets the motion pass through the surface (a counter on a section) does not happen a second time.
+* Chattering is told where more than 50 events in a row each follow after less than 1e-10 of the time scale (the period
+  of the phase, or else the longest time between events so far) and these times shrink, or where time stands still for
+  50 events.
+* The phase runs on [0, 2 pi); its wrap is landed on exactly and recorded as an event of kind ``"phase"``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from saltus.errors import ChatteringError, DivergenceError, InputError
+from saltus.results import Result, as_json, frozen
+from saltus.system.hybrid import HybridSystem
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import xarray as xr
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["GRAZING_SPEED", "EventLog", "Trajectory", "events_after", "settle", "simulate"]
+
+GRAZING_SPEED = 1e-6
+"""An event at which the event function changes more slowly than this, in its units per time, is marked as grazing."""
+
+_TWO_PI = 2.0 * math.pi
+_STEPS_KEPT = 1024
+_EVENTS_KEPT = 1024
+_BUDGET = 1 << 16
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Result):
+    """A motion of a hybrid system, known at every time from 0 to `t_end`.
+
+    Call it with times; at an event it has the state after. `simulate` makes it.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    parameters : mapping of str to float
+        All its parameters.
+    t_end : float
+        Last time.
+    x_end : ndarray, shape (all states,)
+        Full state then, after any event at that time.
+    mode_end : str
+        Mode then.
+    events : structured ndarray, shape (event,)
+        Fields `time`, `kind` ("event", or "phase" for a wrap of the phase), `name` (of the transition or the phase),
+        `mode_before`, `mode_after`, `before` and `after` (full states), `normal_velocity` (rate of the event function
+        along the motion before) and `grazing` (its size is below `GRAZING_SPEED`).
+    stopped : str
+        Why it ended, in words.
+    step_times, step_lengths : ndarray, shape (step,)
+        Start and length of each step.
+    step_modes : ndarray of int, shape (step,)
+        Index of the mode of each step.
+    step_starts : ndarray, shape (step, all states)
+        State at the start of each step.
+    step_dense : ndarray, shape (step, 7, all states)
+        Coefficients of the dense output, of order 7.
+    rtol, atol : float
+        Tolerances it was computed with.
+    """
+
+    system: HybridSystem
+    parameters: Mapping[str, float]
+    t_end: float
+    x_end: NDArray[np.float64]
+    mode_end: str
+    events: NDArray[np.void]
+    stopped: str
+    step_times: NDArray[np.float64] = field(repr=False)
+    step_lengths: NDArray[np.float64] = field(repr=False)
+    step_modes: NDArray[np.int64] = field(repr=False)
+    step_starts: NDArray[np.float64] = field(repr=False)
+    step_dense: NDArray[np.float64] = field(repr=False)
+    rtol: float = 1e-10
+    atol: float = 1e-12
+
+    def __call__(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Return the full state at times `t`, shape (all states,) for a number, (time, all states) for an array.
+
+        Raises
+        ------
+        InputError
+            A time before 0 or after `t_end`.
+        """
+        times = self._times(t)
+        flat = np.atleast_1d(times)
+        at = self._steps_at(flat)
+        fraction = np.clip((flat - self.step_times[at]) / self.step_lengths[at], 0.0, 1.0)[:, None]
+        dense, other = self.step_dense[at], 1.0 - fraction
+        y = dense[:, 6] * fraction
+        for j, factor in ((5, other), (4, fraction), (3, other), (2, fraction), (1, other), (0, fraction)):
+            y = (y + dense[:, j]) * factor
+        states = self.step_starts[at] + y
+        states[flat >= self.t_end] = self.x_end
+        return states if times.ndim else states[0]
+
+    def mode_at(self, t: ArrayLike) -> Any:
+        """Return the name of the mode at times `t`, right-continuous; an array of names for an array."""
+        times = self._times(t)
+        flat = np.atleast_1d(times)
+        names = np.array(self.system.mode_names)[self.step_modes[self._steps_at(flat)]].astype(object)
+        names[flat >= self.t_end] = self.mode_end
+        return names.astype(str) if times.ndim else str(names[0])
+
+    def output(self, name: str, t: ArrayLike) -> Any:
+        """Return a named output of the system at times `t`, a number or shape (time,).
+
+        Raises
+        ------
+        InputError
+            The system has no such output, or a time is out of range.
+        """
+        outputs = self.system.output_names
+        if name not in outputs:
+            from saltus.errors import nearest
+
+            known = ", ".join(outputs) or "the outputs in the system's definition; it has none"
+            raise InputError("output", name, f"one of {known}", nearest(name, outputs))
+        times = self._times(t)
+        flat = np.atleast_1d(times)
+        compiled = self.system.compiled
+        p = compiled.extended(self.system.parameter_vector(self.parameters))
+        index = {mode: i for i, mode in enumerate(self.system.mode_names)}
+        values, out = np.empty(flat.size), np.empty(len(outputs))
+        for i, (x, mode) in enumerate(zip(self(flat), self.mode_at(flat), strict=True)):
+            compiled.call("outputs", index[mode], 0, np.ascontiguousarray(x), p, out)
+            values[i] = out[outputs.index(name)]
+        return values if times.ndim else float(values[0])
+
+    def __repr__(self) -> str:
+        kinds = self.events["kind"]
+        names, counts = np.unique(self.events["name"][kinds == "event"], return_counts=True)
+        told = ", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True)) or "no event"
+        wraps = int(np.sum(kinds == "phase"))
+        told += f", {wraps} periods of {self.system.phase[0]}" if self.system.phase is not None else ""
+        title = repr(self.system.name) if self.system.name else "a system"
+        end = ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.system.all_states, self.x_end, strict=True))
+        return (
+            f"Trajectory of {title} over 0 <= t <= {self.t_end:.10g}: {self.step_times.size} steps, {told}\n"
+            f"  ends in mode {self.mode_end!r} at {end}\n"
+            f"  {self.stopped}"
+        )
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return everything as a Dataset with dimensions event, step, coefficient and state."""
+        import xarray as xr
+
+        modes = self.system.mode_names
+        log = self.events
+        variables: dict[str, Any] = {
+            "x_end": ("state", np.array(self.x_end)),
+            "event_time": ("event", np.array(log["time"])),
+            "event_transition": (
+                "event",
+                np.array([_code(self.system, e["kind"], e["name"]) for e in log], dtype=np.int64),
+                _flags((-1, *range(len(self.system.transitions))), ("phase_wrap", *self.system.transition_names)),
+            ),
+            "event_mode_before": ("event", _indices(modes, log["mode_before"]), _flags(range(len(modes)), modes)),
+            "event_mode_after": ("event", _indices(modes, log["mode_after"]), _flags(range(len(modes)), modes)),
+            "event_before": (("event", "state"), np.array(log["before"])),
+            "event_after": (("event", "state"), np.array(log["after"])),
+            "event_normal_velocity": ("event", np.array(log["normal_velocity"])),
+            "step_time": ("step", np.array(self.step_times)),
+            "step_length": ("step", np.array(self.step_lengths)),
+            "step_mode": ("step", np.array(self.step_modes), _flags(range(len(modes)), modes)),
+            "step_start": (("step", "state"), np.array(self.step_starts)),
+            "step_dense": (("step", "coefficient", "state"), np.array(self.step_dense)),
+        }
+        attrs = {
+            "system": as_json(self.system.definition()),
+            "parameters": as_json(dict(self.parameters)),
+            "t_end": self.t_end,
+            "mode_end": self.mode_end,
+            "stopped": self.stopped,
+            "rtol": self.rtol,
+            "atol": self.atol,
+        }
+        return xr.Dataset(variables, coords={"state": list(self.system.all_states)}, attrs=attrs)
+
+    @classmethod
+    def from_xarray(cls, dataset: xr.Dataset) -> Self:
+        """Return the trajectory that `to_xarray` described."""
+        attrs = dataset.attrs
+        system = HybridSystem.from_definition(json.loads(attrs["system"]))
+        value = {str(name): dataset[name].to_numpy() for name in dataset.data_vars}
+        which = np.stack(
+            [value["event_transition"], value["event_mode_before"], value["event_mode_after"]], axis=1
+        ).astype(np.int64)
+        ends = np.stack([value["event_before"], value["event_after"]], axis=1)
+        return cls(
+            system=system,
+            parameters=json.loads(attrs["parameters"]),
+            t_end=float(attrs["t_end"]),
+            x_end=frozen(value["x_end"]),
+            mode_end=str(attrs["mode_end"]),
+            events=_event_table(system, value["event_time"], which, ends, value["event_normal_velocity"]),
+            stopped=str(attrs["stopped"]),
+            step_times=frozen(value["step_time"]),
+            step_lengths=frozen(value["step_length"]),
+            step_modes=frozen(value["step_mode"], np.int64),
+            step_starts=frozen(value["step_start"]),
+            step_dense=frozen(value["step_dense"]),
+            rtol=float(attrs["rtol"]),
+            atol=float(attrs["atol"]),
+        )
+
+    def _times(self, t: ArrayLike) -> NDArray[np.float64]:
+        times = np.asarray(t, dtype=np.float64)
+        if times.ndim > 1:
+            raise InputError("t", f"an array of shape {times.shape}", "a number or a list of numbers")
+        outside = ~((times >= 0.0) & (times <= self.t_end))
+        if np.any(outside):
+            raise InputError("t", float(times[outside][0]), f"between 0 and t_end = {self.t_end:.12g}")
+        return times
+
+    def _steps_at(self, times: NDArray[np.float64]) -> NDArray[np.intp]:
+        return np.maximum(np.searchsorted(self.step_times, times, side="right") - 1, 0)
+
+
+@dataclass(frozen=True)
+class EventLog:
+    """Events of a motion, wraps of the phase among them, and where it ends; made by `events_after`.
+
+    Parameters
+    ----------
+    time : ndarray, shape (event,)
+        Times since the start.
+    transition : ndarray of int, shape (event,)
+        Index of the transition, -1 for a wrap of the phase.
+    x_before, x_after : ndarray, shape (event, all states)
+        Full states on both sides of the event.
+    mode_before, mode_after : ndarray of int, shape (event,)
+        Indices of the modes on both sides.
+    normal_velocity : ndarray, shape (event,)
+        Rate of the event function along the motion before; of the phase for a wrap.
+    t_end : float
+        Time at the end.
+    x_end : ndarray, shape (all states,)
+        Full state at the end.
+    mode_end : int
+        Index of the mode at the end.
+    """
+
+    time: NDArray[np.float64]
+    transition: NDArray[np.int64]
+    x_before: NDArray[np.float64]
+    x_after: NDArray[np.float64]
+    mode_before: NDArray[np.int64]
+    mode_after: NDArray[np.int64]
+    normal_velocity: NDArray[np.float64]
+    t_end: float
+    x_end: NDArray[np.float64]
+    mode_end: int
+
+
+def simulate(
+    system: HybridSystem,
+    parameters: Mapping[str, float] | None,
+    x0: ArrayLike,
+    *,
+    mode: str | None = None,
+    t_end: float | None = None,
+    periods: int | None = None,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+    max_events: int = 100_000,
+) -> Trajectory:
+    """Return the motion of a hybrid system from a state.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    parameters : mapping of str to float, or None
+        Values that differ from the defaults.
+    x0 : array_like, shape (states,) or (all states,)
+        State at time 0; without the phase it starts at phase 0.
+    mode : str, optional
+        Mode at time 0; by default the first whose domain holds and none of whose events is passed already.
+    t_end : float
+        How long; or
+    periods : int
+        for how many periods of the phase. Exactly one of the two.
+    rtol, atol : float, optional
+        Relative and absolute tolerance of a step; `rtol` between 1e-14 and 0.1.
+    max_events : int, optional
+        The motion ends early after so many transitions; `stopped` says so.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    InputError
+        An argument that cannot be used; a start outside the mode's domain.
+    ChatteringError
+        Events accumulate.
+    DivergenceError
+        The state leaves every bound, or the domain of its mode.
+
+    References
+    ----------
+    E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd edition, Springer 1993, sections
+    II.4 to II.6 (steps of order 8, dense output of order 7).
+
+    Examples
+    --------
+    >>> from saltus.system.hybrid import HybridSystem, Mode, Transition
+    >>> ball = HybridSystem(
+    ...     states=("z", "v"),
+    ...     parameters={"g": 1.0, "e": 0.5},
+    ...     modes={"flight": Mode({"z": "v", "v": "-g"})},
+    ...     transitions=[Transition("flight", "flight", "z", -1, {"v": "-e*v"}, name="impact")],
+    ...     name="ball",
+    ... )
+    >>> fall = simulate(ball, {"e": 0.8}, [0.5, 0.0], t_end=2.0)
+    >>> print(round(fall.events["time"][0], 12), fall(1.5).round(12))
+    1.0 [0.275 0.3  ]
+    """
+    p = system.parameter_vector(parameters)
+    x = _start(system, x0)
+    rtol, atol = _tolerances(rtol, atol)
+    if (t_end is None) == (periods is None):
+        given = {"t_end": t_end, "periods": periods}
+        raise InputError("t_end, periods", given, "exactly one of the two given")
+    if t_end is not None and not (_is_number(t_end) and 0.0 < t_end < math.inf):
+        raise InputError("t_end", t_end, "a finite number > 0")
+    if periods is not None:
+        if system.phase is None:
+            raise InputError("periods", periods, "left out for a system without a phase", "give t_end")
+        if isinstance(periods, bool) or not isinstance(periods, int | np.integer) or periods < 1:
+            raise InputError("periods", periods, "an integer >= 1")
+    if isinstance(max_events, bool) or not isinstance(max_events, int | np.integer) or max_events < 1:
+        raise InputError("max_events", max_events, "an integer >= 1")
+    start = _starting_mode(system, x, p) if mode is None else system.mode_index(mode)
+    if mode is not None and not (value := _domain(system, start, x, p)) > 0.0:
+        condition = f"{system.modes[mode].domain} > 0"
+        raise InputError("x0", x.tolist(), f"in the domain of mode {mode!r}, {condition}", f"it is {value:.6g} there")
+    run = _Run(system, p, x, start, rtol, atol, steps_kept=_STEPS_KEPT)
+    end = float(t_end) if t_end is not None else math.inf
+    run.follow(end, periods, int(max_events))
+    full = run.numbers[_T] + run.numbers[_T_LOW]
+    short = run.counts[_EVENTS] >= max_events and full < end and (periods is None or run.counts[_WRAPS] < periods)
+    stopped = f"max_events = {max_events} reached at t = {full:.12g}" if short else ""
+    if not stopped:
+        stopped = f"t_end = {t_end:.12g} reached" if periods is None else f"{periods} periods reached"
+    times, modes, starts, dense = run.steps()
+    return Trajectory(
+        system=system,
+        parameters=system.resolve(parameters),
+        t_end=float(full) if periods is not None or short else end,
+        x_end=frozen(run.x),
+        mode_end=system.mode_names[run.counts[_MODE]],
+        events=_event_table(system, *run.events()),
+        stopped=stopped,
+        step_times=frozen(times[:, 0]),
+        step_lengths=frozen(times[:, 1]),
+        step_modes=frozen(modes, np.int64),
+        step_starts=frozen(starts),
+        step_dense=frozen(dense),
+        rtol=rtol,
+        atol=atol,
+    )
+
+
+def settle(
+    system: HybridSystem,
+    p: NDArray[np.float64],
+    x: ArrayLike,
+    mode: int,
+    *,
+    periods: int | None = None,
+    t: float | None = None,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+) -> tuple[NDArray[np.float64], int]:
+    """Return the full state and the index of the mode after some periods or a time, and keep nothing else.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    p : ndarray, shape (parameters,)
+        `HybridSystem.parameter_vector`.
+    x : array_like, shape (states,) or (all states,)
+        Start; it may lie on the boundary of the mode's domain.
+    mode : int
+        Index of the mode there.
+    periods, t : int, float
+        How long; exactly one of the two.
+    rtol, atol : float, optional
+        Tolerances of a step.
+
+    Raises
+    ------
+    InputError, ChatteringError, DivergenceError
+        As `simulate`.
+    """
+    run = _Run(system, p, _start(system, x), mode, *_tolerances(rtol, atol))
+    run.follow(*_how_long(system, periods, t), None, keep=False)
+    return run.x.copy(), int(run.counts[_MODE])
+
+
+def events_after(
+    system: HybridSystem,
+    p: NDArray[np.float64],
+    x: ArrayLike,
+    mode: int,
+    *,
+    periods: int | None = None,
+    t: float | None = None,
+    n_events: int | None = None,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+) -> EventLog:
+    """Return all events of a motion, without its dense output, until the first of the limits that are given.
+
+    Parameters
+    ----------
+    system, p, x, mode, rtol, atol
+        As in `settle`.
+    periods, t, n_events : int, float, int
+        Periods of the phase, time, transitions; at least one of them.
+
+    Raises
+    ------
+    InputError, ChatteringError, DivergenceError
+        As `simulate`.
+    """
+    run = _Run(system, p, _start(system, x), mode, *_tolerances(rtol, atol))
+    if n_events is None:
+        run.follow(*_how_long(system, periods, t), None)
+    else:
+        run.follow(math.inf if t is None else t, periods, n_events)
+    times, which, ends, rates = run.events()
+    return EventLog(
+        time=frozen(times),
+        transition=frozen(which[:, 0], np.int64),
+        x_before=frozen(ends[:, 0]),
+        x_after=frozen(ends[:, 1]),
+        mode_before=frozen(which[:, 1], np.int64),
+        mode_after=frozen(which[:, 2], np.int64),
+        normal_velocity=frozen(rates),
+        t_end=float(run.numbers[_T] + run.numbers[_T_LOW]),
+        x_end=frozen(run.x),
+        mode_end=int(run.counts[_MODE]),
+    )
+
+
+# places in the kernel's arrays, asserted equal to the kernel's by a test; read here so that it is imported on first use
+_T, _T_LOW, _MODE, _STARTING, _WRAPS, _EVENTS, _N_STEPS, _N_EVENTS = 0, 1, 0, 1, 4, 5, 9, 10
+
+
+class _Run:
+    """A motion under way: the kernel's arrays, and what it has written so far."""
+
+    def __init__(
+        self,
+        system: HybridSystem,
+        p: NDArray[np.float64],
+        x: NDArray[np.float64],
+        mode: int,
+        rtol: float,
+        atol: float,
+        *,
+        steps_kept: int = 0,
+    ) -> None:
+        from saltus.flow import _event_kernels as kernels
+
+        compiled, n = system.compiled, x.size
+        self.kernels, self.system, self.rtol, self.atol = kernels, system, rtol, atol
+        self.addresses = compiled.addresses
+        self.p = compiled.extended(np.ascontiguousarray(p, dtype=np.float64))
+        self.x = x
+        self.rate = 0.0
+        self.offset = 0.0
+        if system.phase is not None:
+            self.rate = float(compiled.field(mode, x, p)[-1])
+            if not 0.0 < self.rate < math.inf:
+                raise InputError(f"rate of the phase {system.phase[0]}", self.rate, "> 0 and finite")
+            self.offset = float(x[-1])
+        index = {name: i for i, name in enumerate(system.mode_names)}
+        rows = [[index[t.source], index[t.target], t.direction] for t in system.transitions]
+        self.transitions = np.array(rows, dtype=np.int64).reshape(len(rows), 3)
+        self.slopes, self.size = np.zeros(16 * n), np.abs(x)
+        self.numbers = np.zeros(kernels.N_NUMBERS)
+        self.counts = np.zeros(kernels.N_COUNTS, np.int64)
+        self.counts[[kernels.MODE, kernels.STARTING]] = mode, 1
+        self.counts[[kernels.FIRED, kernels.MODE_BEFORE]] = -1
+        self.side, self.on = np.zeros(len(rows), np.int64), np.zeros(len(rows), np.int64)
+        self.value, self.first_steps = np.zeros(len(rows)), np.zeros(len(index))
+        m = steps_kept
+        self.step_buffers = (np.empty((m, 2)), np.empty(m, np.int64), np.empty((m, n)), np.empty((m, 7, n)))
+        m = _EVENTS_KEPT
+        self.event_buffers = (np.empty(m), np.empty((m, 3), np.int64), np.empty((m, 2, n)), np.empty(m))
+        self.kept_steps: list[tuple[NDArray[Any], ...]] = []
+        self.kept_events: list[tuple[NDArray[Any], ...]] = []
+
+    def follow(self, t_end: float, periods: int | None, n_events: int | None, *, keep: bool = True) -> None:
+        """Go on until the time, the number of periods or that of transitions; `periods` end at the phase of the start.
+
+        `keep` False forgets the events.
+        """
+        most = np.iinfo(np.int64).max
+        self._follow(t_end, most if periods is None else periods, most if n_events is None else n_events, keep)
+        if periods is not None and self.offset > 0.0 and self.counts[_WRAPS] >= periods:
+            now = self.numbers[_T] + self.numbers[_T_LOW]
+            self._follow(min(t_end, now + self.offset / self.rate), most, most if n_events is None else n_events, keep)
+
+    def _follow(self, t_end: float, wraps: int, n_events: int, keep: bool) -> None:
+        status = self.kernels.AGAIN
+        while status == self.kernels.AGAIN:
+            status = self.kernels.run_kernel(
+                self.addresses, self.transitions, self.rate, self.p, t_end, wraps, n_events, self.rtol, self.atol,
+                _BUDGET, self.x, self.slopes, self.size, self.numbers, self.counts, self.side, self.on, self.value,
+                self.first_steps, *self.step_buffers, *self.event_buffers,
+            )  # fmt: skip
+            if keep:
+                m, k = int(self.counts[_N_STEPS]), int(self.counts[_N_EVENTS])
+                self.kept_steps.append(tuple(buffer[:m].copy() for buffer in self.step_buffers))
+                self.kept_events.append(tuple(buffer[:k].copy() for buffer in self.event_buffers))
+        if status != self.kernels.DONE:
+            raise self._error(status)
+
+    def steps(self) -> tuple[NDArray[Any], ...]:
+        """Times and lengths, modes, starts and dense coefficients of the steps."""
+        return tuple(np.concatenate(parts) for parts in zip(*self.kept_steps, strict=True))
+
+    def events(self) -> tuple[NDArray[Any], ...]:
+        """Times, transitions with modes, states on both sides, and rates of the events."""
+        return tuple(np.concatenate(parts) for parts in zip(*self.kept_events, strict=True))
+
+    def _error(self, status: int) -> ChatteringError | DivergenceError:
+        kernels = self.kernels
+        t = float(self.numbers[_T] + self.numbers[_T_LOW])
+        mode = self.system.mode_names[self.counts[_MODE]]
+        if status == kernels.CHATTERING:
+            return ChatteringError(t, self.x, mode)
+        step = self.numbers[kernels.STEP]
+        reason = {
+            kernels.UNBOUNDED: f"a state passes {kernels.BOUND:g}",
+            kernels.STEP_UNDERFLOW: f"the step falls to {step:.3g}, as it does before a singularity",
+            kernels.LEFT_DOMAIN: f"it leaves the domain of the mode, {self.system.modes[mode].domain} > 0",
+            kernels.FIELD_NOT_FINITE: "the vector field is not finite",
+            kernels.RESET_NOT_FINITE: "a reset is not finite",
+        }[status]
+        return DivergenceError(t, self.x, mode, reason)
+
+
+def _start(system: HybridSystem, x0: ArrayLike) -> NDArray[np.float64]:
+    x = system.full_state(x0)
+    if system.phase is not None:
+        x[-1] %= _TWO_PI
+        if x[-1] >= _TWO_PI:
+            x[-1] = 0.0
+    return x
+
+
+def _tolerances(rtol: float, atol: float) -> tuple[float, float]:
+    if not (_is_number(rtol) and 1e-14 <= rtol <= 0.1):
+        raise InputError("rtol", rtol, "a number between 1e-14 and 0.1")
+    if not (_is_number(atol) and 0.0 < atol < math.inf):
+        raise InputError("atol", atol, "a finite number > 0")
+    return float(rtol), float(atol)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def _how_long(system: HybridSystem, periods: int | None, t: float | None) -> tuple[float, int | None]:
+    if (periods is None) == (t is None):
+        raise InputError("t, periods", {"t": t, "periods": periods}, "exactly one of the two given")
+    if periods is not None and system.phase is None:
+        raise InputError("periods", periods, "left out for a system without a phase", "give t")
+    return math.inf if t is None else t, periods
+
+
+def _domain(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> float:
+    out = np.empty(1)
+    system.compiled.call("guard", mode, 0, x, system.compiled.extended(p), out)
+    return float(out[0])
+
+
+def _starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> int:
+    """The first mode whose domain holds at x and none of whose events is passed there."""
+    reasons = []
+    for index, name in enumerate(system.mode_names):
+        if not (value := _domain(system, index, x, p)) > 0.0:
+            reasons.append(f"{name}: {system.modes[name].domain} is {value:.6g}, not positive")
+        elif passed := _passed_event(system, index, x, p):
+            reasons.append(f"{name}: past its event {passed!r}")
+        else:
+            return index
+    allowed = "in the domain of a mode and before its events"
+    raise InputError("x0", x.tolist(), allowed, "; ".join(reasons))
+
+
+def _passed_event(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> str:
+    compiled, event, when = system.compiled, np.empty(2), np.empty(1)
+    extended = compiled.extended(p)
+    for k, transition in enumerate(system.transitions):
+        if system.mode_names.index(transition.source) != mode:
+            continue
+        compiled.call("event", k, 0, x, extended, event)
+        side = event[0] if event[0] != 0.0 else event[1]
+        compiled.call("guard", len(system.modes) + k, 0, x, extended, when)
+        if side * transition.direction > 0.0 and when[0] > 0.0:
+            return transition.name
+    return ""
+
+
+def _event_table(
+    system: HybridSystem,
+    times: NDArray[np.float64],
+    which: NDArray[np.int64],
+    ends: NDArray[np.float64],
+    rates: NDArray[np.float64],
+) -> NDArray[np.void]:
+    n = len(system.all_states)
+    names = (*system.transition_names, "" if system.phase is None else system.phase[0])
+    modes = np.array(system.mode_names)
+    longest = max(1, *map(len, names))
+    table = np.zeros(
+        times.size,
+        dtype=[
+            ("time", "f8"), ("kind", "U5"), ("name", f"U{longest}"), ("mode_before", modes.dtype),
+            ("mode_after", modes.dtype), ("before", "f8", (n,)), ("after", "f8", (n,)), ("normal_velocity", "f8"),
+            ("grazing", "?"),
+        ],
+    )  # fmt: skip
+    wraps = which[:, 0] < 0
+    table["time"], table["before"], table["after"], table["normal_velocity"] = times, ends[:, 0], ends[:, 1], rates
+    table["kind"] = np.where(wraps, "phase", "event")
+    table["name"] = np.array(names)[which[:, 0]]
+    table["mode_before"], table["mode_after"] = modes[which[:, 1]], modes[which[:, 2]]
+    table["grazing"] = ~wraps & (np.abs(rates) < GRAZING_SPEED)
+    table.setflags(write=False)
+    return table
+
+
+def _code(system: HybridSystem, kind: str, name: str) -> int:
+    return -1 if kind == "phase" else system.transition_names.index(name)
+
+
+def _indices(names: tuple[str, ...], chosen: NDArray[np.str_]) -> NDArray[np.int64]:
+    return np.array([names.index(name) for name in chosen], dtype=np.int64)
+
+
+def _flags(values: Any, names: tuple[str, ...]) -> dict[str, str]:
+    """How the numbers of a variable are named."""
+    return {"meaning": as_json({str(value): name for value, name in zip(values, names, strict=True)})}

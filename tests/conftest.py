@@ -1,0 +1,54 @@
+"""Fixtures: the systems of `systems`, each defined once a run."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import systems
+
+from saltus.system.hybrid import HybridSystem
+
+
+@pytest.fixture(scope="session")
+def afm1() -> HybridSystem:
+    return systems.afm(1)
+
+
+@pytest.fixture(scope="session")
+def afm2() -> HybridSystem:
+    return systems.afm(2)
+
+
+@pytest.fixture(scope="session")
+def ball() -> HybridSystem:
+    return systems.ball()
+
+
+@pytest.fixture(scope="session")
+def ball_on_table() -> HybridSystem:
+    return systems.ball_on_table()
+
+
+@pytest.fixture(scope="session")
+def impact_oscillator() -> HybridSystem:
+    return systems.impact_oscillator()
+
+
+@pytest.fixture(scope="session")
+def two_fields() -> HybridSystem:
+    return systems.two_fields()
+
+
+@pytest.fixture(scope="session")
+def stick_slip() -> HybridSystem:
+    return systems.stick_slip()
+
+
+@pytest.fixture(scope="session")
+def relay() -> HybridSystem:
+    return systems.relay()
