@@ -307,23 +307,24 @@ def _events(problem: ZeroProblem, a: Point, b: Point, located: Callable[[str], b
 
 
 def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: float) -> Event | None:
-    """Return the zero of a monitor function between two points, by Newton in the branch and secants along it.
+    """Return the zero of a monitor function between two points, by Newton in the branch and interpolation along it.
 
     Each iterate is one Newton step of the equations bordered by the plane normal to the branch, at the place along the
-    step where the secant of the monitor function vanishes, kept within the bracket.
+    step where the interpolated monitor function vanishes, kept within the bracket. The branch's departure from the cubic
+    through the step's ends is learnt on the way.
     """
     length = b.arc - a.arc
-    low, high, f_low, f_high = 0.0, 1.0, fa, fb
+    known = [(0.0, fa), (1.0, fb)]
+    low, high, f_low = 0.0, 1.0, fa
     s = fa / (fa - fb)
-    offset = np.zeros_like(a.u)
-    last_s, last_f = (0.0, fa) if abs(fa) < abs(fb) else (1.0, fb)
+    bend = np.zeros_like(a.u)
     scale, m = problem.scale(), a.u.size - 1
     floor = 1e-13 * max(abs(fa), abs(fb))
-    best: tuple[float, Point, float] | None = None
-    for _ in range(40):
+    for _ in range(60):
         base, tangent = _hermite(a, b, length, s)
         tangent /= math.sqrt(float(a.weights @ tangent**2))
-        u = base + offset
+        shape = (s * (1.0 - s)) ** 2
+        u = base + shape * bend
         row = a.weights * tangent
         F, J = problem.evaluate(u)
         rhs = np.zeros((m + 1, 2))
@@ -335,32 +336,46 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
         if sign == 0.0 or not size < 1e3:
             return None
         direction = rhs[:, 1] / math.sqrt(float(a.weights @ rhs[:, 1] ** 2))
-        offset = offset + step
+        bend = bend + step / max(shape, 1e-12)
         point = Point(u + step, J, direction, a.weights, sign, log, float(np.abs(F).max()), 1, a.arc + s * length)
         f = problem.monitor(name, point)
         if not math.isfinite(f):
             return None
-        if size < 1e-9 and not problem.accurate():
-            best, last_s, s = None, s, s
+        if size < 1e-9 and (abs(f) <= floor or high - low < 1e-14):
+            before = point.u.copy()
+            if problem.accurate():
+                point.examined = problem.examine(point, None)
+                if np.array_equal(before, point.u):
+                    return Event(name, point, f)
             continue
-        if size < 1e-9 and (best is None or abs(f) < best[0]):
-            best = (abs(f), point, f)
-        if size < 1e-10 and (abs(f) <= floor or abs(s - last_s) * length < 1e-13):
-            break
-        if size < 1e-6 or abs(f) > 1e3 * size:
-            if (f < 0.0) == (f_low < 0.0):
-                low, f_low = s, f
-            else:
-                high, f_high = s, f
-        new = s - f * (s - last_s) / (f - last_f) if f != last_f else s
-        if not low < new < high:
-            new = 0.5 * (low + high) if abs(f) > floor and high - low > 1e-12 else s
-        last_s, last_f, s = s, f, new
-        if high - low < 1e-15:
-            break
-    if best is None:
-        return None
-    return Event(name, best[1], best[2])
+        if size > 1e-5 and abs(f) < 1e3 * size:
+            continue
+        if (f < 0.0) == (f_low < 0.0):
+            low, f_low = s, f
+        else:
+            high = s
+        known = [*known[-3:], (s, f)]
+        s = _zero(known, low, high)
+    return None
+
+
+def _zero(known: list[tuple[float, float]], low: float, high: float) -> float:
+    """Return the zero of the inverse interpolation through the latest values, or the bracket's middle where that is outside."""
+    for count in (3, 2):
+        (*others, last) = known[-count:]
+        values = [f for _, f in known[-count:]]
+        if len(values) < count or len(set(values)) < count:
+            continue
+        guess = 0.0
+        for i, (s, f) in enumerate([*others, last]):
+            weight = 1.0
+            for j, g in enumerate(values):
+                if j != i:
+                    weight *= g / (g - f)
+            guess += weight * s
+        if low < guess < high:
+            return guess
+    return 0.5 * (low + high)
 
 
 def _hermite(a: Point, b: Point, length: float, s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -163,7 +163,7 @@ class Branch(Result):
     special_points: SpecialPoints
     stopped: tuple[str, str]
     rejected: tuple[str, ...] = field(default=())
-    tol: float = 1e-11
+    tol: float = 1e-12
 
     def __post_init__(self) -> None:
         for name in ("values", "x0", "period", "residual", "arclength", "lows", "highs"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -424,7 +424,6 @@ class _Run:
     ) -> str | tuple[_OrbitBranch, Point, float] | None:
         kind = event.name.split(" ")[0]
         point = event.point
-        point.examined = branch.examine(point, None)
         if kind in ("low", "high"):
             half.points.append((branch, point))
             return f"{self.name} = {point.parameter * self.scale:.9g}: bound reached"
@@ -435,18 +434,20 @@ class _Run:
         else:
             name = kind
         if name != "GR":
-            half.specials.append(_found(name, branch, point.u, event.value, half, point.arc))
+            half.specials.append(_found(name, branch, event, half))
             return self._end_at(half, branch, point, name)
         if any(s.name == "GR" and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
             return None
         if self.at_grazing == "pass":
-            half.specials.append(_found(name, branch, point.u, event.value, half, point.arc))
+            half.specials.append(_found(name, branch, event, half))
             return self._end_at(half, branch, point, name)
         found = neighbour(branch.problem, event.name, point.u)
-        shown, where = branch, point.u
+        half.specials.append(_found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < branch.problem.segments:
-            shown, where = self.piece(found.signature, found.u), found.u
-        half.specials.append(_found(name, shown, where, event.value, half, point.arc))
+            fewer = self.piece(found.signature, found.u)
+            F, J = fewer.problem.evaluate(found.u)
+            orbit = orbit_at(fewer.problem, found.u, J, float(np.abs(F).max()))
+            half.specials[-1] = replace(half.specials[-1], orbit=orbit)
         half.points.append((branch, point))
         if self.at_grazing == "stop" or name in self.stops:
             return f"{self.name} = {point.parameter * self.scale:.9g}: grazing"
@@ -591,12 +592,11 @@ def _assemble(
     )
 
 
-def _found(
-    name: str, branch: _OrbitBranch, u: NDArray[np.float64], value: float, half: _Half, arc: float
-) -> _Found:
-    F, J = branch.problem.evaluate(u)
-    orbit = orbit_at(branch.problem, u, J, float(np.abs(F).max()))
+def _found(name: str, branch: _OrbitBranch, event: Event, half: _Half) -> _Found:
+    point, data = event.point, event.point.examined.data
+    orbit = orbit_at(branch.problem, point.u, point.J, point.residual, data.survey, data.multipliers)
+    value = event.value
     if name == "PD":
         finite = orbit.multipliers[np.isfinite(orbit.multipliers)]
         value = float(np.abs(finite + 1.0).min())
-    return _Found(name, orbit, value, len(half.points), arc)
+    return _Found(name, orbit, value, len(half.points), point.arc)

@@ -241,11 +241,18 @@ class PeriodicOrbit(Result):
 
 
 def orbit_at(
-    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], residual: float, survey: Survey | None = None
+    problem: OrbitProblem,
+    u: NDArray[np.float64],
+    J: NDArray[np.float64],
+    residual: float,
+    survey: Survey | None = None,
+    values: NDArray[np.complex128] | None = None,
 ) -> PeriodicOrbit:
-    """Return the orbit that solves `problem` at `u`, surveyed."""
+    """Return the orbit that solves `problem` at `u`; survey and multipliers are computed unless given."""
     if survey is None:
         survey = problem.survey(u)
+    if values is None:
+        values = multipliers(problem, u, J)
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
     parameters = dict(zip(problem.system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
     return PeriodicOrbit(
@@ -254,7 +261,7 @@ def orbit_at(
         problem.signature,
         blocks[:, : problem.n],
         blocks[:, problem.n],
-        multipliers(problem, u, J),
+        values,
         residual,
         survey.faults,
         survey.x0[: len(problem.system.states)],

@@ -128,7 +128,7 @@ class OrbitProblem:
     p: NDArray[np.float64]
     active: Sequence[int] = ()
     scales: NDArray[np.float64] = field(default_factory=lambda: np.ones(0))
-    tol: float = 1e-11
+    tol: float = 1e-12
 
     def __post_init__(self) -> None:
         from saltus.orbits import _kernels

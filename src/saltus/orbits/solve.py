@@ -28,7 +28,7 @@ def solve_orbit(
     parameters: Mapping[str, float] | None = None,
     segments: Sequence[tuple[str, str | None, ArrayLike, float]] = (),
     *,
-    tol: float = 1e-11,
+    tol: float = 1e-12,
 ) -> PeriodicOrbit:
     """Return the periodic orbit near a guess, stable or not.
 
