@@ -149,7 +149,10 @@ def test_oscillator_crosses_levels_at_the_closed_form_times():
 def test_a_shallow_dip_inside_one_large_step_is_found(depth):
     system = one_mode({"z": "v", "v": "g"}, [("z", 0, {}, None)], parameters={"g": 2.0})
     motion = simulate(system, None, [1.0 - depth, -2.0], t_end=5.0)
-    assert motion.events["time"] == pytest.approx([1 - math.sqrt(depth), 1 + math.sqrt(depth)], abs=1e-11)
+    # a rounding of 4e-15 in z, over the speed there
+    assert motion.events["time"] == pytest.approx(
+        [1 - math.sqrt(depth), 1 + math.sqrt(depth)], abs=1e-12 + 2e-15 / math.sqrt(depth)
+    )
 
 
 def test_a_dip_that_does_not_reach_is_not_found():
@@ -248,9 +251,8 @@ def test_a_start_on_a_surface_that_leaves_it_does_not_fire(ball):
 def test_a_start_of_no_rate_on_a_surface_is_decided_by_the_second_derivative():
     for acceleration, fires in ((1.0, False), (-1.0, True)):
         system = one_mode({"z": "v", "v": "g"}, [("z", -1, {"v": "1"}, None)], parameters={"g": 1.0})
-        motion = simulate(system, {"g": acceleration}, [0.0, 0.0], mode="m", t_end=0.5)
+        motion = simulate(system, {"g": acceleration}, [0.0, 0.0], t_end=0.5)
         assert motion.events["time"].tolist() == ([0.0] if fires else [])
-        motion = simulate(system, {"g": acceleration}, [0.0, 0.0], mode="m", t_end=0.5)
 
 
 def test_a_counter_on_a_section_counts_each_crossing_once():
@@ -285,9 +287,10 @@ def test_a_start_outside_the_domain_is_refused(afm1):
         simulate(afm1, None, [1.0, 0.0], mode="flight", periods=1)
 
 
-def test_a_start_beyond_every_mode_says_why_for_each(ball):
-    with pytest.raises(InputError, match="before its events; flight: past its event 'impact'"):
-        simulate(ball, None, [-1.0, 0.0], t_end=1.0)
+def test_a_start_beyond_every_mode_says_why_for_each(stick_slip):
+    reasons = "before its events; slip: past its event 'catch'; stick: past its event 'release'"
+    with pytest.raises(InputError, match=reasons):
+        simulate(stick_slip, None, [2.0, 1.0], t_end=1.0)
 
 
 def test_the_mode_of_the_start_is_the_one_whose_event_is_not_passed(afm1):
@@ -302,7 +305,7 @@ def test_leaving_the_domain_is_told():
 
 
 def test_an_explosion_is_told_with_its_time():
-    with pytest.raises(DivergenceError, match="diverges at t = 0.99999") as error:
+    with pytest.raises(DivergenceError, match=r"diverges at t = 1\.0.*a state passes 1e\+12") as error:
         simulate(one_mode({"x": "x**2"}), None, [1.0], t_end=3.0)
     assert error.value.args[0] == pytest.approx(1.0, abs=1e-9)
 
@@ -441,7 +444,7 @@ def test_cantilever_agrees_with_heyoka_over_a_tap(afm1):
     assert log.x_before[0][:2] == pytest.approx(flying.state, abs=1e-11)
 
     # contact in the w-form: w = sqrt(a0 - z), dt = w dsigma
-    push = systems.C / a0**2 + systems.G * w**3
+    push = systems.C / a0**2 + systems.G * w * w * w
     rate = -4.0 * v - q + systems.C - push + b1 * ybar * hy.sin(t)
     rhs = [(q, w * v), (v, w * rate), (t, w), (w, 0.5 * (v + ybar * hy.cos(t)))]
     leave = hy.t_event(w, direction=hy.event_direction.negative)

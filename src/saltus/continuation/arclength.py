@@ -38,7 +38,7 @@ class StepControl:
     initial: float = 0.01
     smallest: float = 1e-8
     largest: float = 0.1
-    deviation: float = 1e-3
+    deviation: float = 3e-4
     angle: float = 0.5
     iterations: int = 7
     most: int = 5000
@@ -125,7 +125,7 @@ class Event:
     value: float
 
 
-_ACCEPT = 1e-8
+_ACCEPT = 3e-8
 
 
 def _bordered(J: NDArray[np.float64], row: NDArray[np.float64], rhs: NDArray[np.float64]) -> tuple[float, float]:
@@ -229,7 +229,7 @@ def follow(
     h = min(first_step or control.initial, control.largest)
     point, before = start, None
     while True:
-        guess, direction = _predict(point, before, h)
+        guess = _predict(point, before, h)
         new = correct(problem, guess, point.tangent, point.weights, control.iterations)
         reason = new if isinstance(new, str) else _misstep(point, new, guess, h, control)
         events: list[Event] = []
@@ -253,21 +253,25 @@ def follow(
         yield from events
         yield new
         deviation = math.sqrt(float(point.weights @ (new.u - guess) ** 2)) / control.deviation
-        growth = min(2.0, max(0.3, (1.0 / max(deviation, 1e-9)) ** (1.0 / 3.0)))
+        growth = min(2.0, max(0.3, (1.0 / max(deviation, 1e-9)) ** 0.25))
+        if new.iterations > 3:
+            growth = min(growth, 1.2 if new.iterations == 4 else 0.7)
         angle = _angle(point, new)
         if angle > 0.5 * control.angle:
             growth = min(growth, 0.8)
         before, point = point, new
         h = min(h * growth, control.largest)
-        del direction
 
 
-def _predict(point: Point, before: Point | None, h: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the point a step on, by the parabola through the tangents at the last two points, and the tangent there."""
+def _predict(point: Point, before: Point | None, h: float) -> NDArray[np.float64]:
+    """Return the point a step on, by the cubic through the last two points and their tangents."""
     if before is None or before.u.size != point.u.size or point.arc <= before.arc:
-        return point.u + h * point.tangent, point.tangent
-    bend = (point.tangent - before.tangent) / (point.arc - before.arc)
-    return point.u + h * point.tangent + 0.5 * h * h * bend, point.tangent + h * bend
+        return point.u + h * point.tangent
+    length = point.arc - before.arc
+    if h > 3.0 * length:
+        bend = (point.tangent - before.tangent) / length
+        return point.u + h * point.tangent + 0.5 * h * h * bend
+    return _hermite(before, point, length, 1.0 + h / length)[0]
 
 
 def _distance(a: Point, b: Point) -> float:
@@ -283,7 +287,7 @@ def _misstep(point: Point, new: Point, guess: NDArray[np.float64], h: float, con
     if _angle(point, new) > control.angle:
         return "angle: the branch turns too sharply for the step"
     moved = math.sqrt(float(point.weights @ (new.u - guess) ** 2))
-    if moved > max(20.0 * control.deviation, 0.0) or moved > 0.5 * h:
+    if moved > 50.0 * control.deviation or moved > 0.5 * h:
         return "deviation: the corrected point lies too far from the predicted one"
     a, b = point.tangent[-1], new.tangent[-1]
     chord = (new.u[-1] - point.u[-1]) / h
@@ -319,7 +323,7 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
     s = fa / (fa - fb)
     bend = np.zeros_like(a.u)
     scale, m = problem.scale(), a.u.size - 1
-    floor = 1e-13 * max(abs(fa), abs(fb))
+    floor = 1e-12 * max(abs(fa), abs(fb))
     for _ in range(60):
         base, tangent = _hermite(a, b, length, s)
         tangent /= math.sqrt(float(a.weights @ tangent**2))
@@ -335,6 +339,8 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
         size = float(np.abs(step / scale).max())
         if sign == 0.0 or not size < 1e3:
             return None
+        if size < 1e-4 and not problem.accurate():
+            continue
         direction = rhs[:, 1] / math.sqrt(float(a.weights @ rhs[:, 1] ** 2))
         bend = bend + step / max(shape, 1e-12)
         point = Point(u + step, J, direction, a.weights, sign, log, float(np.abs(F).max()), 1, a.arc + s * length)
@@ -343,10 +349,10 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
             return None
         if size < 1e-9 and (abs(f) <= floor or high - low < 1e-14):
             before = point.u.copy()
-            if problem.accurate():
-                point.examined = problem.examine(point, None)
-                if np.array_equal(before, point.u):
-                    return Event(name, point, f)
+            point.examined = problem.examine(point, None)
+            if np.array_equal(before, point.u):
+                return Event(name, point, f)
+            low, high, known = max(0.0, s - 1e-3), min(1.0, s + 1e-3), [(0.0, fa), (1.0, fb)]
             continue
         if size > 1e-5 and abs(f) < 1e3 * size:
             continue

@@ -242,8 +242,7 @@ class Branch(Result):
         problem = OrbitProblem(self.system, self.forms[self.form[index]], p, tol=self.tol)
         u = np.array(self.unknowns[index])
         problem.start(u)
-        F, J = problem.evaluate(u)
-        return orbit_at(problem, u, J, float(np.abs(F).max()))
+        return orbit_at(problem, u, problem.evaluate(u)[1])
 
     def to_xarray(self) -> xr.Dataset:
         """Return the branch as a Dataset: every point's values against ``point``, special points against ``special``."""

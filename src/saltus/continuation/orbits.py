@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_orbit"]
 
-ACCURATE = 2.0
-"""Error of a segment's step, in tolerances, up to which a mesh is kept."""
-
 BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
 
 
@@ -202,13 +199,14 @@ class _OrbitBranch:
         problem = self.problem
         blocks = u[: problem.size].reshape(problem.segments, self.n + 1)
         period = float(np.abs(blocks[:, self.n]).sum())
+        self._block = np.append(1.0 / problem.state_scale**2, 0.0)
         self._scale = np.append(np.tile(np.append(problem.state_scale, period), problem.segments), 1.0)
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         return self.problem.evaluate(u)
 
     def accurate(self) -> bool:
-        return self.problem.refine() <= ACCURATE
+        return self.problem.refine()
 
     def scale(self) -> NDArray[np.float64]:
         return self._scale
@@ -216,10 +214,15 @@ class _OrbitBranch:
     def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Weights of the segments' initial states by the trapezoidal rule over the period, so that a segment of zero length changes nothing."""
         problem, n = self.problem, self.n
-        durations = np.abs(u[: problem.size].reshape(problem.segments, n + 1)[:, n])
-        share = 0.5 * (durations + np.roll(durations, 1)) / durations.sum()
-        block = np.append(1.0 / problem.state_scale**2, 0.0)
-        return np.append(np.outer(share, block).ravel(), 1.0)
+        durations = np.abs(u[n : problem.size : n + 1])
+        share = durations.copy()
+        share[1:] += durations[:-1]
+        share[0] += durations[-1]
+        weights = np.ones(problem.size + 1)
+        block = weights[:-1].reshape(-1, n + 1)
+        block[:] = self._block
+        block *= (0.5 / durations.sum() * share)[:, None]
+        return weights
 
     def examine(self, point: Point, before: Point | None) -> Examined:
         problem = self.problem
@@ -445,8 +448,7 @@ class _Run:
         half.specials.append(_found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < branch.problem.segments:
             fewer = self.piece(found.signature, found.u)
-            F, J = fewer.problem.evaluate(found.u)
-            orbit = orbit_at(fewer.problem, found.u, J, float(np.abs(F).max()))
+            orbit = orbit_at(fewer.problem, found.u, fewer.problem.evaluate(found.u)[1])
             half.specials[-1] = replace(half.specials[-1], orbit=orbit)
         half.points.append((branch, point))
         if self.at_grazing == "stop" or name in self.stops:
@@ -578,7 +580,7 @@ def _assemble(
         np.array([unstable_count(nontrivial(d.multipliers, autonomous=autonomous)) == 0 for d in data]),
         np.array([d.survey.admissible for d in data]),
         np.array([p.u[b.n : b.problem.size : b.n + 1].sum() for b, p in rows]),
-        np.array([p.residual for _, p in rows]),
+        np.array([d.survey.residual for d in data]),
         np.array(arcs) - arcs[0],
         np.array([d.survey.lows for d in data]),
         np.array([d.survey.highs for d in data]),
@@ -594,7 +596,7 @@ def _assemble(
 
 def _found(name: str, branch: _OrbitBranch, event: Event, half: _Half) -> _Found:
     point, data = event.point, event.point.examined.data
-    orbit = orbit_at(branch.problem, point.u, point.J, point.residual, data.survey, data.multipliers)
+    orbit = orbit_at(branch.problem, point.u, point.J, data.survey, data.multipliers)
     value = event.value
     if name == "PD":
         finite = orbit.multipliers[np.isfinite(orbit.multipliers)]

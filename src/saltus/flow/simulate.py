@@ -297,7 +297,8 @@ def simulate(
     x0 : array_like, shape (states,) or (all states,)
         State at time 0; without the phase it starts at phase 0.
     mode : str, optional
-        Mode at time 0; by default the first whose domain holds and none of whose events is passed already.
+        Mode at time 0; by default the first whose domain holds and none of whose events that lead to another mode is
+        passed already.
     t_end : float
         How long; or
     periods : int
@@ -622,7 +623,7 @@ def _passed_event(system: HybridSystem, mode: int, x: NDArray[np.float64], p: ND
     compiled, event, when = system.compiled, np.empty(2), np.empty(1)
     extended = compiled.extended(p)
     for k, transition in enumerate(system.transitions):
-        if system.mode_names.index(transition.source) != mode:
+        if system.mode_names.index(transition.source) != mode or transition.target == transition.source:
             continue
         compiled.call("event", k, 0, x, extended, event)
         side = event[0] if event[0] != 0.0 else event[1]

@@ -231,11 +231,11 @@ def sample(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outpu
 
 
 @njit(cache=True, error_model="numpy")
-def lowest(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, a, m, b, p, x, out):
-    """Return the place and value of the least value of a quantity in (a, b), bracketed at m, by parabolas and sections."""
-    fa = sample(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, a, p, x, out)
-    fm = sample(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, m, p, x, out)
-    fb = sample(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, b, p, x, out)
+def lowest(
+    functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients,
+    a, m, b, fa, fm, fb, p, x, out,
+):
+    """Return the place and value of the least value of a quantity in (a, b), bracketed at m, by parabolas and sections."""  # fmt: skip
     for step in range(60):
         if b - a < 1e-7 or not fm <= min(fa, fb):
             break
@@ -263,20 +263,54 @@ def lowest(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outpu
     return m, fm
 
 
-FINE = 4
+@njit(cache=True, error_model="numpy")
+def _at_phase(
+    functions, mode, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, p, low, high, target, at_zero, out,
+):
+    """Write the state of a segment at which its phase, between two clustered times, is `target`; its phase is set to 0."""  # fmt: skip
+    start = low
+    f_low = sample(
+        functions, mode, n - 1, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, low, p, at_zero, out,
+    ) - target  # fmt: skip
+    f_high = sample(
+        functions, mode, n - 1, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, high, p, at_zero, out,
+    ) - target  # fmt: skip
+    for _ in range(60):
+        if abs(f_high) < 1e-14 or high - low < 1e-16:
+            break
+        middle = high - f_high * (high - start) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
+        if not low < middle < high:
+            middle = 0.5 * (low + high)
+        f = sample(
+            functions, mode, n - 1, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, middle, p, at_zero, out,
+        ) - target  # fmt: skip
+        if f >= 0.0:
+            start, f_low = high, f_high
+            high, f_high = middle, f
+        else:
+            low = middle
+            start, f_low = middle, f
+    sample(
+        functions, mode, n - 1, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, high, p, at_zero, out,
+    )  # fmt: skip
+    at_zero[n - 1] = 0.0
+
+
+FINE = 3
 DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE, COARSE = 1, 2, 4, 8, 16, 32, 64
 
 
 @njit(cache=True, error_model="numpy")
 def survey(
-    functions, modes, transitions, kinds, sources, directions, n, n_modes, n_outputs, has_phase, u, p, rtol, atol, mesh, mesh_at,
+    functions, modes, transitions, kinds, turns, sources, directions, n, n_modes, n_outputs, has_phase, u, p, rtol, atol, mesh, mesh_at,
     nodes, coefficients, lows, highs, margins, places, rates, at_zero,
 ):
     """Follow an orbit densely: extremes of every state and output, margins to other events, normal velocities, state at phase 0.
 
     lows, highs: (n + n_outputs,). margins, places: (segments, transitions): the least interior local minimum of each event
-    function in its firing direction (inf where there is none), and where in clustered time. rates: (segments, 2): Lie
-    derivative of each segment's event at its end and at its start. Returns the bits of what makes the orbit inadmissible, and
+    function in its firing direction (inf where there is none), and where in clustered time. rates: (segments, 3): Lie
+    derivative of each segment's event at its end and at its start; in rates[:, 2] how far the segment's end is from the next
+    one's start, or from its event. Returns the bits of what makes the orbit inadmissible, and
     COARSE where a step passed over something.
     """  # fmt: skip
     segments, wide, n_transitions = modes.size, n + 1, sources.size
@@ -309,9 +343,20 @@ def survey(
                 bad |= COARSE
                 break
         end = nodes_at + count * n
+        following = row + wide if i + 1 < segments else 0
+        for e in range(n):
+            x[e] = nodes[end + e]
+        if transition >= 0:
+            call(functions[RESET], transition, 0, nodes, end, p, x, 0)
+        gap = 0.0
+        for e in range(n):
+            turn = 2.0 * math.pi * turns if following == 0 and e == n - 1 else 0.0
+            gap = max(gap, abs(x[e] - u[following + e] - turn))
+        rates[i, 2] = gap
         if transition >= 0:
             call(functions[EVENT], transition, 0, nodes, end, p, one, 0)
             rates[i, 0] = one[1]
+            rates[i, 2] = max(gap, abs(one[0]))
             if directions[transition] * one[1] < 0.0:
                 bad |= DIRECTION
             call(functions[GUARD], n_modes + transition, 0, nodes, end, p, one, 0)
@@ -320,13 +365,14 @@ def survey(
             call(functions[EVENT], transition, 0, nodes, nodes_at, p, one, 0)
             rates[i, 1] = one[1]
         total = count * FINE
+        heights = np.empty((n_transitions, total + 1))
         for j in range(total + 1):
             step = min(j // FINE, count - 1)
-            part = (j - step * FINE) / FINE
             if j % FINE == 0:
                 for e in range(n):
                     x[e] = nodes[nodes_at + (j // FINE) * n + e]
             else:
+                part = (j - step * FINE) / FINE
                 dense_value(coefficients, dense_at + step * 7 * n, n, nodes, nodes_at + step * n, part, x)
             for e in range(n):
                 if not abs(x[e]) < 1e300:
@@ -344,52 +390,38 @@ def survey(
                 if value > highs[q]:
                     highs[q] = value
                     best[1, q, 0], best[1, q, 1] = i, j
+            for k in range(n_transitions):
+                if sources[k] == mode:
+                    call(functions[EVENT], k, 0, x, 0, p, one, 0)
+                    heights[k, j] = -one[0] if directions[k] > 0 else one[0]
             if has_phase and not found_zero and x[n - 1] >= target - 1e-13:
-                s = _fine(mesh, first, count, j)
-                low = _fine(mesh, first, count, max(j - 1, 0))
-                high = s
-                for _ in range(80):
-                    middle = 0.5 * (low + high)
-                    value = sample(
-                        functions, mode, n - 1, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at,
-                        coefficients, middle, p, x, out,
-                    )  # fmt: skip
-                    if value >= target:
-                        high = middle
-                    else:
-                        low = middle
-                    if high - low < 1e-16:
-                        break
-                sample(
-                    functions, mode, n - 1, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at,
-                    coefficients, high, p, at_zero, out,
-                )  # fmt: skip
-                at_zero[n - 1] = 0.0
                 found_zero = True
+                _at_phase(
+                    functions, mode, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, p,
+                    _fine(mesh, first, count, max(j - 1, 0)), _fine(mesh, first, count, j), target, at_zero, out,
+                )  # fmt: skip
         for k in range(n_transitions):
             margins[i, k] = np.inf
             places[i, k] = 0.5
             if sources[k] != mode:
                 continue
-            what = n + n_outputs + k
+            height = heights[k]
             sign = -1.0 if directions[k] > 0 else 1.0
-            previous = before = 0.0
+            if directions[k] == 0 and height[1] < 0.0:
+                sign = -1.0
+                for j in range(total + 1):
+                    height[j] = -height[j]
             size = 0.0
+            for j in range(total + 1):
+                size = max(size, abs(height[j]))
+            small = 1e-9 * (1e-3 + size)
             armed = False
             for j in range(total + 1):
-                s = _fine(mesh, first, count, j)
-                value = sample(
-                    functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at,
-                    coefficients, s, p, x, out,
-                )  # fmt: skip
-                if directions[k] == 0 and j == 1 and value < 0.0:
-                    sign, value, previous = -sign, -value, -previous
-                size = max(size, abs(value))
-                small = 1e-9 * (1e-3 + size)
-                if j >= 2 and previous < before and previous <= value and (armed or before > small):
+                if 2 <= j and height[j - 1] < height[j - 2] and height[j - 1] <= height[j] and (armed or height[j - 2] > small):
                     place, least = lowest(
-                        functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at,
-                        coefficients, _fine(mesh, first, count, j - 2), _fine(mesh, first, count, j - 1), s, p, x, out,
+                        functions, mode, n + n_outputs + k, sign, dense_at, mesh, first, count, n, n_outputs, nodes,
+                        nodes_at, coefficients, _fine(mesh, first, count, j - 2), _fine(mesh, first, count, j - 1),
+                        _fine(mesh, first, count, j), height[j - 2], height[j - 1], height[j], p, x, out,
                     )  # fmt: skip
                     call(functions[GUARD], n_modes + k, 0, x, 0, p, one, 0)
                     if one[0] > 0.0 and least < margins[i, k]:
@@ -397,17 +429,20 @@ def survey(
                         places[i, k] = place
                         if least < -small:
                             bad |= EARLY
-                if j > 0 and j < total and value < -small and (armed or (j == 1 and abs(previous) <= small and duration > 0.0)):
+                starts = j == 1 and abs(height[0]) <= small and duration > 0.0
+                if 0 < j < total and height[j] < -small and (armed or starts):
+                    sample(
+                        functions, mode, 0, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at,
+                        coefficients, _fine(mesh, first, count, j), p, x, out,
+                    )  # fmt: skip
                     call(functions[GUARD], n_modes + k, 0, x, 0, p, one, 0)
                     if one[0] > 0.0:
                         bad |= EARLY
                     armed = False
-                if j == total and k != transition and armed and value < -small:
+                if j == total and k != transition and armed and height[j] < -small:
                     bad |= EARLY
-                if value > small:
+                if height[j] > small:
                     armed = True
-                before = previous
-                previous = value
     for side in range(2):
         sign = 1.0 if side == 0 else -1.0
         for q in range(n + n_outputs):
@@ -416,10 +451,18 @@ def survey(
             first, total = mesh_at[i], count * FINE
             if j == 0 or j == total:
                 continue
+            a, m, b = _fine(mesh, first, count, j - 1), _fine(mesh, first, count, j), _fine(mesh, first, count, j + 1)
+            fa = sample(
+                functions, modes[i], q, sign, first * 7 * n, mesh, first, count, n, n_outputs, nodes, first * n,
+                coefficients, a, p, x, out,
+            )  # fmt: skip
+            fb = sample(
+                functions, modes[i], q, sign, first * 7 * n, mesh, first, count, n, n_outputs, nodes, first * n,
+                coefficients, b, p, x, out,
+            )  # fmt: skip
             place, least = lowest(
                 functions, modes[i], q, sign, first * 7 * n, mesh, first, count, n, n_outputs, nodes, first * n,
-                coefficients, _fine(mesh, first, count, j - 1), _fine(mesh, first, count, j), _fine(mesh, first, count, j + 1),
-                p, x, out,
+                coefficients, a, m, b, fa, sign * (lows[q] if side == 0 else highs[q]), fb, p, x, out,
             )  # fmt: skip
             if side == 0:
                 lows[q] = min(lows[q], least)
@@ -445,12 +488,12 @@ def call_derive(functions, p):
     call(functions[DERIVE], 0, 0, p, 0, p, p, 0)
 
 
-FINEST, COARSEST = 2.0, 2e-3
+FINEST, COARSEST = 3.0, 5e-3
 
 
 @njit(cache=True, error_model="numpy")
 def remesh(mesh, mesh_at, errors):
-    """Return the largest error, a new flat mesh and the segments' counts; no counts where the mesh may stay as it is."""
+    """Return whether the mesh is fine enough, a new flat mesh and the segments' counts; no counts where it may stay."""
     segments = mesh_at.size - 1
     worst = 0.0
     stay = True
@@ -464,15 +507,15 @@ def remesh(mesh, mesh_at, errors):
     counts = np.zeros(0 if stay else segments, np.int64)
     fresh = np.empty(0 if stay else 3 * mesh.size + 8 * segments)
     if stay:
-        return worst, fresh, counts
+        return True, fresh, counts
     at = 0
     for i in range(segments):
         count = mesh_at[i + 1] - mesh_at[i] - 1
         room = np.empty(3 * count + 8)
         counts[i] = redistribute(
-            mesh[mesh_at[i] : mesh_at[i + 1]], count, errors[mesh_at[i] : mesh_at[i + 1]], 0.2, room
+            mesh[mesh_at[i] : mesh_at[i + 1]], count, errors[mesh_at[i] : mesh_at[i + 1]], 0.5, room
         )  # fmt: skip
         for j in range(counts[i] + 1):
             fresh[at + j] = room[j]
         at += counts[i] + 1
-    return worst, fresh, counts
+    return worst <= FINEST, fresh, counts

@@ -46,54 +46,47 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     n = problem.n
     P, R = np.empty((n, n)), np.empty((n, n))
     problem._kernels.pencil(J, problem._kinds, n, P, R)
-    flow = np.empty(n)
-    system = problem.system
-    system.compiled.call("field", int(problem._modes[0]), 0, np.ascontiguousarray(u[:n]), problem._extended, flow)
-    closed = problem._kinds[0] in (PHASE_END, CLOSED_END)
-    inner = _without(P, R, flow) if np.any(flow != 0.0) else (P, R)
-    values = _eigenvalues(*inner)
-    if flow.any() and not closed and system.phase is None:
-        values = np.append(values, 1.0)
-        order = np.argsort(-np.abs(values[:-1]), kind="stable")
-        return np.append(values[:-1][order], 1.0)
-    order = np.argsort(-np.abs(values), kind="stable")
-    values = values[order]
-    return np.append(values, 1.0) if system.phase is None and closed else values
+    autonomous = problem.system.phase is None
+    if problem._kinds[0] == PHASE_END:
+        values = np.linalg.eigvals(P[:-1, :-1]).astype(np.complex128)
+    else:
+        flow = np.empty(n)
+        mode, x = int(problem._modes[0]), np.ascontiguousarray(u[:n])
+        problem.system.compiled.call("field", mode, 0, x, problem._extended, flow)
+        if problem._kinds[0] == CLOSED_END:
+            values = np.linalg.eigvals(_quotient(P, flow)).astype(np.complex128)
+        else:
+            values = _without(P, R, flow)
+    values = values[np.argsort(-np.abs(values), kind="stable")]
+    return np.append(values, 1.0) if autonomous else values
+
+
+def _quotient(P: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a matrix on the quotient by an eigenvector."""
+    v = vector / np.linalg.norm(vector)
+    v[0] += 1.0 if v[0] >= 0.0 else -1.0
+    reflector = np.eye(v.size) - 2.0 / (v @ v) * np.outer(v, v)
+    return (reflector @ P @ reflector)[1:, 1:]
 
 
 def _without(
     P: NDArray[np.float64], R: NDArray[np.float64], vector: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the pencil on the quotient by an eigenvector."""
-    right = _reflector(vector)
-    P, R = P @ right, R @ right
-    left = _reflector(R[:, 0] if np.any(R[:, 0] != 0.0) else P[:, 0])
-    return (left @ P)[1:, 1:], (left @ R)[1:, 1:]
+) -> NDArray[np.complex128]:
+    """Return the eigenvalues of a pencil but for that whose eigenvector is nearest to `vector`."""
+    from scipy.linalg.lapack import dggev
 
-
-def _reflector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    v = vector / np.linalg.norm(vector)
-    v[0] += 1.0 if v[0] >= 0.0 else -1.0
-    return np.eye(v.size) - 2.0 / (v @ v) * np.outer(v, v)
-
-
-def _eigenvalues(P: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.complex128]:
-    if P.shape == (0, 0):
-        return np.empty(0, dtype=np.complex128)
-    if P.shape == (1, 1):
-        alpha, beta = P[0].astype(np.complex128), R[0]
-    else:
-        from scipy.linalg.lapack import dggev
-
-        re, im, beta, _, _, _, info = dggev(P, R, compute_vl=0, compute_vr=0)
-        if info != 0:
-            return np.full(len(P), np.nan + 0j)
-        alpha = re + 1j * im
-    scale = max(float(np.abs(alpha).max()), float(np.abs(beta).max()), 1e-300)
-    out = np.full(len(P), np.inf + 0j)
-    finite = np.abs(beta) > 1e-15 * scale
-    out[finite] = alpha[finite] / beta[finite]
-    return out
+    re, im, beta, _, vectors, _, info = dggev(P, R, compute_vl=0, compute_vr=1)
+    n = vector.size
+    if info != 0:
+        return np.full(n - 1, np.nan + 0j)
+    alpha = re + 1j * im
+    values = np.full(n, np.inf + 0j)
+    finite = np.abs(beta) > 1e-15 * max(float(np.abs(beta).max()), float(np.abs(alpha).max()), 1e-300)
+    values[finite] = alpha[finite] / beta[finite]
+    size = float(np.linalg.norm(vector))
+    near = np.abs(vector @ vectors) / (np.sqrt(np.sum(vectors**2, axis=0)) * size) if size > 0.0 else np.ones(n)
+    near[im != 0.0] = -1.0
+    return np.delete(values, int(np.argmax(near)))
 
 
 def doubling_determinant(problem: OrbitProblem, J: NDArray[np.float64]) -> tuple[float, float]:

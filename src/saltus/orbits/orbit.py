@@ -61,7 +61,7 @@ class PeriodicOrbit(Result):
     multipliers : ndarray of complex, shape (states,)
         Floquet multipliers, largest first; an autonomous system's trivial one is last.
     residual : float
-        Largest component of the segment equations.
+        Largest gap between a segment's end and the next one's start, or its event.
     faults : int
         Bits of what makes the orbit not admissible; see `reasons`.
     x0 : ndarray, shape (states,)
@@ -244,7 +244,6 @@ def orbit_at(
     problem: OrbitProblem,
     u: NDArray[np.float64],
     J: NDArray[np.float64],
-    residual: float,
     survey: Survey | None = None,
     values: NDArray[np.complex128] | None = None,
 ) -> PeriodicOrbit:
@@ -262,7 +261,7 @@ def orbit_at(
         blocks[:, : problem.n],
         blocks[:, problem.n],
         values,
-        residual,
+        survey.residual,
         survey.faults,
         survey.x0[: len(problem.system.states)],
         survey.lows,

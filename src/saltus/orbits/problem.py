@@ -76,8 +76,8 @@ class Survey:
         Extremes over the period.
     margins, places : ndarray, shape (segments, transitions)
         Least interior minimum of each event function in its firing direction, and the clustered time of it.
-    rates : ndarray, shape (segments, 2)
-        Lie derivative of each segment's event at its end and start.
+    rates : ndarray, shape (segments, 3)
+        Lie derivative of each segment's event at its end and start, and what is left of the segment's equations.
     x0 : ndarray, shape (states,)
         State at phase 0, or at the first segment's start where there is no phase.
     """
@@ -90,6 +90,11 @@ class Survey:
     places: NDArray[np.float64]
     rates: NDArray[np.float64]
     x0: NDArray[np.float64]
+
+    @property
+    def residual(self) -> float:
+        """Largest gap between a segment's end and the next one's start, or its event."""
+        return float(self.rates[:, 2].max())
 
     @property
     def admissible(self) -> bool:
@@ -212,19 +217,16 @@ class OrbitProblem:
         """Steps in all segments' meshes."""
         return int(self._mesh.size - self.segments)
 
-    def refine(self) -> float:
-        """Move the meshes to equal errors after an evaluation; return the largest error, in tolerances, before.
+    def refine(self) -> bool:
+        """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not.
 
-        Meshes are moved only where they are too coarse, or finer than they need be.
+        They are moved, too, where they are finer than they need be.
         """
-        worst, fresh, changed = self._kernels.remesh(self._mesh, self._mesh_at, self._errors)
-        if changed.size:
-            meshes, at = [], 0
-            for count in changed:
-                meshes.append(fresh[at : at + count + 1])
-                at += count + 1
-            self._use(meshes)
-        return float(worst)
+        fine, fresh, counts = self._kernels.remesh(self._mesh, self._mesh_at, self._errors)
+        if counts.size:
+            ends = np.cumsum(counts + 1)
+            self._use([fresh[end - count - 1 : end] for end, count in zip(ends, counts, strict=True)])
+        return bool(fine)
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the residual, shape (size,), and the Jacobian, shape (size, size + active)."""
@@ -247,9 +249,10 @@ class OrbitProblem:
         n, n_out, n_t = self.n, compiled.n_outputs, len(self.system.transitions)
         lows, highs = np.empty(n + n_out), np.empty(n + n_out)
         margins, places = np.empty((self.segments, n_t)), np.empty((self.segments, n_t))
-        rates, x0 = np.zeros((self.segments, 2)), np.empty(n)
+        rates, x0 = np.zeros((self.segments, 3)), np.empty(n)
         faults = self._kernels.survey(
-            self._functions, self._modes, self._transitions, self._kinds, self._sources, self._directions, n,
+            self._functions, self._modes, self._transitions, self._kinds,
+            self.signature.turns, self._sources, self._directions, n,
             len(self.system.modes), n_out, self.system.phase is not None, u, self._extended, self.tol, self._atol(), self._mesh, self._mesh_at,
             self._nodes, self._coefficients, lows, highs, margins, places, rates, x0,
         )  # fmt: skip

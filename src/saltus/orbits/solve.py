@@ -81,18 +81,18 @@ def converge(
 ) -> PeriodicOrbit:
     """Return the orbit of a signature near the unknowns `u`, its segments' ends chosen to be regular."""
     problem = OrbitProblem(system, signature, p, tol=tol)
-    u, F, J = solve_unknowns(problem, u)
+    u, J = solve_unknowns(problem, u)
     chosen, turned = settle_signature(problem, u)
     if chosen != signature:
         problem = OrbitProblem(system, chosen, p, tol=tol)
-        u, F, J = solve_unknowns(problem, turned)
-    return orbit_at(problem, u, J, float(np.abs(F).max()))
+        u, J = solve_unknowns(problem, turned)
+    return orbit_at(problem, u, J)
 
 
 def solve_unknowns(
     problem: OrbitProblem, u: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return unknowns, residual and Jacobian of an orbit near `u`, by damped Newton steps at fixed parameters.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return unknowns and Jacobian of an orbit near `u`, by damped Newton steps at fixed parameters.
 
     Raises
     ------
@@ -123,8 +123,8 @@ def solve_unknowns(
                 raise ConvergenceError("periodic orbit", size, iteration, "start from a nearer guess")
         u, F, J, size = trial, F_new, J_new, new
         if factor == 1.0 and length < _SMALL:
-            if (problem.refine() <= 2.0 and not problem.survey(u).coarse) or remeshed >= 4:
-                return u, F, J
+            if (problem.refine() and not problem.survey(u).coarse) or remeshed >= 4:
+                return u, J
             problem.start(u)
             remeshed += 1
             F, J = problem.evaluate(u)
