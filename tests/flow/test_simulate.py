@@ -64,7 +64,7 @@ def test_impact_oscillator_keeps_its_closed_form_orbit(impact_oscillator):
 
 
 def test_dropped_ball_chatters_at_the_closed_form_time(ball):
-    with pytest.raises(ChatteringError, match="chattering: events accumulate at t = 4.24264068") as error:
+    with pytest.raises(ChatteringError, match=r"chattering: events accumulate at t = 4.24264068") as error:
         simulate(ball, None, [1.0, 0.0], t_end=10.0)
     assert error.value.time == pytest.approx(3.0 * math.sqrt(2.0), abs=1e-11)
     assert error.value.state == pytest.approx([0.0, 0.0], abs=1e-12)
@@ -300,7 +300,7 @@ def test_the_mode_of_the_start_is_the_one_whose_event_is_not_passed(afm1):
 
 def test_leaving_the_domain_is_told():
     system = one_mode({"x": "-1"}, domain="x")
-    with pytest.raises(DivergenceError, match="leaves the domain of the mode, x > 0"):
+    with pytest.raises(DivergenceError, match=r"leaves the domain of the mode, x > 0"):
         simulate(system, None, [1.0], t_end=3.0)
 
 
@@ -316,12 +316,12 @@ def test_exponential_growth_passes_the_bound():
 
 
 def test_a_singularity_in_the_field_is_told():
-    with pytest.raises(DivergenceError, match="as it does before a singularity"):
+    with pytest.raises(DivergenceError, match=r"as it does before a singularity"):
         simulate(one_mode({"x": "-1/x"}), None, [1.0], t_end=3.0)
 
 
 def test_a_field_that_is_not_finite_at_the_start_is_told():
-    with pytest.raises(DivergenceError, match="the vector field is not finite"):
+    with pytest.raises(DivergenceError, match=r"the vector field is not finite"):
         simulate(one_mode({"x": "1/x"}), None, [0.0], t_end=3.0)
 
 
@@ -331,7 +331,7 @@ def test_a_field_that_is_not_finite_at_the_start_is_told():
         ({"x0": [1.0]}, r"x0 = \[1.0\]: must be of shape \(2,\)"),
         ({"x0": [1.0, math.nan]}, r"x0 = \[1.0, nan\]: must be finite"),
         ({"x0": ["a", 1.0]}, "must be numbers, one for each of z, v"),
-        ({"t_end": None}, "t_end, periods = .*: must be exactly one of the two given"),
+        ({"t_end": None}, r"t_end, periods = .*: must be exactly one of the two given"),
         ({"periods": 3}, "t_end, periods = .*: must be exactly one of the two given"),
         ({"t_end": None, "periods": 3}, "periods = 3: must be left out for a system without a phase; give t_end"),
         ({"t_end": 0.0}, "t_end = 0.0: must be a finite number > 0"),
@@ -352,20 +352,20 @@ def test_bad_arguments_are_named(ball, arguments, message):
 
 def test_periods_must_be_a_positive_integer(afm1):
     for periods in (0, 1.5, True):
-        with pytest.raises(InputError, match="periods = .*: must be an integer >= 1"):
+        with pytest.raises(InputError, match=r"periods = .*: must be an integer >= 1"):
             simulate(afm1, None, [0.0, 0.0], periods=periods)
 
 
 def test_a_phase_that_does_not_run_forward_is_refused(impact_oscillator):
-    with pytest.raises(InputError, match="rate of the phase theta = -1.0: must be > 0"):
+    with pytest.raises(InputError, match=r"rate of the phase theta = -1.0: must be > 0"):
         simulate(impact_oscillator, {"w": -1.0}, [0.0, 0.0], t_end=1.0)
 
 
 def test_settle_and_events_after_want_one_duration(ball):
     p = ball.parameter_vector(None)
-    with pytest.raises(InputError, match="t, periods = .*: must be exactly one of the two given"):
+    with pytest.raises(InputError, match=r"t, periods = .*: must be exactly one of the two given"):
         settle(ball, p, [1.0, 0.0], 0)
-    with pytest.raises(InputError, match="periods = 2: must be left out"):
+    with pytest.raises(InputError, match=r"periods = 2: must be left out"):
         events_after(ball, p, [1.0, 0.0], 0, periods=2)
 
 
@@ -409,7 +409,7 @@ def test_cantilever_agrees_with_scipy_event_by_event(afm1):
     z, speed, flight, contact = _cantilever()
     p = afm1.parameter_vector(None)
     x, mode = settle(afm1, p, [0.0, 0.0], 0, periods=300)
-    log = events_after(afm1, p, x, mode, n_events=4, rtol=1e-13, atol=1e-15)
+    log = events_after(afm1, p, x, mode, periods=3, n_events=4, rtol=1e-13, atol=1e-15)
     log = [(t, k, y) for t, k, y in zip(log.time, log.transition, log.x_before, strict=True) if k >= 0]
     t, y = 0.0, x[:2]
     for index, (time, transition, before) in enumerate(log):
@@ -427,10 +427,9 @@ def test_cantilever_agrees_with_scipy_event_by_event(afm1):
 
 def test_cantilever_agrees_with_heyoka_over_a_tap(afm1):
     hy = pytest.importorskip("heyoka")
-    _z, _speed, flight, _contact = _cantilever()
-    p = afm1.parameter_vector(None)
+        p = afm1.parameter_vector(None)
     x, mode = settle(afm1, p, [0.0, 0.0], 0, periods=300)
-    log = events_after(afm1, p, x, mode, n_events=2, rtol=1e-13, atol=1e-15)
+    log = events_after(afm1, p, x, mode, periods=3, n_events=2, rtol=1e-13, atol=1e-15)
 
     ybar, b1, a0 = 0.108, systems.B[0], systems.A0
     q, v, t, w = hy.make_vars("q", "v", "t", "w")
@@ -516,7 +515,7 @@ def test_a_motion_of_given_time_ends_then_even_at_a_wrap(impact_oscillator):
 
 
 def test_events_after_stops_at_the_number_of_events(ball):
-    log = events_after(ball, ball.parameter_vector(None), [1.0, 0.0], 0, n_events=3)
+    log = events_after(ball, ball.parameter_vector(None), [1.0, 0.0], 0, t=100.0, n_events=3)
     assert log.transition.tolist() == [0, 0, 0]
     assert log.t_end == log.time[-1]
     assert log.x_end == pytest.approx(log.x_after[-1])
@@ -551,14 +550,14 @@ def test_an_output_is_what_its_expression_says(ball):
     assert energy[times < 1.0] == pytest.approx(2.0, rel=1e-12)
     assert energy[times > 1.0] == pytest.approx(0.5, rel=1e-12)
     assert motion.output("energy", 0.0) == pytest.approx(2.0)
-    with pytest.raises(InputError, match="output = 'enrgy': must be one of energy; did you mean 'energy'?"):
+    with pytest.raises(InputError, match=r"output = 'enrgy': must be one of energy; did you mean 'energy'?"):
         motion.output("enrgy", 0.0)
 
 
 def test_times_out_of_range_are_refused(ball):
     motion = simulate(ball, None, [1.0, 0.0], t_end=1.0)
     for t in (-0.1, 1.1, [0.5, math.nan]):
-        with pytest.raises(InputError, match="t = .*: must be between 0 and t_end = 1"):
+        with pytest.raises(InputError, match=r"t = .*: must be between 0 and t_end = 1"):
             motion(t)
 
 
@@ -580,6 +579,7 @@ def test_a_saved_trajectory_is_read_back_equal(afm1, tmp_path, periods):
     assert np.array_equal(again(times), motion(times))
     assert np.array_equal(again.output("z", times), motion.output("z", times))
     assert np.array_equal(again.events, motion.events)
+    assert again.system.mode_names == afm1.mode_names
     assert again.system == afm1
 
 
@@ -593,7 +593,7 @@ def test_the_repr_tells_steps_events_and_end(ball):
     text = repr(simulate(ball, None, [0.5, 0.0], t_end=1.5))
     assert "Trajectory of 'bouncing ball' over 0 <= t <= 1.5" in text
     assert "1 impact" in text
-    assert "ends in mode 'flight' at z = 0.125, v = -6.93889e-16" in text or "ends in mode 'flight' at z = 0.125" in text
+    assert "ends in mode 'flight' at z = 0.125, v = " in text
     assert text.endswith("t_end = 1.5 reached")
 
 

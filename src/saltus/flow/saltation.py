@@ -83,7 +83,8 @@ def saltation_matrix(
     compiled.call("reset", k, 0, x, extended, after)
     compiled.call("reset_x", k, 0, x, extended, jacobian)
     reset_x = jacobian.reshape(n, n)
-    source, target = (system.mode_names.index(mode) for mode in (system.transitions[k].source, system.transitions[k].target))
+    ends = (system.transitions[k].source, system.transitions[k].target)
+    source, target = (system.mode_names.index(mode) for mode in ends)
     f1, f2 = compiled.field(source, x, p), compiled.field(target, after, p)
     event_x = event[2 : 2 + n]
     rate = float(event_x @ f1)

@@ -188,7 +188,7 @@ class Trajectory(Result):
             "step_dense": (("step", "coefficient", "state"), np.array(self.step_dense)),
         }
         attrs = {
-            "system": as_json(self.system.definition()),
+            "system": json.dumps(self.system.definition()),  # modes are indexed by their order: not sorted
             "parameters": as_json(dict(self.parameters)),
             "t_end": self.t_end,
             "mode_end": self.mode_end,
@@ -436,14 +436,16 @@ def events_after(
     rtol: float = 1e-10,
     atol: float = 1e-12,
 ) -> EventLog:
-    """Return all events of a motion, without its dense output, until the first of the limits that are given.
+    """Return all events of a motion, without its dense output.
 
     Parameters
     ----------
     system, p, x, mode, rtol, atol
         As in `settle`.
-    periods, t, n_events : int, float, int
-        Periods of the phase, time, transitions; at least one of them.
+    periods, t : int, float
+        How long; exactly one of the two.
+    n_events : int, optional
+        The motion ends early after so many transitions.
 
     Raises
     ------
@@ -451,10 +453,7 @@ def events_after(
         As `simulate`.
     """
     run = _Run(system, p, _start(system, x), mode, *_tolerances(rtol, atol))
-    if n_events is None:
-        run.follow(*_how_long(system, periods, t), None)
-    else:
-        run.follow(math.inf if t is None else t, periods, n_events)
+    run.follow(*_how_long(system, periods, t), n_events)
     times, which, ends, rates = run.events()
     return EventLog(
         time=frozen(times),
@@ -596,6 +595,8 @@ def _how_long(system: HybridSystem, periods: int | None, t: float | None) -> tup
         raise InputError("t, periods", {"t": t, "periods": periods}, "exactly one of the two given")
     if periods is not None and system.phase is None:
         raise InputError("periods", periods, "left out for a system without a phase", "give t")
+    if t is not None and not (_is_number(t) and 0.0 < t < math.inf):
+        raise InputError("t", t, "a finite number > 0")
     return math.inf if t is None else t, periods
 
 

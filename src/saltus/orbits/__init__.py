@@ -1,6 +1,7 @@
 """Floor 3: periodic orbits of hybrid systems."""
 
+from saltus.orbits.find import find_orbit
 from saltus.orbits.orbit import PeriodicOrbit, Segment
 from saltus.orbits.solve import solve_orbit
 
-__all__ = ["PeriodicOrbit", "Segment", "solve_orbit"]
+__all__ = ["PeriodicOrbit", "Segment", "find_orbit", "solve_orbit"]
