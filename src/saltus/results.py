@@ -132,4 +132,4 @@ def load(path: str | os.PathLike[str]) -> Result:
 
 def as_json(value: Any) -> str:
     """Return plain data as the text kept in a file's attributes."""
-    return json.dumps(value, sort_keys=True)
+    return json.dumps(value)

@@ -37,10 +37,8 @@ def test_saltation_is_the_derivative_of_the_flow_across_the_event(make, paramete
         def end(x):
             return settle(system, p, x, source, t=2.0 * tau, **tight)[0]
 
-        x, columns = before - tau * f1, []
-        for step in 1e-6 * np.eye(n):
-            columns.append((end(x + step) - end(x - step)) / 2e-6)
-        return np.column_stack(columns)
+        x = before - tau * f1
+        return np.column_stack([(end(x + step) - end(x - step)) / 2e-6 for step in 1e-6 * np.eye(n)])
 
     extrapolated = 2.0 * quotient(5e-5) - quotient(1e-4)
     saltation = saltation_matrix(system, parameters, system.transition_names[k], before)
@@ -82,7 +80,7 @@ def test_two_fields_have_the_known_multiplier(two_fields):
 
 
 def test_grazing_has_no_saltation_matrix(ball):
-    with pytest.raises(InputError, match=r"normal velocity at transition 'impact' = .*: must be different from 0; the mot"):
+    with pytest.raises(InputError, match=r"normal velocity at transition 'impact' = .*: must be different from 0; the"):
         saltation_matrix(ball, None, "impact", [0.0, 0.0])
 
 

@@ -427,7 +427,7 @@ def test_cantilever_agrees_with_scipy_event_by_event(afm1):
 
 def test_cantilever_agrees_with_heyoka_over_a_tap(afm1):
     hy = pytest.importorskip("heyoka")
-        p = afm1.parameter_vector(None)
+    p = afm1.parameter_vector(None)
     x, mode = settle(afm1, p, [0.0, 0.0], 0, periods=300)
     log = events_after(afm1, p, x, mode, periods=3, n_events=2, rtol=1e-13, atol=1e-15)
 

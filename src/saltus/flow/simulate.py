@@ -5,9 +5,9 @@ Rules
 * A transition happens where its event function changes sign in its direction and its condition `when` is positive.
 * Where several happen at the same time, the first in the definition comes first; another follows at once if, after the
   reset, the mode is still its source and its event function still passes zero there.
-* A motion that starts on an event surface leaves it to one side. If that is the side of the event's direction, the event
-  happens at once; an event of direction 0 does not. A transition that has just led back to its own mode by a reset that
-  lets the motion pass through the surface (a counter on a section) does not happen a second time.
+* A motion that starts on an event surface leaves it to one side. If that is the side of the event's direction, the
+  event happens at once; an event of direction 0 does not. A transition that has just led back to its own mode by a
+  reset that lets the motion pass through the surface (a counter on a section) does not happen a second time.
 * Chattering is told where more than 50 events in a row each follow after less than 1e-10 of the time scale (the period
   of the phase, or else the longest time between events so far) and these times shrink, or where time stands still for
   50 events.

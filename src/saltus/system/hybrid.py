@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -240,7 +241,7 @@ class HybridSystem:
         return cls(modes=modes, transitions=transitions, **data)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, HybridSystem) and self.definition() == other.definition()
+        return isinstance(other, HybridSystem) and json.dumps(self.definition()) == json.dumps(other.definition())
 
     def __hash__(self) -> int:
         return hash((self.name, self.states, self._source))
