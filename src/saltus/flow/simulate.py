@@ -188,7 +188,7 @@ class Trajectory(Result):
             "step_dense": (("step", "coefficient", "state"), np.array(self.step_dense)),
         }
         attrs = {
-            "system": json.dumps(self.system.definition()),  # modes are indexed by their order: not sorted
+            "system": as_json(self.system.definition()),
             "parameters": as_json(dict(self.parameters)),
             "t_end": self.t_end,
             "mode_end": self.mode_end,

@@ -1,0 +1,46 @@
+"""Floor 5: matplotlib pictures of results, one module for each kind; `result.plot()` comes here.
+
+`plot` dispatches on the kind of result. The module that draws a kind, and matplotlib with it, is imported when the first
+result of that kind is drawn.
+"""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from importlib import import_module
+from typing import Any
+
+from saltus.errors import InputError
+
+__all__ = ["plot"]
+
+_HOMES = {
+    "saltus.continuation.branch.Branch": "saltus.plotting.branch",
+    "saltus.orbits.orbit.PeriodicOrbit": "saltus.plotting.orbit",
+    "saltus.flow.simulate.Trajectory": "saltus.plotting.trajectory",
+}
+
+
+@singledispatch
+def plot(result: Any, *args: Any, **options: Any) -> Any:
+    """Draw a result and return the matplotlib Axes.
+
+    Parameters
+    ----------
+    result : Branch, PeriodicOrbit or Trajectory
+        What is drawn; `saltus.plotting.branch`, `.orbit` and `.trajectory` say how, and with which options.
+    *args, **options
+        Names of the quantities on the axes, and ``ax``, the Axes to draw into; by default in a new figure.
+
+    Raises
+    ------
+    InputError
+        There is no picture of this kind of result, or a quantity has another name.
+    """
+    kinds = (f"{kind.__module__}.{kind.__qualname__}" for kind in type(result).__mro__)
+    home = next((_HOMES[kind] for kind in kinds if kind in _HOMES), None)
+    if home is None:
+        drawn = ", ".join(kind.rsplit(".", 1)[1] for kind in _HOMES)
+        raise InputError("result", type(result).__name__, f"a result that can be drawn: {drawn}")
+    import_module(home)
+    return plot.dispatch(type(result))(result, *args, **options)

@@ -1,0 +1,114 @@
+"""Picture of a periodic orbit: a closed curve, each mode in its colour."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.errors import InputError, nearest
+from saltus.orbits import PeriodicOrbit
+from saltus.plotting import plot, style
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+__all__ = ["draw_jump", "plot_orbit", "unwrapped_parts"]
+
+
+@plot.register(PeriodicOrbit)
+def plot_orbit(
+    orbit: PeriodicOrbit, x: str | None = None, y: str | None = None, *, ax: Axes | None = None, legend: bool = True
+) -> Axes:
+    """Draw a periodic orbit and return the matplotlib Axes.
+
+    The curve has the colour of the mode; dots mark where segments end, and dotted lines join the two sides of a reset.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        What is drawn.
+    x, y : str, optional
+        ``t``, or a state, the phase or an output; by default the first two states.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; by default in a new figure.
+    legend : bool, optional
+        Whether the modes are named.
+
+    Raises
+    ------
+    InputError
+        A quantity of another name.
+    """
+    system = orbit.system
+    known = ("t", *system.all_states, *system.output_names)
+    x = system.states[0] if x is None else x
+    y = (system.states[1] if len(system.states) > 1 else "t") if y is None else y
+    for name in (x, y):
+        if name not in known:
+            raise InputError("quantity", name, f"one of {', '.join(known)}", nearest(str(name), known))
+    sample = orbit.sample()
+    ax = style.axes(ax)
+    phase = None if system.phase is None else system.phase[0]
+    times = sample["t"].values
+    ends = np.flatnonzero(np.diff(times) <= 0.0) + 1
+    parts = np.split(np.column_stack([sample[x].values, sample[y].values]), ends)
+    modes = [int(part[0]) for part in np.split(sample["mode"].values, ends)]
+    wrapped = tuple(name == phase for name in (x, y))
+    named: set[int] = set()
+    for part, mode in zip(parts, modes, strict=True):
+        for curve in unwrapped_parts(part, wrapped):
+            label = "_" if mode in named else system.mode_names[mode]
+            ax.plot(curve[:, 0], curve[:, 1], color=style.colour_of_mode(mode), label=label)
+            named.add(mode)
+    _draw_ends(ax, orbit, parts, closed=x != "t" and y != "t", wrapped=wrapped)
+    ax.set_xlabel(style.label_of(x))
+    ax.set_ylabel(style.label_of(y))
+    if legend:
+        ax.legend()
+    return ax
+
+
+def _draw_ends(
+    ax: Axes, orbit: PeriodicOrbit, parts: list[NDArray[np.float64]], *, closed: bool, wrapped: tuple[bool, ...]
+) -> None:
+    if orbit.form.transitions[-1] < 0:
+        return
+    ends = np.array([part[-1] for part in parts])
+    ax.plot(ends[:, 0], ends[:, 1], "o", color="black", markersize=3.5, zorder=4, label="segment ends")
+    following = [*parts[1:], parts[0]] if closed else parts[1:]
+    for part, after in zip(parts, following, strict=False):
+        draw_jump(ax, part[-1], after[0], wrapped)
+
+
+def draw_jump(ax: Axes, before: NDArray[np.float64], after: NDArray[np.float64], wrapped: Iterable[bool]) -> None:
+    """Join the two sides of a reset by a dotted line, unless they are one point or only the phase's wrap parts them."""
+    apart = np.abs(after - before) > 1e-9 * (1.0 + np.abs(before))
+    if any(moved and not angle for moved, angle in zip(apart, wrapped, strict=True)):
+        ax.plot([before[0], after[0]], [before[1], after[1]], ":", color="0.5", linewidth=0.9, label="_", zorder=1)
+
+
+def unwrapped_parts(curve: NDArray[np.float64], wrapped: Iterable[bool]) -> list[NDArray[np.float64]]:
+    """Return a curve (vertex, 2) cut where a coordinate that is an angle passes 2 pi, each part reaching its end."""
+    breaks: set[int] = set()
+    for column, angle in enumerate(wrapped):
+        if angle:
+            breaks |= set((np.flatnonzero(np.diff(curve[:, column]) < -math.pi) + 1).tolist())
+    parts = [part.copy() for part in np.split(curve, sorted(breaks))]
+    for column, angle in enumerate(wrapped):
+        for i in range(len(parts) - 1 if angle else 0):
+            left, right = parts[i][-1], parts[i + 1][0]
+            ahead = right.copy()
+            ahead[column] += 2.0 * math.pi
+            share = (2.0 * math.pi - left[column]) / max(ahead[column] - left[column], 1e-300)
+            middle = left + min(max(share, 0.0), 1.0) * (ahead - left)
+            middle[column] = 2.0 * math.pi
+            parts[i] = np.vstack([parts[i], middle])
+            middle = middle.copy()
+            middle[column] = 0.0
+            parts[i + 1] = np.vstack([middle, parts[i + 1]])
+    return parts

@@ -1,0 +1,152 @@
+"""Colours, markers and line kinds of all pictures, and the sizes for print."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["CURVE", "EVENT", "LINES", "SPECIAL", "SURFACE", "Marker", "axes", "colour_of_mode", "label_of", "publication"]
+
+CURVE = "#1b1b1e"
+"""Colour of a branch."""
+
+SURFACE = "#e8820c"
+"""Colour of an event surface, drawn as a dotted line: the paper's orange."""
+
+LINES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        "stable": {"color": CURVE, "linestyle": "-", "linewidth": 1.4},
+        "unstable": {"color": CURVE, "linestyle": (0, (3.5, 1.7)), "linewidth": 1.1},
+        "not admissible": {"color": "0.6", "linestyle": (0, (1.0, 1.5)), "linewidth": 1.1},
+    }
+)
+"""Line kinds by what the orbits are."""
+
+
+@dataclass(frozen=True)
+class Marker:
+    """How a kind of special point is drawn, and what it is called."""
+
+    meaning: str
+    marker: str
+    colour: str
+    filled: bool = True
+    size: float = 5.0
+
+    def options(self) -> dict[str, Any]:
+        """Return keyword options of `Axes.plot`."""
+        return {
+            "linestyle": "none",
+            "marker": self.marker,
+            "markersize": self.size,
+            "markerfacecolor": self.colour if self.filled else "white",
+            "markeredgecolor": "white" if self.filled else self.colour,
+            "markeredgewidth": 0.5 if self.filled else 1.1,
+        }
+
+
+SPECIAL: Mapping[str, Marker] = MappingProxyType(
+    {
+        "SN": Marker("saddle-node", "o", "#b8101f"),
+        "GR": Marker("grazing", "o", "#35b755"),
+        "PD": Marker("period doubling", "o", "#7b3294"),
+        "TR": Marker("torus", "D", "#0f5fa8", filled=False),
+        "BP": Marker("branch point", "s", "#000000"),
+    }
+)
+"""Markers of special points. Red, green and purple are the paper's; the green is much lighter than the red, so that they
+differ without colour too."""
+
+EVENT = Marker("event", "o", "#8a6d00", filled=False)
+"""Marker of a user's event."""
+
+_MODES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555")
+"""Colours of modes, after M. Okabe and K. Ito, distinguishable by the colour-blind."""
+
+_GREEK = frozenset(
+    "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega "
+    "Gamma Delta Theta Lambda Xi Sigma Phi Psi Omega".split()
+)
+
+_PRINT = {
+    "font.size": 8.0,
+    "axes.labelsize": 8.5,
+    "axes.titlesize": 9.0,
+    "axes.linewidth": 0.7,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "mathtext.fontset": "dejavusans",
+    "pdf.fonttype": 42,
+    "savefig.dpi": 300,
+}
+
+
+@contextmanager
+def publication() -> Iterator[None]:
+    """Run a block with font sizes and line widths for a figure printed at its own size (8 pt text, 300 dpi).
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> with publication():
+    ...     matplotlib.rcParams["font.size"]
+    8.0
+    """
+    import matplotlib
+
+    with matplotlib.rc_context(_PRINT):
+        yield
+
+
+def axes(ax: Axes | None) -> Axes:
+    """Return `ax`, or the axes of a new figure."""
+    if ax is not None:
+        return ax
+    from matplotlib import pyplot
+
+    return pyplot.subplots(layout="constrained")[1]
+
+
+def colour_of_mode(index: int) -> str:
+    """Return the colour of a mode by its index in the definition."""
+    return _MODES[index % len(_MODES)]
+
+
+def label_of(name: str) -> str:
+    """Return a quantity's name as an axis shows it, Greek letters and indices set as such.
+
+    Examples
+    --------
+    >>> label_of("Omega"), label_of("min_z"), label_of("v1"), label_of("D_rep_2"), label_of("period")
+    ('$\\\\Omega$', 'min $z$', '$v_{1}$', '$D_{rep,2}$', 'period')
+    """
+    if name in ("period", "arclength"):
+        return name
+    for extreme in ("min", "max"):
+        if name.startswith(f"{extreme}_"):
+            return f"{extreme} {label_of(name[4:])}"
+    head, *indices = name.split("_")
+    stem = head.rstrip("0123456789")
+    if stem and stem != head:
+        indices.insert(0, head[len(stem) :])
+    stem = stem or head
+    if stem in _GREEK:
+        symbol = f"\\{stem}"
+    elif len(stem) == 1:
+        symbol = stem
+    else:
+        return name
+    below = f"_{{{','.join(index for index in indices if index)}}}" if any(indices) else ""
+    return f"${symbol}{below}$"
