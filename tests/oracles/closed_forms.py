@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,34 @@ class TableJump:
         """Return z, v, theta just after the impact, for g = w = 1."""
         theta = math.acos(self.fold / Gamma) * (-1.0 if saddle else 1.0)
         return np.array([Gamma * math.sin(theta), math.pi * self.n, theta])
+
+
+def two_fields_orbit(al: float, be: float, ga: float, guess: float) -> tuple[float, float, float, float]:
+    """Return r0, r1, period and multiplier of problem A: in polar coordinates both fields are integrated by hand.
+
+    Left, r' = (1 - r) r and the angle turns at rate 1; right, dr/dangle = f(r) = al (be - r) r / (ga + be - r). `guess`
+    brackets r0 within 10 per cent. The multiplier is the logistic map's slope times f(r0)/f(r1).
+    """
+    E = math.exp(math.pi)
+
+    def left(r: float) -> float:
+        return r * E / (1.0 + r * (E - 1.0))
+
+    def slope(r: float) -> float:
+        return al * (be - r) * r / (ga + be - r)
+
+    def angle(r: float) -> float:
+        return ((ga + be) / be * math.log(r) - ga / be * math.log(abs(be - r))) / al
+
+    def time(r: float) -> float:
+        return math.log(r / abs(be - r)) / (al * be)
+
+    near = 1e-9 * be
+    low, high = sorted((0.9 * guess, 1.1 * guess))
+    low, high = (max(low, be + near), high) if guess > be else (low, min(high, be - near))
+    r0 = brentq(lambda r: angle(r) - angle(left(r)) - math.pi, low, high, xtol=1e-15)
+    r1 = left(r0)
+    return r0, r1, math.pi + time(r0) - time(r1), E / (1.0 + r0 * (E - 1.0)) ** 2 * slope(r0) / slope(r1)
 
 
 HENON = {"x": "a - x**2 + b*y", "y": "x"}

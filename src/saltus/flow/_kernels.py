@@ -40,9 +40,9 @@ def call(typingctx, address, k, m, x, x_at, p, out, out_at):
     return signature, lower
 
 
-@njit(cache=True, error_model="numpy", inline="never")
+@njit(cache=True, error_model="numpy")
 def stage(i, slopes, n, h, x, out):
-    """Write x + h sum_j a_ij slopes_j into `out`: the argument of stage `i`, or the end of the step for i = 12.
+    """Write x + h sum_j a_ij slopes_j into `out`: the argument of stage `i`, the end of the step for 12.
 
     x, out: (n,); slopes: (16 * n,), one stage after the other.
     """

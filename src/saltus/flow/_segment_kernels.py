@@ -29,16 +29,33 @@ def state_slope(functions, mode, duration, s, x, p, slopes, at, n):
 
 
 @njit(cache=True, error_model="numpy")
-def state_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, n):
-    """Take one step of the state; slopes[:n] is set before, slopes[12 n:13 n] after. y: scratch, (n,)."""
-    for i in range(1, 12):
+def state_step(functions, mode, duration, s, h, x, p, slopes, x_end, n):
+    """Take one step of the state into `x_end`, (n,); slopes[:n] is set before, slopes[12 n:13 n] after."""
+    field = functions[FIELD]
+    for i in range(1, 13):
+        stage(i, slopes, n, h, x, x_end)
+        time = s + C[i] * h
+        call(field, mode, 0, x_end, 0, p, slopes, i * n)
+        rate = duration * 6.0 * time * (1.0 - time)
+        for e in range(n):
+            slopes[i * n + e] *= rate
+
+
+@njit(cache=True, error_model="numpy")
+def dense_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, coefficients, n):
+    """Write the dense output of a step, (7 n,), after `state_step` has left its end in `x_end`. y: scratch, (n,)."""
+    field = functions[FIELD]
+    for i in range(13, 16):
         stage(i, slopes, n, h, x, y)
-        state_slope(functions, mode, duration, s + C[i] * h, y, p, slopes, i * n, n)
-    stage(12, slopes, n, h, x, x_end)
-    state_slope(functions, mode, duration, s + h, x_end, p, slopes, 12 * n, n)
+        time = s + C[i] * h
+        call(field, mode, 0, y, 0, p, slopes, i * n)
+        rate = duration * 6.0 * time * (1.0 - time)
+        for e in range(n):
+            slopes[i * n + e] *= rate
+    dense_coefficients(slopes, n, h, x, x_end, coefficients)
 
 
-PROBES = (0.16, 0.46, 0.75, 0.93)
+PROBES = (0.46, 0.75)
 MISSED = 1e4
 
 
@@ -78,7 +95,7 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
             h = 1.0 - s
         if h < 1e-12:
             return -1
-        state_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, n)
+        state_step(functions, mode, duration, s, h, x, p, slopes, x_end, n)
         error = error_norm(slopes, n, n, h, x, x_end, rtol, atol)
         if not error < 1e300:
             h *= 0.1
@@ -86,10 +103,7 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
         if error > 1.0:
             h *= max(0.2, 0.9 * error**-0.125)
             continue
-        for i in range(13, 16):
-            stage(i, slopes, n, h, x, y)
-            state_slope(functions, mode, duration, s + C[i] * h, y, p, slopes, i * n, n)
-        dense_coefficients(slopes, n, h, x, x_end, coefficients)
+        dense_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, coefficients, n)
         if missed(functions, mode, duration, s, h, p, coefficients, 0, x, 0, n, y, probe, field, rtol, atol):
             h *= 0.5
             continue
@@ -134,38 +148,6 @@ def redistribute(mesh, count, errors, target, out):
 
 
 @njit(cache=True, error_model="numpy")
-def slope(functions, mode, transition, mean, duration, s, y, p, active, slopes, at, n, columns, ev):
-    """Write the s-derivative of state, sensitivities and, where `mean`, of the mean event rate with its own."""
-    call(functions[VARY], mode, columns, y, 0, p, slopes, at)
-    weight = 6.0 * s * (1.0 - s)
-    rate = duration * weight
-    size = n * (1 + columns)
-    if mean:
-        for e in range(n):
-            ev[e] = slopes[at + e]
-    for e in range(size):
-        slopes[at + e] *= rate
-    if mean:
-        for e in range(n):
-            slopes[at + n + e * columns + columns - 1] += weight * ev[e]
-    for a in range(active.size):
-        call(functions[FIELD_P], mode, active[a], y, 0, p, ev, 0)
-        for e in range(n):
-            slopes[at + n + e * columns + n + a] += rate * ev[e]
-    if mean:
-        call(functions[EVENT_X], transition, 0, y, 0, p, ev, 0)
-        slopes[at + size] = weight * ev[1]
-        for c in range(columns):
-            total = 0.0
-            for e in range(n):
-                total += ev[2 + n + e] * y[n + e * columns + c]
-            slopes[at + size + 1 + c] = weight * total
-        for a in range(active.size):
-            call(functions[EVENT_P], transition, active[a], y, 0, p, ev, 0)
-            slopes[at + size + 1 + n + a] += weight * ev[1]
-
-
-@njit(cache=True, error_model="numpy")
 def flow(functions, mode, transition, mean, x0, x0_at, duration, p, active, rtol, atol, mesh, mesh_at, count, n, y, errors):
     """Run a segment on its mesh and leave state and sensitivities in `y`; the steps' errors over tolerance in `errors`.
 
@@ -173,27 +155,55 @@ def flow(functions, mode, transition, mean, x0, x0_at, duration, p, active, rtol
     columns being the n components of the initial state, the active parameters and, where `mean`, the duration.
     """
     columns = n + active.size + (1 if mean else 0)
-    length = n * (1 + columns) + ((1 + columns) if mean else 0)
+    size = n * (1 + columns)
+    length = size + ((1 + columns) if mean else 0)
     slopes = np.empty(13 * length)
-    trial, end = np.empty(length), np.empty(length)
+    trial = np.empty(length)
     ev = np.empty(2 + 2 * n)
+    vary, field_p, event_x, event_p = functions[VARY], functions[FIELD_P], functions[EVENT_X], functions[EVENT_P]
     for e in range(length):
         y[e] = 0.0
     for e in range(n):
         y[e] = x0[x0_at + e]
         y[n + e * columns + e] = 1.0
-    slope(functions, mode, transition, mean, duration, 0.0, y, p, active, slopes, 0, n, columns, ev)
+    for e in range(length):
+        slopes[e] = 0.0  # time stands still at the segment's start
     for step in range(count):
         s = mesh[mesh_at + step]
         h = mesh[mesh_at + step + 1] - s
-        for i in range(1, 12):
+        for i in range(1, 13):
             stage(i, slopes, length, h, y, trial)
-            slope(functions, mode, transition, mean, duration, s + C[i] * h, trial, p, active, slopes, i * length, n, columns, ev)
-        stage(12, slopes, length, h, y, end)
-        slope(functions, mode, transition, mean, duration, s + h, end, p, active, slopes, 12 * length, n, columns, ev)
-        errors[mesh_at + step] = error_norm(slopes, length, n, h, y, end, rtol, atol)
+            at = i * length
+            time = s + C[i] * h
+            call(vary, mode, columns, trial, 0, p, slopes, at)
+            weight = 6.0 * time * (1.0 - time)
+            rate = duration * weight
+            if mean:
+                for e in range(n):
+                    ev[e] = slopes[at + e]
+            for e in range(size):
+                slopes[at + e] *= rate
+            if mean:
+                for e in range(n):
+                    slopes[at + n + e * columns + columns - 1] += weight * ev[e]
+            for a in range(active.size):
+                call(field_p, mode, active[a], trial, 0, p, ev, 0)
+                for e in range(n):
+                    slopes[at + n + e * columns + n + a] += rate * ev[e]
+            if mean:
+                call(event_x, transition, 0, trial, 0, p, ev, 0)
+                slopes[at + size] = weight * ev[1]
+                for c in range(columns):
+                    total = 0.0
+                    for e in range(n):
+                        total += ev[2 + n + e] * trial[n + e * columns + c]
+                    slopes[at + size + 1 + c] = weight * total
+                for a in range(active.size):
+                    call(event_p, transition, active[a], trial, 0, p, ev, 0)
+                    slopes[at + size + 1 + n + a] += weight * ev[1]
+        errors[mesh_at + step] = error_norm(slopes, length, n, h, y, trial, rtol, atol)
         for e in range(length):
-            y[e] = end[e]
+            y[e] = trial[e]
             slopes[e] = slopes[12 * length + e]
 
 
@@ -209,11 +219,8 @@ def dense(functions, mode, x0, x0_at, duration, p, mesh, mesh_at, count, n, node
     for step in range(count):
         s = mesh[mesh_at + step]
         h = mesh[mesh_at + step + 1] - s
-        state_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, n)
-        for i in range(13, 16):
-            stage(i, slopes, n, h, x, y)
-            state_slope(functions, mode, duration, s + C[i] * h, y, p, slopes, i * n, n)
-        dense_coefficients(slopes, n, h, x, x_end, one)
+        state_step(functions, mode, duration, s, h, x, p, slopes, x_end, n)
+        dense_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, one, n)
         for e in range(7 * n):
             coefficients[coefficients_at + step * 7 * n + e] = one[e]
         for e in range(n):

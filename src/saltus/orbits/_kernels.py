@@ -12,6 +12,7 @@ from saltus.flow._segment_kernels import FIELD, dense, flow, missed, redistribut
 
 DERIVE, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = 0, 4, 5, 6, 7, 8, 9, 10, 11
 EVENT_END, MEAN_END, PHASE_END, CLOSED_END = 0, 1, 2, 3
+SHORT = 0.01  # share of the period below which a mean rate is integrated rather than taken from its ends
 
 
 @njit(cache=True, error_model="numpy")
@@ -26,14 +27,17 @@ def equations(functions, modes, transitions, kinds, turns, n, u, p, active, rtol
     for i in range(m):
         for j in range(m + n_active):
             J[i, j] = 0.0
+    total_time = 0.0
+    for i in range(segments):
+        total_time += abs(u[i * wide + n])
     y = np.empty((n + 1) * (n + n_active + 2))
     ends = np.empty(n)
-    gx, gp, ev, f = np.empty(n * n), np.empty(n), np.empty(2 + 2 * n), np.empty(n)
+    gx, gp, ev, f = np.empty(n * n), np.empty(n + 2), np.empty(2 + 2 * n), np.empty(n)
     for i in range(segments):
         row = i * wide
         following = row + wide if i + 1 < segments else 0
         kind, mode, transition, duration = kinds[i], modes[i], transitions[i], u[row + n]
-        mean = kind == MEAN_END
+        mean = kind == MEAN_END and abs(duration) < SHORT * total_time
         columns = n + n_active + (1 if mean else 0)
         count = mesh_at[i + 1] - mesh_at[i] - 1
         flow(
@@ -81,6 +85,27 @@ def equations(functions, modes, transitions, kinds, turns, n, u, p, active, rtol
             for k in range(n_active):
                 call(functions[EVENT_P], transition, active[k], y, 0, p, gp, 0)
                 J[last, m + k] += gp[0]
+        elif kind == MEAN_END and not mean:
+            # the same mean, (h(end) - h(start)) / duration, where nothing cancels
+            call(functions[EVENT_X], transition, 0, y, 0, p, ev, 0)
+            height = ev[0]
+            for c in range(n + n_active):
+                total = 0.0
+                for b in range(n):
+                    total += ev[2 + b] * y[n + b * columns + c]
+                J[last, row + c if c < n else m + c - n] += total / duration
+            J[last, row + n] += ev[1] / duration
+            for k in range(n_active):
+                call(functions[EVENT_P], transition, active[k], y, 0, p, gp, 0)
+                J[last, m + k] += gp[0] / duration
+            call(functions[EVENT_X], transition, 0, u, row, p, ev, 0)
+            F[last] = (height - ev[0]) / duration
+            J[last, row + n] -= F[last] / duration
+            for b in range(n):
+                J[last, row + b] -= ev[2 + b] / duration
+            for k in range(n_active):
+                call(functions[EVENT_P], transition, active[k], u, row, p, gp, 0)
+                J[last, m + k] -= gp[0] / duration
         elif mean:
             at = n * (1 + columns)
             F[last] = y[at]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from saltus.continuation.branch import Branch, SpecialPoint
+from saltus.orbits.problem import Signature
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ _SPLITS = ("SN", "PD", "TR", "BP")
 """Special points at which stability may change."""
 
 _NEAREST = 1e-9
-"""Points nearer than this to a special point, in the picture's width, are the point itself."""
+"""A point of the branch nearer than this to a grazing point is that point itself."""
 
 _VERTICES = 4000
 
@@ -144,71 +145,90 @@ def _nodes(branch: Branch, x: str, y: str) -> _Nodes:
     specials = list(branch.special_points)
     if not len(branch):
         return _Nodes(np.empty(0), np.empty(0), np.empty(0), np.empty(0, bool), [])
-    rows = _rows(branch, specials)
-    coordinates = _coordinates(branch)
-    inside = {
-        gap: [point for point in specials if rows[gap] < point.position < rows[gap + 1]]
-        for gap in range(len(rows) - 1)
-    }
-    s, place, corner, kind = [0.0], [columns[:, rows[0]]], [False], []
-    for gap, (row, after) in enumerate(zip(rows, rows[1:], strict=False)):
-        between = inside[gap]
-        kind += _kinds(branch, row, after, between)
-        steps = _shares(coordinates, branch, row, after, between)
-        begin, length = s[-1], max(float(branch.arclength[after] - branch.arclength[row]), 1e-300)
-        for point, share in zip(between, steps, strict=True):
-            s.append(begin + share * length)
-            place.append(np.array([branch.at(point, x), branch.at(point, y)]))
-            corner.append(point.type == "GR")
-        s.append(begin + length)
+    twins = _twins(branch, specials)
+    rows = [row for row in range(len(branch)) if row not in twins.values()]
+    s, place, corner, kind = [float(branch.arclength[rows[0]])], [columns[:, rows[0]]], [False], []
+    for row, after in zip(rows, rows[1:], strict=False):
+        between = [i for i, point in enumerate(specials) if row < point.position < after]
+        points = [specials[i] for i in between]
+        kind += _kinds(branch, row, after, points)
+        stations = [_at_row(branch, row)]
+        stations += [_at_row(branch, twins[i]) if i in twins else _at_special(branch, specials[i]) for i in between]
+        stations += [_at_row(branch, after)]
+        s += _arclengths(stations, float(np.ptp(branch.values)) or 1.0, phase=branch.system.phase is not None)[1:]
+        place += [np.array([branch.at(point, x), branch.at(point, y)]) for point in points]
         place.append(columns[:, after])
-        corner.append(False)
-        if branch.form[row] != branch.form[after] and not any(point.type == "GR" for point in between):
-            corner[-1] = True
+        corner += [point.type == "GR" for point in points]
+        corner.append(bool(branch.form[row] != branch.form[after]) and not any(p.type == "GR" for p in points))
     table = np.array(place)
-    return _Nodes(np.array(s), table[:, 0], table[:, 1], np.array(corner), kind)
+    return _Nodes(_growing(np.array(s)), table[:, 0], table[:, 1], np.array(corner), kind)
 
 
-def _rows(branch: Branch, specials: list[SpecialPoint]) -> list[int]:
-    """Return the points of the branch that are drawn: all but those that are a grazing point once more."""
-    again = set()
-    for point in specials:
-        if point.type != "GR":
-            continue
+def _growing(s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return `s` with the least steps that keep it strictly increasing."""
+    least = 1e-14 * max(float(np.ptp(s)), 1e-300) if len(s) > 1 else 0.0
+    return np.append(s[:1], s[0] + np.cumsum(np.maximum(np.diff(s), least)))
+
+
+def _twins(branch: Branch, specials: list[SpecialPoint]) -> dict[int, int]:
+    """Return the grazing points, by number, that are points of the branch as well: in the other signature."""
+    twins: dict[int, int] = {}
+    width = float(np.ptp(branch.values)) or 1.0
+    for i, point in enumerate(specials):
         for row in (int(np.floor(point.position)), int(np.ceil(point.position))):
-            if 0 <= row < len(branch):
-                value = point.parameters[branch.parameter]
-                width = float(np.ptp(branch.values)) or 1.0
+            if point.type == "GR" and 0 < row < len(branch) - 1:
+                apart = abs(branch.values[row] - point.parameters[branch.parameter])
                 near = np.allclose(branch.x0[row], point.orbit.x0, rtol=_NEAREST, atol=_NEAREST)
-                if near and abs(branch.values[row] - value) < _NEAREST * width and 0 < row < len(branch) - 1:
-                    again.add(row)
-    return [row for row in range(len(branch)) if row not in again]
+                if near and apart < _NEAREST * width:
+                    twins[i] = row
+    return twins
 
 
-def _coordinates(branch: Branch) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return what distances along the branch are measured in, shape (point, coordinate), and the units of it."""
-    table = np.column_stack([branch.values, branch.x0, branch.lows, branch.highs])
-    units = np.ptp(table, axis=0)
+class _Station(NamedTuple):
+    """An orbit on the way: signature, unknowns, parameter, arclength where it is known."""
+
+    form: Signature
+    unknowns: NDArray[np.float64]
+    value: float
+    arclength: float | None
+
+
+def _at_row(branch: Branch, row: int) -> _Station:
+    form = branch.forms[branch.form[row]]
+    return _Station(form, branch.unknowns[row], float(branch.values[row]), float(branch.arclength[row]))
+
+
+def _at_special(branch: Branch, point: SpecialPoint) -> _Station:
+    return _Station(point.orbit.form, point.orbit.unknowns, point.parameters[branch.parameter], None)
+
+
+def _arclengths(stations: list[_Station], width: float, *, phase: bool) -> list[float]:
+    """Return all arclengths: between known ones, in the proportion of the chords."""
+    known = [i for i, station in enumerate(stations) if station.arclength is not None]
+    found = [float(stations[0].arclength or 0.0)]
+    for first, last in zip(known, known[1:], strict=False):
+        part = stations[first : last + 1]
+        chords = [_chord(a, b, width, phase=phase) for a, b in zip(part, part[1:], strict=False)]
+        shares = (np.cumsum(chords) + 1e-12 * np.arange(1, len(part))) / (sum(chords) + 1e-12 * len(chords))
+        begin, length = found[-1], float(part[-1].arclength or 0.0) - found[-1]
+        found += [begin + length * float(share) for share in shares]
+    return found
+
+
+def _chord(a: _Station, b: _Station, width: float, *, phase: bool) -> float:
+    """Return the distance of two orbits in the norm of `continue_orbit`: states weighted by time, and the parameter."""
+    along = (b.value - a.value) / width
+    if a.form != b.form:
+        return abs(along)
+    left, right = (station.unknowns.reshape(len(station.form), -1) for station in (a, b))
+    units = np.maximum(np.abs(left), np.abs(right)).max(axis=0)[:-1]
+    if phase:
+        units[-1] = 2.0 * np.pi
     units[units == 0.0] = 1.0
-    return table / units, units
-
-
-def _shares(
-    coordinates: tuple[NDArray[np.float64], NDArray[np.float64]],
-    branch: Branch,
-    row: int,
-    after: int,
-    between: list[SpecialPoint],
-) -> list[float]:
-    """Return where special points lie between two points, as shares of the arclength: those of the chords."""
-    table, units = coordinates
-    places = [table[row]]
-    for point in between:
-        value = point.parameters[branch.parameter]
-        places.append(np.concatenate([[value], point.orbit.x0, point.orbit.lows, point.orbit.highs]) / units)
-    places.append(table[after])
-    chords = np.linalg.norm(np.diff(places, axis=0), axis=1) + 1e-15
-    return (np.cumsum(chords)[:-1] / chords.sum()).tolist()
+    durations = 0.5 * (np.abs(left[:, -1]) + np.abs(right[:, -1]))
+    weights = 0.5 * (durations + np.roll(durations, 1)) / max(float(durations.sum()), 1e-300)
+    squares = (((right - left)[:, :-1] / units) ** 2).sum(axis=1)
+    return float(np.sqrt(weights @ squares + along**2))
 
 
 def _kinds(branch: Branch, row: int, after: int, between: list[SpecialPoint]) -> list[str]:

@@ -1,0 +1,43 @@
+"""The paper's figures: one module each, with a function `run` that computes, draws and writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from saltus.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+__all__ = ["FIGURES", "runner"]
+
+FIGURES: Mapping[str, str] = MappingProxyType(
+    {
+        "fig3": "frequency response, one mode: both grazings, folds and period doublings, with two zooms",
+    }
+)
+"""The figures that can be reproduced, each in a line."""
+
+
+def runner(name: str) -> Callable[..., dict[str, Any]]:
+    """Return the function ``run(out: Path, progress=None) -> dict`` of a figure.
+
+    Raises
+    ------
+    InputError
+        There is no figure of that name.
+
+    Examples
+    --------
+    >>> runner("fgi3")
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: figure = 'fgi3': must be one of fig3; did you mean 'fig3'?
+    """
+    if name not in FIGURES:
+        raise InputError("figure", name, f"one of {', '.join(FIGURES)}", nearest(name, FIGURES))
+    run: Callable[[Path, Callable[[str], None] | None], dict[str, Any]] = import_module(f"{__name__}.{name}").run
+    return run
