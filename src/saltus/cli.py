@@ -74,7 +74,7 @@ def reproduce(
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for what is computed; made if absent.")
     ] = Path("results"),
 ) -> None:
-    """Compute a figure of the paper: the picture, its data and its special points."""
+    """Compute a figure of the paper, with its data and special points."""
     from saltus.afm.figures import FIGURES, runner
 
     if figure == "list":

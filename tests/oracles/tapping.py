@@ -62,7 +62,9 @@ class Tapping:
     def gap_rate(self, t: float, x: NDArray[np.float64]) -> float:
         return -float(x[self.n :].sum()) - self.ybar * self.Omega * math.cos(self.Omega * t)
 
-    def map(self, x: NDArray[np.float64], rtol: float = 1e-12) -> tuple[NDArray[np.float64], list[tuple[float, NDArray[np.float64]]]]:
+    def map(
+        self, x: NDArray[np.float64], rtol: float = 1e-12
+    ) -> tuple[NDArray[np.float64], list[tuple[float, NDArray[np.float64]]]]:
         """Return the state one forcing period later, from phase 0 in flight, and the crossings (time, state) on the way."""
         t, end, mode, crossings = 0.0, 2.0 * math.pi / self.Omega, 0, []
         while t < end:
@@ -73,7 +75,13 @@ class Tapping:
             surface.terminal = True  # type: ignore[attr-defined]
             surface.direction = 1.0 if mode else -1.0  # type: ignore[attr-defined]
             flown = solve_ivp(
-                lambda t, x, mode=mode: self.field(mode, t, x), (t, end), x, "DOP853", rtol=rtol, atol=rtol * 1e-2, events=surface
+                lambda t, x, mode=mode: self.field(mode, t, x),
+                (t, end),
+                x,
+                "DOP853",
+                rtol=rtol,
+                atol=rtol * 1e-2,
+                events=surface,
             )
             t, x = float(flown.t[-1]), flown.y[:, -1]
             if flown.status == 1:

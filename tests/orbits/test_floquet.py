@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+
 import systems
 from oracles.closed_forms import ImpactOrbit
 from oracles.tapping import Tapping, central_jacobian
-from scipy.integrate import solve_ivp
-
 from saltus import solve_orbit
 from saltus.afm import table1, tapping_mode
 
@@ -48,7 +48,9 @@ def test_tapping_orbit_is_a_fixed_point_of_the_independent_map(tapping, n, Omega
     image, crossings = Tapping(n, Omega).map(orbit.x0)
     assert orbit.admissible
     assert orbit.signature == (("flight", "touch"), ("contact", "release"))
-    np.testing.assert_allclose(image, orbit.x0, atol=1e-9)  # DOP853 at 1e-12 in some 300 steps; events by brentq at 4 eps
+    np.testing.assert_allclose(
+        image, orbit.x0, atol=1e-9
+    )  # DOP853 at 1e-12 in some 300 steps; events by brentq at 4 eps
     assert orbit.durations[1] == pytest.approx(crossings[1][0] - crossings[0][0], abs=1e-9)
 
 
@@ -82,12 +84,16 @@ def test_tapping_multipliers_multiply_to_liouville(tapping, Omega):
     assert np.prod(orbit.multipliers) == pytest.approx(product, abs=1e-9)
 
 
-@pytest.mark.parametrize(("w", "m", "U"), [(1.0, 1, 1.6957329376), (2.2, 1, 0.5), (2.5, 2, 1.5), (0.7, 1, 0.05), (1.1, 1, 0.1)])
+@pytest.mark.parametrize(
+    ("w", "m", "U"), [(1.0, 1, 1.6957329376), (2.2, 1, 0.5), (2.5, 2, 1.5), (0.7, 1, 0.05), (1.1, 1, 0.1)]
+)
 def test_impact_multipliers_multiply_to_liouville(w, m, U):
     """The determinant of an impact's saltation matrix, times that of the flow, built from their definitions."""
     form = ImpactOrbit(w, m)
     A = form.amplitude(U)
-    orbit = solve_orbit(systems.impact_oscillator(), {"w": w, "A": A}, [("free", "impact", form.after_impact(U), form.period)])
+    orbit = solve_orbit(
+        systems.impact_oscillator(), {"w": w, "A": A}, [("free", "impact", form.after_impact(U), form.period)]
+    )
     x, v, s = orbit.segments[0].state
     before = np.array([x, -v / 0.8, s])
     f1, f2 = (np.array([y[1], -y[0] - 0.1 * y[1] + A * math.cos(y[2]), w]) for y in (before, orbit.segments[0].state))
@@ -98,11 +104,15 @@ def test_impact_multipliers_multiply_to_liouville(w, m, U):
     assert np.prod(orbit.multipliers) == pytest.approx(product, abs=1e-9)
 
 
-@pytest.mark.parametrize(("w", "m", "U"), [(1.0, 1, 1.6957329376), (2.2, 1, 0.5), (2.5, 2, 1.5), (0.7, 1, 0.3), (1.1, 1, 0.1)])
+@pytest.mark.parametrize(
+    ("w", "m", "U"), [(1.0, 1, 1.6957329376), (2.2, 1, 0.5), (2.5, 2, 1.5), (0.7, 1, 0.3), (1.1, 1, 0.1)]
+)
 def test_impact_multipliers_are_those_of_the_stroboscopic_map(w, m, U):
     form = ImpactOrbit(w, m)
     A = form.amplitude(U)
-    orbit = solve_orbit(systems.impact_oscillator(), {"w": w, "A": A}, [("free", "impact", form.after_impact(U), form.period)])
+    orbit = solve_orbit(
+        systems.impact_oscillator(), {"w": w, "A": A}, [("free", "impact", form.after_impact(U), form.period)]
+    )
 
     def surface(t, y):
         return y[0] - 1.0

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-import systems
-from oracles.closed_forms import ImpactOrbit, TableJump, two_fields_orbit
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+import systems
+from oracles.closed_forms import ImpactOrbit, TableJump, two_fields_orbit
 from saltus import HybridSystem, Mode, Transition, solve_orbit
 
 FLOW = 1e-10
@@ -32,7 +32,9 @@ def test_two_fields_have_the_printed_orbit(al, be, r0, r1, period):
     guess = [("left", "to_right", [0.0, 1.1 * r0], 3.0), ("right", "to_left", [0.0, -1.1 * r1], period - 3.0)]
     orbit = solve_orbit(systems.two_fields(), {"al": al, "be": be}, guess)
     left, right = sorted(orbit.segments, key=lambda part: part.mode)
-    np.testing.assert_allclose(left.state, [0.0, r0], atol=5e-12)  # half a unit of the last digit in print, and the flow's
+    np.testing.assert_allclose(
+        left.state, [0.0, r0], atol=5e-12
+    )  # half a unit of the last digit in print, and the flow's
     np.testing.assert_allclose(right.state, [0.0, -r1], atol=5e-12)
     assert left.duration == pytest.approx(math.pi, abs=5e-12)
     assert orbit.period == pytest.approx(period, abs=5e-12)
@@ -105,7 +107,9 @@ def test_impact_orbits_are_the_closed_form(w, m, U):
     assert abs(total - form.trace(U)) < FLOW * scale * max(1.0, abs(form.trace(U)))
 
 
-@pytest.mark.parametrize(("k", "c", "d", "e"), [(4.0, 0.3, 0.5, 0.6), (1.0, 0.0, 1.0, 0.9), (1.0, 0.1, 0.0, 0.7), (0.5, 0.2, -0.5, 0.95)])
+@pytest.mark.parametrize(
+    ("k", "c", "d", "e"), [(4.0, 0.3, 0.5, 0.6), (1.0, 0.0, 1.0, 0.9), (1.0, 0.1, 0.0, 0.7), (0.5, 0.2, -0.5, 0.95)]
+)
 def test_impact_orbits_are_the_closed_form_for_other_constants(k, c, d, e):
     form = ImpactOrbit(1.7, 1, k, c, d, e)
     orbit = oscillator_orbit(form, 1.0)
@@ -258,7 +262,9 @@ def test_multiplier_of_a_forced_equilibrium_is_the_exponential(w):
 
 def test_an_autonomous_cycle_without_events_is_the_unit_circle():
     system = HybridSystem(
-        ("x", "y"), {"mu": 1.0, "w": 2.0}, {"m": Mode({"x": "mu*x*(1 - x**2 - y**2) - w*y", "y": "mu*y*(1 - x**2 - y**2) + w*x"})}
+        ("x", "y"),
+        {"mu": 1.0, "w": 2.0},
+        {"m": Mode({"x": "mu*x*(1 - x**2 - y**2) - w*y", "y": "mu*y*(1 - x**2 - y**2) + w*x"})},
     )
     orbit = solve_orbit(system, {}, [("m", None, [1.2, 0.1], 3.0)])
     assert orbit.period == pytest.approx(math.pi, abs=FLOW)

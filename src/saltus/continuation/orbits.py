@@ -214,14 +214,8 @@ class _OrbitBranch:
     def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Weights of the segments' initial states by the trapezoidal rule over the period, so that a segment of zero length changes nothing."""
         problem, n = self.problem, self.n
-        durations = np.abs(u[n : problem.size : n + 1])
-        share = durations.copy()
-        share[1:] += durations[:-1]
-        share[0] += durations[-1]
-        weights = np.ones(problem.size + 1)
-        block = weights[:-1].reshape(-1, n + 1)
-        block[:] = self._block
-        block *= (0.5 / durations.sum() * share)[:, None]
+        weights = np.empty(problem.size + 1)
+        problem._kernels.metric(u, problem.segments, n, self._block, weights)
         return weights
 
     def examine(self, point: Point, before: Point | None) -> Examined:

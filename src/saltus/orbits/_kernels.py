@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from saltus.flow._kernels import call, dense_value
+from saltus.flow._linear_kernels import solve
 from saltus.flow._segment_kernels import FIELD, dense, flow, missed, redistribute
 
 DERIVE, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = 0, 4, 5, 6, 7, 8, 9, 10, 11
@@ -123,11 +124,13 @@ def equations(functions, modes, transitions, kinds, turns, n, u, p, active, rtol
 
 
 @njit(cache=True, error_model="numpy")
-def pencil(J, kinds, n, P, R):
+def pencil(J, kinds, n, vector, P, R):
     """Write the (n, n) pencil P v = mu R v of the linearised return map at the first segment's start.
 
     Durations are eliminated by reflections and segments joined by orthogonal null spaces, so nothing is divided by the
-    normal velocity: where it vanishes (grazing) R is singular and a multiplier infinite.
+    normal velocity: where it vanishes (grazing) R is singular and a multiplier infinite. Unless the segment closes without
+    an event, the flow `vector` is an eigenvector (of multiplier 0, since the event waits for it), and the quotient by it
+    is left in P[1:, 1:] and R[1:, 1:]; it is first improved to the eigenvector of the discrete equations.
     """
     segments, wide = kinds.size, n + 1
     for a in range(n):
@@ -161,6 +164,90 @@ def pencil(J, kinds, n, P, R):
                     R[a, b] = here_right[a, b]
         else:
             _join(P, R, here_left, here_right)
+    matrix, v = P.copy(), np.empty((n, 1))
+    for a in range(n):
+        v[a, 0] = 0.0
+        for b in range(n):
+            v[a, 0] += R[a, b] * vector[b]
+    sign, log = solve(matrix, v)
+    size = 0.0
+    for a in range(n):
+        size = max(size, abs(v[a, 0]))
+    better = vector.copy()
+    if sign != 0.0 and 0.0 < size < 1e300:
+        for a in range(n):
+            better[a] = v[a, 0] / size
+    _quotient(P, R, better)
+
+
+@njit(cache=True, error_model="numpy")
+def _quotient(P, R, vector):
+    """Turn a pencil so that its rows and columns behind the first are the quotient by an eigenvector."""
+    n = vector.size
+    left, right = np.empty((n, n)), np.empty((n, n))
+    for a in range(n):
+        for b in range(n):
+            left[a, b] = P[b, a]
+            right[a, b] = R[b, a]
+    _reflect(vector, left, right)
+    image = np.empty(n)
+    size = 0.0
+    for a in range(n):
+        for b in range(n):
+            P[a, b] = left[b, a]
+            R[a, b] = right[b, a]
+        image[a] = R[a, 0]
+        size = max(size, abs(image[a]))
+    if size == 0.0:
+        for a in range(n):
+            image[a] = P[a, 0]
+    _reflect(image, P, R)
+
+
+@njit(cache=True, error_model="numpy")
+def pair(P, R, at, values):
+    """Write the two generalised eigenvalues of the 2 x 2 pencil that begins at (at, at); infinite ones as inf."""
+    p00, p01, p10, p11 = P[at, at], P[at, at + 1], P[at + 1, at], P[at + 1, at + 1]
+    r00, r01, r10, r11 = R[at, at], R[at, at + 1], R[at + 1, at], R[at + 1, at + 1]
+    a, c = r00 * r11 - r01 * r10, p00 * p11 - p01 * p10
+    b = -(p00 * r11 + p11 * r00 - p01 * r10 - p10 * r01)
+    half = 0.5 * b
+    discriminant = half * half - a * c
+    if discriminant < 0.0:
+        values[0] = complex(-half / a, math.sqrt(-discriminant) / a)
+        values[1] = values[0].conjugate()
+        return
+    q = -(half + math.copysign(math.sqrt(discriminant), half))
+    values[0] = complex(q / a, 0.0) if a != 0.0 else complex(np.inf, 0.0)
+    values[1] = complex(c / q, 0.0) if q != 0.0 else complex(0.0, 0.0)
+    if abs(values[1]) > abs(values[0]):
+        values[0], values[1] = values[1], values[0]
+
+
+@njit(cache=True, error_model="numpy")
+def doubling(J, n):
+    """Return sign and log of |det(A + B)|, A - B = J with B the closing equations' derivative in the next period's start."""
+    m = J.shape[0]
+    matrix = J[:, :m].copy()
+    last = m - n - 1
+    for a in range(n):
+        matrix[last + a, a] += 2.0
+    return solve(matrix, np.zeros((m, 1)))
+
+
+@njit(cache=True, error_model="numpy")
+def metric(u, segments, n, block, out):
+    """Write the weights of the arclength: the trapezoidal rule over the period for each segment's start, 1 for parameters."""
+    wide = n + 1
+    total = 0.0
+    for i in range(segments):
+        total += abs(u[i * wide + n])
+    for i in range(out.size):
+        out[i] = 1.0
+    for i in range(segments):
+        share = 0.5 * (abs(u[i * wide + n]) + abs(u[(i * wide if i else segments * wide) - 1])) / total
+        for a in range(wide):
+            out[i * wide + a] = share * block[a]
 
 
 @njit(cache=True, error_model="numpy")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,19 +46,23 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     problem.set_parameters(u)
     n = problem.n
     P, R = np.empty((n, n)), np.empty((n, n))
-    problem._kernels.pencil(J, problem._kinds, n, P, R)
-    autonomous = problem.system.phase is None
-    if problem._kinds[0] == PHASE_END:
-        values = np.linalg.eigvals(P[:-1, :-1]).astype(np.complex128)
-    else:
-        flow = np.empty(n)
+    closing, autonomous = problem._kinds[0], problem.system.phase is None
+    flow = np.empty(n)
+    if autonomous or closing != PHASE_END:
         mode, x = int(problem._modes[0]), np.ascontiguousarray(u[:n])
         problem.system.compiled.call("field", mode, 0, x, problem._extended, flow)
-        if problem._kinds[0] == CLOSED_END:
-            values = np.linalg.eigvals(_quotient(P, flow)).astype(np.complex128)
-        else:
-            values = _without(P, R, flow)
-    values = values[np.argsort(-np.abs(values), kind="stable")]
+    problem._kernels.pencil(J, problem._kinds, n, flow, P, R)
+    if closing == PHASE_END:
+        values = np.linalg.eigvals(P[:-1, :-1]).astype(np.complex128)
+    elif closing == CLOSED_END:
+        values = np.linalg.eigvals(_quotient(P, flow)).astype(np.complex128)
+    elif n == 3:
+        values = np.empty(2, dtype=np.complex128)
+        problem._kernels.pair(P, R, 1, values)
+    else:
+        values = _eigenvalues(P[1:, 1:], R[1:, 1:])
+    if n > 3 or closing in (PHASE_END, CLOSED_END):
+        values = values[np.argsort(-np.abs(values), kind="stable")]
     return np.append(values, 1.0) if autonomous else values
 
 
@@ -69,24 +74,18 @@ def _quotient(P: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np
     return (reflector @ P @ reflector)[1:, 1:]
 
 
-def _without(
-    P: NDArray[np.float64], R: NDArray[np.float64], vector: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    """Return the eigenvalues of a pencil but for that whose eigenvector is nearest to `vector`."""
+def _eigenvalues(P: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the generalised eigenvalues of a pencil, infinite ones as inf."""
     from scipy.linalg.lapack import dggev
 
-    re, im, beta, _, vectors, _, info = dggev(P, R, compute_vl=0, compute_vr=1)
-    n = vector.size
+    re, im, beta, _, _, _, info = dggev(P, R, compute_vl=0, compute_vr=0)
     if info != 0:
-        return np.full(n - 1, np.nan + 0j)
+        return np.full(len(P), np.nan + 0j)
     alpha = re + 1j * im
-    values = np.full(n, np.inf + 0j)
-    finite = np.abs(beta) > 1e-15 * max(float(np.abs(beta).max()), float(np.abs(alpha).max()), 1e-300)
+    values = np.full(len(P), np.inf + 0j)
+    finite = np.abs(beta) > 1e-15 * max(float(np.abs(beta).max(initial=0.0)), float(np.abs(alpha).max(initial=0.0)))
     values[finite] = alpha[finite] / beta[finite]
-    size = float(np.linalg.norm(vector))
-    near = np.abs(vector @ vectors) / (np.sqrt(np.sum(vectors**2, axis=0)) * size) if size > 0.0 else np.ones(n)
-    near[im != 0.0] = -1.0
-    return np.delete(values, int(np.argmax(near)))
+    return values
 
 
 def doubling_determinant(problem: OrbitProblem, J: NDArray[np.float64]) -> tuple[float, float]:
@@ -95,13 +94,7 @@ def doubling_determinant(problem: OrbitProblem, J: NDArray[np.float64]) -> tuple
     A is the derivative of all segment equations in this period's unknowns, B that of the closing ones in the next period's
     start.
     """
-    n, m = problem.n, problem.size
-    matrix = J[:, :m].copy()
-    last = m - n - 1
-    matrix[last : last + n, :n] += 2.0 * np.eye(n)
-    from saltus.flow._linear_kernels import solve
-
-    sign, log = solve(matrix, np.zeros((m, 1)))
+    sign, log = problem._kernels.doubling(J, problem.n)
     return float(sign), float(log)
 
 
@@ -112,13 +105,15 @@ def nontrivial(values: NDArray[np.complex128], *, autonomous: bool) -> NDArray[n
 
 def unstable_count(values: NDArray[np.complex128]) -> int:
     """Return how many of the given multipliers lie outside the unit circle."""
-    return int(np.sum(np.abs(values) > 1.0))
+    return sum(1 for value in values.tolist() if abs(value) > 1.0)
 
 
 def has_unit_pair(values: NDArray[np.complex128]) -> float:
     """Return |mu|^2 - 1 of the complex pair nearest to the unit circle; NaN where there is none."""
-    pairs = values[np.isfinite(values) & (values.imag > 1e-12 * np.abs(values))]
-    if not pairs.size:
-        return float("nan")
-    size = np.abs(pairs) ** 2 - 1.0
-    return float(size[np.argmin(np.abs(size))])
+    nearest = math.nan
+    for value in values.tolist():
+        if value.imag > 1e-12 * abs(value) and math.isfinite(value.real):
+            size = abs(value) ** 2 - 1.0
+            if not abs(size) >= abs(nearest):
+                nearest = size
+    return nearest

@@ -1,0 +1,137 @@
+"""What `continue_orbit` and `StepControl` refuse, by the text of the message."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+
+import systems
+from oracles.closed_forms import HENON, LOGISTIC
+from saltus import InputError, StepControl, continue_orbit, solve_orbit
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    return solve_orbit(
+        systems.carried_map(("x",), {"a": 2.5, "gain": 1.0}, LOGISTIC), {}, [("carry", "map", [0.6, 0.0], 1.0)]
+    )
+
+
+def refuse(message):
+    return pytest.raises(InputError, match=f"^{re.escape(message)}$")
+
+
+def test_a_start_that_is_no_orbit():
+    with pytest.raises(InputError, match="orbit = 3: must be a PeriodicOrbit; find_orbit and solve_orbit give one"):
+        continue_orbit(3, "a", (0.0, 1.0))
+
+
+@pytest.mark.parametrize(("name", "hint"), [("gian", "; did you mean 'gain'?"), ("Omega", "")])
+def test_an_unknown_parameter_is_told_its_nearest_name(orbit, name, hint):
+    with refuse(f"parameter = {name!r}: must be one of a, gain{hint}"):
+        continue_orbit(orbit, name, (0.0, 4.0))
+
+
+@pytest.mark.parametrize("bounds", [(2.6, 3.0), (1.0, 2.4), (2.6, math.inf)])
+def test_bounds_without_the_start(orbit, bounds):
+    with refuse(f"bounds = {bounds!r}: must be an interval that holds the start, a = 2.5"):
+        continue_orbit(orbit, "a", bounds)
+
+
+@pytest.mark.parametrize(
+    "bounds",
+    [(3.0, 2.0), (2.5, 2.5), (math.nan, 3.0), (2.0, math.nan), (1.0,), (1.0, 2.0, 3.0), "ab", None, (1.0, None)],
+)
+def test_bounds_that_are_no_interval(orbit, bounds):
+    with refuse(f"bounds = {bounds!r}: must be two numbers, the lower first"):
+        continue_orbit(orbit, "a", bounds)
+
+
+def test_unknown_directions(orbit):
+    with refuse("directions = 'left': must be 'both', 'up' or 'down'"):
+        continue_orbit(orbit, "a", (2.0, 3.0), directions="left")
+
+
+def test_unknown_at_grazing(orbit):
+    with refuse("at_grazing = 'jump': must be 'switch', 'pass' or 'stop'"):
+        continue_orbit(orbit, "a", (2.0, 3.0), at_grazing="jump")
+
+
+@pytest.mark.parametrize(("stop_at", "text"), [("sn", "'sn'"), (("PD", "XX"), "'XX'")])
+def test_unknown_stop_at(orbit, stop_at, text):
+    with pytest.raises(InputError, match=f"^stop_at = {text}: must be one of SN, PD, TR, BP, GR"):
+        continue_orbit(orbit, "a", (2.0, 3.0), stop_at=stop_at)
+
+
+def test_stop_at_names_the_events_that_can_be_stopped_at(orbit):
+    with refuse("stop_at = 'max_y': must be one of SN, PD, TR, BP, GR, max_x; did you mean 'max_x'?"):
+        continue_orbit(orbit, "a", (2.0, 3.0), events={"max_x": 0.7}, stop_at="max_y")
+
+
+def test_an_event_on_an_unknown_quantity(orbit):
+    with pytest.raises(
+        InputError, match=r"^events = 'max_y': must be one of a, x, s, min_x, min_s, max_x, max_s; did you mean 'max_"
+    ):
+        continue_orbit(orbit, "a", (2.0, 3.0), events={"max_y": 0.7})
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, "high", None])
+def test_an_event_at_no_finite_number(orbit, value):
+    with refuse(f"events['max_x'] = {value!r}: must be a finite number"):
+        continue_orbit(orbit, "a", (2.0, 3.0), events={"max_x": value})
+
+
+@pytest.mark.parametrize("field", ["initial", "smallest", "largest", "deviation", "angle"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, "big"])
+def test_step_control_wants_positive_numbers(field, value):
+    with refuse(f"StepControl.{field} = {value!r}: must be a finite number > 0"):
+        StepControl(**{field: value})
+
+
+def test_step_control_wants_smallest_below_largest():
+    with refuse("StepControl.smallest = 0.2: must be <= largest, 0.1"):
+        StepControl(smallest=0.2)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("most", 0), ("most", -3), ("iterations", 0), ("most", 2.5), ("iterations", "many")]
+)
+def test_step_control_wants_positive_counts(field, value):
+    with pytest.raises(InputError, match=rf"^StepControl\.{field} = {value!r}: must be "):
+        StepControl(**{field: value})
+
+
+def test_an_unknown_label_names_those_there_are(orbit):
+    branch = continue_orbit(orbit, "a", (2.2, 3.2))
+    with refuse("label = 'PD2': must be one of PD1; did you mean 'PD1'?"):
+        branch["PD2"]
+    with refuse(f"index = {len(branch)}: must be between {-len(branch)} and {len(branch) - 1}"):
+        branch.orbit(len(branch))
+    with pytest.raises(InputError, match="^quantity = 'max_z': must be one of a, period, arclength, x, s, "):
+        branch.column("max_z")
+
+
+def test_a_parameter_that_must_stay_positive_stops_the_branch_before_it_leaves():
+    """Bounds beyond what the system allows: either refused, or the branch ends in words; never an orbit that cannot be rebuilt."""
+    system = systems.ball_on_table()
+    bounded = type(system).from_definition(system.definition() | {"parameter_bounds": {"a": [0.5, 1.3]}})
+    orbit = solve_orbit(bounded, {"a": 1.2}, [("flight", "impact", [0.588, 3.14159, 0.51], 6.28)])
+    try:
+        branch = continue_orbit(orbit, "a", (0.6, 2.0))
+    except InputError as error:
+        assert "1.3" in str(error)  # noqa: PT017
+        return
+    for i in (0, len(branch) - 1):
+        branch.orbit(i)
+
+
+def test_henon_has_two_states():
+    with pytest.raises(
+        InputError,
+        match=r"^segments\[0\] x0 = \[0\.1, 0\.2\]: must be of shape \(3,\), one number for each of x, y, s$",
+    ):
+        solve_orbit(
+            systems.carried_map(("x", "y"), {"a": 0.2, "b": 0.3}, HENON), {}, [("carry", "map", [0.1, 0.2], 1.0)]
+        )
