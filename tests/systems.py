@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from saltus.system.hybrid import HybridSystem, Mode, Transition
 
-# the n = 1 and n = 2 coefficients of the paper's Table 1, as in shared/design/model.md
+# the n = 1 and n = 2 coefficients of the paper's Table 1
 K = (1.0, 39.2739482)
 B = (1.56598351, -0.86787179)
 C = -2.35038841e-6

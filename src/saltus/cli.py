@@ -17,6 +17,7 @@ from saltus.errors import InputError, SaltusError
 __all__ = ["main"]
 
 _FAILED, _INTERRUPTED = 2, 130
+_TABLE_WIDTH = 80
 
 app = typer.Typer(
     name="saltus",
@@ -40,9 +41,6 @@ def main(args: list[str] | None = None) -> None:
         _fail(str(error))
     except OSError as error:
         _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
-    except KeyboardInterrupt:
-        typer.echo("saltus: interrupted before there was anything to keep", err=True)
-        raise SystemExit(_INTERRUPTED) from None
 
 
 def _fail(text: str) -> None:
@@ -83,8 +81,12 @@ def reproduce(
         return
     run = runner(figure)
     folder = _writable_folder(out)
-    with _status() as say:
-        found = run(folder, say)
+    try:
+        with _status() as say:
+            found = run(folder, say)
+    except KeyboardInterrupt:
+        typer.echo("saltus: interrupted before there was anything to keep", err=True)
+        raise SystemExit(_INTERRUPTED) from None
     _report(found)
     if found["interrupted"]:
         raise SystemExit(_INTERRUPTED)
@@ -125,15 +127,16 @@ def _report(found: dict[str, Any]) -> None:
         from rich.console import Console
         from rich.table import Table
 
-        table = Table(box=box.SIMPLE_HEAD)
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
         for name in ("type", "Omega", "min z", "signature", "admissible"):
             table.add_column(name, justify="right" if name in ("Omega", "min z") else "left", no_wrap=True)
         for point in found["special_points"]:
             path = " ".join(":".join(pair) for pair in point["signature"])
             admissible = "yes" if point["admissible"] else "no"
-            table.add_row(point["type"], f"{point['omega']:.12f}", f"{point['min_z']:.9f}", path, admissible)
-        width = None if sys.stdout.isatty() else 120
-        Console(width=width, highlight=False).print(table)
+            table.add_row(point["type"], f"{point['omega']:.10f}", f"{point['min_z']:.9f}", path, admissible)
+        console = Console(highlight=False)
+        console.width = max(console.width, _TABLE_WIDTH)
+        console.print(table)
     branch = found["branch"]
     if found["interrupted"]:
         last = f"{branch.parameter} from {branch.values.min():.6g} to {branch.values.max():.6g}"

@@ -122,7 +122,7 @@ def test_tip_touches_as_the_gap_falls_to_a0_and_is_released_as_it_rises(systems)
 def test_defaults_are_those_of_the_paper(systems):
     assert systems[2].parameters == {
         "Omega": 1.0, "ybar": 0.108, "D_att_1": 0.025, "D_att_2": 0.025, "D_rep_1": 4.0, "D_rep_2": 4.0,
-        "eta": 60e-9, "a0": 2e-10, "E_star": 10.4e9, "R": 20e-9, "H": 2.96e-19,
+        "k": pytest.approx(1.9434665), "eta": 60e-9, "a0": 2e-10, "E_star": 10.4e9, "R": 20e-9, "H": 2.96e-19,
     }  # fmt: skip
 
 

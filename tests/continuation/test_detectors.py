@@ -289,7 +289,7 @@ def roots(function, low, high):
 
 
 @pytest.mark.parametrize(
-    ("w", "A", "bounds"), [(1.1, 0.18, (1.02, 1.3)), (2.2, 4.5, (2.05, 2.6)), (0.7, 0.6, (0.6, 0.75))]
+    ("w", "A", "bounds"), [(1.1, 0.18, (1.02, 1.3)), (2.2, 4.5, (2.05, 2.6)), (0.7, 0.53, (0.68, 0.75))]
 )
 def test_branch_in_frequency_has_the_points_of_the_closed_form(w, A, bounds):
     branch = continue_orbit(impact_orbit(w, 1, ImpactOrbit(w).speeds(A)[1]), "w", bounds)

@@ -103,6 +103,7 @@ def tapping_mode(
         ``ybar``            0.108                         eta                        any
         ``D_att_i``         1/Q if measured, else 0.025   omega_1                    >= 0
         ``D_rep_i``         4                             omega_1                    >= 0
+        ``k``               of the cantilever             N/m                        > 0
         ``eta, a0, R``      of the set-up                 m                          > 0
         ``E_star``          of the set-up                 Pa                         >= 0
         ``H``               of the set-up                 J                          >= 0
@@ -110,7 +111,7 @@ def tapping_mode(
 
         Drive and damping alone are dimensionless: a change of `eta` at fixed ``ybar`` changes the base's amplitude in
         metres too. The force in flight is singular at ``z = 0``, so the domain of flight is ``z > 0``; contact has
-        none. ``Q``, ``k`` and the ratios of frequencies are the cantilever's, and no parameters.
+        none. ``Q`` and the ratios of frequencies are the cantilever's, and no parameters.
 
     Raises
     ------
@@ -157,8 +158,8 @@ def _definition(setup: Setup, n: int, static_term: StaticTerm) -> dict[str, Any]
     each = range(1, n + 1)
     gap = f"1 - {' - '.join(f'q{i}' for i in each)} - ybar*sin(theta)"
     z = f"({gap})"
-    C = f"(-H*R/(6*{numbers.k!r}*eta**3))"
-    G = f"(4/3*E_star*sqrt(R*eta)/{numbers.k!r})"
+    C = "(-H*R/(6*k*eta**3))"
+    G = "(4/3*E_star*sqrt(R*eta)/k)"
     force = {"flight": f"{C}/{z}**2", "contact": f"{C}/(a0/eta)**2 + {G}*(a0/eta - {z})**(3/2)"}
     static = C if static_term == "consistent" else f"-{C}"
     damping = {"flight": "D_att", "contact": "D_rep"}
@@ -171,6 +172,7 @@ def _definition(setup: Setup, n: int, static_term: StaticTerm) -> dict[str, Any]
             "ybar": YBAR,
             **{f"D_att_{i}": D_ATT if D_att is None else D_att for i in each},
             **{f"D_rep_{i}": D_REP for i in each},
+            "k": numbers.k,
             "eta": setup.eta,
             "a0": setup.sample.a0,
             "E_star": setup.sample.E_star,
@@ -185,7 +187,7 @@ def _definition(setup: Setup, n: int, static_term: StaticTerm) -> dict[str, Any]
         "phase": ("theta", "Omega"),
         "outputs": {"z": gap, "force": force},
         "groups": {name: tuple(f"{name}_{i}" for i in each) for name in damping.values()},
-        "positive": ("Omega", "eta", "a0", "R"),
+        "positive": ("Omega", "k", "eta", "a0", "R"),
         "parameter_bounds": {
             **{f"{name}_{i}": (0.0, float("inf")) for name in damping.values() for i in each},
             "E_star": (0.0, float("inf")),

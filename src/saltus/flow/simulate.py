@@ -355,7 +355,7 @@ def simulate(
             raise InputError("periods", periods, "an integer >= 1")
     if isinstance(max_events, bool) or not isinstance(max_events, int | np.integer) or max_events < 1:
         raise InputError("max_events", max_events, "an integer >= 1")
-    start = _starting_mode(system, x, p) if mode is None else system.mode_index(mode)
+    start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
     if mode is not None and not (value := _domain(system, start, x, p)) > 0.0:
         condition = f"{system.modes[mode].domain} > 0"
         raise InputError("x0", x.tolist(), f"in the domain of mode {mode!r}, {condition}", f"it is {value:.6g} there")
@@ -606,7 +606,7 @@ def _domain(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[
     return float(out[0])
 
 
-def _starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> int:
+def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> int:
     """The first mode whose domain holds at x and none of whose events is passed there."""
     reasons = []
     for index, name in enumerate(system.mode_names):

@@ -80,7 +80,7 @@ def find_orbit(
     >>> find_orbit(oscillator, x0=[0.0, 0.0]).signature
     (('free', 'impact'),)
     """
-    from saltus.flow.simulate import _starting_mode as starting_mode
+    from saltus.flow.simulate import starting_mode
 
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)

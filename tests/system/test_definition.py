@@ -1,0 +1,213 @@
+"""A definition is checked when it is made, and every message names the part at fault."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+import sympy
+import systems
+
+from saltus import DefinitionError, HybridSystem, InputError, Mode, Transition
+
+
+def make(**changes):
+    parts = {
+        "states": ("z", "v"),
+        "parameters": {"g": 1.0, "e": 0.5, "a": 1.2, "w": 1.0},
+        "modes": {"flight": Mode({"z": "v", "v": "-g"}, domain="z - a*sin(theta) + 1")},
+        "transitions": [
+            Transition(
+                "flight", "flight", event="z - a*sin(theta)", direction=-1,
+                reset={"v": "-e*v + (1+e)*a*w*cos(theta)"}, name="impact",
+            )
+        ],
+        "phase": ("theta", "w"),
+        "outputs": {"gap": "z - a*sin(theta)"},
+    } | changes  # fmt: skip
+    return HybridSystem(**parts)
+
+
+def transition(**changes):
+    return [Transition(**({"source": "flight", "target": "flight", "event": "z", "name": "impact"} | changes))]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"modes": {"flight": Mode({"z": "v", "v": "-gg"})}}, "mode 'flight' = '-gg'.*'gg' is unknown; did you mean 'g'"),
+        ({"modes": {"flight": Mode({"z": "v"})}}, "mode 'flight' = .*an equation for each of z, v; 'v' is missing"),
+        ({"modes": {"flight": Mode({"z": "v", "v": "-g", "q": "1"})}}, "mode 'flight' = 'q': must be a state: z, v"),
+        ({"modes": {"flight": Mode({"z": "v", "v": "-g", "theta": "1"})}}, "the phase has its rate already"),
+        ({"modes": {}}, "modes = .*at least one mode"),
+        ({"modes": {"flight": {"z": "v"}}}, "mode 'flight' = .*a Mode"),
+        ({"modes": {"flight": Mode({"z": "v", "v": "-g"}, domain="zz")}}, "mode 'flight' = 'zz'"),
+        ({"transitions": transition(target="fligt")}, "transition 'impact' = 'fligt'.*did you mean 'flight'"),
+        ({"transitions": transition(source="up")}, "transition 'impact' = 'up': must be a mode: flight"),
+        ({"transitions": transition(reset={"w2": "v"})}, "transition 'impact' = 'w2': must be a state to reset: z, v"),
+        ({"transitions": transition(reset={"theta": "0"})}, "transition 'impact' = 'theta'.*other than the phase"),
+        ({"transitions": transition(event="g - 1")}, "transition 'impact' = 'g - 1': must be an event function of the state"),
+        ({"transitions": transition(event="z +")}, "transition 'impact' = .z \\+.: must be an expression"),
+        ({"transitions": transition(direction=2)}, "transition 'impact' = 2: must be -1"),
+        ({"transitions": transition(when="vv")}, "transition 'impact' = 'vv'"),
+        ({"transitions": transition() + transition()}, "transition 'impact' = 'impact': must be named once; pass name="),
+        ({"transitions": ["impact"]}, "transitions = 'impact': must be a sequence of Transition"),
+        ({"states": ("z", "pi")}, "states = 'pi': must be a name that is not a constant of SymPy"),
+        ({"states": ("z", "lambda")}, "states = 'lambda': must be a name that is not a Python keyword"),
+        ({"states": ("z", "z")}, "= 'z': must be named once"),
+        ({"states": "zv"}, "states = 'zv': must be a sequence of names"),
+        ({"parameters": {"g": 1.0, "e": 0.5, "a": 1.2, "w": 1.0, "z": 1.0}}, "= 'z': must be named once"),
+        ({"phase": ("sin", "w")}, "phase = 'sin': must be a name that is not a function"),
+        ({"phase": ("theta", "w*z")}, "phase = 'w\\*z'.*'z' is unknown"),
+        ({"outputs": {"gap": "zz"}}, "output 'gap' = 'zz'"),
+        ({"outputs": {"gap": {"ground": "z"}}}, "output 'gap' = \\['ground'\\]: must be given for each of the modes flight"),
+        ({"outputs": {"gap": "z*theta"}}, "output 'gap' = 'z\\*theta': must be of period 2 pi in theta; carry a clock"),
+        ({"groups": {"all": ("g", "q")}}, "group 'all' = 'q'"),
+        ({"positive": ("q",)}, "positive, parameter_bounds = 'q'"),
+    ],
+)
+def test_each_fault_of_a_definition_is_named(changes, message):
+    with pytest.raises(DefinitionError, match=message):
+        make(**changes)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"gg": 1.0}, "parameter = 'gg': must be one of g, e, a, w; did you mean 'g'"),
+        ({"g": math.nan}, "g = nan: must be finite"),
+        ({"g": math.inf}, "g = inf: must be finite"),
+        ({"g": "one"}, "g = 'one': must be a number"),
+        ({"g": 0.0}, "g = 0.0: must be > 0"),
+        ({"e": -0.1}, "e = -0.1: must be between 0 and 1"),
+        ({"a": -1.0}, "a = -1.0: must be >= 0"),
+    ],
+)
+def test_each_unusable_parameter_is_named(parameters, message):
+    system = make(positive=("g",), parameter_bounds={"e": (0.0, 1.0), "a": (0.0, math.inf)})
+    with pytest.raises(InputError, match=message):
+        system.parameter_vector(parameters)
+
+
+def test_default_parameters_are_checked_as_well():
+    with pytest.raises(InputError, match="g = -1.0: must be > 0"):
+        make(parameters={"g": -1.0, "e": 0.5, "a": 1.2, "w": 1.0}, positive=("g",))
+
+
+@pytest.mark.parametrize(
+    ("x0", "message"),
+    [
+        ([1.0], r"x0 = \[1.0\]: must be of shape \(2,\), one number for each of z, v"),
+        ([1.0, 2.0, 3.0, 4.0], "x0 = .*must be of shape"),
+        ([1.0, math.nan], "x0 = .*must be finite"),
+        (["a", 1.0], "x0 = .*must be numbers"),
+    ],
+)
+def test_each_unusable_state_is_told(x0, message):
+    with pytest.raises(InputError, match=message):
+        make().full_state(x0)
+
+
+def test_state_without_the_phase_is_at_phase_zero():
+    assert make().full_state([1.0, 2.0]).tolist() == [1.0, 2.0, 0.0]
+    assert make().full_state([1.0, 2.0, 0.5]).tolist() == [1.0, 2.0, 0.5]
+
+
+def test_a_group_sets_its_members():
+    system = make(groups={"amplitudes": ("a", "w")})
+    assert system.resolve({"amplitudes": 3.0})["w"] == 3.0
+
+
+def test_definition_survives_pickling_and_plain_data():
+    system = make()
+    assert pickle.loads(pickle.dumps(system)) == system
+    assert HybridSystem.from_definition(system.definition()) == system
+    assert system != make(outputs={})
+
+
+def test_sympy_and_text_define_the_same_field():
+    v, g = sympy.Symbol("v"), sympy.Symbol("g")
+    symbolic = make(modes={"flight": Mode({"z": v, "v": -g})})
+    state = [0.3, 0.7, 0.2]
+    np.testing.assert_array_equal(symbolic.field("flight", state), make().field("flight", state))
+
+
+def test_repr_shows_every_equation():
+    text = repr(make(name="ball"))
+    for part in ("ball", "z' = v", "v' = -g", "theta' = w", "impact: flight -> flight", "v := -e*v", "gap = "):
+        assert part in text
+
+
+def test_notebook_view_shows_the_equations_in_tex():
+    page = make()._repr_html_()
+    assert r"\dot{z} &= v" in page
+    assert r"\mapsto" in page
+    assert r"\downarrow 0" in page
+
+
+def test_unknown_mode_suggests_the_nearest():
+    with pytest.raises(InputError, match="mode = 'fligt': must be one of flight; did you mean 'flight'"):
+        make().field("fligt", [0.0, 0.0])
+
+
+def test_expressions_of_period_two_pi_in_the_phase_are_taken():
+    make(outputs={"wave": "cos(3*theta - g) + sin(theta)**2", "sawtooth": "atan2(sin(theta), cos(theta))"})
+
+
+@pytest.mark.parametrize("build", [systems.afm, lambda: make()])
+def test_generated_derivatives_are_central_differences(build):
+    system = build()
+    compiled, n = system.compiled, len(system.all_states)
+    p = system.parameter_vector({})
+    rng = np.random.default_rng(7)
+    step = 1e-6
+    for k in range(len(system.modes)):
+        x = rng.uniform(0.1, 0.4, n)
+        out = np.empty(2 * n + n * n)
+        compiled.call("vary", k, n, np.concatenate([x, np.eye(n).ravel()]), compiled.extended(p), out)
+        jacobian = out[n : n + n * n].reshape(n, n)
+        for j in range(n):
+            shift = np.zeros(n)
+            shift[j] = step
+            difference = (compiled.field(k, x + shift, p) - compiled.field(k, x - shift, p)) / (2 * step)
+            np.testing.assert_allclose(jacobian[:, j], difference, rtol=1e-6, atol=1e-7)
+        for j in range(len(p)):
+            by_parameter = np.empty(n)
+            compiled.call("field_p", k, j, x, compiled.extended(p), by_parameter)
+            shift = np.zeros(len(p))
+            shift[j] = 1e-6 * max(abs(p[j]), 1e-3)
+            difference = (compiled.field(k, x, p + shift) - compiled.field(k, x, p - shift)) / (2 * shift[j])
+            np.testing.assert_allclose(by_parameter, difference, rtol=1e-5, atol=1e-6 * max(np.abs(difference).max(), 1.0))
+
+
+def test_event_rates_and_their_gradients_are_central_differences():
+    system = make()
+    compiled, n = system.compiled, 3
+    p = compiled.extended(system.parameter_vector({}))
+    x = np.array([0.4, -0.3, 0.9])
+    out, other = np.empty(2 + 2 * n), np.empty(2)
+    compiled.call("event_x", 0, 0, x, p, out)
+    for j in range(n):
+        sides = []
+        for sign in (1.0, -1.0):
+            moved = x.copy()
+            moved[j] += sign * 1e-6
+            compiled.call("event", 0, 0, moved, p, other)
+            sides.append(other.copy())
+        np.testing.assert_allclose([out[2 + j], out[2 + n + j]], (sides[0] - sides[1]) / 2e-6, atol=1e-8)
+    field = system.field("flight", x)
+    assert out[1] == pytest.approx(out[2 : 2 + n] @ field, abs=1e-14)
+
+
+def test_second_system_of_the_same_mathematics_needs_no_new_file(monkeypatch):
+    first = make(name="one")
+    monkeypatch.setattr("saltus.system.codegen._write", lambda *_: pytest.fail("wrote a file again"))
+    assert make(name="two", parameters={"g": 2.0, "e": 0.1, "a": 1.0, "w": 3.0})._source == first._source
+
+
+def test_cache_folder_falls_back_where_it_cannot_be_made(monkeypatch, tmp_path):
+    from saltus.system.codegen import cache_folder
+
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("SALTUS_CACHE_DIR", str(tmp_path / "file" / "below"))
+    assert cache_folder().is_dir()

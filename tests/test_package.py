@@ -1,0 +1,76 @@
+"""The package's front door: what is public, and what importing it costs."""
+
+import subprocess
+import sys
+
+import pytest
+
+import saltus
+from saltus import ConvergenceError, InputError
+
+
+def loaded_after(code):
+    probe = f"{code}\nimport sys\nprint(' '.join(sys.modules))"
+    return subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_importing_saltus_loads_nothing_heavy():
+    names = loaded_after("import saltus")
+    for heavy in ("sympy", "numba", "scipy", "xarray", "matplotlib", "pandas", "h5netcdf", "pint", "typer", "rich"):
+        assert heavy not in names
+
+
+def test_every_public_name_has_a_home():
+    for name in saltus.__all__:
+        assert getattr(saltus, name) is not None
+    assert set(dir(saltus)) == set(saltus.__all__)
+
+
+def test_unknown_attribute_is_told():
+    with pytest.raises(AttributeError, match="module 'saltus' has no attribute 'orbit'"):
+        _ = saltus.orbit
+
+
+@pytest.mark.parametrize("content", [b"", b"not a file of saltus"])
+def test_loading_something_else_is_told(tmp_path, content):
+    path = tmp_path / "other.nc"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"path = '.*other\.nc': must be a NetCDF file"):
+        saltus.load(path)
+
+
+def test_loading_a_foreign_netcdf_is_told(tmp_path):
+    import xarray as xr
+
+    path = tmp_path / "other.nc"
+    xr.Dataset({"a": 1.0}).to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(InputError, match="must be a file written by saltus"):
+        saltus.load(path)
+
+
+def test_saving_into_a_missing_folder_is_told(tmp_path):
+    orbit = _circle()
+    with pytest.raises(InputError, match="path = .*must be a file that can be written"):
+        orbit.save(tmp_path / "missing" / "orbit.nc")
+
+
+def test_a_result_is_saved_and_read_back_equal(tmp_path):
+    orbit = _circle()
+    again = saltus.load(orbit.save(tmp_path / "orbit.nc"))
+    assert again == orbit
+    assert again.segments[0].duration == orbit.segments[0].duration
+    with pytest.raises(InputError, match="it holds a PeriodicOrbit"):
+        saltus.Branch.load(tmp_path / "orbit.nc")
+
+
+def test_errors_say_what_was_reached():
+    error = ConvergenceError("periodic orbit", 0.5, 3, "start nearer")
+    assert str(error) == "periodic orbit: no convergence, residual 0.5 after 3 iterations; start nearer"
+    assert (error.residual, error.iterations) == (0.5, 3)
+
+
+def _circle():
+    system = saltus.HybridSystem(
+        ("x", "y"), {"mu": 1.0}, {"m": saltus.Mode({"x": "y", "y": "mu*(1 - x**2)*y - x"})}, name="van der Pol"
+    )
+    return saltus.solve_orbit(system, {}, [("m", None, [2.0, 0.0], 6.66)])
