@@ -16,9 +16,12 @@ from peers import tapping_orbit
 import saltus
 
 AUTO = 0.061
-"""Seconds in which AUTO-07p traces the impacting branch with five folds, 69 points and no multipliers, on one like core."""
+"""Seconds, on another day, of AUTO-07p for the impacting branch with its five folds: 69 points, no multipliers."""
 
-FIRST_USE = "import saltus; from saltus import afm; saltus.find_orbit(afm.tapping_mode(afm.table1()), {'Omega': 1.05}, [-0.67, 0.75])"
+FIRST_USE = (
+    "import saltus; from saltus import afm; "
+    "saltus.find_orbit(afm.tapping_mode(afm.table1()), {'Omega': 1.05}, [-0.67, 0.75])"
+)
 
 
 def main() -> None:

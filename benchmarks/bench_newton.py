@@ -30,9 +30,10 @@ def main() -> None:
         F, J = scipy_equations(orbit, u)
         return np.linalg.solve(J, -F)
 
-    seconds = interleaved({"saltus": ours, "SciPy DOP853": theirs}, 15)
+    works = {"saltus": ours, "SciPy DOP853": theirs}
+    seconds = interleaved(works, 15)
     size = f"{len(orbit.segments)} segments, {u.size} unknowns"
-    notes = {"saltus": f"correction {np.abs(ours()).max():.0e}", "SciPy DOP853": f"correction {np.abs(theirs()).max():.0e}"}
+    notes = {name: f"correction {np.abs(work()).max():.0e}" for name, work in works.items()}
     show(f"one Newton correction, {size}, tolerance {TOL:g}", seconds, {"saltus": "SciPy DOP853"}, notes)
 
 

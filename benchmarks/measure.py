@@ -24,7 +24,9 @@ def interleaved(works: Mapping[str, Callable[[], Any]], repeats: int) -> dict[st
     return seconds
 
 
-def show(title: str, seconds: Mapping[str, Sequence[float]], peers: Mapping[str, str], notes: Mapping[str, str]) -> None:
+def show(
+    title: str, seconds: Mapping[str, Sequence[float]], peers: Mapping[str, str], notes: Mapping[str, str]
+) -> None:
     """Print a table: minimum, median, how many times faster than the peer (by minima), and a note for each row."""
     print(f"\n{title}")
     wide = max(map(len, seconds))

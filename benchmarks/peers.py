@@ -1,4 +1,4 @@
-"""What the benchmarks compare with: the same orbit and the same compiled right-hand sides, run by SciPy and by heyoka."""
+"""What the benchmarks compare with: the same orbit, by SciPy with the same compiled right-hand side, and by heyoka."""
 
 from __future__ import annotations
 

@@ -271,7 +271,7 @@ def test_from_a_motion_without_impacts_the_branch_goes_through_the_grazing_to_th
         [("free", "theta", form.linear_response(A)[1] * 1.2, form.period)],
     )
     assert free.max["x"] == pytest.approx(0.5, abs=1e-10)
-    branch = continue_orbit(free, "A", (0.3 * form.A_grazing, 2.0), directions="up")
+    branch = continue_orbit(free, "A", (0.2 * form.A_grazing, 2.0), directions="up")
     assert branch["GR1"].parameters["A"] == pytest.approx(form.A_grazing, abs=1e-9)
     assert branch["SN1"].parameters["A"] == pytest.approx(form.amplitude(form.U_fold), abs=1e-9)
     assert branch.stopped[1] == "A = 2: bound reached"

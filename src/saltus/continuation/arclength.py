@@ -70,6 +70,9 @@ class ZeroProblem(Protocol):
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return what is to be known of a corrected point, and whether it may follow the one before."""
 
+    def crowded(self, names: list[str]) -> bool:
+        """Return whether the events of one step are so many that a shorter one is due."""
+
     def monitor(self, name: str, point: Point) -> float:
         """Return one monitor function at a point that need not be quite corrected."""
 
@@ -125,7 +128,7 @@ class Event:
     value: float
 
 
-_ACCEPT = 3e-8
+_ACCEPT, _CROWDED = 3e-8, 1e-5
 
 
 def _bordered(J: NDArray[np.float64], row: NDArray[np.float64], rhs: NDArray[np.float64]) -> tuple[float, float]:
@@ -241,6 +244,8 @@ def follow(
                 found = _events(problem, point, new, located)
                 if isinstance(found, str):
                     reason = found
+                elif h > _CROWDED and problem.crowded([event.name for event in found]):
+                    reason = "events: more than one bifurcation within the step"
                 else:
                     events = found
         if reason is not None or isinstance(new, str):

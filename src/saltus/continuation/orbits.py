@@ -240,6 +240,9 @@ class _OrbitBranch:
         extras = [f"event {i}" for i in range(len(self.run.events))]
         return ["low", "high", "SN", "PD", "TR", "BP", *self._margins, *self._durations, *self._rates, *extras]
 
+    def crowded(self, names: list[str]) -> bool:
+        return sum(name in BIFURCATIONS for name in names) + any(" " in name for name in names) > 1
+
     def monitor(self, name: str, point: Point) -> float:
         return self._value(name, point, None)
 

@@ -105,7 +105,7 @@ def _search_forced(
         done += batch + 2 * _LONGEST + 1
         wraps = np.flatnonzero(log.transition == -1)
         states = log.x_after[wraps][:, :-1]
-        scale = np.maximum(np.ptp(np.vstack([log.x_before, log.x_after])[:, :-1], axis=0), 1e-12)
+        scale = _scale(np.vstack([log.x_before, log.x_after])[:, :-1])
         for turns in range(1, _LONGEST + 1):
             gap = float(np.max(np.abs(states[turns:] - states[:-turns]) / scale))
             recurrence = min(recurrence, gap)
@@ -124,6 +124,12 @@ def _search_forced(
         batch *= 2
     hint = failure or "the motion is quasi-periodic or chaotic, or its period is above 16; see it with simulate"
     raise ConvergenceError(f"periodic attractor within {done} forcing periods", recurrence, done, hint)
+
+
+def _scale(states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the size of each state among those given; where one is nearly zero throughout, a little of the largest."""
+    size = np.maximum(np.max(np.abs(states), axis=0), np.ptp(states, axis=0))
+    return np.asarray(np.maximum(size, max(1e-3 * float(size.max()), 1e-12)))
 
 
 def _read_forced(
@@ -193,7 +199,7 @@ def _read_autonomous(log: EventLog) -> tuple[Signature, NDArray[np.float64], flo
     """Return signature, unknowns and recurrence of the shortest cycle of events that repeats."""
     count = log.time.size
     kinds = max(len(set(log.transition.tolist())), 1)
-    scale = np.maximum(np.ptp(np.vstack([log.x_before, log.x_after]), axis=0), 1e-12)
+    scale = _scale(np.vstack([log.x_before, log.x_after]))
     best: tuple[float, int] = (math.inf, 0)
     for length in range(1, min(_LONGEST * kinds, (count - 1) // 2) + 1):
         now, before = np.arange(count - length, count), np.arange(count - 2 * length, count - length)
@@ -222,7 +228,7 @@ def _read_smooth(
     slope = system.compiled.field(mode, np.ascontiguousarray(x), p)
     times = np.linspace(0.0, time, 20_000)
     states = path(times)
-    scale = np.maximum(np.ptp(states, axis=0), 1e-12)
+    scale = _scale(states)
     if np.max(np.ptp(states, axis=0)) < 1e-9:
         return None
     across = (states - x) @ slope

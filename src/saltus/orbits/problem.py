@@ -200,6 +200,10 @@ class OrbitProblem:
             self.system.compiled.call("field", int(self._modes[0]), 0, x, self._extended, slope)
             self._anchor[: self.n] = x
             self._anchor[self.n :] = slope / max(float(np.linalg.norm(slope)), 1e-300)
+        survey = self.survey(u)
+        if not survey.faults & 32:
+            sizes = np.maximum(np.abs(survey.lows), np.abs(survey.highs))[: len(self.system.states)]
+            self.state_scale[: sizes.size] = np.maximum(sizes, 1e-12 * max(float(sizes.max()), 1e-300))
         return None
 
     def _atol(self) -> float:

@@ -82,7 +82,7 @@ def plot_branch(
     pieces = pieces_of(branch, x, y)
     ax = style.axes(ax)
     named: set[str] = set()
-    for piece in pieces:
+    for piece in sorted(pieces, key=lambda piece: [*style.LINES].index(piece.kind)):
         label = "_" if piece.kind in named else piece.kind
         ax.plot(piece.x, piece.y, label=label, **style.LINES[piece.kind])
         named.add(piece.kind)
@@ -267,42 +267,46 @@ def _beyond(kind: str, point: SpecialPoint) -> str:
 def _smooth(
     s: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], each: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a curve through all nodes, `each` vertices an interval, that stays between neighbouring nodes in x and y."""
-    t = np.arange(each) / each
-    inner = (s[:-1, None] + np.diff(s)[:, None] * t).ravel()
-    at = np.append(inner, s[-1])
-    return _hermite(s, x, at, each), _hermite(s, y, at, each)
+    """Return a cubic Hermite curve through all nodes, `each` vertices an interval.
 
-
-def _hermite(s: NDArray[np.float64], f: NDArray[np.float64], at: NDArray[np.float64], each: int) -> NDArray[np.float64]:
-    """Return the monotone cubic Hermite interpolant of f(s).
-
-    Slopes are those of parabolas through three nodes, limited so that the cubic has its extremes at nodes.
+    It is monotone between neighbouring nodes, in x and in y. Where both turn at one node (a fold next to an extreme of
+    y), the one that is less at rest keeps a slope, or the curve would have a cusp there.
 
     References
     ----------
     F. N. Fritsch, R. E. Carlson, SIAM J. Numer. Anal. 17 (1980) 238-246: |slope| <= 3 |secant| suffices.
     """
-    h, secant = np.diff(s), np.diff(f) / np.diff(s)
-    slope = np.empty_like(f)
-    if len(f) == 2:
-        slope[:] = secant[0]
-    else:
-        slope[1:-1] = (h[1:] * secant[:-1] + h[:-1] * secant[1:]) / (h[:-1] + h[1:])
-        slope[0] = ((2.0 * h[0] + h[1]) * secant[0] - h[0] * secant[1]) / (h[0] + h[1])
-        slope[-1] = ((2.0 * h[-1] + h[-2]) * secant[-1] - h[-1] * secant[-2]) / (h[-1] + h[-2])
-    before, after = np.append(secant[:1], secant), np.append(secant, secant[-1:])
-    most = 3.0 * np.minimum(np.abs(before), np.abs(after))
-    turns = (before * after <= 0.0) | (slope * before <= 0.0)
-    slope = np.where(turns, 0.0, np.sign(slope) * np.minimum(np.abs(slope), most))
-    k = np.minimum(np.arange(len(at)) // each, len(h) - 1)
-    t = (at - s[k]) / h[k]
-    t[::each] = np.append(np.zeros(len(h)), 1.0)
-    low, high = f[k], f[k + 1]
-    value = (
-        low
-        + t**2 * (3.0 - 2.0 * t) * (high - low)
-        + t * (1.0 - t) * h[k] * ((1.0 - t) * slope[k] - t * slope[k + 1])
-    )
-    value[::each] = f
-    return np.clip(value, np.minimum(low, high), np.maximum(low, high))
+    slopes, turns, limits = [], [], []
+    for f in (x, y):
+        secant = np.diff(f) / np.diff(s)
+        before, after = np.append(secant[:1], secant), np.append(secant, secant[-1:])
+        raw = _parabolic_slopes(np.diff(s), secant)
+        slopes.append(raw)
+        turns.append((before * after <= 0.0) | (raw * before <= 0.0))
+        limits.append(np.minimum(np.abs(before), np.abs(after)))
+    rates = [np.abs(raw) / (np.ptp(f) or 1.0) for raw, f in zip(slopes, (x, y), strict=True)]
+    cusp = turns[0] & turns[1]
+    kept = [cusp & (rates[0] >= rates[1]), cusp & (rates[0] < rates[1])]
+    t = np.arange(each) / each
+    curves = []
+    for f, raw, turn, limit, keep in zip((x, y), slopes, turns, limits, kept, strict=True):
+        most = np.where(keep, limit, np.where(turn, 0.0, 3.0 * limit))
+        slope = np.sign(raw) * np.minimum(np.abs(raw), most)
+        low, high, h = f[:-1, None], f[1:, None], np.diff(s)[:, None]
+        bulge = (1.0 - t) * slope[:-1, None] - t * slope[1:, None]
+        curve = low + t**2 * (3.0 - 2.0 * t) * (high - low) + t * (1.0 - t) * h * bulge
+        free = (keep[:-1] | keep[1:])[:, None]
+        curve = np.where(free, curve, np.clip(curve, np.minimum(low, high), np.maximum(low, high)))
+        curves.append(np.append(curve.ravel(), f[-1]))
+    return curves[0], curves[1]
+
+
+def _parabolic_slopes(h: NDArray[np.float64], secant: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return slopes at nodes, of parabolas through three of them, from the intervals' lengths and secants."""
+    if len(h) == 1:
+        return np.array([secant[0], secant[0]])
+    slope = np.empty(len(h) + 1)
+    slope[1:-1] = (h[1:] * secant[:-1] + h[:-1] * secant[1:]) / (h[:-1] + h[1:])
+    slope[0] = ((2.0 * h[0] + h[1]) * secant[0] - h[0] * secant[1]) / (h[0] + h[1])
+    slope[-1] = ((2.0 * h[-1] + h[-2]) * secant[-1] - h[-1] * secant[-2]) / (h[-1] + h[-2])
+    return slope

@@ -1,0 +1,132 @@
+"""Pictures of orbits, and the samples that they are drawn from."""
+
+from __future__ import annotations
+
+import math
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import numpy as np
+import pytest
+from matplotlib import pyplot as plt
+
+import saltus
+from saltus import afm
+from saltus.errors import InputError
+from saltus.orbits import PeriodicOrbit
+from saltus.plotting import style
+
+
+@pytest.fixture(autouse=True)
+def _closed():
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def tapping() -> PeriodicOrbit:
+    model = afm.tapping_mode(afm.table1(), modes=1)
+    guess = [
+        ("flight", "touch", [-0.717, 0.7335], 2.95),
+        ("contact", "release", [0.95, 0.85], 0.375),
+        ("flight", "theta", [0.9, -0.4], 2.65),
+    ]
+    return saltus.solve_orbit(model, {"Omega": 1.05}, guess)
+
+
+@pytest.fixture(scope="module")
+def impacting(impact_oscillator) -> PeriodicOrbit:
+    return saltus.solve_orbit(impact_oscillator, {}, [("free", "impact", [1.0, -1.3, 0.1], 6.28)])
+
+
+def test_samples_hold_both_ends_of_every_segment(tapping):
+    sample = tapping.sample()
+    times = sample["t"].values
+    ends = np.concatenate([[0.0], np.cumsum(tapping.durations)])
+    assert np.array_equal(times[np.searchsorted(times, ends[1:-1], side="left")], ends[1:-1])
+    assert (times == ends[1]).sum() == 2
+    assert times[-1] == ends[-1]
+    assert np.all(np.diff(times) >= 0.0)
+    touch = np.searchsorted(times, ends[1], side="right")
+    assert sample["mode"].values[[touch - 2, touch - 1]].tolist() == [0, 1]
+    assert sample["z"].values[[0, touch - 1, -1]] == pytest.approx(1.0 / 300.0, abs=1e-11)
+
+
+def test_samples_agree_with_an_event_driven_simulation(tapping):
+    """The oracle is the other flow: Runge-Kutta of free step with events, at a tolerance of 1e-10."""
+    sample = tapping.sample(200)
+    start = tapping.states[0]
+    motion = saltus.simulate(tapping.system, dict(tapping.parameters), start, mode="flight", t_end=tapping.period)
+    times = np.minimum(sample["t"].values, motion.t_end)
+    states = np.column_stack([sample[name].values for name in ("q1", "v1")])
+    assert states == pytest.approx(motion(times)[:, :2], abs=1e-7)
+
+
+def test_samples_have_every_state_and_output_and_a_phase_on_the_circle(tapping):
+    sample = tapping.sample(50)
+    assert set(sample.data_vars) == {"q1", "v1", "theta", "z", "force", "mode"}
+    assert sample["theta"].values.min() >= 0.0
+    assert sample["theta"].values.max() <= 2.0 * math.pi
+    gap = 1.0 - sample["q1"] - tapping.parameters["ybar"] * np.sin(sample["theta"])
+    assert sample["z"].values == pytest.approx(gap.values, abs=1e-14)
+    assert sample["z"].values.min() == pytest.approx(tapping.min["z"], abs=1e-4)
+
+
+def test_samples_close_up_to_the_reset(impacting):
+    sample = impacting.sample()
+    assert sample["x"].values[[0, -1]] == pytest.approx(1.0, abs=1e-11)
+    assert sample["v"].values[0] == pytest.approx(-0.8 * sample["v"].values[-1], abs=1e-10)
+
+
+@pytest.mark.parametrize("points", [1, 2.5, "many", True])
+def test_a_count_of_samples_that_cannot_be_is_told(impacting, points):
+    with pytest.raises(InputError, match="must be a whole number, 2 or more"):
+        impacting.sample(points)
+
+
+def test_a_saved_orbit_is_equal(tapping, tmp_path):
+    assert saltus.load(tapping.save(tmp_path / "orbit.nc")) == tapping
+
+
+def test_the_curve_is_closed_and_coloured_by_mode(tapping):
+    ax = tapping.plot("z", "v1")
+    flight, contact, ends = ax.lines
+    assert [line.get_label() for line in ax.lines] == ["flight", "contact", "segment ends"]
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["flight", "contact", "segment ends"]
+    assert (flight.get_color(), contact.get_color()) == (style.colour_of_mode(0), style.colour_of_mode(1))
+    for line, other in ((flight, contact), (contact, flight)):
+        place, begin = line.get_xydata()[-1], other.get_xydata()[0]
+        assert place == pytest.approx(begin, abs=1e-10)
+    assert ends.get_xydata() == pytest.approx(np.array([flight.get_xydata()[-1], contact.get_xydata()[-1]]))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$z$", "$v_{1}$")
+
+
+def test_the_two_sides_of_a_reset_are_joined_by_a_dotted_line(impacting):
+    ax = impacting.plot()
+    (jump,) = (line for line in ax.lines if line.get_linestyle() == ":")
+    (before, after) = jump.get_ydata()
+    assert after == pytest.approx(-0.8 * before, abs=1e-10)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$x$", "$v$")
+
+
+def test_the_phase_s_wrap_cuts_the_curve_at_two_pi(tapping):
+    ax = tapping.plot("theta", "z")
+    curves = [line.get_xdata() for line in ax.lines if line.get_marker() == "None"]
+    assert all(np.abs(np.diff(curve)).max() < 1.0 for curve in curves)
+    assert max(curve.max() for curve in curves) == 2.0 * math.pi
+    assert min(curve.min() for curve in curves) == 0.0
+
+
+def test_an_orbit_without_events_is_one_curve(impact_oscillator):
+    orbit = saltus.solve_orbit(impact_oscillator, {"A": 0.05}, [("free", "theta", [0.0, 0.5], 2.0 * math.pi)])
+    ax = orbit.plot("x", "v", legend=False)
+    (line,) = ax.lines
+    assert line.get_xydata()[0] == pytest.approx(line.get_xydata()[-1], abs=1e-10)
+    assert ax.get_legend() is None
+
+
+def test_a_wrong_name_is_answered_with_the_nearest_one(tapping):
+    with pytest.raises(InputError, match=r"quantity = 'forse': must be one of t, q1, v1, theta, z, force; did you mean 'force'\?"):
+        tapping.plot("t", "forse")

@@ -1,0 +1,214 @@
+"""The command: what it prints, where, and with which exit code."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from saltus import cli
+from saltus.errors import ConvergenceError
+
+POINT = {"type": "SN", "omega": 0.916055296824, "min_z": 0.0116, "signature": [["flight", "theta"]], "admissible": True}
+
+
+def _run(capsys, *args: str) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as left:
+        cli.main(list(args))
+    printed = capsys.readouterr()
+    return int(left.value.code or 0), printed.out, printed.err
+
+
+@pytest.fixture
+def figure(monkeypatch):
+    """A figure that is computed at once; its `act` can be replaced."""
+    import saltus.afm.figures as figures
+
+    class Branch:
+        parameter = "Omega"
+        values = SimpleNamespace(min=lambda: 0.8, max=lambda: 1.1)
+
+        def __len__(self):
+            return 57
+
+    state = SimpleNamespace(said=[], calls=0, interrupted=False, act=lambda: None)
+
+    def run(out: Path, progress=None):
+        state.calls += 1
+        state.progress = progress
+        state.act()
+        (out / "fig3.nc").write_text("data")
+        found = {"files": [out / "fig3.nc"], "branch": Branch(), "special_points": [POINT]}
+        return found | {"interrupted": state.interrupted}
+
+    monkeypatch.setattr(figures, "runner", lambda name: run)
+    return state
+
+
+def test_help_names_the_commands(capsys):
+    code, out, _ = _run(capsys, "--help")
+    assert code == 0
+    assert "reproduce" in out
+    assert "--version" in out
+
+
+def test_no_arguments_print_the_help_and_are_a_usage_error(capsys):
+    code, out, err = _run(capsys)
+    assert code == 2
+    assert "Usage: saltus" in out + err
+
+
+def test_version_is_the_package_s(capsys, monkeypatch):
+    monkeypatch.setattr("importlib.metadata.version", lambda name: f"9.8.7 of {name}")
+    assert _run(capsys, "--version") == (0, "saltus 9.8.7 of saltus\n", "")
+
+
+def test_list_tells_each_figure_in_a_line(capsys):
+    code, out, err = _run(capsys, "reproduce", "list")
+    assert (code, err) == (0, "")
+    assert out.startswith("fig3  ")
+    assert len(out.splitlines()) == 1
+
+
+def test_an_unknown_figure_is_answered_with_the_nearest_name(capsys):
+    wanted = "saltus: figure = 'fgi3': must be one of fig3; did you mean 'fig3'?\n"
+    assert _run(capsys, "reproduce", "fgi3") == (2, "", wanted)
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (("reprduce",), "No such command 'reprduce'"),
+        (("reproduce", "fig3", "--oot", "x"), "No such option"),
+        (("reproduce", "fig3", "-o"), "requires an argument"),
+        (("reproduce", "fig3", "fig4"), "unexpected extra argument"),
+    ],
+)
+def test_usage_errors_leave_with_2(capsys, args, message):
+    code, out, err = _run(capsys, *args)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert "Traceback" not in err
+
+
+def test_files_and_special_points_are_printed(capsys, tmp_path, figure):
+    code, out, err = _run(capsys, "reproduce", "fig3", "-o", str(tmp_path / "new" / "folder"))
+    assert (code, err) == (0, "")
+    assert f"written  {tmp_path / 'new' / 'folder' / 'fig3.nc'}\n" in out
+    row = next(line for line in out.splitlines() if "SN" in line)
+    assert row.split() == ["SN", "0.9160552968", "0.011600000", "flight:theta", "yes"]
+    assert max(map(len, out.splitlines()[:-1])) <= 80
+
+
+def test_progress_is_silent_where_stdout_is_no_terminal(capsys, tmp_path, figure):
+    assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path))[0] == 0
+    assert figure.progress is None
+
+
+def test_progress_is_shown_on_a_terminal(capsys, tmp_path, figure, monkeypatch):
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path))[0] == 0
+    assert callable(figure.progress)
+
+
+def test_an_output_folder_below_a_file_is_told_before_the_work(capsys, tmp_path, figure):
+    (tmp_path / "file").write_text("")
+    out = tmp_path / "file" / "folder"
+    wanted = f"saltus: --out = {str(out)!r}: must be a folder; {tmp_path / 'file'} is a file\n"
+    assert _run(capsys, "reproduce", "fig3", "-o", str(out)) == (2, "", wanted)
+    assert figure.calls == 0
+
+
+def test_an_output_folder_that_is_a_file_is_told_before_the_work(capsys, tmp_path, figure):
+    path = tmp_path / "file"
+    path.write_text("")
+    wanted = f"saltus: --out = {str(path)!r}: must be a folder; {path} is a file\n"
+    assert _run(capsys, "reproduce", "fig3", "-o", str(path)) == (2, "", wanted)
+    assert figure.calls == 0
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
+def test_an_output_folder_that_nobody_can_make_is_told_before_the_work(capsys, figure):
+    code, out, err = _run(capsys, "reproduce", "fig3", "-o", "/proc/x")
+    assert (code, out) == (2, "")
+    assert err.startswith("saltus: --out = '/proc/x': must be a folder that can be written; ")
+    assert len(err.splitlines()) == 1
+    assert figure.calls == 0
+
+
+def test_a_read_only_output_folder_is_told_before_the_work(capsys, tmp_path, figure, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write anywhere
+    wanted = (
+        f"saltus: --out = {str(tmp_path / 'new')!r}: must be a folder that can be written; "
+        f"{tmp_path} is read-only for this user\n"
+    )
+    assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path / "new")) == (2, "", wanted)
+    assert not (tmp_path / "new").exists()
+    assert figure.calls == 0
+
+
+def test_an_error_of_the_library_is_a_line_on_stderr(capsys, tmp_path, figure):
+    def fail():
+        raise ConvergenceError("periodic orbit", 0.5, 40, "start from a nearer guess")
+
+    figure.act = fail
+    wanted = "saltus: periodic orbit: no convergence, residual 0.5 after 40 iterations; start from a nearer guess\n"
+    assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path)) == (2, "", wanted)
+
+
+def test_a_full_disk_is_a_line_on_stderr(capsys, tmp_path, figure):
+    def fail():
+        raise OSError(28, "No space left on device", "fig3.png")
+
+    figure.act = fail
+    wanted = "saltus: fig3.png: No space left on device\n"
+    assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path)) == (2, "", wanted)
+
+
+def test_an_interrupted_run_says_what_it_kept_and_where(capsys, tmp_path, figure):
+    figure.interrupted = True
+    code, out, err = _run(capsys, "reproduce", "fig3", "-o", str(tmp_path))
+    assert code == 130
+    assert err == "saltus: interrupted; kept 57 orbits, Omega from 0.8 to 1.1:\n"
+    assert f"kept  {tmp_path / 'fig3.nc'}\n" in out
+
+
+def test_an_interrupt_before_anything_was_computed_is_told(capsys, tmp_path, figure):
+    def stop():
+        raise KeyboardInterrupt
+
+    figure.act = stop
+    wanted = "saltus: interrupted before there was anything to keep\n"
+    assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path)) == (130, "", wanted)
+
+
+HEAVY = ("sympy", "numba", "xarray", "matplotlib", "scipy", "pandas", "numpy", "h5py", "pint", "rich")
+
+
+@pytest.mark.parametrize("args", [["--help"], ["reproduce", "list"], ["reproduce", "fgi3"], ["reproduce", "--help"]])
+def test_a_command_that_computes_nothing_imports_nothing_heavy(args):
+    code = (
+        "import sys, saltus.cli\n"
+        f"try: saltus.cli.main({args!r})\n"
+        "except SystemExit: pass\n"
+        f"sys.exit(', '.join(name for name in {HEAVY!r} if name in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_importing_saltus_imports_at_most_numpy():
+    allowed = tuple(name for name in HEAVY if name != "numpy")
+    code = f"import sys, saltus; sys.exit(', '.join(name for name in {allowed!r} if name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_module_is_the_command():
+    done = subprocess.run([sys.executable, "-m", "saltus", "--help"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert done.stdout.startswith("Usage: saltus ")

@@ -1,0 +1,38 @@
+"""The examples run, agree with the closed forms that they print, and draw one picture each."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import sys
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import pytest
+from matplotlib import pyplot as plt
+
+EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("[0-9]*.py"))
+
+
+def test_there_are_examples():
+    assert len(EXAMPLES) >= 3
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_example_draws_its_picture(path, tmp_path, monkeypatch, capsys):
+    picture = tmp_path / "new" / "picture.png"
+    monkeypatch.setattr(sys, "argv", [str(path), str(picture)])
+    try:
+        runpy.run_path(str(path), run_name="__main__")
+    finally:
+        plt.close("all")
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    printed = capsys.readouterr().out
+    assert printed.splitlines()[-1] == f"written {picture}"
+    differences = [float(text) for text in re.findall(r"difference (\S+)", printed)]
+    assert all(abs(difference) < 1e-10 for difference in differences)
+    if "closed form" in path.read_text():
+        assert len(differences) == 2
