@@ -109,12 +109,12 @@ def test_an_unknown_label_names_those_there_are(orbit):
         branch["PD2"]
     with refuse(f"index = {len(branch)}: must be between {-len(branch)} and {len(branch) - 1}"):
         branch.orbit(len(branch))
-    with pytest.raises(InputError, match="^quantity = 'max_z': must be one of a, period, arclength, x, s, "):
+    with pytest.raises(InputError, match=r"^quantity = 'max_z': must be one of a, period, arclength, x, s, "):
         branch.column("max_z")
 
 
 def test_a_parameter_that_must_stay_positive_stops_the_branch_before_it_leaves():
-    """Bounds beyond what the system allows: either refused, or the branch ends in words; never an orbit that cannot be rebuilt."""
+    """Bounds beyond what the system allows are refused, or the branch ends in words; each orbit can be rebuilt."""
     system = systems.ball_on_table()
     bounded = type(system).from_definition(system.definition() | {"parameter_bounds": {"a": [0.5, 1.3]}})
     orbit = solve_orbit(bounded, {"a": 1.2}, [("flight", "impact", [0.588, 3.14159, 0.51], 6.28)])

@@ -1,4 +1,4 @@
-"""The paper's tapping cantilever: the ten special points of n = 1, and the period doubling near Omega = 1.15 of n = 2."""
+"""The paper's tapping cantilever: ten special points of n = 1, and the period doubling near 1.15 of n = 2."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's tapping cantilever, from its Table 1 up, and its Poincare map by SciPy's DOP853; nothing here comes from saltus."""
+"""The paper's tapping cantilever from its Table 1 up, and its map by SciPy's DOP853; nothing comes from saltus."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Tapping:
     def map(
         self, x: NDArray[np.float64], rtol: float = 1e-12
     ) -> tuple[NDArray[np.float64], list[tuple[float, NDArray[np.float64]]]]:
-        """Return the state one forcing period later, from phase 0 in flight, and the crossings (time, state) on the way."""
+        """Return the state one forcing period later, from phase 0 in flight, and the crossings (time, state)."""
         t, end, mode, crossings = 0.0, 2.0 * math.pi / self.Omega, 0, []
         while t < end:
 

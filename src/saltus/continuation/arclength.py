@@ -292,13 +292,24 @@ def _misstep(point: Point, new: Point, guess: NDArray[np.float64], h: float, con
     if _angle(point, new) > control.angle:
         return "angle: the branch turns too sharply for the step"
     moved = math.sqrt(float(point.weights @ (new.u - guess) ** 2))
-    if moved > 50.0 * control.deviation or moved > 0.5 * h:
+    if moved > 15.0 * control.deviation or moved > 0.5 * h:
         return "deviation: the corrected point lies too far from the predicted one"
-    a, b = point.tangent[-1], new.tangent[-1]
-    chord = (new.u[-1] - point.u[-1]) / h
-    if a * b > 0.0 and chord * a < 0.0:
+    if _turns_twice(float(point.tangent[-1]), float(new.tangent[-1]), float(new.u[-1] - point.u[-1]) / h):
         return "folds: the parameter turns twice within the step"
     return None
+
+
+def _turns_twice(a: float, b: float, chord: float) -> bool:
+    """Whether the cubic with slopes a and b at a step's ends and `chord` between them has two turning points inside."""
+    if a * b <= 0.0:
+        return False
+    side = math.copysign(1.0, a)
+    a, b, chord = a * side, b * side, chord * side
+    bottom = a + b - 2.0 * chord
+    if bottom <= 0.0:
+        return False
+    s = (2.0 * a + b - 3.0 * chord) / (3.0 * bottom)
+    return 0.0 < s < 1.0 and a - 3.0 * bottom * s * s < 0.0
 
 
 def _events(problem: ZeroProblem, a: Point, b: Point, located: Callable[[str], bool]) -> list[Event] | str:
