@@ -1,6 +1,6 @@
 """Frequency response of a tapping cantilever, and the orbit that taps.
 
-    python 03_afm_response.py [picture]
+python 03_afm_response.py [picture]
 """
 
 import sys

@@ -65,13 +65,14 @@ def test_samples_agree_with_an_event_driven_simulation(tapping):
 
 
 def test_samples_have_every_state_and_output_and_a_phase_on_the_circle(tapping):
-    sample = tapping.sample(50)
+    sample = tapping.sample()
     assert set(sample.data_vars) == {"q1", "v1", "theta", "z", "force", "mode"}
     assert sample["theta"].values.min() >= 0.0
     assert sample["theta"].values.max() <= 2.0 * math.pi
     gap = 1.0 - sample["q1"] - tapping.parameters["ybar"] * np.sin(sample["theta"])
     assert sample["z"].values == pytest.approx(gap.values, abs=1e-14)
-    assert sample["z"].values.min() == pytest.approx(tapping.min["z"], abs=1e-4)
+    # the dip of 0.0636 in 25 steps: a parabola's half step of 1.5/25, squared
+    assert tapping.min["z"] <= sample["z"].values.min() < tapping.min["z"] + 0.0636 * (1.5 / 25.0) ** 2
 
 
 def test_samples_close_up_to_the_reset(impacting):
@@ -128,5 +129,7 @@ def test_an_orbit_without_events_is_one_curve(impact_oscillator):
 
 
 def test_a_wrong_name_is_answered_with_the_nearest_one(tapping):
-    with pytest.raises(InputError, match=r"quantity = 'forse': must be one of t, q1, v1, theta, z, force; did you mean 'force'\?"):
+    with pytest.raises(
+        InputError, match=r"quantity = 'forse': must be one of t, q1, v1, theta, z, force; did you mean 'force'\?"
+    ):
         tapping.plot("t", "forse")

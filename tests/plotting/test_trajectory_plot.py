@@ -79,7 +79,9 @@ def test_the_first_state_against_time_is_the_default(bounce):
 
 
 def test_a_wrong_name_is_answered_with_the_nearest_one(bounce):
-    with pytest.raises(InputError, match=r"quantity = 'enrgy': must be one of t, z, v, energy; did you mean 'energy'\?"):
+    with pytest.raises(
+        InputError, match=r"quantity = 'enrgy': must be one of t, z, v, energy; did you mean 'energy'\?"
+    ):
         bounce.plot("t", "enrgy")
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.orbits.problem import CLOSED_END, EVENT_END, PHASE_END, OrbitProblem, Signature
+from saltus.orbits.problem import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, OrbitProblem, Signature
 from saltus.orbits.solve import settle_signature
 
 if TYPE_CHECKING:
@@ -42,6 +42,8 @@ def neighbour(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> Ne
     """
     kind, *numbers = monitor.split(" ")
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1).copy()
+    if kind == "rate":
+        kind, numbers = _vanishing(problem, blocks, int(numbers[0]))
     if kind == "margin":
         found = _insert(problem, blocks, u, int(numbers[0]), int(numbers[1]))
     elif kind == "duration":
@@ -54,6 +56,16 @@ def neighbour(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> Ne
     fresh = OrbitProblem(problem.system, signature, problem.parameters_at(u), tol=problem.tol)
     signature, turned = settle_signature(fresh, rows.ravel())
     return Neighbour(signature, np.append(turned, u[problem.size :]))
+
+
+def _vanishing(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> tuple[str, list[str]]:
+    """Return what vanishes where segment `i` ends without velocity: a segment beside the event, or the velocity alone."""
+    count = problem.segments
+    period = float(np.abs(blocks[:, problem.n]).sum())
+    for j in (i, (i + 1) % count):
+        if problem.signature.kinds[j] == MEAN_END and abs(blocks[j, problem.n]) < _NEAR * period:
+            return "duration", [str(j)]
+    return "rate", [str(i)]
 
 
 _Found = tuple[Signature, "NDArray[np.float64]"]
@@ -78,6 +90,8 @@ def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
         back = _way_back(problem, target, mode, landed)
         if back is None:
             return f"no transition leads back from {system.mode_names[target]!r}"
+        if not _turns_back(problem, back, target, landed):
+            return f"the motion in {system.mode_names[target]!r} does not turn back, so no orbit near it goes on"
         cut.append((target, back, np.append(landed, 0.0)))
     rest = np.append(landed, duration - before)
     if old.kinds[0] in (PHASE_END, CLOSED_END):
@@ -100,6 +114,15 @@ def _way_back(problem: OrbitProblem, source: int, target: int, x: NDArray[np.flo
             if abs(out[0]) < _NEAR:
                 return k
     return None
+
+
+def _turns_back(problem: OrbitProblem, back: int, mode: int, x: NDArray[np.float64]) -> bool:
+    """Whether the motion in a mode, without velocity on the surface of the transition `back`, is bent towards it."""
+    n, compiled = problem.n, problem.system.compiled
+    gradient, field = np.empty(2 + 2 * n), np.empty(n)
+    compiled.call("event_x", back, 0, np.ascontiguousarray(x), problem._extended, gradient)
+    compiled.call("field", mode, 0, np.ascontiguousarray(x), problem._extended, field)
+    return float(gradient[2 + n :] @ field) * (problem.system.transitions[back].direction or 1) > 0.0
 
 
 def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> _Found | str:

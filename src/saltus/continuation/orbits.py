@@ -187,11 +187,10 @@ class _OrbitBranch:
         }
         kinds = problem.signature.kinds
         self._durations = {f"duration {i}": i for i, kind in enumerate(kinds) if kind == MEAN_END}
-        shadowed = {j for i in self._durations.values() for j in (i, i - 1 if i else len(kinds) - 1)}
         self._rates = {
             f"rate {i}": (i, float(transitions[k].direction or -1))
             for i, k in enumerate(problem.signature.transitions)
-            if k >= 0 and i not in shadowed
+            if k >= 0
         }
 
     def adjust(self, u: NDArray[np.float64]) -> None:

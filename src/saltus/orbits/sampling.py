@@ -34,9 +34,9 @@ def sample_orbit(orbit: PeriodicOrbit, points: int = 400) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Against the dimension ``t``, which starts at 0 with the first segment: every state (the phase modulo 2 pi), every
-        output, and ``mode``, the index of the mode. Both ends of every segment are among the times, so that the time of
-        an event occurs twice: before the reset, then after it. Times are closer near a segment's ends.
+        Against the dimension ``t``, which starts at 0 with the first segment: every state (the phase modulo 2 pi),
+        every output, and ``mode``, the index of the mode. Both ends of every segment are among the times, so that
+        the time of an event occurs twice: before the reset, then after it. Times are closer near a segment's ends.
 
     Raises
     ------

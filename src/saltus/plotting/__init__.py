@@ -1,7 +1,7 @@
 """Floor 5: matplotlib pictures of results, one module for each kind; `result.plot()` comes here.
 
-`plot` dispatches on the kind of result. The module that draws a kind, and matplotlib with it, is imported when the first
-result of that kind is drawn.
+`plot` dispatches on the kind of result. The module that draws a kind, and matplotlib with it, is imported when the
+first result of that kind is drawn.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -55,8 +56,8 @@ def plot_branch(
 ) -> Axes:
     """Draw a branch and return the matplotlib Axes.
 
-    Stable orbits are solid, unstable ones dashed, those that are no motion of the system dotted in grey. The curve passes
-    through every point and every special point; between them it is interpolated in arclength, without overshoot.
+    Stable orbits are solid, unstable ones dashed, those that are no motion of the system dotted in grey. The curve
+    passes through every point and every special point; between them it is interpolated in arclength, without overshoot.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ def pieces_of(branch: Branch, x: str, y: str) -> list[Piece]:
     each = int(np.clip(_VERTICES // len(nodes.x), 4, 24))
     curves = []
     corners = [0, *np.flatnonzero(nodes.corner[1:-1]) + 1, len(nodes.x) - 1]
-    for first, last in zip(corners, corners[1:], strict=False):
+    for first, last in pairwise(corners):
         part = slice(first, last + 1)
         curves.append(_smooth(nodes.s[part], nodes.x[part], nodes.y[part], each))
     x_all = np.concatenate([curves[0][0][:1], *(cx[1:] for cx, _ in curves)])
@@ -131,7 +132,7 @@ def pieces_of(branch: Branch, x: str, y: str) -> list[Piece]:
 
 @dataclass(frozen=True)
 class _Nodes:
-    """Points and special points in order: arclength, place, whether the curve may have a corner, kind of each interval."""
+    """Points and special points in order: arclength, place, whether a corner may be there, kind of each interval."""
 
     s: NDArray[np.float64]
     x: NDArray[np.float64]
@@ -148,7 +149,7 @@ def _nodes(branch: Branch, x: str, y: str) -> _Nodes:
     twins = _twins(branch, specials)
     rows = [row for row in range(len(branch)) if row not in twins.values()]
     s, place, corner, kind = [float(branch.arclength[rows[0]])], [columns[:, rows[0]]], [False], []
-    for row, after in zip(rows, rows[1:], strict=False):
+    for row, after in pairwise(rows):
         between = [i for i, point in enumerate(specials) if row < point.position < after]
         points = [specials[i] for i in between]
         kind += _kinds(branch, row, after, points)
@@ -206,9 +207,9 @@ def _arclengths(stations: list[_Station], width: float, *, phase: bool) -> list[
     """Return all arclengths: between known ones, in the proportion of the chords."""
     known = [i for i, station in enumerate(stations) if station.arclength is not None]
     found = [float(stations[0].arclength or 0.0)]
-    for first, last in zip(known, known[1:], strict=False):
+    for first, last in pairwise(known):
         part = stations[first : last + 1]
-        chords = [_chord(a, b, width, phase=phase) for a, b in zip(part, part[1:], strict=False)]
+        chords = [_chord(a, b, width, phase=phase) for a, b in pairwise(part)]
         shares = (np.cumsum(chords) + 1e-12 * np.arange(1, len(part))) / (sum(chords) + 1e-12 * len(chords))
         begin, length = found[-1], float(part[-1].arclength or 0.0) - found[-1]
         found += [begin + length * float(share) for share in shares]

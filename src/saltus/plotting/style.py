@@ -11,7 +11,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["CURVE", "EVENT", "LINES", "SPECIAL", "SURFACE", "Marker", "axes", "colour_of_mode", "label_of", "publication"]
+__all__ = [
+    "CURVE",
+    "EVENT",
+    "LINES",
+    "SPECIAL",
+    "SURFACE",
+    "Marker",
+    "axes",
+    "colour_of_mode",
+    "label_of",
+    "publication",
+]
 
 CURVE = "#1b1b1e"
 """Colour of a branch."""
@@ -55,13 +66,13 @@ SPECIAL: Mapping[str, Marker] = MappingProxyType(
     {
         "SN": Marker("saddle-node", "o", "#b8101f"),
         "GR": Marker("grazing", "o", "#35b755"),
-        "PD": Marker("period doubling", "o", "#7b3294"),
+        "PD": Marker("period doubling", "o", "#7b3294", size=3.5),
         "TR": Marker("torus", "D", "#0f5fa8", filled=False),
         "BP": Marker("branch point", "s", "#000000"),
     }
 )
-"""Markers of special points. Red, green and purple are the paper's; the green is much lighter than the red, so that they
-differ without colour too."""
+"""Markers of special points. Red, green and purple are the paper's; the green is much lighter than the red, so that
+they differ without colour too."""
 
 EVENT = Marker("event", "o", "#8a6d00", filled=False)
 """Marker of a user's event."""
@@ -69,12 +80,13 @@ EVENT = Marker("event", "o", "#8a6d00", filled=False)
 _MODES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555")
 """Colours of modes, after M. Okabe and K. Ito, distinguishable by the colour-blind."""
 
-_GREEK = frozenset(
-    "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega "
-    "Gamma Delta Theta Lambda Xi Sigma Phi Psi Omega".split()
+_GREEK = (
+    *("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "kappa", "lambda", "mu", "nu", "xi"),
+    *("rho", "sigma", "tau", "phi", "chi", "psi", "omega"),
+    *("Gamma", "Delta", "Theta", "Lambda", "Xi", "Sigma", "Phi", "Psi", "Omega"),
 )
 
-_PRINT = {
+_PRINT: dict[Any, Any] = {
     "font.size": 8.0,
     "axes.labelsize": 8.5,
     "axes.titlesize": 9.0,
@@ -125,12 +137,12 @@ def colour_of_mode(index: int) -> str:
 
 
 def label_of(name: str) -> str:
-    """Return a quantity's name as an axis shows it, Greek letters and indices set as such.
+    r"""Return a quantity's name as an axis shows it, Greek letters and indices set as such.
 
     Examples
     --------
     >>> label_of("Omega"), label_of("min_z"), label_of("v1"), label_of("D_rep_2"), label_of("period")
-    ('$\\\\Omega$', 'min $z$', '$v_{1}$', '$D_{rep,2}$', 'period')
+    ('$\\Omega$', 'min $z$', '$v_{1}$', '$D_{rep,2}$', 'period')
     """
     if name in ("period", "arclength"):
         return name

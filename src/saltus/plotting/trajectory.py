@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,7 +79,7 @@ def _stretches(trajectory: Trajectory) -> list[tuple[int, NDArray[np.float64], N
     times, before = events["time"], events["before"]
     found = []
     edges = [0.0, *times.tolist(), trajectory.t_end]
-    for i, (begin, end) in enumerate(zip(edges, edges[1:], strict=False)):
+    for i, (begin, end) in enumerate(pairwise(edges)):
         if end <= begin:
             continue
         first = int(np.searchsorted(trajectory.step_times, begin, side="left"))

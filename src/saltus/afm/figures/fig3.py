@@ -2,8 +2,8 @@
 
 References
 ----------
-ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 3 and section 4. Departs from it: period doublings are
-drawn too, and two insets show the points next to the grazings, which lie within 2e-4 of each other.
+ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 3 and section 4. Departs from it: period
+doublings are drawn too, and panels (c) and (d) show the points next to the grazings, within 2e-4 of each other.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, A
     Parameters
     ----------
     out : Path
-        An existing folder, for ``fig3.nc`` (the branch), ``fig3.json`` (its special points), ``fig3.png``, ``fig3.pdf``.
+        An existing folder, for ``fig3.nc`` (the branch), ``fig3.json`` (its special points), ``fig3.png`` and
+        ``fig3.pdf``.
     progress : callable, optional
         Called with a line of text whenever there is something new to say.
 
@@ -146,7 +147,7 @@ def _save(branch: Branch, path: Path) -> Path:
 
 
 def draw(branch: Branch) -> Figure:
-    """Return the figure: (a) the whole response, (b) its repulsive part, (c) and (d) what lies round the two grazings."""
+    """Return the figure: (a) the whole response, (b) its repulsive part, (c) and (d) the two grazings."""
     from matplotlib.figure import Figure
 
     from saltus.plotting import style
@@ -183,7 +184,7 @@ def _curve(ax: Axes, branch: Branch, window: _Window) -> None:
     ax.axhline(a0, color=style.SURFACE, linestyle=":", linewidth=1.1, zorder=1, label=r"contact begins, $\bar{a}_0$")
     for line in ax.lines:
         if str(line.get_label()).startswith("PD"):
-            line.set(markersize=3.4, label="PD, period doubling (not drawn in the paper)")
+            line.set_label("PD, period doubling (not drawn in the paper)")
     ax.set(xlim=window[0], ylim=window[1])
 
 
