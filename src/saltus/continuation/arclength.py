@@ -48,6 +48,10 @@ class StepControl:
             value = getattr(self, name)
             if not (isinstance(value, int | float) and math.isfinite(value) and value > 0.0):
                 raise InputError(f"StepControl.{name}", value, "a finite number > 0")
+        for name in ("iterations", "most"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise InputError(f"StepControl.{name}", value, "an integer >= 1")
         if not self.smallest <= self.largest:
             raise InputError("StepControl.smallest", self.smallest, f"<= largest, {self.largest!r}")
 
@@ -69,6 +73,9 @@ class ZeroProblem(Protocol):
 
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return what is to be known of a corrected point, and whether it may follow the one before."""
+
+    def sort_out(self, events: list[Event]) -> list[Event]:
+        """Return the events of one step, in order, without those that are the shadow of another."""
 
     def crowded(self, names: list[str]) -> bool:
         """Return whether the events of one step are so many that a shorter one is due."""
@@ -114,9 +121,6 @@ class Failure:
     parameter: float
     step: float
     reason: str
-
-    def __str__(self) -> str:
-        return f"at parameter {self.parameter:.9g}, step {self.step:.3g}: {self.reason}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,7 +327,7 @@ def _events(problem: ZeroProblem, a: Point, b: Point, located: Callable[[str], b
             if event is None:
                 return f"location: no zero of {name} between the step's ends"
             events.append(event)
-    return sorted(events, key=lambda event: event.point.arc)
+    return problem.sort_out(sorted(events, key=lambda event: event.point.arc))
 
 
 def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: float) -> Event | None:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_orbit"]
 
+_ROUNDING = 1e-9
+"""Share of the parameter's interval by which a start may miss a bound."""
+
 BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
 
 
@@ -89,6 +92,8 @@ def continue_orbit(
     '0.099970754 0.100000000'
     """
     control = steps or StepControl()
+    if not isinstance(orbit, PeriodicOrbit):
+        raise InputError("orbit", orbit, "a PeriodicOrbit", "find_orbit and solve_orbit give one")
     system = orbit.system
     low, high = _check(orbit, parameter, bounds, directions, at_grazing)
     wanted = _read_events(orbit, parameter, events or {})
@@ -111,8 +116,6 @@ def continue_orbit(
 def _check(
     orbit: PeriodicOrbit, parameter: str, bounds: tuple[float, float], directions: str, at_grazing: str
 ) -> tuple[float, float]:
-    if not isinstance(orbit, PeriodicOrbit):
-        raise InputError("orbit", orbit, "a PeriodicOrbit", "find_orbit and solve_orbit give one")
     names = orbit.system.parameter_names
     if parameter not in names:
         raise InputError("parameter", parameter, f"one of {', '.join(names)}", nearest(str(parameter), names))
@@ -127,7 +130,14 @@ def _check(
     value = orbit.parameters[parameter]
     if math.isnan(low) or math.isnan(high) or not low < high:
         raise InputError("bounds", bounds, "two numbers, the lower first")
-    if not low <= value <= high:
+    lowest, highest = orbit.system.allowed(parameter)
+    if (math.isfinite(low) and low < lowest) or (math.isfinite(high) and high > highest):
+        raise InputError("bounds", bounds, f"within [{lowest:g}, {highest:g}], where {parameter} may lie")
+    low, high = max(low, lowest), min(high, highest)
+    if not low < high:
+        raise InputError("bounds", bounds, "two numbers, the lower first")
+    slack = _ROUNDING * _scale(low, high, value)
+    if not low - slack <= value <= high + slack:
         raise InputError("bounds", bounds, f"an interval that holds the start, {parameter} = {value:g}")
     return low, high
 
@@ -238,6 +248,11 @@ class _OrbitBranch:
     def _monitors(self) -> list[str]:
         extras = [f"event {i}" for i in range(len(self.run.events))]
         return ["low", "high", "SN", "PD", "TR", "BP", *self._margins, *self._durations, *self._rates, *extras]
+
+    def sort_out(self, events: list[Event]) -> list[Event]:
+        """Return the events without a fold where the whole Jacobian loses rank: that is a branch point alone."""
+        points = [event.point.arc for event in events if event.name == "BP"]
+        return [e for e in events if e.name != "SN" or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
 
     def crowded(self, names: list[str]) -> bool:
         return sum(name in BIFURCATIONS for name in names) + any(" " in name for name in names) > 1
@@ -374,6 +389,10 @@ class _Run:
         half = _Half()
         branch, origin = start
         point = _turned(origin, sign)
+        outwards = math.copysign(1.0, float(point.tangent[-1]))
+        if outwards * (point.parameter - (self.high if outwards > 0.0 else self.low)) > -_ROUNDING:
+            half.stopped = f"{self.name} = {point.parameter * self.scale:.9g}: bound reached"
+            return half
         first: float | None = None
         try:
             while True:
@@ -424,6 +443,7 @@ class _Run:
         kind = event.name.split(" ")[0]
         point = event.point
         if kind in ("low", "high"):
+            point.u[-1] = self.low if kind == "low" else self.high
             half.points.append((branch, point))
             return f"{self.name} = {point.parameter * self.scale:.9g}: bound reached"
         if kind == "event":
@@ -585,7 +605,9 @@ def _assemble(
         tuple(p.u[: b.problem.size] for b, p in rows),
         SpecialPoints(points, parameter),
         stopped,
-        tuple(str(failure) for failure in run.log),
+        tuple(
+            f"{parameter} = {failure.parameter * scale:.9g}, step {failure.step:.3g}: {failure.reason}" for failure in run.log
+        ),
         orbit.tol,
     )
 

@@ -576,7 +576,7 @@ def run_kernel(
         wraps = wraps and ends
 
         _full_step(addresses, mode, n, p, h, x, slopes, y, x_end)
-        error = error_norm(slopes, n, used, h, x, x_end, rtol, atol)
+        error = error_norm(slopes, n, 0, used, h, x, x_end, rtol, atol)
         factor = _step_factor(error, h, numbers)
         accepted = error <= 1.0
         if accepted:

@@ -175,10 +175,10 @@ def stage(i, slopes, n, h, x, out):
 
 
 @njit(cache=True, error_model="numpy")
-def error_norm(slopes, n, used, h, x, x_end, rtol, atol):
-    """Error of a step over its tolerance, from the estimates of order 5 and 3; the first `used` components count."""
+def error_norm(slopes, n, first, used, h, x, x_end, rtol, atol):
+    """Error of a step over its tolerance, from the estimates of order 5 and 3; `used` components from `first` on count."""
     five = three = 0.0
-    for e in range(used):
+    for e in range(first, first + used):
         scale = atol + rtol * max(abs(x[e]), abs(x_end[e]))
         a = (
             E5[0] * slopes[e]

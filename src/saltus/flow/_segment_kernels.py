@@ -55,6 +55,7 @@ def dense_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, coeffici
     dense_coefficients(slopes, n, h, x, x_end, coefficients)
 
 
+VARIED = 1e3  # tolerance of the sensitivities, which vary faster, over that of the state
 PROBES = (0.46, 0.75)
 MISSED = 1e4
 
@@ -96,7 +97,7 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
         if h < 1e-12:
             return -1
         state_step(functions, mode, duration, s, h, x, p, slopes, x_end, n)
-        error = error_norm(slopes, n, n, h, x, x_end, rtol, atol)
+        error = error_norm(slopes, n, 0, n, h, x, x_end, rtol, atol)
         if not error < 1e300:
             h *= 0.1
             continue
@@ -201,7 +202,13 @@ def flow(functions, mode, transition, mean, x0, x0_at, duration, p, active, rtol
                 for a in range(active.size):
                     call(event_p, transition, active[a], trial, 0, p, ev, 0)
                     slopes[at + size + 1 + n + a] += weight * ev[1]
-        errors[mesh_at + step] = error_norm(slopes, length, n, h, y, trial, rtol, atol)
+        largest = 1e-300
+        for e in range(n, size):
+            largest = max(largest, abs(trial[e]))
+        errors[mesh_at + step] = max(
+            error_norm(slopes, length, 0, n, h, y, trial, rtol, atol),
+            error_norm(slopes, length, n, size - n, h, y, trial, 0.0, VARIED * rtol * largest),
+        )
         for e in range(length):
             y[e] = trial[e]
             slopes[e] = slopes[12 * length + e]

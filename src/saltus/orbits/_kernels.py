@@ -428,7 +428,7 @@ def survey(
     segments, wide, n_transitions = modes.size, n + 1, sources.size
     bad = 0
     x, out, one = np.empty(n), np.empty(max(n_outputs, 2)), np.empty(2)
-    probe, field = np.empty(n), np.empty(n)
+    probe, field, slope = np.empty(n), np.empty(n), np.empty(2 + 2 * n)
     for q in range(n + n_outputs):
         lows[q] = np.inf
         highs[q] = -np.inf
@@ -469,7 +469,12 @@ def survey(
             call(functions[EVENT], transition, 0, nodes, end, p, one, 0)
             rates[i, 0] = one[1]
             rates[i, 2] = max(gap, abs(one[0]))
-            if directions[transition] * one[1] < 0.0:
+            call(functions[EVENT_X], transition, 0, nodes, end, p, slope, 0)
+            call(functions[FIELD], mode, 0, nodes, end, p, field, 0)
+            speed = 0.0
+            for e in range(n):
+                speed += abs(slope[2 + e] * field[e])
+            if directions[transition] * one[1] < -1e-9 * speed:
                 bad |= DIRECTION
             call(functions[GUARD], n_modes + transition, 0, nodes, end, p, one, 0)
             if not one[0] > 0.0:

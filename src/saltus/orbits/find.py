@@ -11,7 +11,7 @@ import numpy as np
 from saltus.errors import ConvergenceError, InputError, SaltusError
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import CLOSED_END, EVENT_END, PHASE_END, Signature
-from saltus.orbits.solve import converge
+from saltus.orbits.solve import check_tol, converge
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -82,6 +82,7 @@ def find_orbit(
     """
     from saltus.flow.simulate import starting_mode
 
+    check_tol(tol)
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)
     if settle is not None and not (isinstance(settle, int | float) and 0.0 < settle < math.inf):

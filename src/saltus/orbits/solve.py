@@ -71,9 +71,16 @@ def solve_orbit(
     >>> orbit.signature, round(orbit.period, 6)
     ((('flight', 'impact'),), 6.283185)
     """
+    check_tol(tol)
     p = system.parameter_vector(parameters)
     signature, u = _read_segments(system, p, segments)
     return converge(system, signature, u, p, tol)
+
+
+def check_tol(tol: object) -> None:
+    """Raise `InputError` unless `tol` can be the relative tolerance of a step."""
+    if isinstance(tol, bool) or not isinstance(tol, int | float) or not 1e-14 <= tol <= 1e-3:
+        raise InputError("tol", tol, "a number between 1e-14 and 1e-3")
 
 
 def converge(
@@ -123,9 +130,12 @@ def solve_unknowns(
                 raise ConvergenceError("periodic orbit", size, iteration, "start from a nearer guess")
         u, F, J, size = trial, F_new, J_new, new
         if factor == 1.0 and length < _SMALL:
-            if (problem.refine() and not problem.survey(u).coarse) or remeshed >= 4:
+            fine = problem.refine()
+            coarse = fine and problem.survey(u).coarse
+            if (fine and not coarse) or remeshed >= 6:
                 return u, J
-            problem.start(u)
+            if coarse:
+                problem.start(u)
             remeshed += 1
             F, J = problem.evaluate(u)
             size = float(np.abs(F).max())
@@ -158,7 +168,7 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
     blocks = u[: problem.size].reshape(problem.segments, n + 1).copy()
     if signature.kinds[0] in (PHASE_END, CLOSED_END):
         return signature, u
-    first = int(np.argmax(blocks[:, n]))
+    first = int(np.argmax(blocks[:, n] >= (1.0 - 1e-6) * blocks[:, n].max()))  # ties go to the first, whatever the rounding
     if problem.system.phase is not None:
         blocks[:first, n - 1] += 2.0 * math.pi * signature.turns
     blocks = np.roll(blocks, -first, axis=0)

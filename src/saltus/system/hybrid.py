@@ -282,6 +282,11 @@ class HybridSystem:
             raise InputError(key, number, _interval(low, high))
         return number
 
+    def allowed(self, parameter: str) -> tuple[float, float]:
+        """Return the closed interval in which a parameter may lie; a positive one begins at the least positive number."""
+        low, high = self.parameter_bounds.get(parameter, (-math.inf, math.inf))
+        return (max(low, math.ulp(0.0)), high) if parameter in self.positive else (low, high)
+
     def parameter_vector(self, parameters: Mapping[str, float] | None) -> NDArray[np.float64]:
         """Return all parameters as a vector in the order of `parameter_names`; see `resolve`."""
         return np.array(list(self.resolve(parameters).values()), dtype=np.float64)
