@@ -108,10 +108,10 @@ def test_the_data_file_holds_every_point_with_a_signature_in_words(found):
         for name in ("Omega", "min_z", "multiplier_re", "multiplier_im", "stable", "admissible", "signature"):
             assert name in dataset.variables
         words = dataset["signature"].values.astype(str)
-        assert set(words) == {"flight:theta", "flight:touch contact:release"}
+        assert set(words) == {"flight:theta", "flight:touch -> contact:release"}
         assert words[0] == "flight:theta"
         deep = int(np.argmin(dataset["min_z"].values))
-        assert words[deep] == "flight:touch contact:release"
+        assert words[deep] == "flight:touch -> contact:release"
         assert set(dataset["special_type"].values.astype(str)) == {"SN", "GR", "PD"}
 
 

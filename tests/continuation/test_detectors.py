@@ -389,16 +389,16 @@ def test_rejected_steps_say_why():
     orbit = cycle(carried(HENON, a=0.2, b=0.3), [(x, x)])
     branch = continue_orbit(orbit, "a", (-1.0, 1.0), steps=StepControl(initial=0.8, largest=0.8, deviation=1e-4))
     assert branch.rejected
-    reasons = "(Newton|angle|deviation|folds|location|stability|not admissible)"
+    reasons = "(Newton|angle|deviation|folds|events|location|stability|not admissible)"
     for line in branch.rejected:
-        assert re.fullmatch(r"at parameter [-+.e\d]+, step [-+.e\d]+: " + reasons + r"\b.+", line)
+        assert re.fullmatch(r"a = [-+.e\d]+, step [-+.e\d]+: " + reasons + r"\b.+", line)
     assert_points(branch, {"SN": [-0.1225], "PD": [0.3675]}, MAP)
 
 
 def test_rejected_steps_name_the_parameter_in_its_own_units():
     orbit = cycle(carried(LOGISTIC, a=2.5), [0.6])
     branch = continue_orbit(orbit, "a", (2.0, 3.9), steps=StepControl(initial=1.0, largest=1.0, deviation=1e-5))
-    where = [float(re.search(r"at parameter ([-+.e\d]+),", line)[1]) for line in branch.rejected]
+    where = [float(re.search(r"a = ([-+.e\d]+),", line)[1]) for line in branch.rejected]
     assert where
     assert all(2.0 <= value <= 3.9 for value in where)
 

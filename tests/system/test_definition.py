@@ -6,8 +6,8 @@ import pickle
 import numpy as np
 import pytest
 import sympy
-import systems
 
+import systems
 from saltus import DefinitionError, HybridSystem, InputError, Mode, Transition
 
 
@@ -35,7 +35,10 @@ def transition(**changes):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"modes": {"flight": Mode({"z": "v", "v": "-gg"})}}, "mode 'flight' = '-gg'.*'gg' is unknown; did you mean 'g'"),
+        (
+            {"modes": {"flight": Mode({"z": "v", "v": "-gg"})}},
+            "mode 'flight' = '-gg'.*'gg' is unknown; did you mean 'g'",
+        ),
         ({"modes": {"flight": Mode({"z": "v"})}}, "mode 'flight' = .*an equation for each of z, v; 'v' is missing"),
         ({"modes": {"flight": Mode({"z": "v", "v": "-g", "q": "1"})}}, "mode 'flight' = 'q': must be a state: z, v"),
         ({"modes": {"flight": Mode({"z": "v", "v": "-g", "theta": "1"})}}, "the phase has its rate already"),
@@ -46,11 +49,17 @@ def transition(**changes):
         ({"transitions": transition(source="up")}, "transition 'impact' = 'up': must be a mode: flight"),
         ({"transitions": transition(reset={"w2": "v"})}, "transition 'impact' = 'w2': must be a state to reset: z, v"),
         ({"transitions": transition(reset={"theta": "0"})}, "transition 'impact' = 'theta'.*other than the phase"),
-        ({"transitions": transition(event="g - 1")}, "transition 'impact' = 'g - 1': must be an event function of the state"),
+        (
+            {"transitions": transition(event="g - 1")},
+            "transition 'impact' = 'g - 1': must be an event function of the state",
+        ),
         ({"transitions": transition(event="z +")}, "transition 'impact' = .z \\+.: must be an expression"),
         ({"transitions": transition(direction=2)}, "transition 'impact' = 2: must be -1"),
         ({"transitions": transition(when="vv")}, "transition 'impact' = 'vv'"),
-        ({"transitions": transition() + transition()}, "transition 'impact' = 'impact': must be named once; pass name="),
+        (
+            {"transitions": transition() + transition()},
+            "transition 'impact' = 'impact': must be named once; pass name=",
+        ),
         ({"transitions": ["impact"]}, "transitions = 'impact': must be a sequence of Transition"),
         ({"states": ("z", "pi")}, "states = 'pi': must be a name that is not a constant of SymPy"),
         ({"states": ("z", "lambda")}, "states = 'lambda': must be a name that is not a Python keyword"),
@@ -60,7 +69,10 @@ def transition(**changes):
         ({"phase": ("sin", "w")}, "phase = 'sin': must be a name that is not a function"),
         ({"phase": ("theta", "w*z")}, "phase = 'w\\*z'.*'z' is unknown"),
         ({"outputs": {"gap": "zz"}}, "output 'gap' = 'zz'"),
-        ({"outputs": {"gap": {"ground": "z"}}}, "output 'gap' = \\['ground'\\]: must be given for each of the modes flight"),
+        (
+            {"outputs": {"gap": {"ground": "z"}}},
+            "output 'gap' = \\['ground'\\]: must be given for each of the modes flight",
+        ),
         ({"outputs": {"gap": "z*theta"}}, "output 'gap' = 'z\\*theta': must be of period 2 pi in theta; carry a clock"),
         ({"groups": {"all": ("g", "q")}}, "group 'all' = 'q'"),
         ({"positive": ("q",)}, "positive, parameter_bounds = 'q'"),
@@ -177,7 +189,9 @@ def test_generated_derivatives_are_central_differences(build):
             shift = np.zeros(len(p))
             shift[j] = 1e-6 * max(abs(p[j]), 1e-3)
             difference = (compiled.field(k, x, p + shift) - compiled.field(k, x, p - shift)) / (2 * shift[j])
-            np.testing.assert_allclose(by_parameter, difference, rtol=1e-5, atol=1e-6 * max(np.abs(difference).max(), 1.0))
+            np.testing.assert_allclose(
+                by_parameter, difference, rtol=1e-5, atol=1e-6 * max(np.abs(difference).max(), 1.0)
+            )
 
 
 def test_event_rates_and_their_gradients_are_central_differences():

@@ -95,7 +95,9 @@ def test_a_number_keeps_all_its_digits(value):
 
 def test_sympy_expression_becomes_the_text_that_reads_back_equal():
     expression = sympy.exp(-x) * sympy.Float(0.1, 17) + sympy.Rational(2, 7) * y**3
-    assert np.isclose(float((parse(text_of(expression, "event"), NAMES, "event") - expression).subs({x: 0.3, y: 1.7})), 0.0)
+    assert np.isclose(
+        float((parse(text_of(expression, "event"), NAMES, "event") - expression).subs({x: 0.3, y: 1.7})), 0.0
+    )
 
 
 @pytest.mark.parametrize("value", [None, True, [1], {"x": 1}, object()])

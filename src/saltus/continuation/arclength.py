@@ -132,7 +132,7 @@ class Event:
     value: float
 
 
-_ACCEPT, _CROWDED = 3e-8, 1e-5
+_ACCEPT, _CROWDED = 2e-9, 1e-5
 
 
 def _bordered(J: NDArray[np.float64], row: NDArray[np.float64], rhs: NDArray[np.float64]) -> tuple[float, float]:

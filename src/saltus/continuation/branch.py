@@ -49,6 +49,8 @@ class SpecialPoint:
         from the wanted value (users' events).
     position : float
         Where among the branch's points: 3.5 lies between points 3 and 4.
+    arclength : float
+        Arclength there, as `Branch.arclength` counts it.
     """
 
     type: str
@@ -56,6 +58,7 @@ class SpecialPoint:
     orbit: PeriodicOrbit
     test: float
     position: float
+    arclength: float
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -184,7 +187,9 @@ class Branch(Result):
             if point.label == label:
                 return point
         known = [point.label for point in self.special_points]
-        raise InputError("label", label, f"one of {', '.join(known) or 'no special points'}", nearest(str(label), known))
+        raise InputError(
+            "label", label, f"one of {', '.join(known) or 'no special points'}", nearest(str(label), known)
+        )
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -211,7 +216,7 @@ class Branch(Result):
 
     def at(self, point: SpecialPoint, name: str) -> float:
         """Return the quantity that `column` names at a special point."""
-        orbit, n = point.orbit, len(self.system.states)
+        orbit = point.orbit
         if name.startswith(("min_", "max_")) and name[4:] in self.quantities:
             source = orbit.lows if name.startswith("min_") else orbit.highs
             return float(source[self.quantities.index(name[4:])])
@@ -222,10 +227,8 @@ class Branch(Result):
         if name in self.system.states:
             return float(orbit.x0[self.system.states.index(name)])
         if name == "arclength":
-            return float(np.interp(point.position, np.arange(len(self)), self.arclength))
-        del n
-        self.column(name)
-        raise AssertionError
+            return point.arclength
+        raise InputError("quantity", name, "one that column() knows", nearest(name, self.quantities))
 
     def signature(self, index: int) -> tuple[tuple[str, str], ...]:
         """Return the (mode, transition) names of a point's segments."""
@@ -262,6 +265,7 @@ class Branch(Result):
             "residual": ("point", self.residual),
             "arclength": ("point", self.arclength),
             "form": ("point", self.form),
+            "signature": ("point", np.array([_written(names[form]) for form in self.form.tolist()], dtype=object)),
             "unknown": ("ragged", np.concatenate([*self.unknowns, np.empty(0)])),
             "unknown_count": ("point", np.array([len(u) for u in self.unknowns], dtype=np.int64)),
         }
@@ -278,14 +282,24 @@ class Branch(Result):
         data |= {
             "special_type": ("special", np.array([point.type for point in specials], dtype=object)),
             "special_label": ("special", np.array([point.label for point in specials], dtype=object)),
-            "special_value": ("special", np.array([point.parameters[self.parameter] for point in specials], dtype=float)),
+            "special_value": (
+                "special",
+                np.array([point.parameters[self.parameter] for point in specials], dtype=float),
+            ),
             "special_test": ("special", np.array([point.test for point in specials], dtype=float)),
+            "special_arclength": ("special", np.array([point.arclength for point in specials], dtype=float)),
             "special_position": ("special", np.array([point.position for point in specials], dtype=float)),
             "special_x0": (("special", "state"), np.array([o.x0 for o in orbits]).reshape(-1, len(self.system.states))),
             "special_multiplier_re": (("special", "multiplier"), self._stack([o.multipliers.real for o in orbits])),
             "special_multiplier_im": (("special", "multiplier"), self._stack([o.multipliers.imag for o in orbits])),
-            "special_low": (("special", "quantity"), np.array([o.lows for o in orbits]).reshape(-1, len(self.quantities))),
-            "special_high": (("special", "quantity"), np.array([o.highs for o in orbits]).reshape(-1, len(self.quantities))),
+            "special_low": (
+                ("special", "quantity"),
+                np.array([o.lows for o in orbits]).reshape(-1, len(self.quantities)),
+            ),
+            "special_high": (
+                ("special", "quantity"),
+                np.array([o.highs for o in orbits]).reshape(-1, len(self.quantities)),
+            ),
             "special_residual": ("special", np.array([o.residual for o in orbits], dtype=float)),
             "special_faults": ("special", np.array([o.faults for o in orbits], dtype=np.int64)),
             "special_form": ("special", np.array([forms.index(o.form) for o in orbits], dtype=np.int64)),
@@ -346,6 +360,7 @@ class Branch(Result):
                     orbit,
                     float(ds["special_test"].values[i]),
                     float(ds["special_position"].values[i]),
+                    float(ds["special_arclength"].values[i]),
                 )
             )
         return cls(
@@ -381,6 +396,10 @@ class Branch(Result):
         ]
         lines += [f"  {line}" for line in repr(self.special_points).splitlines()]
         return "\n".join(lines)
+
+
+def _written(signature: tuple[tuple[str, str], ...]) -> str:
+    return " -> ".join(f"{mode}:{transition}" for mode, transition in signature)
 
 
 def _complex(re: NDArray[np.float64], im: NDArray[np.float64]) -> NDArray[np.complex128]:

@@ -262,10 +262,9 @@ class _OrbitBranch:
 
     def _value(self, name: str, point: Point, data: _Data | None) -> float:
         problem, kind = self.problem, name.split(" ", 1)[0]
-        if kind == "low":
-            return point.parameter - self.run.low
-        if kind == "high":
-            return point.parameter - self.run.high
+        if kind in ("low", "high"):
+            away = point.parameter - (self.run.low if kind == "low" else self.run.high)
+            return away if abs(away) > 1e-12 else 0.0
         if kind == "SN":
             return float(point.tangent[-1])
         if kind == "duration":
@@ -361,9 +360,7 @@ class _Run:
     def piece(self, signature: Signature, u: NDArray[np.float64]) -> _OrbitBranch:
         """Return the zero problem of a signature near `u`."""
         p = self.orbit.system.parameter_vector(self.orbit.parameters)
-        problem = OrbitProblem(
-            self.orbit.system, signature, p, [self.index], np.array([self.scale]), self.orbit.tol
-        )
+        problem = OrbitProblem(self.orbit.system, signature, p, [self.index], np.array([self.scale]), self.orbit.tol)
         problem.start(u)
         return _OrbitBranch(problem, u, self)
 
@@ -501,9 +498,7 @@ class _Run:
                     return branch, item, min(self.control.initial, 1e-3)
         return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no admissible orbit beyond it"
 
-    def _passes(
-        self, start: tuple[_OrbitBranch, Point], branch: _OrbitBranch, last: Point, new: Point
-    ) -> bool:
+    def _passes(self, start: tuple[_OrbitBranch, Point], branch: _OrbitBranch, last: Point, new: Point) -> bool:
         """Whether the step from `last` to `new` passes the start again."""
         origin = start[1]
         if branch.problem.signature != start[0].problem.signature or new.arc < 3.0 * self.control.initial:
@@ -556,14 +551,14 @@ def _assemble(
 ) -> Branch:
     """Put the two directions together, the second after the first turned round."""
     rows = [start]
-    specials: list[tuple[_Found, float]] = []
+    specials: list[tuple[_Found, float, float]] = []
     arcs = [0.0]
     if len(halves) == 2:
         back = halves[0]
         count = len(back.points)
         rows = [*reversed(back.points), start]
         arcs = [-p.arc for _, p in rows]
-        specials = [(found, count - found.after - 0.5) for found in reversed(back.specials)]
+        specials = [(found, count - found.after - 0.5, -found.arc) for found in reversed(back.specials)]
         offset = count
     else:
         offset = 0
@@ -571,14 +566,14 @@ def _assemble(
     rows += ahead.points
     travelled = ahead.points[-2][1].arc if ahead.closed and len(ahead.points) > 1 else 0.0
     arcs += [p.arc if p is not start[1] else travelled for _, p in ahead.points]
-    specials += [(found, offset + found.after + 0.5) for found in ahead.specials]
+    specials += [(found, offset + found.after + 0.5, found.arc) for found in ahead.specials]
     forms = list(dict.fromkeys(b.problem.signature for b, _ in rows))
     counts: dict[str, int] = {}
     points = []
-    for found, position in specials:
+    for found, position, arc in specials:
         counts[found.name] = counts.get(found.name, 0) + 1
         label = f"{found.name}{counts[found.name]}"
-        points.append(SpecialPoint(found.name, label, found.orbit, found.value, position))
+        points.append(SpecialPoint(found.name, label, found.orbit, found.value, position, arc - arcs[0]))
     n_own = len(orbit.system.states)
     autonomous = orbit.system.phase is None
     data: list[_Data] = [p.examined.data for _, p in rows]
@@ -606,7 +601,8 @@ def _assemble(
         SpecialPoints(points, parameter),
         stopped,
         tuple(
-            f"{parameter} = {failure.parameter * scale:.9g}, step {failure.step:.3g}: {failure.reason}" for failure in run.log
+            f"{parameter} = {failure.parameter * scale:.9g}, step {failure.step:.3g}: {failure.reason}"
+            for failure in run.log
         ),
         orbit.tol,
     )

@@ -619,8 +619,10 @@ def run_kernel(
             call(addresses[EVENT], k, 0, x_end, 0, p, event, 0)
             value_end[k] = event[0]
             before[k] = side[k]
-            if on[k] == 0 and side[k] * value[k] > 0.0 and _stays_away(
-                addresses, k, n, p, x, dense, value[k], rate_h, event[0], event[1] * h, y, event
+            if (
+                on[k] == 0
+                and side[k] * value[k] > 0.0
+                and _stays_away(addresses, k, n, p, x, dense, value[k], rate_h, event[0], event[1] * h, y, event)
             ):
                 continue
             consumed = k == counts[FIRED] and counts[MODE_BEFORE] == mode

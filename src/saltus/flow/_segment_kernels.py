@@ -55,7 +55,7 @@ def dense_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, coeffici
     dense_coefficients(slopes, n, h, x, x_end, coefficients)
 
 
-VARIED = 1e3  # tolerance of the sensitivities, which vary faster, over that of the state
+VARIED = 1e2  # tolerance of the sensitivities, which vary faster, over that of the state
 PROBES = (0.46, 0.75)
 MISSED = 1e4
 
@@ -149,7 +149,9 @@ def redistribute(mesh, count, errors, target, out):
 
 
 @njit(cache=True, error_model="numpy")
-def flow(functions, mode, transition, mean, x0, x0_at, duration, p, active, rtol, atol, mesh, mesh_at, count, n, y, errors):
+def flow(
+    functions, mode, transition, mean, x0, x0_at, duration, p, active, rtol, atol, mesh, mesh_at, count, n, y, errors
+):
     """Run a segment on its mesh and leave state and sensitivities in `y`; the steps' errors over tolerance in `errors`.
 
     y: [x (n), dx (n, columns), and where `mean` the mean rate of the event function and its derivatives (columns,)], the
@@ -215,7 +217,9 @@ def flow(functions, mode, transition, mean, x0, x0_at, duration, p, active, rtol
 
 
 @njit(cache=True, error_model="numpy")
-def dense(functions, mode, x0, x0_at, duration, p, mesh, mesh_at, count, n, nodes, nodes_at, coefficients, coefficients_at):
+def dense(
+    functions, mode, x0, x0_at, duration, p, mesh, mesh_at, count, n, nodes, nodes_at, coefficients, coefficients_at
+):
     """Run a segment's state on its mesh and keep dense output: nodes (count + 1, n) and coefficients (count, 7 n), flat."""
     slopes = np.empty(16 * n)
     x, y, x_end, one = np.empty(n), np.empty(n), np.empty(n), np.empty(7 * n)

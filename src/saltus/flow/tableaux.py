@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["ERROR_3", "ERROR_5", "EXTRA_STAGES", "INTERPOLATION", "NODES", "STAGES", "WEIGHTS", "COEFFICIENTS"]
+__all__ = ["COEFFICIENTS", "ERROR_3", "ERROR_5", "EXTRA_STAGES", "INTERPOLATION", "NODES", "STAGES", "WEIGHTS"]
 
 STAGES = 12
 EXTRA_STAGES = 3

@@ -17,7 +17,9 @@ SHORT = 0.01  # share of the period below which a mean rate is integrated rather
 
 
 @njit(cache=True, error_model="numpy")
-def equations(functions, modes, transitions, kinds, turns, n, u, p, active, rtol, atol, mesh, mesh_at, anchor, F, J, errors):
+def equations(
+    functions, modes, transitions, kinds, turns, n, u, p, active, rtol, atol, mesh, mesh_at, anchor, F, J, errors
+):
     """Write the residual F, (m,), and the Jacobian J, (m, m + active), of all segment equations.
 
     u: each segment's state (n,) and duration, m = segments * (n + 1) in all. p: extended parameters. mesh_at: offsets of
@@ -319,7 +321,9 @@ def _join(P, R, left, right):
 
 
 @njit(cache=True, error_model="numpy")
-def sample(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, s, p, x, out):
+def sample(
+    functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, s, p, x, out
+):
     """Return a quantity at clustered time `s` of a segment, its state left in `x`.
 
     what: a state (below n), an output (below n + n_outputs) or, behind these, the event function of a transition; times `sign`.
@@ -344,8 +348,28 @@ def sample(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outpu
 
 @njit(cache=True, error_model="numpy")
 def lowest(
-    functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients,
-    a, m, b, fa, fm, fb, p, x, out,
+    functions,
+    mode,
+    what,
+    sign,
+    dense_at,
+    mesh,
+    first,
+    count,
+    n,
+    n_outputs,
+    nodes,
+    nodes_at,
+    coefficients,
+    a,
+    m,
+    b,
+    fa,
+    fm,
+    fb,
+    p,
+    x,
+    out,
 ):
     """Return the place and value of the least value of a quantity in (a, b), bracketed at m, by parabolas and sections."""  # fmt: skip
     for step in range(60):
@@ -357,7 +381,25 @@ def lowest(
         margin = 0.02 * min(m - a, b - m)
         if step % 3 == 2 or not (a + margin < t < b - margin) or abs(t - m) < 1e-10:
             t = m + 0.3 * (b - m) if b - m > m - a else m - 0.3 * (m - a)
-        ft = sample(functions, mode, what, sign, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, t, p, x, out)
+        ft = sample(
+            functions,
+            mode,
+            what,
+            sign,
+            dense_at,
+            mesh,
+            first,
+            count,
+            n,
+            n_outputs,
+            nodes,
+            nodes_at,
+            coefficients,
+            t,
+            p,
+            x,
+            out,
+        )
         if ft < fm:
             if t < m:
                 b, fb = m, fm
@@ -377,7 +419,23 @@ def lowest(
 
 @njit(cache=True, error_model="numpy")
 def _at_phase(
-    functions, mode, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, p, low, high, target, at_zero, out,
+    functions,
+    mode,
+    dense_at,
+    mesh,
+    first,
+    count,
+    n,
+    n_outputs,
+    nodes,
+    nodes_at,
+    coefficients,
+    p,
+    low,
+    high,
+    target,
+    at_zero,
+    out,
 ):
     """Write the state of a segment at which its phase, between two clustered times, is `target`; its phase is set to 0."""  # fmt: skip
     start = low
@@ -414,8 +472,31 @@ DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE, COARSE = 1, 2, 4, 8, 16, 32, 64
 
 @njit(cache=True, error_model="numpy")
 def survey(
-    functions, modes, transitions, kinds, turns, sources, directions, n, n_modes, n_outputs, has_phase, u, p, rtol, atol, mesh, mesh_at,
-    nodes, coefficients, lows, highs, margins, places, rates, at_zero,
+    functions,
+    modes,
+    transitions,
+    kinds,
+    turns,
+    sources,
+    directions,
+    n,
+    n_modes,
+    n_outputs,
+    has_phase,
+    u,
+    p,
+    rtol,
+    atol,
+    mesh,
+    mesh_at,
+    nodes,
+    coefficients,
+    lows,
+    highs,
+    margins,
+    places,
+    rates,
+    at_zero,
 ):
     """Follow an orbit densely: extremes of every state and output, margins to other events, normal velocities, state at phase 0.
 
@@ -444,7 +525,7 @@ def survey(
         first = mesh_at[i]
         nodes_at, dense_at = first * n, first * 7 * n
         dense(functions, mode, u, row, duration, p, mesh, first, count, n, nodes, nodes_at, coefficients, dense_at)
-        if not duration > 0.0 and kinds[i] != MEAN_END or duration < 0.0:
+        if (not duration > 0.0 and kinds[i] != MEAN_END) or duration < 0.0:
             bad |= DURATION
         for step in range(count):
             a = mesh[first + step]
@@ -534,7 +615,12 @@ def survey(
             small = 1e-9 * (1e-3 + size)
             armed = False
             for j in range(total + 1):
-                if 2 <= j and height[j - 1] < height[j - 2] and height[j - 1] <= height[j] and (armed or height[j - 2] > small):
+                if (
+                    2 <= j
+                    and height[j - 1] < height[j - 2]
+                    and height[j - 1] <= height[j]
+                    and (armed or height[j - 2] > small)
+                ):
                     place, least = lowest(
                         functions, mode, n + n_outputs + k, sign, dense_at, mesh, first, count, n, n_outputs, nodes,
                         nodes_at, coefficients, _fine(mesh, first, count, j - 2), _fine(mesh, first, count, j - 1),

@@ -133,9 +133,7 @@ def _scale(states: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.maximum(size, max(1e-3 * float(size.max()), 1e-12)))
 
 
-def _read_forced(
-    log: EventLog, wraps: NDArray[np.intp], turns: int
-) -> tuple[Signature, NDArray[np.float64]]:
+def _read_forced(log: EventLog, wraps: NDArray[np.intp], turns: int) -> tuple[Signature, NDArray[np.float64]]:
     """Return signature and unknowns of the last `turns` periods."""
     first, last = wraps[-1 - turns], wraps[-1]
     period = float(log.time[last] - log.time[first])

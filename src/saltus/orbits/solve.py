@@ -96,9 +96,7 @@ def converge(
     return orbit_at(problem, u, J)
 
 
-def solve_unknowns(
-    problem: OrbitProblem, u: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return unknowns and Jacobian of an orbit near `u`, by damped Newton steps at fixed parameters.
 
     Raises
@@ -168,7 +166,9 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
     blocks = u[: problem.size].reshape(problem.segments, n + 1).copy()
     if signature.kinds[0] in (PHASE_END, CLOSED_END):
         return signature, u
-    first = int(np.argmax(blocks[:, n] >= (1.0 - 1e-6) * blocks[:, n].max()))  # ties go to the first, whatever the rounding
+    first = int(
+        np.argmax(blocks[:, n] >= (1.0 - 1e-6) * blocks[:, n].max())
+    )  # ties go to the first, whatever the rounding
     if problem.system.phase is not None:
         blocks[:first, n - 1] += 2.0 * math.pi * signature.turns
     blocks = np.roll(blocks, -first, axis=0)
@@ -222,10 +222,14 @@ def _read_segments(
         turns = round((elapsed - blocks[0, n - 1]) / (2.0 * math.pi))
         if turns < 1:
             wanted = "durations that sum to a whole number of forcing periods, at least one"
-            raise InputError("segments", float(blocks[:, n].sum()), wanted, f"the forcing period is {2 * math.pi / rate:g}")
+            raise InputError(
+                "segments", float(blocks[:, n].sum()), wanted, f"the forcing period is {2 * math.pi / rate:g}"
+            )
     if transitions[-1] < 0 and len(segments) > 1:
         if modes[-1] != modes[0]:
-            raise InputError("segments", segments[-1][0], f"closed in the mode of the first segment, {segments[0][0]!r}")
+            raise InputError(
+                "segments", segments[-1][0], f"closed in the mode of the first segment, {segments[0][0]!r}"
+            )
         last = blocks[-1].copy()
         last[n] += blocks[0, n]
         if phase is not None:
@@ -240,7 +244,9 @@ def _read_segments(
             if target != modes[(i + 1) % len(modes)]:
                 name = system.transitions[transition].name
                 wanted = f"{system.mode_names[target]!r}, where {name!r} leads"
-                raise InputError(f"segments[{(i + 1) % len(modes)}] mode", system.mode_names[modes[(i + 1) % len(modes)]], wanted)
+                raise InputError(
+                    f"segments[{(i + 1) % len(modes)}] mode", system.mode_names[modes[(i + 1) % len(modes)]], wanted
+                )
     closing = PHASE_END if phase is not None else CLOSED_END
     kinds = (closing,) if transitions[0] < 0 else (EVENT_END,) * len(modes)
     return Signature(tuple(modes), tuple(transitions), kinds, turns), blocks.ravel()

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.continuation.branch import Branch, SpecialPoint
-from saltus.orbits.problem import Signature
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:
@@ -150,13 +149,9 @@ def _nodes(branch: Branch, x: str, y: str) -> _Nodes:
     rows = [row for row in range(len(branch)) if row not in twins.values()]
     s, place, corner, kind = [float(branch.arclength[rows[0]])], [columns[:, rows[0]]], [False], []
     for row, after in pairwise(rows):
-        between = [i for i, point in enumerate(specials) if row < point.position < after]
-        points = [specials[i] for i in between]
+        points = [point for point in specials if row < point.position < after]
         kind += _kinds(branch, row, after, points)
-        stations = [_at_row(branch, row)]
-        stations += [_at_row(branch, twins[i]) if i in twins else _at_special(branch, specials[i]) for i in between]
-        stations += [_at_row(branch, after)]
-        s += _arclengths(stations, float(np.ptp(branch.values)) or 1.0, phase=branch.system.phase is not None)[1:]
+        s += [*(point.arclength for point in points), float(branch.arclength[after])]
         place += [np.array([branch.at(point, x), branch.at(point, y)]) for point in points]
         place.append(columns[:, after])
         corner += [point.type == "GR" for point in points]
@@ -183,53 +178,6 @@ def _twins(branch: Branch, specials: list[SpecialPoint]) -> dict[int, int]:
                 if near and apart < _NEAREST * width:
                     twins[i] = row
     return twins
-
-
-class _Station(NamedTuple):
-    """An orbit on the way: signature, unknowns, parameter, arclength where it is known."""
-
-    form: Signature
-    unknowns: NDArray[np.float64]
-    value: float
-    arclength: float | None
-
-
-def _at_row(branch: Branch, row: int) -> _Station:
-    form = branch.forms[branch.form[row]]
-    return _Station(form, branch.unknowns[row], float(branch.values[row]), float(branch.arclength[row]))
-
-
-def _at_special(branch: Branch, point: SpecialPoint) -> _Station:
-    return _Station(point.orbit.form, point.orbit.unknowns, point.parameters[branch.parameter], None)
-
-
-def _arclengths(stations: list[_Station], width: float, *, phase: bool) -> list[float]:
-    """Return all arclengths: between known ones, in the proportion of the chords."""
-    known = [i for i, station in enumerate(stations) if station.arclength is not None]
-    found = [float(stations[0].arclength or 0.0)]
-    for first, last in pairwise(known):
-        part = stations[first : last + 1]
-        chords = [_chord(a, b, width, phase=phase) for a, b in pairwise(part)]
-        shares = (np.cumsum(chords) + 1e-12 * np.arange(1, len(part))) / (sum(chords) + 1e-12 * len(chords))
-        begin, length = found[-1], float(part[-1].arclength or 0.0) - found[-1]
-        found += [begin + length * float(share) for share in shares]
-    return found
-
-
-def _chord(a: _Station, b: _Station, width: float, *, phase: bool) -> float:
-    """Return the distance of two orbits in the norm of `continue_orbit`: states weighted by time, and the parameter."""
-    along = (b.value - a.value) / width
-    if a.form != b.form:
-        return abs(along)
-    left, right = (station.unknowns.reshape(len(station.form), -1) for station in (a, b))
-    units = np.maximum(np.abs(left), np.abs(right)).max(axis=0)[:-1]
-    if phase:
-        units[-1] = 2.0 * np.pi
-    units[units == 0.0] = 1.0
-    durations = 0.5 * (np.abs(left[:, -1]) + np.abs(right[:, -1]))
-    weights = 0.5 * (durations + np.roll(durations, 1)) / max(float(durations.sum()), 1e-300)
-    squares = (((right - left)[:, :-1] / units) ** 2).sum(axis=1)
-    return float(np.sqrt(weights @ squares + along**2))
 
 
 def _kinds(branch: Branch, row: int, after: int, between: list[SpecialPoint]) -> list[str]:

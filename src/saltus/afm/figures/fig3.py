@@ -13,8 +13,6 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -69,7 +67,7 @@ def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, A
     say = progress or (lambda _: None)
     branch = compute(say)
     found: dict[str, Any] = {"files": [], "branch": branch, "special_points": [], "interrupted": False}
-    found["files"].append(_save(branch, out / "fig3.nc"))
+    found["files"].append(branch.save(out / "fig3.nc"))
     found["interrupted"] = any("interrupted" in reason for reason in branch.stopped)
     try:
         content = summary(branch)
@@ -130,20 +128,6 @@ def summary(branch: Branch) -> dict[str, Any]:
 
 def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-def _save(branch: Branch, path: Path) -> Path:
-    """Save the branch, the signature of every point in words with it."""
-    import h5netcdf
-    import h5py
-
-    branch.save(path)
-    with h5netcdf.File(path, "a") as file:
-        if "signature" not in file.variables:
-            words = [" ".join(":".join(pair) for pair in branch.signature(i)) for i in range(len(branch))]
-            variable = file.create_variable("signature", ("point",), dtype=h5py.string_dtype())
-            variable[...] = np.array(words, dtype=object)
-    return path
 
 
 def draw(branch: Branch) -> Figure:
