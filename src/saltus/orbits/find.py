@@ -23,6 +23,7 @@ __all__ = ["find_orbit"]
 
 _LONGEST = 16
 _NEAR = 1e-3
+_SAME = 1e-6
 
 
 def find_orbit(
@@ -112,7 +113,7 @@ def _search_forced(
             recurrence = min(recurrence, gap)
             if gap < _NEAR:
                 try:
-                    orbit = converge(system, *_read_forced(log, wraps, turns), p, tol)
+                    orbit = _shortest(system, converge(system, *_read_forced(log, wraps, turns), p, tol), p)
                 except SaltusError as error:
                     failure = str(error)
                     break
@@ -125,6 +126,24 @@ def _search_forced(
         batch *= 2
     hint = failure or "the motion is quasi-periodic or chaotic, or its period is above 16; see it with simulate"
     raise ConvergenceError(f"periodic attractor within {done} forcing periods", recurrence, done, hint)
+
+
+def _shortest(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64]) -> PeriodicOrbit:
+    """Return an orbit once round, where it was found as several turns of a shorter one (of slow transients)."""
+    from saltus.flow.simulate import events_after, starting_mode
+
+    turns = orbit.form.turns
+    if turns == 1 or not orbit.admissible:
+        return orbit
+    x = system.full_state(orbit.x0)
+    log = events_after(system, p, x, starting_mode(system, x, p), periods=turns + 1)
+    wraps = np.flatnonzero(log.transition == -1)
+    states = log.x_after[wraps][:, :-1]
+    scale = _scale(np.vstack([log.x_before, log.x_after])[:, :-1])
+    for fewer in range(1, turns):
+        if turns % fewer == 0 and np.max(np.abs(states[fewer] - states[0]) / scale) < _SAME:
+            return converge(system, *_read_forced(log, wraps, fewer), p, orbit.tol)
+    return orbit
 
 
 def _scale(states: NDArray[np.float64]) -> NDArray[np.float64]:
