@@ -238,6 +238,8 @@ class _OrbitBranch:
             point.u, point.J, point.tangent = better.u, better.J, better.tangent
             point.sign, point.log, point.residual = better.sign, better.log, better.residual
             survey = problem.survey(point.u)
+        problem.rescale(survey)
+        self.adjust(point.u)
         values = multipliers(problem, point.u, point.J)
         data = _Data(survey, values, unstable_count(nontrivial(values, autonomous=self._autonomous)))
         monitors = {name: self._value(name, point, data) for name in self._monitors()}

@@ -152,6 +152,7 @@ class OrbitProblem:
         self._extended = compiled.extended(self.p)
         self._anchor = np.zeros(2 * self.n)
         self.state_scale = np.ones(self.n)
+        self._largest = np.zeros(len(self.system.states))
         self._mesh = np.zeros(0)
         self._mesh_at = np.zeros(self.segments + 1, dtype=np.int64)
         self._errors = np.zeros(0)
@@ -200,11 +201,16 @@ class OrbitProblem:
             self.system.compiled.call("field", int(self._modes[0]), 0, x, self._extended, slope)
             self._anchor[: self.n] = x
             self._anchor[self.n :] = slope / max(float(np.linalg.norm(slope)), 1e-300)
-        survey = self.survey(u)
-        if not survey.faults & 32:
-            sizes = np.maximum(np.abs(survey.lows), np.abs(survey.highs))[: len(self.system.states)]
-            self.state_scale[: sizes.size] = np.maximum(sizes, 1e-12 * max(float(sizes.max()), 1e-300))
+        self.rescale(self.survey(u))
         return None
+
+    def rescale(self, survey: Survey) -> None:
+        """Take the states' typical sizes from an orbit; none shrinks below a hundredth of what it was."""
+        sizes = np.maximum(np.abs(survey.lows), np.abs(survey.highs))[: len(self.system.states)]
+        if np.all(np.isfinite(sizes)):
+            floor = np.maximum(0.01 * self._largest, 1e-12 * max(float(sizes.max()), 1e-300))
+            self.state_scale[: sizes.size] = np.maximum(sizes, floor)
+            self._largest = np.maximum(self._largest, sizes)
 
     def _atol(self) -> float:
         return self.tol * float(min(1.0, self.state_scale.min()))
