@@ -238,6 +238,7 @@ class _OrbitBranch:
             point.u, point.J, point.tangent = better.u, better.J, better.tangent
             point.sign, point.log, point.residual = better.sign, better.log, better.residual
             survey = problem.survey(point.u)
+        problem.prepare()
         problem.rescale(survey)
         self.adjust(point.u)
         values = multipliers(problem, point.u, point.J)

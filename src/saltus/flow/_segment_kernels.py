@@ -55,6 +55,7 @@ def dense_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, coeffici
     dense_coefficients(slopes, n, h, x, x_end, coefficients)
 
 
+ALIKE = 0.75  # least ratio of neighbouring steps
 VARIED = 1e2  # tolerance of the sensitivities, which vary faster, over that of the state
 PROBES = (0.46, 0.75)
 MISSED = 1e4
@@ -126,15 +127,14 @@ def redistribute(mesh, count, errors, target, out):
     density = np.empty(count)
     for i in range(count):
         density[i] = max(errors[i] / target, 1e-5) ** 0.125 / (mesh[i + 1] - mesh[i])
+    for i in range(1, count):  # neighbours alike, so that what moves a little meets steps that fit it
+        density[i] = max(density[i], ALIKE * density[i - 1])
     total = 0.0
-    for i in range(count):
-        smooth = density[i]
-        if i > 0:
-            smooth = max(smooth, 0.6 * density[i - 1])
+    for i in range(count - 1, -1, -1):
         if i < count - 1:
-            smooth = max(smooth, 0.6 * density[i + 1])
-        errors[i] = smooth
-        total += smooth * (mesh[i + 1] - mesh[i])
+            density[i] = max(density[i], ALIKE * density[i + 1])
+        errors[i] = density[i]
+        total += density[i] * (mesh[i + 1] - mesh[i])
     new = min(max(int(math.ceil(total)), 4), out.size - 1)
     out[0] = 0.0
     i, done = 0, 0.0

@@ -691,12 +691,15 @@ def call_derive(functions, p):
     call(functions[DERIVE], 0, 0, p, 0, p, p, 0)
 
 
-FINEST, COARSEST = 3.0, 5e-3
+FINEST, COARSEST, AIM = 5.0, 5e-3, 0.2
 
 
 @njit(cache=True, error_model="numpy")
-def remesh(mesh, mesh_at, errors):
-    """Return whether the mesh is fine enough, a new flat mesh and the segments' counts; no counts where it may stay."""
+def remesh(mesh, mesh_at, errors, limit):
+    """Return whether the mesh is fine enough, a new flat mesh and the segments' counts; no counts where it may stay.
+
+    It may where the largest error is below `limit` and no segment is much finer than need be.
+    """
     segments = mesh_at.size - 1
     worst = 0.0
     stay = True
@@ -705,7 +708,7 @@ def remesh(mesh, mesh_at, errors):
         for j in range(mesh_at[i], mesh_at[i + 1] - 1):
             top = max(top, errors[j])
         worst = max(worst, top)
-        if top > FINEST or (top < COARSEST and mesh_at[i + 1] - mesh_at[i] > 6):
+        if top > limit or (top < COARSEST and mesh_at[i + 1] - mesh_at[i] > 6):
             stay = False
     counts = np.zeros(0 if stay else segments, np.int64)
     fresh = np.empty(0 if stay else 3 * mesh.size + 8 * segments)
@@ -716,7 +719,7 @@ def remesh(mesh, mesh_at, errors):
         count = mesh_at[i + 1] - mesh_at[i] - 1
         room = np.empty(3 * count + 8)
         counts[i] = redistribute(
-            mesh[mesh_at[i] : mesh_at[i + 1]], count, errors[mesh_at[i] : mesh_at[i + 1]], 0.5, room
+            mesh[mesh_at[i] : mesh_at[i + 1]], count, errors[mesh_at[i] : mesh_at[i + 1]], AIM, room
         )  # fmt: skip
         for j in range(counts[i] + 1):
             fresh[at + j] = room[j]

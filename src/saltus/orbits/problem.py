@@ -228,11 +228,15 @@ class OrbitProblem:
         return int(self._mesh.size - self.segments)
 
     def refine(self) -> bool:
-        """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not.
+        """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not."""
+        return self._move(self._kernels.FINEST)
 
-        They are moved, too, where they are finer than they need be.
-        """
-        fine, fresh, counts = self._kernels.remesh(self._mesh, self._mesh_at, self._errors)
+    def prepare(self) -> None:
+        """Move the meshes to equal errors where they may soon be too coarse, or are finer than they need be."""
+        self._move(1.0)
+
+    def _move(self, limit: float) -> bool:
+        fine, fresh, counts = self._kernels.remesh(self._mesh, self._mesh_at, self._errors, limit)
         if counts.size:
             ends = np.cumsum(counts + 1)
             self._use([fresh[end - count - 1 : end] for end, count in zip(ends, counts, strict=True)])
