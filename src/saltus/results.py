@@ -87,7 +87,7 @@ class Result(ABC):
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
-        mine, theirs = self.to_xarray(), other.to_xarray()  # type: ignore[attr-defined]
+        mine, theirs = self.to_xarray(), other.to_xarray()
         return mine.attrs == theirs.attrs and bool(mine.identical(theirs))
 
     __hash__ = object.__hash__

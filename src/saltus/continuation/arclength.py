@@ -182,7 +182,7 @@ def correct(
 
 
 def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float = 1.0) -> Point:
-    """Return the point nearest to `u` on the branch through it, its tangent with the parameter growing if `orientation` > 0.
+    """Return the point nearest to `u` on the branch through it; the parameter grows along it if `orientation` > 0.
 
     Raises
     ------
@@ -334,8 +334,8 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
     """Return the zero of a monitor function between two points, by Newton in the branch and interpolation along it.
 
     Each iterate is one Newton step of the equations bordered by the plane normal to the branch, at the place along the
-    step where the interpolated monitor function vanishes, kept within the bracket. The branch's departure from the cubic
-    through the step's ends is learnt on the way.
+    step where the interpolated monitor function vanishes, kept within the bracket. The branch's departure from the
+    cubic through the step's ends is learnt on the way.
     """
     length = b.arc - a.arc
     known = [(0.0, fa), (1.0, fb)]
@@ -386,7 +386,7 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
 
 
 def _zero(known: list[tuple[float, float]], low: float, high: float) -> float:
-    """Return the zero of the inverse interpolation through the latest values, or the bracket's middle where that is outside."""
+    """Return the zero of the inverse interpolation through the latest values, or the bracket's middle."""
     for count in (3, 2):
         (*others, last) = known[-count:]
         values = [f for _, f in known[-count:]]

@@ -202,8 +202,8 @@ class Branch(Result):
         Parameters
         ----------
         name : str
-            The parameter's name, ``period``, ``arclength``, a state (its value at phase 0), or ``min_`` or ``max_`` and a
-            state or output.
+            The parameter's name, ``period``, ``arclength``, a state (its value at phase 0), or ``min_`` or ``max_`` and
+            a state or output.
         """
         columns: dict[str, Any] = {self.parameter: self.values, "period": self.period, "arclength": self.arclength}
         columns |= {state: self.x0[:, i] for i, state in enumerate(self.system.states)}
@@ -232,7 +232,8 @@ class Branch(Result):
 
     def signature(self, index: int) -> tuple[tuple[str, str], ...]:
         """Return the (mode, transition) names of a point's segments."""
-        return self.forms[self.form[index]].names(self.system)
+        form: Signature = self.forms[self.form[index]]
+        return form.names(self.system)
 
     def orbit(self, index: int) -> PeriodicOrbit:
         """Return the orbit of one point, from which another continuation can start."""
@@ -248,7 +249,7 @@ class Branch(Result):
         return orbit_at(problem, u, problem.evaluate(u)[1])
 
     def to_xarray(self) -> xr.Dataset:
-        """Return the branch as a Dataset: every point's values against ``point``, special points against ``special``."""
+        """Return the branch as a Dataset: points against ``point``, special points against ``special``."""
         import xarray as xr
 
         names = [form.names(self.system) for form in self.forms]
@@ -389,8 +390,8 @@ class Branch(Result):
     def __repr__(self) -> str:
         low, high = (float(self.values.min()), float(self.values.max())) if len(self) else (np.nan, np.nan)
         lines = [
-            f"Branch of {self.system.name or 'a hybrid system'}: {len(self)} orbits, {self.parameter} from {low:.9g} to "
-            f"{high:.9g}, {int(self.stable.sum())} stable",
+            f"Branch of {self.system.name or 'a hybrid system'}: {len(self)} orbits, {int(self.stable.sum())} stable, "
+            f"{self.parameter} from {low:.9g} to {high:.9g}",
             f"  began: {self.stopped[0]}",
             f"  ended: {self.stopped[1]}",
         ]

@@ -59,7 +59,7 @@ def neighbour(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> Ne
 
 
 def _vanishing(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> tuple[str, list[str]]:
-    """Return what vanishes where segment `i` ends without velocity: a segment beside the event, or the velocity alone."""
+    """Return what vanishes where segment `i` ends without velocity: a segment beside it, or the velocity alone."""
     count = problem.segments
     period = float(np.abs(blocks[:, problem.n]).sum())
     for j in (i, (i + 1) % count):

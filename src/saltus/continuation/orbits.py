@@ -42,8 +42,8 @@ def continue_orbit(
 ) -> Branch:
     """Return the branch of periodic orbits through an orbit, as one parameter varies.
 
-    Saddle-nodes (SN), period doublings (PD), torus bifurcations (TR), branch points (BP) and grazings (GR) are located by
-    Newton's method. At a grazing the branch goes on in the neighbouring signature.
+    Saddle-nodes (SN), period doublings (PD), torus bifurcations (TR), branch points (BP) and grazings (GR) are located
+    by Newton's method. At a grazing the branch goes on in the neighbouring signature.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ class _OrbitBranch:
         return self._scale
 
     def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Weights of the segments' initial states by the trapezoidal rule over the period, so that a segment of zero length changes nothing."""
+        """Weights by the trapezoidal rule over the period, so that a segment of zero length changes nothing."""
         problem, n = self.problem, self.n
         weights = np.empty(problem.size + 1)
         problem._kernels.metric(u, problem.segments, n, self._block, weights)

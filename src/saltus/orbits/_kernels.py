@@ -171,7 +171,7 @@ def pencil(J, kinds, n, vector, P, R):
         v[a, 0] = 0.0
         for b in range(n):
             v[a, 0] += R[a, b] * vector[b]
-    sign, log = solve(matrix, v)
+    sign, _ = solve(matrix, v)
     size = 0.0
     for a in range(n):
         size = max(size, abs(v[a, 0]))

@@ -37,9 +37,9 @@ def find_orbit(
 ) -> PeriodicOrbit:
     """Return the periodic orbit on which a motion settles.
 
-    The motion is simulated until it recurs after 1 to 16 periods of the phase (or, in an autonomous system, after a cycle
-    of events, or on a section across the motion where there are none); its signature is read off and the orbit corrected
-    by Newton's method. What is found is stable and near the motion.
+    The motion is simulated until it recurs after 1 to 16 periods of the phase (or, in an autonomous system, after a
+    cycle of events, or on a section across the motion where there are none); its signature is read off and the orbit
+    corrected by Newton's method. What is found is stable and near the motion.
 
     Parameters
     ----------

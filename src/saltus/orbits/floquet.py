@@ -20,10 +20,10 @@ __all__ = ["doubling_determinant", "has_unit_pair", "multipliers", "unstable_cou
 def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the Floquet multipliers of an orbit, largest modulus first.
 
-    They are the generalised eigenvalues of P v = mu R v, in which the durations have been eliminated by reflections, not by
-    dividing by normal velocities: at a grazing one is infinite and the others stay exact. The direction of the flow is
-    taken out by its vector. It is no multiplier of a forced system's stroboscopic map; for an autonomous system its
-    multiplier 1 is put back, last.
+    They are the generalised eigenvalues of P v = mu R v, in which the durations have been eliminated by reflections,
+    not by dividing by normal velocities, so they can be followed through a grazing. There one is infinite (in floating
+    point: beyond 1e10), and the others are not determined. The direction of the flow is taken out by its vector. It is
+    no multiplier of a forced system's stroboscopic map; for an autonomous system its multiplier 1 is put back, last.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
 
     References
     ----------
-    Dankowicz and Schilder, Recipes for Continuation, SIAM 2013, ch. 9; Leine and Nijmeijer, Dynamics and Bifurcations of
-    Non-Smooth Mechanical Systems, Springer 2004, ch. 7.
+    Dankowicz and Schilder, Recipes for Continuation, SIAM 2013, ch. 9; Leine and Nijmeijer, Dynamics and Bifurcations
+    of Non-Smooth Mechanical Systems, Springer 2004, ch. 7.
     """
     problem.set_parameters(u)
     n = problem.n
@@ -71,7 +71,7 @@ def _quotient(P: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np
     v = vector / np.linalg.norm(vector)
     v[0] += 1.0 if v[0] >= 0.0 else -1.0
     reflector = np.eye(v.size) - 2.0 / (v @ v) * np.outer(v, v)
-    return (reflector @ P @ reflector)[1:, 1:]
+    return np.asarray((reflector @ P @ reflector)[1:, 1:])
 
 
 def _eigenvalues(P: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -91,8 +91,8 @@ def _eigenvalues(P: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.c
 def doubling_determinant(problem: OrbitProblem, J: NDArray[np.float64]) -> tuple[float, float]:
     """Return sign and log of |det(A + B)|: zero where a multiplier is -1, smooth through a grazing.
 
-    A is the derivative of all segment equations in this period's unknowns, B that of the closing ones in the next period's
-    start.
+    A is the derivative of all segment equations in this period's unknowns, B that of the closing ones in the next
+    period's start.
     """
     sign, log = problem._kernels.doubling(J, problem.n)
     return float(sign), float(log)

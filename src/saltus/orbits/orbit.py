@@ -116,7 +116,7 @@ class PeriodicOrbit(Result):
 
     @property
     def admissible(self) -> bool:
-        """Whether the orbit is a motion: no other event inside a segment, events crossed the right way, domains kept."""
+        """Whether the orbit is a motion: no other event in a segment, events crossed the right way, domains kept."""
         return self.faults == 0
 
     @property
@@ -164,7 +164,7 @@ class PeriodicOrbit(Result):
         Returns
         -------
         xarray.Dataset
-            States, outputs and the mode's number against the dimension ``t``, which starts at the first segment's start.
+            States, outputs and the mode's number against ``t``, which begins at the first segment's start.
         """
         from saltus.orbits.sampling import sample_orbit
 

@@ -110,7 +110,7 @@ class Survey:
 class OrbitProblem:
     """The equations F(u) = 0 of a periodic orbit.
 
-    The unknowns are each segment's initial full state and duration, then the active parameters in units of their scales.
+    The unknowns are each segment's initial full state and duration, then the active parameters in their units.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ class OrbitProblem:
             self._kernels.call_derive(self._functions, extended)
 
     def start(self, u: NDArray[np.float64]) -> int | None:
-        """Make meshes, scales and the phase condition fit the orbit `u`; return a segment that cannot be followed, if any."""
+        """Make meshes, scales and the phase condition fit the orbit `u`; return a segment that cannot be followed."""
         from saltus.flow import _segment_kernels
 
         self.set_parameters(u)
@@ -267,7 +267,8 @@ class OrbitProblem:
         faults = self._kernels.survey(
             self._functions, self._modes, self._transitions, self._kinds,
             self.signature.turns, self._sources, self._directions, n,
-            len(self.system.modes), n_out, self.system.phase is not None, u, self._extended, self.tol, self._atol(), self._mesh, self._mesh_at,
+            len(self.system.modes), n_out, self.system.phase is not None, u, self._extended, self.tol, self._atol(),
+            self._mesh, self._mesh_at,
             self._nodes, self._coefficients, lows, highs, margins, places, rates, x0,
         )  # fmt: skip
         return Survey(int(faults) & ~_COARSE, bool(faults & _COARSE), lows, highs, margins, places, rates, x0)
@@ -279,6 +280,7 @@ class OrbitProblem:
         count = int(self._mesh_at[segment + 1]) - first - 1
         self._kernels.sample(
             self._functions, self._modes[segment], 0, 1.0, first * 7 * self.n, self._mesh, first, count, self.n,
-            self.system.compiled.n_outputs, self._nodes, first * self.n, self._coefficients, place, self._extended, x, out,
+            self.system.compiled.n_outputs, self._nodes, first * self.n, self._coefficients, place, self._extended, x,
+            out,
         )  # fmt: skip
         return x

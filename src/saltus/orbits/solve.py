@@ -64,12 +64,12 @@ def solve_orbit(
     >>> from saltus import HybridSystem, Mode, Transition
     >>> ball = HybridSystem(
     ...     ("z", "v"), {"g": 1.0, "e": 0.5, "a": 1.2, "w": 1.0}, {"flight": Mode({"z": "v", "v": "-g"})},
-    ...     [Transition("flight", "flight", "z - a*sin(theta)", -1, {"v": "-e*v + (1+e)*a*w*cos(theta)"}, name="impact")],
+    ...     [Transition("flight", "flight", "z - a*sin(theta)", -1, {"v": "-e*v + (1+e)*a*w*cos(theta)"}, name="hit")],
     ...     phase=("theta", "w"),
     ... )
-    >>> orbit = solve_orbit(ball, segments=[("flight", "impact", [0.6, 3.14, 0.5], 6.28)])
+    >>> orbit = solve_orbit(ball, segments=[("flight", "hit", [0.6, 3.14, 0.5], 6.28)])
     >>> orbit.signature, round(orbit.period, 6)
-    ((('flight', 'impact'),), 6.283185)
+    ((('flight', 'hit'),), 6.283185)
     """
     check_tol(tol)
     p = system.parameter_vector(parameters)
@@ -157,7 +157,7 @@ def _within_reach(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.f
 
 
 def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Signature, NDArray[np.float64]]:
-    """Return signature and unknowns with the longest segment first, and mean-rate ends where a segment starts on its own event.
+    """Return signature and unknowns, the longest segment first, with mean-rate ends where a segment starts on its event.
 
     A segment that starts on the surface on which it ends has the trivial solution of zero length, which would make the
     equations singular at a grazing; the longest segment keeps its event as its end.

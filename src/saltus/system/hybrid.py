@@ -283,7 +283,7 @@ class HybridSystem:
         return number
 
     def allowed(self, parameter: str) -> tuple[float, float]:
-        """Return the closed interval in which a parameter may lie; a positive one begins at the least positive number."""
+        """Return the closed interval in which a parameter may lie; a positive one begins just above 0."""
         low, high = self.parameter_bounds.get(parameter, (-math.inf, math.inf))
         return (max(low, math.ulp(0.0)), high) if parameter in self.positive else (low, high)
 
@@ -355,9 +355,9 @@ class HybridSystem:
             where = f"transition {transition.name!r}"
             if names.count(transition.name) > 1:
                 raise DefinitionError(where, transition.name, "named once", "pass name=")
-            for mode in (transition.source, transition.target):
-                if mode not in self.modes:
-                    raise DefinitionError(where, mode, f"a mode: {', '.join(self.modes)}", nearest(mode, self.modes))
+            for name in (transition.source, transition.target):
+                if name not in self.modes:
+                    raise DefinitionError(where, name, f"a mode: {', '.join(self.modes)}", nearest(name, self.modes))
             for state in transition.reset:
                 if state not in self.all_states:
                     wanted = f"a state to reset: {', '.join(self.states)}"
