@@ -74,6 +74,9 @@ class ZeroProblem(Protocol):
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return what is to be known of a corrected point, and whether it may follow the one before."""
 
+    def leading(self, names: list[str]) -> list[str]:
+        """Return those of the monitor functions that change sign in a step which are to be located."""
+
     def sort_out(self, events: list[Event]) -> list[Event]:
         """Return the events of one step, in order, without those that are the shadow of another."""
 
@@ -317,16 +320,18 @@ def _turns_twice(a: float, b: float, chord: float) -> bool:
 
 
 def _events(problem: ZeroProblem, a: Point, b: Point, located: Callable[[str], bool]) -> list[Event] | str:
-    events: list[Event] = []
+    changed = {}
     for name, value in b.examined.monitors.items():
         old = a.examined.monitors.get(name, math.nan)
-        if not located(name) or not (math.isfinite(old) and math.isfinite(value)) or old == 0.0:
-            continue
-        if (old < 0.0) != (value < 0.0) or value == 0.0:
-            event = locate(problem, name, a, b, old, value)
-            if event is None:
-                return f"location: no zero of {name} between the step's ends"
-            events.append(event)
+        known = math.isfinite(old) and math.isfinite(value) and old != 0.0
+        if located(name) and known and ((old < 0.0) != (value < 0.0) or value == 0.0):
+            changed[name] = (old, value)
+    events = []
+    for name in problem.leading(list(changed)):
+        event = locate(problem, name, a, b, *changed[name])
+        if event is None:
+            return f"location: no zero of {name} between the step's ends"
+        events.append(event)
     return problem.sort_out(sorted(events, key=lambda event: event.point.arc))
 
 

@@ -252,6 +252,13 @@ class _OrbitBranch:
         extras = [f"event {i}" for i in range(len(self.run.events))]
         return ["low", "high", "SN", "PD", "TR", "BP", *self._margins, *self._durations, *self._rates, *extras]
 
+    def leading(self, names: list[str]) -> list[str]:
+        """Return the names without the velocities that vanish because a segment beside them does."""
+        count = self.problem.segments
+        vanishing = {self._durations[name] for name in names if name in self._durations}
+        shadowed = {f"rate {i}" for j in vanishing for i in (j, (j - 1) % count)}
+        return [name for name in names if name not in shadowed]
+
     def sort_out(self, events: list[Event]) -> list[Event]:
         """Return the events without a fold where the whole Jacobian loses rank: that is a branch point alone."""
         points = [event.point.arc for event in events if event.name == "BP"]

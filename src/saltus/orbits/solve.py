@@ -157,7 +157,7 @@ def _within_reach(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.f
 
 
 def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Signature, NDArray[np.float64]]:
-    """Return signature and unknowns, the longest segment first, with mean-rate ends where a segment starts on its event.
+    """Return signature and unknowns, the longest segment first, with mean-rate ends where one starts on its event.
 
     A segment that starts on the surface on which it ends has the trivial solution of zero length, which would make the
     equations singular at a grazing; the longest segment keeps its event as its end.
