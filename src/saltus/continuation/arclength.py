@@ -175,7 +175,7 @@ def correct(
         if not size < 1e6:
             return "Newton: the flow cannot be followed there"
         u = u + rhs[:, 0]
-        if size < _ACCEPT and problem.accurate():
+        if problem.accurate() and size < _ACCEPT:
             direction = rhs[:, 1] / math.sqrt(float(weights @ rhs[:, 1] ** 2))
             return Point(u, J, direction, weights, sign, log, float(np.abs(F).max()), iteration)
         if size > 0.7 * previous and size > 1e-5:
@@ -348,7 +348,7 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
     s = fa / (fa - fb)
     bend = np.zeros_like(a.u)
     scale, m = problem.scale(), a.u.size - 1
-    floor = 1e-12 * max(abs(fa), abs(fb))
+    floor = 1e-11 * max(abs(fa), abs(fb))
     for _ in range(60):
         base, tangent = _hermite(a, b, length, s)
         tangent /= math.sqrt(float(a.weights @ tangent**2))
@@ -364,10 +364,10 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
         size = float(np.abs(step / scale).max())
         if sign == 0.0 or not size < 1e3:
             return None
-        if size < 1e-4 and not problem.accurate():
+        bend = bend + step / max(shape, 1e-12)
+        if not problem.accurate():
             continue
         direction = rhs[:, 1] / math.sqrt(float(a.weights @ rhs[:, 1] ** 2))
-        bend = bend + step / max(shape, 1e-12)
         point = Point(u + step, J, direction, a.weights, sign, log, float(np.abs(F).max()), 1, a.arc + s * length)
         f = problem.monitor(name, point)
         if not math.isfinite(f):
