@@ -138,17 +138,6 @@ class Event:
 _ACCEPT, _CROWDED = 2e-9, 1e-5
 
 
-def _bordered(J: NDArray[np.float64], row: NDArray[np.float64], rhs: NDArray[np.float64]) -> tuple[float, float]:
-    from saltus.flow._linear_kernels import solve
-
-    m = J.shape[0]
-    matrix = np.empty((m + 1, m + 1))
-    matrix[:m] = J
-    matrix[m] = row
-    sign, log = solve(matrix, rhs)
-    return float(sign), float(log)
-
-
 def correct(
     problem: ZeroProblem,
     guess: NDArray[np.float64],
@@ -157,27 +146,22 @@ def correct(
     iterations: int,
 ) -> Point | str:
     """Return the point of the branch in the hyperplane through `guess` normal to `tangent`, or why there is none."""
+    from saltus.flow._linear_kernels import bordered
+
     u = guess.copy()
-    row = weights * tangent
-    m = u.size - 1
-    scale = problem.scale()
+    row, scale = weights * tangent, problem.scale()
     previous = math.inf
     for iteration in range(1, iterations + 1):
         F, J = problem.evaluate(u)
-        rhs = np.zeros((m + 1, 2))
-        rhs[:m, 0] = -F
-        rhs[m, 0] = -(row @ (u - guess))
-        rhs[m, 1] = 1.0
-        sign, log = _bordered(J, row, rhs)
+        steps, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
         if sign == 0.0 or not math.isfinite(log):
             return "Newton: the equations are singular there"
-        size = float(np.abs(rhs[:, 0] / scale).max())
         if not size < 1e6:
             return "Newton: the flow cannot be followed there"
-        u = u + rhs[:, 0]
+        u = u + steps[:, 0]
         if problem.accurate() and size < _ACCEPT:
-            direction = rhs[:, 1] / math.sqrt(float(weights @ rhs[:, 1] ** 2))
-            return Point(u, J, direction, weights, sign, log, float(np.abs(F).max()), iteration)
+            direction = steps[:, 1] / math.sqrt(float(weights @ steps[:, 1] ** 2))
+            return Point(u, J, direction, weights, sign, log, residual, iteration)
         if size > 0.7 * previous and size > 1e-5:
             return "Newton: no contraction"
         previous = size
@@ -342,12 +326,14 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
     step where the interpolated monitor function vanishes, kept within the bracket. The branch's departure from the
     cubic through the step's ends is learnt on the way.
     """
+    from saltus.flow._linear_kernels import bordered
+
     length = b.arc - a.arc
     known = [(0.0, fa), (1.0, fb)]
     low, high, f_low = 0.0, 1.0, fa
     s = fa / (fa - fb)
     bend = np.zeros_like(a.u)
-    scale, m = problem.scale(), a.u.size - 1
+    scale = problem.scale()
     floor = 1e-11 * max(abs(fa), abs(fb))
     for _ in range(60):
         base, tangent = _hermite(a, b, length, s)
@@ -356,19 +342,17 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
         u = base + shape * bend
         row = a.weights * tangent
         F, J = problem.evaluate(u)
-        rhs = np.zeros((m + 1, 2))
-        rhs[:m, 0] = -F
-        rhs[m, 1] = 1.0
-        sign, log = _bordered(J, row, rhs)
-        step = rhs[:, 0] if np.abs(F).max() > 1e-13 else np.zeros(m + 1)
-        size = float(np.abs(step / scale).max())
+        steps, sign, log, size, residual = bordered(J, F, row, u, u, scale)
+        step = steps[:, 0]
+        if residual <= 1e-13:
+            step, size = np.zeros_like(step), 0.0
         if sign == 0.0 or not size < 1e3:
             return None
         bend = bend + step / max(shape, 1e-12)
         if not problem.accurate():
             continue
-        direction = rhs[:, 1] / math.sqrt(float(a.weights @ rhs[:, 1] ** 2))
-        point = Point(u + step, J, direction, a.weights, sign, log, float(np.abs(F).max()), 1, a.arc + s * length)
+        direction = steps[:, 1] / math.sqrt(float(a.weights @ steps[:, 1] ** 2))
+        point = Point(u + step, J, direction, a.weights, sign, log, residual, 1, a.arc + s * length)
         f = problem.monitor(name, point)
         if not math.isfinite(f):
             return None

@@ -46,3 +46,30 @@ def solve(matrix, rhs):
                 total -= matrix[i, j] * rhs[j, c]
             rhs[i, c] = total / matrix[i, i]
     return sign, log
+
+
+@njit(cache=True, error_model="numpy")
+def bordered(J, F, row, u, guess, scale):
+    """Solve (J; row) (du, t) = (-F, 0; -row (u - guess), 1).
+
+    J: (m, m + 1); F: (m,); the others (m + 1,). Returns the two solutions, (m + 1, 2), sign and log of the determinant,
+    the largest |du| over `scale`, and the largest |F|.
+    """
+    m = F.size
+    matrix, rhs = np.empty((m + 1, m + 1)), np.zeros((m + 1, 2))
+    ahead = top = size = 0.0
+    for i in range(m):
+        for j in range(m + 1):
+            matrix[i, j] = J[i, j]
+        rhs[i, 0] = -F[i]
+        top = max(top, abs(F[i]))
+    for j in range(m + 1):
+        matrix[m, j] = row[j]
+        ahead += row[j] * (u[j] - guess[j])
+    rhs[m, 0] = -ahead
+    rhs[m, 1] = 1.0
+    sign, log = solve(matrix, rhs)
+    for j in range(m + 1):
+        change = abs(rhs[j, 0]) / scale[j]
+        size = change if not change < size else size
+    return rhs, sign, log, size, top
