@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, correct, follow, start_point
+from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, follow, start_point
 from saltus.continuation.branch import Branch, SpecialPoint, SpecialPoints
 from saltus.continuation.grazing import Neighbour, neighbour
+from saltus.continuation.zero_problem import BIFURCATIONS, Interest, OrbitBranch, OrbitData
 from saltus.errors import InputError, nearest
-from saltus.orbits.floquet import doubling_determinant, has_unit_pair, multipliers, nontrivial, unstable_count
+from saltus.orbits.floquet import nontrivial, unstable_count
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import MEAN_END, OrbitProblem, Signature, Survey
+from saltus.orbits.problem import OrbitProblem, Signature, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,8 +25,6 @@ __all__ = ["continue_orbit"]
 
 _ROUNDING = 1e-9
 """Share of the parameter's interval by which a start may miss a bound."""
-
-BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
 
 
 def continue_orbit(
@@ -167,160 +166,6 @@ def _read_events(orbit: PeriodicOrbit, parameter: str, events: Mapping[str, floa
     return found
 
 
-@dataclass(frozen=True)
-class _Data:
-    """What a point of a branch keeps: its survey and its multipliers."""
-
-    survey: Survey
-    multipliers: NDArray[np.complex128]
-    unstable: int
-
-
-class _OrbitBranch:
-    """Orbits of one signature as a zero problem with one parameter."""
-
-    def __init__(self, problem: OrbitProblem, u: NDArray[np.float64], run: _Run) -> None:
-        self.problem = problem
-        self.run = run
-        self.n = problem.n
-        system = problem.system
-        self._names = (*system.all_states, *system.output_names)
-        self._autonomous = system.phase is None
-        self._log = math.nan
-        self.adjust(u)
-        transitions = system.transitions
-        self._margins = {
-            f"margin {i} {k}": (i, k)
-            for i, mode in enumerate(problem.signature.modes)
-            for k in range(len(transitions))
-            if transitions[k].source == system.mode_names[mode]
-        }
-        kinds = problem.signature.kinds
-        self._durations = {f"duration {i}": i for i, kind in enumerate(kinds) if kind == MEAN_END}
-        self._rates = {
-            f"rate {i}": (i, float(transitions[k].direction or -1))
-            for i, k in enumerate(problem.signature.transitions)
-            if k >= 0
-        }
-
-    def adjust(self, u: NDArray[np.float64]) -> None:
-        """Take typical sizes from an orbit."""
-        problem = self.problem
-        blocks = u[: problem.size].reshape(problem.segments, self.n + 1)
-        period = float(np.abs(blocks[:, self.n]).sum())
-        self._block = np.append(1.0 / problem.state_scale**2, 0.0)
-        self._scale = np.append(np.tile(np.append(problem.state_scale, period), problem.segments), 1.0)
-
-    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return self.problem.evaluate(u)
-
-    def accurate(self) -> bool:
-        return self.problem.refine()
-
-    def scale(self) -> NDArray[np.float64]:
-        return self._scale
-
-    def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Weights by the trapezoidal rule over the period, so that a segment of zero length changes nothing."""
-        problem, n = self.problem, self.n
-        weights = np.empty(problem.size + 1)
-        problem._kernels.metric(u, problem.segments, n, self._block, weights)
-        return weights
-
-    def examine(self, point: Point, before: Point | None) -> Examined:
-        problem = self.problem
-        survey = problem.survey(point.u)
-        if survey.coarse:
-            problem.start(point.u)
-            better = correct(self, point.u, point.tangent, point.weights, 7)
-            if isinstance(better, str):
-                return Examined({}, better)
-            point.u, point.J, point.tangent = better.u, better.J, better.tangent
-            point.sign, point.log, point.residual = better.sign, better.log, better.residual
-            survey = problem.survey(point.u)
-        problem.prepare()
-        problem.rescale(survey)
-        self.adjust(point.u)
-        values = multipliers(problem, point.u, point.J)
-        data = _Data(survey, values, unstable_count(nontrivial(values, autonomous=self._autonomous)))
-        monitors = {name: self._value(name, point, data) for name in self._monitors()}
-        point.weights = self.metric(point.u)
-        point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
-        return Examined(monitors, None if before is None else self._fault(point, before, monitors, data), data)
-
-    def _monitors(self) -> list[str]:
-        extras = [f"event {i}" for i in range(len(self.run.events))]
-        return ["low", "high", "SN", "PD", "TR", "BP", *self._margins, *self._durations, *self._rates, *extras]
-
-    def leading(self, names: list[str]) -> list[str]:
-        """Return the names without the velocities that vanish because a segment beside them does."""
-        count = self.problem.segments
-        vanishing = {self._durations[name] for name in names if name in self._durations}
-        shadowed = {f"rate {i}" for j in vanishing for i in (j, (j - 1) % count)}
-        return [name for name in names if name not in shadowed]
-
-    def sort_out(self, events: list[Event]) -> list[Event]:
-        """Return the events without a fold where the whole Jacobian loses rank: that is a branch point alone."""
-        points = [event.point.arc for event in events if event.name == "BP"]
-        return [e for e in events if e.name != "SN" or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
-
-    def crowded(self, names: list[str]) -> bool:
-        return sum(name in BIFURCATIONS for name in names) + any(" " in name for name in names) > 1
-
-    def monitor(self, name: str, point: Point) -> float:
-        return self._value(name, point, None)
-
-    def _value(self, name: str, point: Point, data: _Data | None) -> float:
-        problem, kind = self.problem, name.split(" ", 1)[0]
-        if kind in ("low", "high"):
-            away = point.parameter - (self.run.low if kind == "low" else self.run.high)
-            return away if abs(away) > 1e-12 else 0.0
-        if kind == "SN":
-            return float(point.tangent[-1])
-        if kind == "duration":
-            return float(point.u[self._durations[name] * (self.n + 1) + self.n])
-        if kind in ("PD", "BP"):
-            sign, log = doubling_determinant(problem, point.J) if kind == "PD" else (point.sign, point.log)
-            key = f"_log_{kind}"
-            if not hasattr(self, key):
-                setattr(self, key, log)
-            return sign * math.exp(min(log - getattr(self, key), 600.0))
-        if kind == "TR":
-            values = multipliers(problem, point.u, point.J) if data is None else data.multipliers
-            return has_unit_pair(values)
-        survey = data.survey if data is not None else problem.survey(point.u)
-        if kind == "margin":
-            i, k = self._margins[name]
-            return float(survey.margins[i, k])
-        if kind == "rate":
-            i, direction = self._rates[name]
-            return direction * float(survey.rates[i, 0])
-        _, what, value = self.run.events[int(name.split(" ")[1])]
-        if what == "parameter":
-            return point.parameter * self.run.scale - value
-        source = survey.lows if what.startswith("min_") else survey.highs
-        return float(source[self._names.index(what[4:])]) - value
-
-    def _fault(self, point: Point, before: Point, monitors: Mapping[str, float], data: _Data) -> str | None:
-        old: _Data = before.examined.data
-        changed = {
-            name
-            for name, value in monitors.items()
-            if math.isfinite(value)
-            and math.isfinite(a := before.examined.monitors.get(name, math.nan))
-            and (a < 0.0) != (value < 0.0)
-        }
-        grazing = any(name.split(" ")[0] in ("margin", "duration", "rate") for name in changed)
-        if old.survey.admissible and not data.survey.admissible and not grazing:
-            return "not admissible: " + "; ".join(data.survey.reasons())
-        step = point.arc - before.arc
-        if step > 1e-4 and not grazing and old.survey.admissible:
-            explained = sum(1 for name in changed if name in ("SN", "PD", "BP")) + 2 * ("TR" in changed)
-            if abs(data.unstable - old.unstable) > explained or (data.unstable - old.unstable - explained) % 2:
-                return "stability changes without a bifurcation that explains it"
-        return None
-
-
 @dataclass(frozen=True, eq=False)
 class _Found:
     """A special point: its type, the orbit in the signature in which it is shown, its test function, its place."""
@@ -336,7 +181,7 @@ class _Found:
 class _Half:
     """One direction of a branch."""
 
-    points: list[tuple[_OrbitBranch, Point]] = field(default_factory=list)
+    points: list[tuple[OrbitBranch, Point]] = field(default_factory=list)
     specials: list[_Found] = field(default_factory=list)
     stopped: str = ""
     closed: bool = False
@@ -362,19 +207,20 @@ class _Run:
         self.orbit, self.index, self.scale = orbit, index, scale
         self.low, self.high = low, high
         self.control, self.events, self.stops, self.at_grazing = control, events, stops, at_grazing
+        self.interest = Interest(low, high, scale, tuple(events))
         self.progress = progress
         self.name = orbit.system.parameter_names[index]
         self.log: list[Failure] = []
         self.count = 0
 
-    def piece(self, signature: Signature, u: NDArray[np.float64]) -> _OrbitBranch:
+    def piece(self, signature: Signature, u: NDArray[np.float64]) -> OrbitBranch:
         """Return the zero problem of a signature near `u`."""
         p = self.orbit.system.parameter_vector(self.orbit.parameters)
         problem = OrbitProblem(self.orbit.system, signature, p, [self.index], np.array([self.scale]), self.orbit.tol)
         problem.start(u)
-        return _OrbitBranch(problem, u, self)
+        return OrbitBranch(problem, u, self.interest)
 
-    def begin(self) -> tuple[_OrbitBranch, Point]:
+    def begin(self) -> tuple[OrbitBranch, Point]:
         """Return the start, its tangent towards growing parameter."""
         u = np.append(self.orbit.unknowns, self.orbit.parameters[self.name] / self.scale)
         branch = self.piece(self.orbit.form, u)
@@ -391,7 +237,7 @@ class _Run:
         kind = name.split(" ")[0]
         return not (kind in ("margin", "duration", "rate") and self.at_grazing == "pass" and kind == "margin")
 
-    def trace(self, start: tuple[_OrbitBranch, Point], sign: float) -> _Half:
+    def trace(self, start: tuple[OrbitBranch, Point], sign: float) -> _Half:
         """Follow one direction to its end."""
         half = _Half()
         branch, origin = start
@@ -415,11 +261,11 @@ class _Run:
     def _piece(
         self,
         half: _Half,
-        branch: _OrbitBranch,
+        branch: OrbitBranch,
         point: Point,
-        start: tuple[_OrbitBranch, Point],
+        start: tuple[OrbitBranch, Point],
         first: float | None,
-    ) -> str | tuple[_OrbitBranch, Point, float]:
+    ) -> str | tuple[OrbitBranch, Point, float]:
         """Follow one signature; return why the branch ended, or where it goes on."""
         last = point
         for item in follow(branch, point, self.control, located=self.located, log=self.log, first_step=first):
@@ -445,8 +291,8 @@ class _Run:
         raise AssertionError("follow ends with a reason")
 
     def _event(
-        self, half: _Half, branch: _OrbitBranch, event: Event, last: Point
-    ) -> str | tuple[_OrbitBranch, Point, float] | None:
+        self, half: _Half, branch: OrbitBranch, event: Event, last: Point
+    ) -> str | tuple[OrbitBranch, Point, float] | None:
         kind = event.name.split(" ")[0]
         point = event.point
         if kind in ("low", "high"):
@@ -480,13 +326,13 @@ class _Run:
             return f"{self.name} = {point.parameter * self.scale:.9g}: grazing, {found}"
         return self._switch(found, point)
 
-    def _end_at(self, half: _Half, branch: _OrbitBranch, point: Point, name: str) -> str | None:
+    def _end_at(self, half: _Half, branch: OrbitBranch, point: Point, name: str) -> str | None:
         if name not in self.stops:
             return None
         half.points.append((branch, point))
         return f"{self.name} = {point.parameter * self.scale:.9g}: {name}"
 
-    def _switch(self, found: Neighbour, old: Point) -> str | tuple[_OrbitBranch, Point, float]:
+    def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitBranch, Point, float]:
         """Return the neighbouring signature's branch at a grazing, its tangent towards admissible orbits."""
         branch = self.piece(found.signature, found.u)
         try:
@@ -497,7 +343,7 @@ class _Run:
         for sign in (1.0, -1.0):
             for probe in (1e-5, 1e-6, 1e-4):
                 start = _turned(point, sign)
-                start.examined = Examined({}, None, _Data(_INADMISSIBLE, np.empty(0, complex), 0))
+                start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
                 trial = follow(
                     branch, start, StepControl(initial=probe, smallest=probe / 4, largest=probe),
                     located=lambda _: False, log=[],
@@ -508,7 +354,7 @@ class _Run:
                     return branch, item, min(self.control.initial, 1e-3)
         return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no admissible orbit beyond it"
 
-    def _passes(self, start: tuple[_OrbitBranch, Point], branch: _OrbitBranch, last: Point, new: Point) -> bool:
+    def _passes(self, start: tuple[OrbitBranch, Point], branch: OrbitBranch, last: Point, new: Point) -> bool:
         """Whether the step from `last` to `new` passes the start again."""
         origin = start[1]
         if branch.problem.signature != start[0].problem.signature or new.arc < 3.0 * self.control.initial:
@@ -555,7 +401,7 @@ def _assemble(
     orbit: PeriodicOrbit,
     parameter: str,
     scale: float,
-    start: tuple[_OrbitBranch, Point],
+    start: tuple[OrbitBranch, Point],
     halves: list[_Half],
     run: _Run,
 ) -> Branch:
@@ -586,7 +432,7 @@ def _assemble(
         points.append(SpecialPoint(found.name, label, found.orbit, found.value, position, arc - arcs[0]))
     n_own = len(orbit.system.states)
     autonomous = orbit.system.phase is None
-    data: list[_Data] = [p.examined.data for _, p in rows]
+    data: list[OrbitData] = [p.examined.data for _, p in rows]
     reasons = [half.stopped for half in halves]
     stopped = (reasons[0], reasons[1]) if len(reasons) == 2 else ("the start", reasons[0])
     if halves[0].closed:
@@ -618,7 +464,7 @@ def _assemble(
     )
 
 
-def _found(name: str, branch: _OrbitBranch, event: Event, half: _Half) -> _Found:
+def _found(name: str, branch: OrbitBranch, event: Event, half: _Half) -> _Found:
     point, data = event.point, event.point.examined.data
     orbit = orbit_at(branch.problem, point.u, point.J, data.survey, data.multipliers)
     value = event.value
