@@ -17,16 +17,45 @@ SHORT = 0.01  # share of the period below which a mean rate is integrated rather
 
 
 @njit(cache=True, error_model="numpy")
+def set_parameters(functions, u, m, active, scales, p):
+    """Take the active parameters from the unknowns behind the m of the orbit, and recompute the constants behind them."""
+    for k in range(active.size):
+        p[active[k]] = u[m + k] * scales[k]
+    if active.size > 0:
+        call(functions[DERIVE], 0, 0, p, 0, p, p, 0)
+
+
+@njit(cache=True, error_model="numpy")
 def equations(
-    functions, modes, transitions, kinds, turns, n, u, p, active, rtol, atol, mesh, mesh_at, anchor, F, J, errors
+    functions,
+    modes,
+    transitions,
+    kinds,
+    turns,
+    n,
+    u,
+    p,
+    active,
+    scales,
+    rtol,
+    atol,
+    mesh,
+    mesh_at,
+    anchor,
+    F,
+    J,
+    errors,
 ):
     """Write the residual F, (m,), and the Jacobian J, (m, m + active), of all segment equations.
 
     u: each segment's state (n,) and duration, m = segments * (n + 1) in all. p: extended parameters. mesh_at: offsets of
-    the segments' meshes, one more than segments. anchor: point and direction of the phase condition, (2 n,).
+    the segments' meshes, one more than segments. anchor: point and direction of the phase condition, (2 n,). Returns the
+    largest error of a step, in tolerances.
     """
     segments, wide = modes.size, n + 1
     m, n_active = segments * wide, active.size
+    set_parameters(functions, u, m, active, scales, p)
+    worst = 0.0
     for i in range(m):
         for j in range(m + n_active):
             J[i, j] = 0.0
@@ -47,6 +76,8 @@ def equations(
             functions, mode, transition, mean, u, row, duration, p, active, rtol, atol,
             mesh, mesh_at[i], count, n, y, errors,
         )  # fmt: skip
+        for step in range(mesh_at[i], mesh_at[i] + count):
+            worst = max(worst, errors[step])
         call(functions[FIELD], mode, 0, y, 0, p, f, 0)
         if transition >= 0:
             call(functions[RESET], transition, 0, y, 0, p, ends, 0)
@@ -123,6 +154,10 @@ def equations(
             for a in range(n):
                 F[last] += anchor[n + a] * (u[row + a] - anchor[a])
                 J[last, row + a] += anchor[n + a]
+    for k in range(n_active):
+        for i in range(m):
+            J[i, m + k] *= scales[k]
+    return worst
 
 
 @njit(cache=True, error_model="numpy")
@@ -683,12 +718,6 @@ def _fine(mesh, first, count, j):
     step = min(j // FINE, count - 1)
     a, b = mesh[first + step], mesh[first + step + 1]
     return a + (b - a) * (j - step * FINE) / FINE
-
-
-@njit(cache=True, error_model="numpy")
-def call_derive(functions, p):
-    """Recompute the constants behind the parameters, in place."""
-    call(functions[DERIVE], 0, 0, p, 0, p, p, 0)
 
 
 FINEST, COARSEST, AIM = 5.0, 5e-3, 0.2

@@ -152,6 +152,8 @@ class OrbitProblem:
         self._extended = compiled.extended(self.p)
         self._anchor = np.zeros(2 * self.n)
         self.state_scale = np.ones(self.n)
+        self._atol = self.tol
+        self._worst = 0.0
         self._largest = np.zeros(len(self.system.states))
         self._mesh = np.zeros(0)
         self._mesh_at = np.zeros(self.segments + 1, dtype=np.int64)
@@ -168,11 +170,7 @@ class OrbitProblem:
 
     def set_parameters(self, u: NDArray[np.float64]) -> None:
         """Take the active parameters from the unknowns."""
-        if self._active.size:
-            extended = self._extended
-            for place, value, scale in zip(self._active, u[self.size :], self.scales, strict=True):
-                extended[place] = value * scale
-            self._kernels.call_derive(self._functions, extended)
+        self._kernels.set_parameters(self._functions, u, self.size, self._active, self.scales, self._extended)
 
     def start(self, u: NDArray[np.float64]) -> int | None:
         """Make meshes, scales and the phase condition fit the orbit `u`; return a segment that cannot be followed."""
@@ -185,11 +183,12 @@ class OrbitProblem:
         self.state_scale[self.state_scale < 1e-12 * self.state_scale.max()] = self.state_scale.max()
         if self.system.phase is not None:
             self.state_scale[-1] = 2.0 * math.pi
+        self._atol = self.tol * min(1.0, float(self.state_scale.min()))
         buffer = np.empty(_segment_kernels.MOST_STEPS + 1)
         for index, (mode, block) in enumerate(zip(self._modes, blocks, strict=True)):
             x, duration = np.ascontiguousarray(block[: self.n]), block[self.n]
             count = _segment_kernels.adapt(
-                self._functions, mode, x, duration, self._extended, self.tol, self._atol(), buffer
+                self._functions, mode, x, duration, self._extended, self.tol, self._atol, buffer
             )
             if count < 0:
                 return index
@@ -210,10 +209,8 @@ class OrbitProblem:
         if np.all(np.isfinite(sizes)):
             floor = np.maximum(0.01 * self._largest, 1e-12 * max(float(sizes.max()), 1e-300))
             self.state_scale[: sizes.size] = np.maximum(sizes, floor)
+            self._atol = self.tol * min(1.0, float(self.state_scale.min()))
             self._largest = np.maximum(self._largest, sizes)
-
-    def _atol(self) -> float:
-        return self.tol * float(min(1.0, self.state_scale.min()))
 
     def _use(self, meshes: list[NDArray[np.float64]]) -> None:
         self._mesh = np.concatenate(meshes)
@@ -229,7 +226,7 @@ class OrbitProblem:
 
     def refine(self) -> bool:
         """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not."""
-        return self._move(self._kernels.FINEST)
+        return self._worst <= self._kernels.FINEST or self._move(self._kernels.FINEST)
 
     def prepare(self) -> None:
         """Move the meshes to equal errors where they may soon be too coarse, or are finer than they need be."""
@@ -244,16 +241,13 @@ class OrbitProblem:
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the residual, shape (size,), and the Jacobian, shape (size, size + active)."""
-        self.set_parameters(u)
         m = self.size
         F, J = np.empty(m), np.empty((m, m + self._active.size))
-        self._kernels.equations(
+        self._worst = self._kernels.equations(
             self._functions, self._modes, self._transitions, self._kinds, self.signature.turns, self.n, u,
-            self._extended, self._active, self.tol, self._atol(), self._mesh, self._mesh_at, self._anchor, F, J,
-            self._errors,
+            self._extended, self._active, self.scales, self.tol, self._atol, self._mesh, self._mesh_at, self._anchor,
+            F, J, self._errors,
         )  # fmt: skip
-        if self._active.size:
-            J[:, m:] *= self.scales
         return F, J
 
     def survey(self, u: NDArray[np.float64]) -> Survey:
@@ -267,7 +261,7 @@ class OrbitProblem:
         faults = self._kernels.survey(
             self._functions, self._modes, self._transitions, self._kinds,
             self.signature.turns, self._sources, self._directions, n,
-            len(self.system.modes), n_out, self.system.phase is not None, u, self._extended, self.tol, self._atol(),
+            len(self.system.modes), n_out, self.system.phase is not None, u, self._extended, self.tol, self._atol,
             self._mesh, self._mesh_at,
             self._nodes, self._coefficients, lows, highs, margins, places, rates, x0,
         )  # fmt: skip

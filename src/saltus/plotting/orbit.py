@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-__all__ = ["draw_jump", "plot_orbit", "unwrapped_parts"]
+    from saltus.system import HybridSystem
+
+__all__ = ["check_quantities", "draw_curve", "draw_jump", "plot_orbit"]
 
 
 @plot.register(PeriodicOrbit)
@@ -45,12 +47,9 @@ def plot_orbit(
         A quantity of another name.
     """
     system = orbit.system
-    known = ("t", *system.all_states, *system.output_names)
     x = system.states[0] if x is None else x
     y = (system.states[1] if len(system.states) > 1 else "t") if y is None else y
-    for name in (x, y):
-        if name not in known:
-            raise InputError("quantity", name, f"one of {', '.join(known)}", nearest(str(name), known))
+    check_quantities(system, x, y)
     sample = orbit.sample()
     ax = style.axes(ax)
     phase = None if system.phase is None else system.phase[0]
@@ -61,10 +60,8 @@ def plot_orbit(
     wrapped = tuple(name == phase for name in (x, y))
     named: set[int] = set()
     for part, mode in zip(parts, modes, strict=True):
-        for curve in unwrapped_parts(part, wrapped):
-            label = "_" if mode in named else system.mode_names[mode]
-            ax.plot(curve[:, 0], curve[:, 1], color=style.colour_of_mode(mode), label=label)
-            named.add(mode)
+        draw_curve(ax, part, wrapped, mode, "_" if mode in named else system.mode_names[mode])
+        named.add(mode)
     _draw_ends(ax, orbit, parts, closed=x != "t" and y != "t", wrapped=wrapped)
     ax.set_xlabel(style.label_of(x))
     ax.set_ylabel(style.label_of(y))
@@ -85,6 +82,21 @@ def _draw_ends(
         draw_jump(ax, part[-1], after[0], wrapped)
 
 
+def check_quantities(system: HybridSystem, *names: str) -> None:
+    """Raise `InputError` for a name that is not ``t``, a state, the phase or an output."""
+    known = ("t", *system.all_states, *system.output_names)
+    for name in names:
+        if name not in known:
+            raise InputError("quantity", name, f"one of {', '.join(known)}", nearest(str(name), known))
+
+
+def draw_curve(ax: Axes, curve: NDArray[np.float64], wrapped: Iterable[bool], mode: int, label: str) -> None:
+    """Draw a curve (vertex, 2) in the colour of a mode, cut where a coordinate that is an angle passes 2 pi."""
+    for part in _unwrapped_parts(curve, wrapped):
+        ax.plot(part[:, 0], part[:, 1], color=style.colour_of_mode(mode), label=label)
+        label = "_"
+
+
 def draw_jump(ax: Axes, before: NDArray[np.float64], after: NDArray[np.float64], wrapped: Iterable[bool]) -> None:
     """Join the two sides of a reset by a dotted line, unless they are one point or only the phase's wrap parts them."""
     apart = np.abs(after - before) > 1e-9 * (1.0 + np.abs(before))
@@ -92,7 +104,7 @@ def draw_jump(ax: Axes, before: NDArray[np.float64], after: NDArray[np.float64],
         ax.plot([before[0], after[0]], [before[1], after[1]], ":", color="0.5", linewidth=0.9, label="_", zorder=1)
 
 
-def unwrapped_parts(curve: NDArray[np.float64], wrapped: Iterable[bool]) -> list[NDArray[np.float64]]:
+def _unwrapped_parts(curve: NDArray[np.float64], wrapped: Iterable[bool]) -> list[NDArray[np.float64]]:
     """Return a curve (vertex, 2) cut where a coordinate that is an angle passes 2 pi, each part reaching its end."""
     breaks: set[int] = set()
     for column, angle in enumerate(wrapped):

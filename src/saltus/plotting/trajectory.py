@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.errors import InputError, nearest
 from saltus.flow.simulate import Trajectory
 from saltus.plotting import plot, style
-from saltus.plotting.orbit import draw_jump, unwrapped_parts
+from saltus.plotting.orbit import check_quantities, draw_curve, draw_jump
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,11 +45,8 @@ def plot_trajectory(
         A quantity of another name.
     """
     system = trajectory.system
-    known = ("t", *system.all_states, *system.output_names)
     y = system.states[0] if y is None else y
-    for name in (x, y):
-        if name not in known:
-            raise InputError("quantity", name, f"one of {', '.join(known)}", nearest(str(name), known))
+    check_quantities(system, x, y)
     stretches = _stretches(trajectory)
     columns = [_column(trajectory, name, stretches) for name in (x, y)]
     curves = [np.column_stack(pair) for pair in zip(*columns, strict=True)]
@@ -59,10 +55,8 @@ def plot_trajectory(
     wrapped = tuple(name == phase for name in (x, y))
     named: set[int] = set()
     for i, (curve, (mode, _, _)) in enumerate(zip(curves, stretches, strict=True)):
-        for part in unwrapped_parts(curve, wrapped):
-            label = "_" if mode in named else system.mode_names[mode]
-            ax.plot(part[:, 0], part[:, 1], color=style.colour_of_mode(mode), label=label)
-            named.add(mode)
+        draw_curve(ax, curve, wrapped, mode, "_" if mode in named else system.mode_names[mode])
+        named.add(mode)
         if i:
             draw_jump(ax, curves[i - 1][-1], curve[0], wrapped)
     _draw_grazings(ax, trajectory, stretches, curves)
