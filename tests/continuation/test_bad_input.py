@@ -113,18 +113,12 @@ def test_an_unknown_label_names_those_there_are(orbit):
         branch.column("max_z")
 
 
-def test_a_parameter_that_must_stay_positive_stops_the_branch_before_it_leaves():
-    """Bounds beyond what the system allows are refused, or the branch ends in words; each orbit can be rebuilt."""
+def test_bounds_beyond_those_of_the_system():
     system = systems.ball_on_table()
     bounded = type(system).from_definition(system.definition() | {"parameter_bounds": {"a": [0.5, 1.3]}})
     orbit = solve_orbit(bounded, {"a": 1.2}, [("flight", "impact", [0.588, 3.14159, 0.51], 6.28)])
-    try:
-        branch = continue_orbit(orbit, "a", (0.6, 2.0))
-    except InputError as error:
-        assert "1.3" in str(error)  # noqa: PT017
-        return
-    for i in (0, len(branch) - 1):
-        branch.orbit(i)
+    with refuse("bounds = (0.6, 2.0): must be within [0.5, 1.3], where a may lie"):
+        continue_orbit(orbit, "a", (0.6, 2.0))
 
 
 def test_henon_has_two_states():

@@ -111,9 +111,7 @@ def test_a_cycle_that_shrinks_onto_its_parent_meets_a_branch_point_and_no_fold(p
     a = parent + 0.05
     branch = continue_orbit(cycle(carried(LOGISTIC, a=a), logistic_cycle(a, period)), "a", (parent - 0.3, a + 0.01))
     np.testing.assert_allclose(values(branch, "BP"), [parent], atol=1e-9)
-    for point in branch.special_points:
-        if point.type == "SN":
-            assert abs(point.test) < 1e-6, f"SN at {point.parameters['a']}, test function {point.test}"
+    assert not found(branch, "SN")
 
 
 @pytest.mark.parametrize("c", [-0.5, 0.0, 0.5, 1.2, 1.5, 2.5])
@@ -232,7 +230,6 @@ def test_impact_branch_has_the_points_of_the_table(w, m, grazing, fold, doubling
 
 def test_grazing_and_fold_of_the_standard_oscillator():
     branch = continue_orbit(impact_orbit(1.0, 1, 1.6957329376), "A", (0.05, 1.2))
-    assert found(branch)[0][0] in ("GR", "SN")
     assert values(branch, "GR") == pytest.approx([0.1], abs=1e-10)
     assert values(branch, "SN") == pytest.approx([0.09997075363], abs=5e-12)
 
@@ -453,6 +450,7 @@ def test_a_branch_that_comes_back_to_a_grazing_goes_through_it(top):
     branch = continue_orbit(impact_orbit(2.5, 2, 1.2), "A", (0.01, top))
     assert all(reason.endswith(("bound reached", "the branch is closed")) for reason in branch.stopped), branch.stopped
     grazings = [p for p in branch.special_points if p.type == "GR"]
+    assert grazings
     assert all(min(-s.state[1] for s in p.orbit.segments) < 1e-5 or abs(p.orbit.max["x"] - 1) < 1e-8 for p in grazings)
 
 

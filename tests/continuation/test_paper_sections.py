@@ -70,5 +70,5 @@ def test_the_repulsive_attractor_of_two_modes_doubles_near_1_164():
     np.testing.assert_allclose(orbit.x0[[1, 3]], [-0.02950, 0.48413], atol=5e-6)
     branch = continue_orbit(orbit, "Omega", (1.14, 1.2), directions="up", stop_at="PD")
     assert [p.type for p in branch.special_points] == ["PD"]
-    assert branch["PD1"].parameters["Omega"] == pytest.approx(1.164, abs=5e-4)  # as printed in model.md
+    assert branch["PD1"].parameters["Omega"] == pytest.approx(1.164, abs=5e-4)
     assert branch.stable[:-1].all()

@@ -63,7 +63,7 @@ def test_tapping_multipliers_are_those_of_the_independent_map(tapping, n, Omega)
     np.testing.assert_allclose(np.poly(orbit.multipliers).real, expected, atol=2e-6 * max(1.0, np.abs(J).max()))
 
 
-def test_the_repulsive_attractor_is_the_one_of_model_md(tapping):
+def test_the_repulsive_attractor_of_two_modes_has_the_second_mode_s_state_to_six_digits(tapping):
     orbit = impacting_orbit(tapping[2], 2, 1.15)
     assert orbit.stable
     np.testing.assert_allclose(orbit.x0[[1, 3]], [-0.02950, 0.48413], atol=5e-6)

@@ -1,4 +1,4 @@
-"""Periodic orbits against closed forms and printed digits (shared/design/known-answers.md, problems A to E)."""
+"""Periodic orbits against closed forms and printed digits: problems A to E."""
 
 from __future__ import annotations
 

@@ -5,26 +5,16 @@ from __future__ import annotations
 from itertools import pairwise
 
 import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
 from matplotlib.colors import to_hex
 
 import saltus
-from saltus import afm
 from saltus.continuation import Branch
 from saltus.errors import InputError
 from saltus.plotting import plot, style
 from saltus.plotting.branch import _smooth, pieces_of
-
-
-@pytest.fixture(autouse=True)
-def _closed():
-    yield
-    plt.close("all")
 
 
 @pytest.fixture(scope="module")
@@ -39,14 +29,8 @@ def branch(impacting) -> Branch:
 
 
 @pytest.fixture(scope="module")
-def tapping() -> Branch:
-    model = afm.tapping_mode(afm.table1(), modes=1)
-    guess = [
-        ("flight", "touch", [-0.717, 0.7335], 2.95),
-        ("contact", "release", [0.95, 0.85], 0.375),
-        ("flight", "theta", [0.9, -0.4], 2.65),
-    ]
-    return saltus.continue_orbit(saltus.solve_orbit(model, {"Omega": 1.05}, guess), "Omega", (0.8, 1.4))
+def tapping(tapping_orbit) -> Branch:
+    return saltus.continue_orbit(tapping_orbit, "Omega", (0.8, 1.4))
 
 
 def _curves(ax, kind: str) -> list:
@@ -96,7 +80,7 @@ def test_pieces_end_at_the_branch_s_ends(tapping):
 
 
 def test_stability_between_two_special_points_of_one_step_follows_their_multipliers(tapping):
-    """Between PD1 and SN2, 1.4e-5 apart in Omega, the impacting orbit is stable (architecture.md, choice 5)."""
+    """Between PD1 and SN2, 1.4e-5 apart in Omega, the impacting orbit is stable."""
     doubling, fold = tapping["PD1"].parameters["Omega"], tapping["SN2"].parameters["Omega"]
     pieces = pieces_of(tapping, "Omega", "min_z")
     between = [piece for piece in pieces if piece.x[0] == doubling and piece.x[-1] == fold]

@@ -4,36 +4,13 @@ from __future__ import annotations
 
 import math
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
 import pytest
-from matplotlib import pyplot as plt
 
 import saltus
-from saltus import afm
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.plotting import style
-
-
-@pytest.fixture(autouse=True)
-def _closed():
-    yield
-    plt.close("all")
-
-
-@pytest.fixture(scope="module")
-def tapping() -> PeriodicOrbit:
-    model = afm.tapping_mode(afm.table1(), modes=1)
-    guess = [
-        ("flight", "touch", [-0.717, 0.7335], 2.95),
-        ("contact", "release", [0.95, 0.85], 0.375),
-        ("flight", "theta", [0.9, -0.4], 2.65),
-    ]
-    return saltus.solve_orbit(model, {"Omega": 1.05}, guess)
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +18,10 @@ def impacting(impact_oscillator) -> PeriodicOrbit:
     return saltus.solve_orbit(impact_oscillator, {}, [("free", "impact", [1.0, -1.3, 0.1], 6.28)])
 
 
-def test_samples_hold_both_ends_of_every_segment(tapping):
-    sample = tapping.sample()
+def test_samples_hold_both_ends_of_every_segment(tapping_orbit):
+    sample = tapping_orbit.sample()
     times = sample["t"].values
-    ends = np.concatenate([[0.0], np.cumsum(tapping.durations)])
+    ends = np.concatenate([[0.0], np.cumsum(tapping_orbit.durations)])
     assert np.array_equal(times[np.searchsorted(times, ends[1:-1], side="left")], ends[1:-1])
     assert (times == ends[1]).sum() == 2
     assert times[-1] == ends[-1]
@@ -54,25 +31,27 @@ def test_samples_hold_both_ends_of_every_segment(tapping):
     assert sample["z"].values[[0, touch - 1, -1]] == pytest.approx(1.0 / 300.0, abs=1e-11)
 
 
-def test_samples_agree_with_an_event_driven_simulation(tapping):
+def test_samples_agree_with_an_event_driven_simulation(tapping_orbit):
     """The oracle is the other flow: Runge-Kutta of free step with events, at a tolerance of 1e-10."""
-    sample = tapping.sample(200)
-    start = tapping.states[0]
-    motion = saltus.simulate(tapping.system, dict(tapping.parameters), start, mode="flight", t_end=tapping.period)
+    sample = tapping_orbit.sample(200)
+    start = tapping_orbit.states[0]
+    motion = saltus.simulate(
+        tapping_orbit.system, dict(tapping_orbit.parameters), start, mode="flight", t_end=tapping_orbit.period
+    )
     times = np.minimum(sample["t"].values, motion.t_end)
     states = np.column_stack([sample[name].values for name in ("q1", "v1")])
     assert states == pytest.approx(motion(times)[:, :2], abs=1e-7)
 
 
-def test_samples_have_every_state_and_output_and_a_phase_on_the_circle(tapping):
-    sample = tapping.sample()
+def test_samples_have_every_state_and_output_and_a_phase_on_the_circle(tapping_orbit):
+    sample = tapping_orbit.sample()
     assert set(sample.data_vars) == {"q1", "v1", "theta", "z", "force", "mode"}
     assert sample["theta"].values.min() >= 0.0
     assert sample["theta"].values.max() <= 2.0 * math.pi
-    gap = 1.0 - sample["q1"] - tapping.parameters["ybar"] * np.sin(sample["theta"])
+    gap = 1.0 - sample["q1"] - tapping_orbit.parameters["ybar"] * np.sin(sample["theta"])
     assert sample["z"].values == pytest.approx(gap.values, abs=1e-14)
     # the dip of 0.0636 in 25 steps: a parabola's half step of 1.5/25, squared
-    assert tapping.min["z"] <= sample["z"].values.min() < tapping.min["z"] + 0.0636 * (1.5 / 25.0) ** 2
+    assert tapping_orbit.min["z"] <= sample["z"].values.min() < tapping_orbit.min["z"] + 0.0636 * (1.5 / 25.0) ** 2
 
 
 def test_samples_close_up_to_the_reset(impacting):
@@ -87,12 +66,12 @@ def test_a_count_of_samples_that_cannot_be_is_told(impacting, points):
         impacting.sample(points)
 
 
-def test_a_saved_orbit_is_equal(tapping, tmp_path):
-    assert saltus.load(tapping.save(tmp_path / "orbit.nc")) == tapping
+def test_a_saved_orbit_is_equal(tapping_orbit, tmp_path):
+    assert saltus.load(tapping_orbit.save(tmp_path / "orbit.nc")) == tapping_orbit
 
 
-def test_the_curve_is_closed_and_coloured_by_mode(tapping):
-    ax = tapping.plot("z", "v1")
+def test_the_curve_is_closed_and_coloured_by_mode(tapping_orbit):
+    ax = tapping_orbit.plot("z", "v1")
     flight, contact, ends = ax.lines
     assert [line.get_label() for line in ax.lines] == ["flight", "contact", "segment ends"]
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["flight", "contact", "segment ends"]
@@ -112,8 +91,8 @@ def test_the_two_sides_of_a_reset_are_joined_by_a_dotted_line(impacting):
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$x$", "$v$")
 
 
-def test_the_phase_s_wrap_cuts_the_curve_at_two_pi(tapping):
-    ax = tapping.plot("theta", "z")
+def test_the_phase_s_wrap_cuts_the_curve_at_two_pi(tapping_orbit):
+    ax = tapping_orbit.plot("theta", "z")
     curves = [line.get_xdata() for line in ax.lines if line.get_marker() == "None"]
     assert all(np.abs(np.diff(curve)).max() < 1.0 for curve in curves)
     assert max(curve.max() for curve in curves) == 2.0 * math.pi
@@ -128,8 +107,8 @@ def test_an_orbit_without_events_is_one_curve(impact_oscillator):
     assert ax.get_legend() is None
 
 
-def test_a_wrong_name_is_answered_with_the_nearest_one(tapping):
+def test_a_wrong_name_is_answered_with_the_nearest_one(tapping_orbit):
     with pytest.raises(
         InputError, match=r"quantity = 'forse': must be one of t, q1, v1, theta, z, force; did you mean 'force'\?"
     ):
-        tapping.plot("t", "forse")
+        tapping_orbit.plot("t", "forse")

@@ -6,23 +6,12 @@ import math
 import subprocess
 import sys
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
 import pytest
-from matplotlib import pyplot as plt
 
 import saltus
 from saltus.errors import InputError
 from saltus.plotting import style
-
-
-@pytest.fixture(autouse=True)
-def _closed():
-    yield
-    plt.close("all")
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,101 @@
+"""`find_orbit`: what a motion settles on, against closed forms, and what it says where there is nothing to find."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+import systems
+from oracles.closed_forms import LOGISTIC, ImpactOrbit, TableJump, logistic_cycle
+from saltus import ConvergenceError, HybridSystem, InputError, Mode, find_orbit
+
+
+def test_a_forced_motion_settles_on_the_closed_form():
+    form = ImpactOrbit(1.0)
+    orbit = find_orbit(systems.impact_oscillator(), x0=[0.0, 0.0])
+    assert orbit.signature == (("free", "impact"),)
+    assert orbit.segments[0].state[1] == pytest.approx(form.after_impact(form.speeds(1.0)[1])[1], abs=1e-10)
+    assert orbit.stable
+    assert orbit.admissible
+
+
+def test_a_forced_motion_without_events_settles_on_the_linear_response():
+    form, A = ImpactOrbit(1.4), 0.3
+    orbit = find_orbit(systems.impact_oscillator(), {"w": 1.4, "A": A}, x0=[0.0, 0.0])
+    assert orbit.signature == (("free", "theta"),)
+    np.testing.assert_allclose(orbit.x0, form.linear_response(A)[1], atol=1e-10)
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_jump_is_found_once_round_below_its_doubling_and_twice_above(share):
+    form = TableJump(0.5)
+    a = share * form.doubling
+    orbit = find_orbit(systems.ball_on_table(), {"a": a}, x0=form.after_impact(a))
+    turns = 1 if share < 1.0 else 2
+    assert orbit.period == pytest.approx(2.0 * math.pi * turns, abs=1e-10)
+    assert len(orbit.segments) == turns
+
+
+def test_a_slow_transient_is_found_once_round():
+    form = TableJump(0.5)
+    orbit = find_orbit(systems.ball_on_table(), {"a": 0.998 * form.doubling}, x0=form.after_impact(1.2))
+    assert orbit.period == pytest.approx(2.0 * math.pi, abs=1e-10)
+
+
+def test_an_autonomous_motion_settles_on_the_shortest_cycle_of_its_events():
+    orbit = find_orbit(systems.stick_slip(), x0=[0.0, 0.3], mode="stick")
+    assert orbit.period == pytest.approx(4.222431654131 + 10.0 / 3.0, abs=1e-11)
+    assert len(orbit.segments) == 2
+
+
+@pytest.mark.parametrize("period", [1, 2, 4])
+def test_a_cycle_of_a_carried_map_is_found_with_its_period(period):
+    a = {1: 2.8, 2: 3.2, 4: 3.5}[period]
+    system = systems.carried_map(("x",), {"a": a}, LOGISTIC)
+    orbit = find_orbit(system, x0=[0.3, 0.0])
+    assert sorted(segment.state[0] for segment in orbit.segments) == pytest.approx(
+        sorted(logistic_cycle(a, period)), abs=1e-10
+    )
+
+
+def test_an_autonomous_motion_without_events_settles_on_the_unit_circle():
+    system = HybridSystem(
+        ("x", "y"),
+        {"w": 2.0},
+        {"m": Mode({"x": "x*(1 - x**2 - y**2) - w*y", "y": "y*(1 - x**2 - y**2) + w*x"})},
+    )
+    orbit = find_orbit(system, x0=[0.3, 0.1])
+    assert orbit.period == pytest.approx(math.pi, abs=1e-10)
+    np.testing.assert_allclose(orbit.multipliers, [math.exp(-2.0 * math.pi), 1.0], atol=1e-10)
+
+
+def test_a_chaotic_motion_has_no_orbit():
+    system = systems.carried_map(("x",), {"a": 3.9}, LOGISTIC)
+    with pytest.raises(ConvergenceError, match=r"^periodic attractor within t = .* no convergence, residual "):
+        find_orbit(system, x0=[0.3, 0.0], settle=500.0)
+
+
+def test_a_motion_that_comes_to_rest_has_no_orbit():
+    system = HybridSystem(("x", "v"), {}, {"m": Mode({"x": "v", "v": "-x - v"})})
+    with pytest.raises(ConvergenceError, match="at rest"):
+        find_orbit(system, x0=[1.0, 0.0], settle=300.0)
+
+
+@pytest.mark.parametrize("settle", [0.0, -1.0, math.nan, math.inf, "long"])
+def test_a_time_to_settle_that_cannot_be(settle):
+    with pytest.raises(InputError, match=rf"^settle = {re.escape(repr(settle))}: must be a finite number > 0$"):
+        find_orbit(systems.impact_oscillator(), x0=[0.0, 0.0], settle=settle)
+
+
+@pytest.mark.parametrize("x0", [(), [1.0]])
+def test_a_start_of_another_length(x0):
+    with pytest.raises(InputError, match=r"^x0 = .*: must be of shape \(2,\), one number for each of x, v$"):
+        find_orbit(systems.impact_oscillator(), x0=x0)
+
+
+def test_an_unknown_mode():
+    with pytest.raises(InputError, match=r"^mode = 'stik': must be one of slip, stick; did you mean 'stick'\?$"):
+        find_orbit(systems.stick_slip(), x0=[0.0, 0.3], mode="stik")
