@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -199,7 +199,6 @@ def follow(
     start: Point,
     control: StepControl,
     *,
-    located: Callable[[str], bool],
     log: list[Failure],
     first_step: float | None = None,
 ) -> Iterator[Point | Event | str]:
@@ -213,8 +212,6 @@ def follow(
         Where, and by its tangent in which direction; examined.
     control : StepControl
         Steps.
-    located : callable
-        Whether a zero of the named monitor function is looked for.
     log : list of Failure
         Takes each rejected step.
     first_step : float, optional
@@ -232,7 +229,7 @@ def follow(
             new.examined = problem.examine(new, point)
             reason = new.examined.fault
             if reason is None:
-                found = _events(problem, point, new, located)
+                found = _events(problem, point, new)
                 if isinstance(found, str):
                     reason = found
                 elif h > _CROWDED and problem.crowded([event.name for event in found]):
@@ -303,12 +300,12 @@ def _turns_twice(a: float, b: float, chord: float) -> bool:
     return 0.0 < s < 1.0 and a - 3.0 * bottom * s * s < 0.0
 
 
-def _events(problem: ZeroProblem, a: Point, b: Point, located: Callable[[str], bool]) -> list[Event] | str:
+def _events(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | str:
     changed = {}
     for name, value in b.examined.monitors.items():
         old = a.examined.monitors.get(name, math.nan)
         known = math.isfinite(old) and math.isfinite(value) and old != 0.0
-        if located(name) and known and ((old < 0.0) != (value < 0.0) or value == 0.0):
+        if known and ((old < 0.0) != (value < 0.0) or value == 0.0):
             changed[name] = (old, value)
     events = []
     for name in problem.leading(list(changed)):

@@ -11,8 +11,9 @@ import numpy as np
 
 from saltus.errors import InputError, nearest
 from saltus.orbits import PeriodicOrbit
+from saltus.orbits.orbit import complex_of, orbit_at
 from saltus.orbits.problem import OrbitProblem, Signature
-from saltus.results import Result, as_json, frozen
+from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
@@ -100,7 +101,12 @@ class SpecialPoints(Sequence[SpecialPoint]):
             row |= {f"x0_{name}": value for name, value in zip(p.orbit.system.states, p.orbit.x0, strict=True)}
             row |= {f"min_{name}": value for name, value in p.orbit.min.items()}
             row |= {f"max_{name}": value for name, value in p.orbit.max.items()}
-            row |= {"period": p.orbit.period, "signature": p.orbit.signature, "admissible": p.orbit.admissible}
+            row |= {
+                "period": p.orbit.period,
+                "stable": p.orbit.stable,
+                "signature": p.orbit.signature,
+                "admissible": p.orbit.admissible,
+            }
             rows.append(row | {"test": p.test})
         return pd.DataFrame(rows)
 
@@ -143,6 +149,8 @@ class Branch(Result):
         Why the branch ended, at its first and at its last point.
     rejected : tuple of str
         Steps that were not taken, with their reasons.
+    options : mapping
+        What `continue_orbit` was asked for: bounds, steps, directions, events, stop_at, at_grazing.
     tol : float
         Relative tolerance of the flow.
     """
@@ -165,7 +173,8 @@ class Branch(Result):
     unknowns: tuple[NDArray[np.float64], ...]
     special_points: SpecialPoints
     stopped: tuple[str, str]
-    rejected: tuple[str, ...] = field(default=())
+    rejected: tuple[str, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
     tol: float = 1e-12
 
     def __post_init__(self) -> None:
@@ -179,10 +188,8 @@ class Branch(Result):
     def __len__(self) -> int:
         return len(self.values)
 
-    def __getitem__(self, label: str | int) -> Any:
-        """Return the special point of that label, or the orbit of that index."""
-        if isinstance(label, int | np.integer):
-            return self.orbit(int(label))
+    def __getitem__(self, label: str) -> SpecialPoint:
+        """Return the special point of that label."""
         for point in self.special_points:
             if point.label == label:
                 return point
@@ -209,8 +216,11 @@ class Branch(Result):
         columns |= {state: self.x0[:, i] for i, state in enumerate(self.system.states)}
         columns |= {f"min_{q}": self.lows[:, i] for i, q in enumerate(self.quantities)}
         columns |= {f"max_{q}": self.highs[:, i] for i, q in enumerate(self.quantities)}
+        if self.system.phase is not None:
+            for side in ("min", "max"):
+                columns.pop(f"{side}_{self.system.phase[0]}")
         if name not in columns:
-            raise InputError("quantity", name, f"one of {', '.join(columns)}", nearest(name, columns))
+            raise InputError("quantity", name, f"one of {', '.join(columns)}", nearest(str(name), columns))
         found: NDArray[np.float64] = columns[name]
         return found
 
@@ -228,7 +238,8 @@ class Branch(Result):
             return float(orbit.x0[self.system.states.index(name)])
         if name == "arclength":
             return point.arclength
-        raise InputError("quantity", name, "one that column() knows", nearest(name, self.quantities))
+        self.column(name)  # says what is wrong with the name
+        raise AssertionError(name)
 
     def signature(self, index: int) -> tuple[tuple[str, str], ...]:
         """Return the (mode, transition) names of a point's segments."""
@@ -237,8 +248,8 @@ class Branch(Result):
 
     def orbit(self, index: int) -> PeriodicOrbit:
         """Return the orbit of one point, from which another continuation can start."""
-        from saltus.orbits.orbit import orbit_at
-
+        if isinstance(index, bool) or not isinstance(index, int | np.integer):
+            raise InputError("index", index, "an integer")
         if not -len(self) <= index < len(self):
             raise InputError("index", index, f"between {-len(self)} and {len(self) - 1}")
         values = dict(self.parameters) | {self.parameter: float(self.values[index])}
@@ -311,13 +322,14 @@ class Branch(Result):
         attrs = {
             "parameter": self.parameter,
             "parameters": json.dumps(dict(self.parameters)),
-            "definition": as_json(self.system.definition()),
-            "forms": as_json([[f.modes, f.transitions, f.kinds, f.turns] for f in forms]),
-            "signatures": as_json(names),
+            "definition": json.dumps(self.system.definition()),
+            "forms": json.dumps([[f.modes, f.transitions, f.kinds, f.turns] for f in forms]),
+            "signatures": json.dumps(names),
             "n_forms": len(self.forms),
             "stopped_first": self.stopped[0],
             "stopped_last": self.stopped[1],
-            "rejected": as_json(list(self.rejected)),
+            "rejected": json.dumps(list(self.rejected)),
+            "options": json.dumps(dict(self.options)),
             "tol": self.tol,
             "ragged": "unknown: the points' segments one after the other, unknown_count numbers each: "
             f"state ({n}) and duration of each segment",
@@ -346,7 +358,7 @@ class Branch(Result):
                 forms[int(ds["special_form"].values[i])],
                 table[:, :n],
                 table[:, n],
-                ds["special_multiplier_re"].values[i] + 1j * ds["special_multiplier_im"].values[i],
+                complex_of(ds["special_multiplier_re"].values[i], ds["special_multiplier_im"].values[i]),
                 float(ds["special_residual"].values[i]),
                 int(ds["special_faults"].values[i]),
                 ds["special_x0"].values[i],
@@ -370,7 +382,7 @@ class Branch(Result):
             parameters,
             ds[parameter].values,
             ds["x0"].values,
-            _complex(ds["multiplier_re"].values, ds["multiplier_im"].values),
+            complex_of(ds["multiplier_re"].values, ds["multiplier_im"].values),
             ds["stable"].values.astype(bool),
             ds["admissible"].values.astype(bool),
             ds["period"].values,
@@ -384,6 +396,7 @@ class Branch(Result):
             SpecialPoints(specials, parameter),
             (str(attrs["stopped_first"]), str(attrs["stopped_last"])),
             tuple(json.loads(attrs["rejected"])),
+            json.loads(attrs["options"]),
             tol,
         )
 
@@ -401,9 +414,3 @@ class Branch(Result):
 
 def _written(signature: tuple[tuple[str, str], ...]) -> str:
     return " -> ".join(f"{mode}:{transition}" for mode, transition in signature)
-
-
-def _complex(re: NDArray[np.float64], im: NDArray[np.float64]) -> NDArray[np.complex128]:
-    out = np.empty(re.shape, dtype=np.complex128)
-    out.real, out.imag = re, im
-    return out

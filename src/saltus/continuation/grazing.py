@@ -49,6 +49,7 @@ def neighbour(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> Ne
     elif kind == "duration":
         found = _remove(problem, blocks, u, int(numbers[0]))
     else:
+        problem.survey(u)
         found = _merge(problem, blocks, u, int(numbers[0]))
     if isinstance(found, str):
         return found
@@ -77,9 +78,9 @@ def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
     place = problem.survey(u).places[i, k]
     duration = blocks[i, n]
     before = duration * place * place * (3.0 - 2.0 * place)
-    touching = problem.state_on(u, i, place)
+    touching = problem.state_on(i, place)
     landed = np.empty(n)
-    system.compiled.call("reset", k, 0, touching, problem._extended, landed)
+    system.compiled.call("reset", k, 0, touching, problem.extended, landed)
     scale = problem.state_scale
     if np.max(np.abs(landed - touching) / scale) > _NEAR:
         return "the reset moves the state there: no neighbouring signature is continuous"
@@ -106,12 +107,13 @@ def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
 
 
 def _way_back(problem: OrbitProblem, source: int, target: int, x: NDArray[np.float64]) -> int | None:
-    out = np.empty(2)
+    n = problem.n
+    out = np.empty(2 + 2 * n)
     names = problem.system.mode_names
     for k, transition in enumerate(problem.system.transitions):
         if transition.source == names[source] and transition.target == names[target]:
-            problem.system.compiled.call("event", k, 0, np.ascontiguousarray(x), problem._extended, out)
-            if abs(out[0]) < _NEAR:
+            problem.system.compiled.call("event_x", k, 0, np.ascontiguousarray(x), problem.extended, out)
+            if abs(out[0]) < _NEAR * float(np.abs(out[2 : 2 + n]) @ problem.state_scale):
                 return k
     return None
 
@@ -120,8 +122,8 @@ def _turns_back(problem: OrbitProblem, back: int, mode: int, x: NDArray[np.float
     """Whether the motion in a mode, without velocity on the surface of the transition `back`, is bent towards it."""
     n, compiled = problem.n, problem.system.compiled
     gradient, field = np.empty(2 + 2 * n), np.empty(n)
-    compiled.call("event_x", back, 0, np.ascontiguousarray(x), problem._extended, gradient)
-    compiled.call("field", mode, 0, np.ascontiguousarray(x), problem._extended, field)
+    compiled.call("event_x", back, 0, np.ascontiguousarray(x), problem.extended, gradient)
+    compiled.call("field", mode, 0, np.ascontiguousarray(x), problem.extended, field)
     return float(gradient[2 + n :] @ field) * (problem.system.transitions[back].direction or 1) > 0.0
 
 
@@ -149,6 +151,10 @@ def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.flo
     following = (i + 1) % count
     if old.modes[i] != old.modes[following]:
         return "the event met without velocity changes the mode"
+    met, after = problem.state_on(i, 1.0), np.empty(n)
+    problem.system.compiled.call("reset", old.transitions[i], 0, met, problem.extended, after)
+    if np.max(np.abs(after - met) / problem.state_scale) > _NEAR:
+        return "the event met without velocity moves the state"
     if count == 1:
         return _closed(problem, blocks[0], u)
     joined = blocks[i].copy()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -90,26 +90,38 @@ def continue_orbit(
     >>> f"{branch['SN1'].parameters['A']:.9f} {branch['GR1'].parameters['A']:.9f}"
     '0.099970754 0.100000000'
     """
-    control = steps or StepControl()
+    control = StepControl() if steps is None else steps
+    if not isinstance(control, StepControl):
+        raise InputError("steps", steps, "a StepControl")
     if not isinstance(orbit, PeriodicOrbit):
         raise InputError("orbit", orbit, "a PeriodicOrbit", "find_orbit and solve_orbit give one")
-    system = orbit.system
     low, high = _check(orbit, parameter, bounds, directions, at_grazing)
-    wanted = _read_events(orbit, parameter, events or {})
-    stops = {stop_at} if isinstance(stop_at, str) else set(stop_at)
+    wanted = _read_events(orbit, parameter, {} if events is None else events)
+    if not isinstance(stop_at, str | Iterable):
+        raise InputError("stop_at", stop_at, "the name of a type of special point, or several")
+    stops = {stop_at} if isinstance(stop_at, str) else {str(name) for name in stop_at}
     if unknown := stops - {*BIFURCATIONS, *(name for name, *_ in wanted)}:
         known = [*BIFURCATIONS, *(events or {})]
         raise InputError("stop_at", min(unknown), f"one of {', '.join(known)}", nearest(min(unknown), known))
-    index = system.parameter_names.index(parameter)
     scale = _scale(low, high, orbit.parameters[parameter])
-    run = _Run(orbit, index, scale, low / scale, high / scale, control, wanted, stops, at_grazing, progress)
+    run = _Run(
+        orbit, parameter, Interest(low / scale, high / scale, scale, wanted), control, stops, at_grazing, progress
+    )
     start = run.begin()
     halves: list[_Half] = []
     for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
         if halves and (halves[0].closed or halves[0].interrupted):
             break
         halves.append(run.trace(start, sign))
-    return _assemble(orbit, parameter, scale, start, halves, run)
+    options = {
+        "bounds": [low, high],
+        "steps": asdict(control),
+        "directions": directions,
+        "events": dict(events or {}),
+        "stop_at": sorted(stops),
+        "at_grazing": at_grazing,
+    }
+    return _assemble(orbit, parameter, scale, start, halves, run, options)
 
 
 def _check(
@@ -147,8 +159,12 @@ def _scale(low: float, high: float, value: float) -> float:
     return abs(value) or 1.0
 
 
-def _read_events(orbit: PeriodicOrbit, parameter: str, events: Mapping[str, float]) -> list[tuple[str, str, float]]:
+def _read_events(
+    orbit: PeriodicOrbit, parameter: str, events: Mapping[str, float]
+) -> tuple[tuple[str, str, float], ...]:
     """Return (name, kind, value) for each event, kind being ``parameter`` or an extreme."""
+    if not isinstance(events, Mapping):
+        raise InputError("events", events, "a mapping of names to values, as {'gap': 0.02}")
     found = []
     quantities = [*orbit.min]
     for name, value in events.items():
@@ -163,7 +179,7 @@ def _read_events(orbit: PeriodicOrbit, parameter: str, events: Mapping[str, floa
         else:
             known = [parameter, *quantities, *(f"min_{q}" for q in quantities), *(f"max_{q}" for q in quantities)]
             raise InputError("events", name, f"one of {', '.join(known)}", nearest(name, known))
-    return found
+    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,22 +210,17 @@ class _Run:
     def __init__(
         self,
         orbit: PeriodicOrbit,
-        index: int,
-        scale: float,
-        low: float,
-        high: float,
+        parameter: str,
+        interest: Interest,
         control: StepControl,
-        events: list[tuple[str, str, float]],
         stops: set[str],
         at_grazing: str,
         progress: Callable[[int, float], None] | None,
     ) -> None:
-        self.orbit, self.index, self.scale = orbit, index, scale
-        self.low, self.high = low, high
-        self.control, self.events, self.stops, self.at_grazing = control, events, stops, at_grazing
-        self.interest = Interest(low, high, scale, tuple(events))
-        self.progress = progress
-        self.name = orbit.system.parameter_names[index]
+        self.orbit, self.name, self.interest = orbit, parameter, interest
+        self.index = orbit.system.parameter_names.index(parameter)
+        self.scale = interest.scale
+        self.control, self.stops, self.at_grazing, self.progress = control, stops, at_grazing, progress
         self.log: list[Failure] = []
         self.count = 0
 
@@ -232,18 +243,13 @@ class _Run:
         point.examined = branch.examine(point, None)
         return branch, point
 
-    def located(self, name: str) -> bool:
-        """Whether zeros of a monitor function are looked for."""
-        kind = name.split(" ")[0]
-        return not (kind in ("margin", "duration", "rate") and self.at_grazing == "pass" and kind == "margin")
-
     def trace(self, start: tuple[OrbitBranch, Point], sign: float) -> _Half:
         """Follow one direction to its end."""
         half = _Half()
         branch, origin = start
         point = _turned(origin, sign)
         outwards = math.copysign(1.0, float(point.tangent[-1]))
-        if outwards * (point.parameter - (self.high if outwards > 0.0 else self.low)) > -_ROUNDING:
+        if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -_ROUNDING:
             half.stopped = f"{self.name} = {point.parameter * self.scale:.9g}: bound reached"
             return half
         first: float | None = None
@@ -268,7 +274,7 @@ class _Run:
     ) -> str | tuple[OrbitBranch, Point, float]:
         """Follow one signature; return why the branch ended, or where it goes on."""
         last = point
-        for item in follow(branch, point, self.control, located=self.located, log=self.log, first_step=first):
+        for item in follow(branch, point, self.control, log=self.log, first_step=first):
             if isinstance(item, str):
                 value = last.parameter * self.scale
                 return f"{self.name} = {value:.9g}: {item}"
@@ -296,11 +302,11 @@ class _Run:
         kind = event.name.split(" ")[0]
         point = event.point
         if kind in ("low", "high"):
-            point.u[-1] = self.low if kind == "low" else self.high
+            point.u[-1] = self.interest.low if kind == "low" else self.interest.high
             half.points.append((branch, point))
             return f"{self.name} = {point.parameter * self.scale:.9g}: bound reached"
         if kind == "event":
-            name = self.events[int(event.name.split(" ")[1])][0]
+            name = self.interest.events[int(event.name.split(" ")[1])][0]
         elif kind in ("margin", "duration", "rate"):
             name = "GR"
         else:
@@ -346,7 +352,7 @@ class _Run:
                 start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
                 trial = follow(
                     branch, start, StepControl(initial=probe, smallest=probe / 4, largest=probe),
-                    located=lambda _: False, log=[],
+                     log=[],
                 )  # fmt: skip
                 item = next(trial)
                 if isinstance(item, Point) and item.examined.data.survey.admissible:
@@ -404,6 +410,7 @@ def _assemble(
     start: tuple[OrbitBranch, Point],
     halves: list[_Half],
     run: _Run,
+    options: dict[str, Any],
 ) -> Branch:
     """Put the two directions together, the second after the first turned round."""
     rows = [start]
@@ -460,6 +467,7 @@ def _assemble(
             f"{parameter} = {failure.parameter * scale:.9g}, step {failure.step:.3g}: {failure.reason}"
             for failure in run.log
         ),
+        options,
         orbit.tol,
     )
 

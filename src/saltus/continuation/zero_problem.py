@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.arclength import Event, Examined, Point, correct
-from saltus.orbits.floquet import doubling_determinant, has_unit_pair, multipliers, nontrivial, unstable_count
+from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.problem import MEAN_END, OrbitProblem, Survey
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ class OrbitBranch:
         """Return weights by the trapezoidal rule over the period, so that a segment of zero length changes nothing."""
         problem = self.problem
         weights = np.empty(problem.size + 1)
-        problem._kernels.metric(u, problem.segments, self.n, self._block, weights)
+        problem.kernels.metric(u, problem.segments, self.n, self._block, weights)
         return weights
 
     def examine(self, point: Point, before: Point | None) -> Examined:
@@ -153,7 +153,7 @@ class OrbitBranch:
         data = OrbitData(survey, values, unstable_count(nontrivial(values, autonomous=self._autonomous)))
         monitors = {name: value(point) for name, value in self._simple.items()}
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
-        monitors["TR"] = has_unit_pair(values)
+        monitors["TR"] = distance_from_circle(values)
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         return Examined(monitors, None if before is None else _fault(point, before, monitors, data), data)
@@ -163,7 +163,7 @@ class OrbitBranch:
         if name in self._simple:
             return self._simple[name](point)
         if name == "TR":
-            return has_unit_pair(multipliers(self.problem, point.u, point.J))
+            return distance_from_circle(multipliers(self.problem, point.u, point.J))
         return self._surveyed[name](self.problem.survey(point.u))
 
     def leading(self, names: list[str]) -> list[str]:

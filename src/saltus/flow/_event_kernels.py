@@ -14,9 +14,19 @@ import math
 from fractions import Fraction
 
 import numpy as np
-from numba import njit
+from numba import float64, int64, njit
 
-from saltus.flow._kernels import call, dense_coefficients, dense_value, error_norm, stage
+from saltus.flow._kernels import (
+    INNER,
+    call,
+    dense_coefficients,
+    dense_value,
+    error_norm,
+    outlined,
+    pointer,
+    stack,
+    stage,
+)
 from saltus.system.codegen import FUNCTIONS
 
 FIELD, EVENT, EVENT_X, RESET, GUARD = (
@@ -48,13 +58,14 @@ CHATTERING_DURATION = 1e-10
 DEGREE = 8
 ROOTS = 16
 DEPTH = 64
+PIECE = DEGREE + 3  # a polynomial's coefficients and ends on the stack
 EPSILON = 2.220446049250313e-16
 ROUNDING = 64.0 * EPSILON
 TWO_PI = 2.0 * math.pi
 
 
 def _bernstein_fit():
-    """Matrix from values at `FIT_NODES` to Bernstein coefficients, exact but for its last rounding."""
+    """Matrix from values at `FIT_NODES` to Bernstein coefficients, flat, exact but for its last rounding."""
     nodes = [Fraction(round(512 * (1.0 - math.cos(math.pi * j / DEGREE))), 1024) for j in range(DEGREE + 1)]
     rows = [[math.comb(DEGREE, j) * s**j * (1 - s) ** (DEGREE - j) for j in range(DEGREE + 1)] for s in nodes]
     size = DEGREE + 1
@@ -66,7 +77,7 @@ def _bernstein_fit():
         for r in range(size):
             if r != i and work[r][i] != 0:
                 work[r] = [a - work[r][i] * b for a, b in zip(work[r], work[i], strict=True)]
-    return np.array([float(s) for s in nodes]), np.array([[float(v) for v in row[size:]] for row in work])
+    return np.array([float(s) for s in nodes]), np.array([float(v) for row in work for v in row[size:]])
 
 
 FIT_NODES, FIT = _bernstein_fit()
@@ -74,7 +85,7 @@ CHECKS = np.array([0.2213, 0.7841])
 """Fractions of a piece at which the fitted polynomial is compared with the event function, between the nodes."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _variations(b, degree):
     """Sign variations of Bernstein coefficients, and the first and last sign that is not zero."""
     count = first = last = 0
@@ -89,7 +100,7 @@ def _variations(b, degree):
     return count, first, last
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _bernstein_value(b, degree, s, work):
     """Value and derivative of a Bernstein polynomial at s, by de Casteljau's scheme."""
     for i in range(degree + 1):
@@ -103,9 +114,10 @@ def _bernstein_value(b, degree, s, work):
     return work[0], slope
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _single_root(b, degree, first, work):
     """The one root in (0, 1) of a polynomial whose coefficients change sign once, from sign `first`."""
+    outlined()
     low, high, s = 0.0, 1.0, 0.5
     for _ in range(200):
         value, slope = _bernstein_value(b, degree, s, work)
@@ -125,20 +137,21 @@ def _single_root(b, degree, first, work):
     return s
 
 
-@njit(cache=True, error_model="numpy")
-def _bernstein_roots(b, degree, noise, start, width, stack, work, found, count):
+@njit(**INNER)
+def _bernstein_roots(b, degree, noise, start, width, pieces, work, found, count):
     """Append the roots in (0, 1) of a Bernstein polynomial, in order, as start + width * root; the new count, or -1.
 
     Roots that `noise` may have made in pairs are left out.
     """
+    outlined()
     for i in range(degree + 1):
-        stack[0, i] = b[i]
-    stack[0, DEGREE + 1] = 0.0
-    stack[0, DEGREE + 2] = 1.0
+        pieces[i] = b[i]
+    pieces[DEGREE + 1] = 0.0
+    pieces[DEGREE + 2] = 1.0
     top = 1
     while top > 0:
         top -= 1
-        piece = stack[top]
+        piece = pointer(pieces, top * PIECE)
         low, high = piece[DEGREE + 1], piece[DEGREE + 2]
         changes, first, last = _variations(piece, degree)
         if changes == 0:
@@ -167,7 +180,7 @@ def _bernstein_roots(b, degree, noise, start, width, stack, work, found, count):
                 break
             cut -= 0.01907
         # left half ends up above the right one on the stack
-        left, right = stack[top + 1], stack[top]
+        left, right = pointer(pieces, (top + 1) * PIECE), piece
         for i in range(degree + 1):
             work[i] = right[i]
         left[0] = work[0]
@@ -186,15 +199,16 @@ def _bernstein_roots(b, degree, noise, start, width, stack, work, found, count):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _event_at(addresses, k, n, p, x, dense, s, y, event):
     """Event function at a fraction of the step."""
-    dense_value(dense, 0, n, x, 0, s, y)
+    outlined()
+    dense_value(dense, int64(0), n, x, int64(0), s, y)
     call(addresses[EVENT], k, 0, y, 0, p, event, 0)
     return event[0]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _leaving_side(q, degree, rate_counts):
     """Side to which a motion leaves a surface: the sign of h / s near 0, with the coefficients q of h / s; 0: stays."""
     if rate_counts and q[0] != 0.0:
@@ -209,17 +223,19 @@ def _leaving_side(q, degree, rate_counts):
     return 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _scan(
     addresses, k, n, p, x, dense, h, value_0, value_1, on, rate_h, rate_counts, consumed, side, direction,
-    rtol, atol, y, event, values, b, stack, work, found,
+    rtol, atol, y, event, values, b, pieces, work, found,
 ):  # fmt: skip
     """All zeros of event function k in the step, in order.
 
     on: the step starts on the surface, so that zero is divided out; `side` is then the side of the motion before, or 0.
     Returns the count of zeros (-1: too many for one step) and the side before the first of them; side 0: still on it.
     """
+    outlined()
     count = 0
+    full = int64(DEGREE)  # one type for whatever degree, so that what follows is compiled once
     before = side
     now = side
     a, width = 0.0, 1.0
@@ -237,12 +253,12 @@ def _scan(
         for i in range(DEGREE + 1):
             total = 0.0
             for j in range(DEGREE + 1):
-                total += FIT[i, j] * (values[j] - origin)
+                total += FIT[i * (DEGREE + 1) + j] * (values[j] - origin)
             b[i] = total
         fits = True
         tolerance = max(0.1 * (atol + rtol * largest), 1e-12 * largest)
         for i in range(2):
-            fitted, _slope = _bernstein_value(b, DEGREE, CHECKS[i], work)
+            fitted, _slope = _bernstein_value(b, full, CHECKS[i], work)
             exact = _event_at(addresses, k, n, p, x, dense, a + width * CHECKS[i], y, event)
             if not abs(fitted + origin - exact) <= tolerance:
                 fits = False
@@ -251,10 +267,10 @@ def _scan(
             width *= 0.5
             continue
         noise = 1e-13 * largest
-        degree = DEGREE
+        degree = full
         if on_here:
             # h / s: its coefficient i is h's coefficient i + 1 times degree / (i + 1)
-            degree = DEGREE - 1
+            degree = full - 1
             for i in range(DEGREE):
                 b[i] = b[i + 1] * DEGREE / (i + 1.0)
             b[0] = rate_h * width if rate_counts else 0.0
@@ -281,7 +297,7 @@ def _scan(
                 count += 1
                 now = first
         earlier = count
-        count = _bernstein_roots(b, degree, noise, a, width, stack, work, found, count)
+        count = _bernstein_roots(b, degree, noise, a, width, pieces, work, found, count)
         if count < 0:
             return -1, before
         if (count - earlier) % 2 == 1:
@@ -292,13 +308,14 @@ def _scan(
     return count, before
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _stays_away(addresses, k, n, p, x, dense, value_0, slope_0, value_1, slope_1, y, event):
     """Whether an event function is far from zero in the whole step.
 
     The cubic with the values and slopes at both ends lies within its Bernstein coefficients; all of them must be ten
     times farther from zero than the function is from the cubic, at two points.
     """
+    outlined()
     b1, b2 = value_0 + slope_0 / 3.0, value_1 - slope_1 / 3.0
     if value_0 > 0.0:
         least = min(min(value_0, b1), min(b2, value_1))
@@ -314,34 +331,36 @@ def _stays_away(addresses, k, n, p, x, dense, value_0, slope_0, value_1, slope_1
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _full_step(addresses, mode, n, p, h, x, slopes, y, x_end):
     """Twelve stages from x, the first of them known; the end of the step in x_end."""
-    for i in range(1, 12):
-        stage(i, slopes, n, h, x, y)
-        call(addresses[FIELD], mode, 0, y, 0, p, slopes, i * n)
-    stage(12, slopes, n, h, x, x_end)
+    outlined()
+    for i in range(1, 13):
+        stage(i, slopes, n, h, x, y if i < 12 else x_end)
+        if i < 12:
+            call(addresses[FIELD], mode, 0, y, 0, p, slopes, i * n)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _dense(addresses, mode, n, p, h, x, x_end, slopes, y, dense):
     """Three more stages and the dense output; the slope at the end is known."""
+    outlined()
     for i in range(13, 16):
         stage(i, slopes, n, h, x, y)
         call(addresses[FIELD], mode, 0, y, 0, p, slopes, i * n)
     dense_coefficients(slopes, n, h, x, x_end, dense)
 
 
-@njit(cache=True, error_model="numpy")
-def _scale(gradient, at, n, size):
+@njit(**INNER)
+def _scale(gradient, n, size):
     """Size of the terms that a function sums up: its rounding is a small multiple of epsilon of it."""
     total = 0.0
     for e in range(n):
-        total += abs(gradient[at + e]) * size[e]
+        total += abs(gradient[e]) * size[e]
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _land(addresses, k, mode, n, p, h, low, guess, high, before, x, slopes, trial, y, size, event, x_end):
     """Step from x that ends on event k, bracketed by fractions low and high of h: (dt, relative residual).
 
@@ -349,6 +368,7 @@ def _land(addresses, k, mode, n, p, h, low, guess, high, before, x, slopes, tria
     no step lands (a dip lost in the tolerance), the best one is taken. Leaves the slopes in `trial`, that at the end
     included, the sizes of the state in `size`, and the event with its gradient in `event`.
     """
+    outlined()
     for e in range(n):
         trial[e] = slopes[e]
     low, high, dt = low * h, high * h, guess * h
@@ -376,7 +396,7 @@ def _land(addresses, k, mode, n, p, h, low, guess, high, before, x, slopes, tria
             break
         if low < dt + correction < high:
             dt += correction
-        elif abs(value) <= ROUNDING * _scale(event, 2, n, size) or high - low <= 4.0 * EPSILON * high:
+        elif abs(value) <= ROUNDING * _scale(pointer(event, 2), n, size) or high - low <= 4.0 * EPSILON * high:
             break
         else:
             dt = 0.5 * (low + high)
@@ -387,13 +407,14 @@ def _land(addresses, k, mode, n, p, h, low, guess, high, before, x, slopes, tria
     call(addresses[EVENT_X], k, 0, x_end, 0, p, event, 0)
     for e in range(n):
         size[e] = max(abs(x[e]), abs(x_end[e]), dt * abs(trial[e]))
-    scale = _scale(event, 2, n, size)
+    scale = _scale(pointer(event, 2), n, size)
     return dt, abs(event[0]) / scale if scale > 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end):
     """A first step (Hairer, Norsett & Wanner 1993, section II.4): an Euler step tells the second derivative."""
+    outlined()
     d0 = d1 = 0.0
     for e in range(used):
         scale = atol + rtol * abs(x[e])
@@ -415,9 +436,10 @@ def _first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end):
     return min(100.0 * h, other)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _step_factor(error, h, numbers):
     """Next step over this one: predictive where steps shrink towards a steep place (Hairer & Wanner, II, IV.8)."""
+    outlined()
     if error < 1e-8:
         return 6.0
     factor = 0.9 * error**-0.125
@@ -427,7 +449,7 @@ def _step_factor(error, h, numbers):
     return min(6.0, max(0.2, factor))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _advance(numbers, dt):
     """Add to the time, with the rounding kept apart."""
     t = numbers[T]
@@ -437,37 +459,39 @@ def _advance(numbers, dt):
     numbers[DURATION] += dt
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _record_event(counts, numbers, k, n, rate, x_before, x_after, mode_before, mode_after, times, which, ends, rates):
+    outlined()
     i = counts[N_EVENTS]
     times[i] = numbers[T] + numbers[T_LOW]
-    which[i, 0] = k
-    which[i, 1] = mode_before
-    which[i, 2] = mode_after
+    which[3 * i] = k
+    which[3 * i + 1] = mode_before
+    which[3 * i + 2] = mode_after
     rates[i] = rate
     for e in range(n):
-        ends[i, 0, e] = x_before[e]
-        ends[i, 1, e] = x_after[e]
+        ends[2 * i * n + e] = x_before[e]
+        ends[(2 * i + 1) * n + e] = x_after[e]
     counts[N_EVENTS] = i + 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _record_step(counts, numbers, n, h, mode, x, dense, step_times, step_modes, step_starts, step_dense):
+    outlined()
     i = counts[N_STEPS]
-    step_times[i, 0] = numbers[T] + numbers[T_LOW]
-    step_times[i, 1] = h
+    step_times[2 * i] = numbers[T] + numbers[T_LOW]
+    step_times[2 * i + 1] = h
     step_modes[i] = mode
     for e in range(n):
-        step_starts[i, e] = x[e]
-    for j in range(7):
-        for e in range(n):
-            step_dense[i, j, e] = dense[j * n + e]
+        step_starts[i * n + e] = x[e]
+    for e in range(7 * n):
+        step_dense[7 * i * n + e] = dense[e]
     counts[N_STEPS] = i + 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _chatters(counts, numbers, phase):
     """Whether the event that ends a segment is one of infinitely many; the next segment's times are set."""
+    outlined()
     duration = numbers[DURATION]
     scale = TWO_PI / phase if phase > 0.0 else numbers[LONGEST]
     still = duration <= 4.0 * EPSILON * max(scale, numbers[T])
@@ -489,6 +513,126 @@ def _chatters(counts, numbers, phase):
     return False
 
 
+@njit(**INNER)
+def _begin(
+    addresses, transitions, n_transitions, mode, n, used, p, x, slopes, size, rtol, atol, numbers, counts, side, on,
+    value, first_steps, y, x_end, event,
+):  # fmt: skip
+    """Begin a segment: its first slope and step, and on which side of every event it starts; False: not finite."""
+    outlined()
+    call(addresses[FIELD], mode, 0, x, 0, p, slopes, 0)
+    for e in range(n):
+        if not abs(slopes[e]) < math.inf:
+            return False
+    numbers[STEP] = first_steps[mode]
+    if numbers[STEP] <= 0.0:
+        numbers[STEP] = _first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end)
+    numbers[FIRST_STEP] = numbers[STEP_BEFORE] = 0.0
+    for k in range(n_transitions):
+        if transitions[3 * k] != mode:
+            continue
+        call(addresses[EVENT_X], k, 0, x, 0, p, event, 0)
+        value[k] = event[0]
+        reach = (ROUNDING + 4.0 * numbers[RESIDUAL]) * _scale(pointer(event, 2), n, size)
+        on[k] = 1 if abs(event[0]) <= reach else 0
+        if on[k] == 0:
+            side[k] = 1 if event[0] > 0.0 else -1
+        elif k == counts[FIRED] or counts[MODE_BEFORE] != mode:
+            side[k] = 0
+    counts[STARTING] = 0
+    return True
+
+
+@njit(**INNER)
+def _seek(
+    addresses, transitions, n_transitions, mode, n, p, x, x_end, size, h, dense, rtol, atol, counts, side, on, value,
+    value_end, before, found, n_found, passed, y, event, values, b, pieces, work,
+):  # fmt: skip
+    """Find every zero of every event function in the step; whether there are too many for one step."""
+    outlined()
+    too_many = False
+    for k in range(n_transitions):
+        n_found[k] = passed[k] = 0
+        if transitions[3 * k] != mode:
+            continue
+        rate_counts = False
+        call(addresses[EVENT_X if on[k] == 1 else EVENT], k, 0, x, 0, p, event, 0)
+        rate_h = event[1] * h
+        if on[k] == 1:
+            rate_counts = abs(event[1]) > ROUNDING * _scale(pointer(event, 2 + n), n, size)
+        call(addresses[EVENT], k, 0, x_end, 0, p, event, 0)
+        value_end[k] = event[0]
+        before[k] = side[k]
+        if (
+            on[k] == 0
+            and side[k] * value[k] > 0.0
+            and _stays_away(addresses, k, n, p, x, dense, value[k], rate_h, event[0], event[1] * h, y, event)
+        ):
+            continue
+        consumed = k == counts[FIRED] and counts[MODE_BEFORE] == mode
+        n_found[k], before[k] = _scan(
+            addresses, k, n, p, x, dense, h, value[k], value_end[k], on[k] == 1, rate_h, rate_counts, consumed,
+            side[k], transitions[3 * k + 2], rtol, atol, y, event, values, b, pieces, work, pointer(found, ROOTS * k),
+        )  # fmt: skip
+        too_many = too_many or n_found[k] < 0
+    return too_many
+
+
+@njit(**INNER)
+def _first_event(
+    addresses, transitions, n_transitions, n_modes, mode, n, p, x, slopes, size, h, numbers, before, found, n_found,
+    passed, landing, landing_size, trial, y, event, guard,
+):  # fmt: skip
+    """Land on the first crossing that counts: its transition (-1: none), the time to it, and its fraction of the step."""
+    outlined()
+    none, dt, fraction = int64(-1), h, 2.0
+    while True:
+        first, fraction, index = none, 2.0, 0
+        for k in range(n_transitions):
+            if transitions[3 * k] != mode:
+                continue
+            for j in range(passed[k], n_found[k]):
+                goes = -before[k] if j % 2 == 0 else before[k]
+                if transitions[3 * k + 2] == 0 or transitions[3 * k + 2] == goes:
+                    if found[ROOTS * k + j] < fraction:
+                        first, fraction, index = k, found[ROOTS * k + j], j
+                    break
+        if first < 0:
+            return none, h, fraction
+        if fraction == 0.0:
+            dt = 0.0
+            numbers[RESIDUAL] = 0.0
+            for e in range(n):
+                landing[e] = x[e]
+                landing_size[e] = size[e]
+        else:
+            low = 0.0 if index == 0 else 0.5 * (found[ROOTS * first + index - 1] + fraction)
+            high = 1.0 if index + 1 == n_found[first] else 0.5 * (fraction + found[ROOTS * first + index + 1])
+            sign = before[first] if index % 2 == 0 else -before[first]
+            dt, numbers[RESIDUAL] = _land(
+                addresses, first, mode, n, p, h, low, fraction, high, sign, x, slopes, trial, y, landing_size,
+                event, landing,
+            )  # fmt: skip
+        # of those at the same time, the first in the definition
+        for k in range(first):
+            if transitions[3 * k] != mode:
+                continue
+            for j in range(passed[k], n_found[k]):
+                goes = -before[k] if j % 2 == 0 else before[k]
+                if transitions[3 * k + 2] == 0 or transitions[3 * k + 2] == goes:
+                    if found[ROOTS * k + j] < fraction + 1e-6:
+                        call(addresses[EVENT_X], k, 0, landing, 0, p, event, 0)
+                        if abs(event[0]) <= ROUNDING * _scale(pointer(event, 2), n, landing_size):
+                            first, index = k, j
+                    break
+            if first == k:
+                break
+        call(addresses[GUARD], n_modes + first, 0, landing, 0, p, guard, 0)
+        if guard[0] > 0.0:
+            return first, dt, fraction
+        passed[first] = index + 1
+
+
 @njit(cache=True, error_model="numpy")
 def run_kernel(
     addresses, transitions, phase, p, t_end, last_wrap, last_event, rtol, atol, budget,
@@ -505,29 +649,29 @@ def run_kernel(
     wanted; event_times (event,), event_which (event, 3) transition (-1: phase) and modes, event_ends (event, 2, n),
     event_rates (event,).
     """
-    n = x.size
+    n, n_transitions = x.size, transitions.shape[0]
+    n_modes, most_steps, most_events = first_steps.size, step_modes.size, event_times.size
+    addresses, transitions, p = pointer(addresses, 0), pointer(transitions, 0), pointer(p, 0)
+    x, slopes, size, first_steps = pointer(x, 0), pointer(slopes, 0), pointer(size, 0), pointer(first_steps, 0)
+    numbers, counts = pointer(numbers, 0), pointer(counts, 0)
+    side, on, value = pointer(side, 0), pointer(on, 0), pointer(value, 0)
+    step_times, step_modes = pointer(step_times, 0), pointer(step_modes, 0)
+    step_starts, step_dense = pointer(step_starts, 0), pointer(step_dense, 0)
+    event_times, event_which = pointer(event_times, 0), pointer(event_which, 0)
+    event_ends, event_rates = pointer(event_ends, 0), pointer(event_rates, 0)
+    block = stack(float64, 30 * n + 3 + n_transitions * (ROOTS + 1) + 3 * (DEGREE + 1) + DEPTH * PIECE)
+    integers = stack(int64, 3 * n_transitions)
     used = n - 1 if phase > 0.0 else n
-    n_transitions = transitions.shape[0]
-    store = step_modes.size > 0
-    y = np.empty(n)
-    x_end = np.empty(n)
-    landing = np.empty(n)
-    after = np.empty(n)
-    landing_size = np.empty(n)
-    trial = np.empty(16 * n)
-    dense = np.empty(7 * n)
-    event = np.empty(2 + 2 * n)
-    values = np.empty(DEGREE + 1)
-    b = np.empty(DEGREE + 1)
-    work = np.empty(DEGREE + 1)
-    stack = np.empty((DEPTH, DEGREE + 3))
-    found = np.empty((n_transitions, ROOTS))
-    n_found = np.zeros(n_transitions, np.int64)
-    passed = np.zeros(n_transitions, np.int64)
-    before = np.zeros(n_transitions, np.int64)
-    value_end = np.empty(n_transitions)
-    guard = np.empty(1)
-    n_modes = first_steps.size
+    store = most_steps > 0
+    y, x_end, landing, after = block, pointer(block, n), pointer(block, 2 * n), pointer(block, 3 * n)
+    landing_size, trial, dense = pointer(block, 4 * n), pointer(block, 5 * n), pointer(block, 21 * n)
+    event = pointer(block, 28 * n)  # (2 + 2 n,)
+    guard, value_end = pointer(block, 30 * n + 2), pointer(block, 30 * n + 3)
+    found = pointer(value_end, n_transitions)  # (n_transitions, ROOTS)
+    values = pointer(found, ROOTS * n_transitions)
+    b, work, pieces = pointer(values, DEGREE + 1), pointer(values, 2 * (DEGREE + 1)), pointer(values, 3 * (DEGREE + 1))
+    n_found, passed, before = integers, pointer(integers, n_transitions), pointer(integers, 2 * n_transitions)
+    none = int64(-1)
     counts[N_STEPS] = counts[N_EVENTS] = 0
     while True:
         if counts[WRAPS] >= last_wrap or counts[EVENTS] >= last_event:
@@ -535,32 +679,17 @@ def run_kernel(
         room = (t_end - numbers[T]) - numbers[T_LOW]
         if room <= 0.0:
             return DONE
-        if budget <= 0 or counts[N_EVENTS] == event_times.size or (store and counts[N_STEPS] == step_modes.size):
+        if budget <= 0 or counts[N_EVENTS] == most_events or (store and counts[N_STEPS] == most_steps):
             return AGAIN
         budget -= 1
         mode = counts[MODE]
 
         if counts[STARTING] == 1:
-            call(addresses[FIELD], mode, 0, x, 0, p, slopes, 0)
-            for e in range(n):
-                if not abs(slopes[e]) < math.inf:
-                    return FIELD_NOT_FINITE
-            numbers[STEP] = first_steps[mode]
-            if numbers[STEP] <= 0.0:
-                numbers[STEP] = _first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end)
-            numbers[FIRST_STEP] = numbers[STEP_BEFORE] = 0.0
-            for k in range(n_transitions):
-                if transitions[k, 0] != mode:
-                    continue
-                call(addresses[EVENT_X], k, 0, x, 0, p, event, 0)
-                value[k] = event[0]
-                reach = (ROUNDING + 4.0 * numbers[RESIDUAL]) * _scale(event, 2, n, size)
-                on[k] = 1 if abs(event[0]) <= reach else 0
-                if on[k] == 0:
-                    side[k] = 1 if event[0] > 0.0 else -1
-                elif k == counts[FIRED] or counts[MODE_BEFORE] != mode:
-                    side[k] = 0
-            counts[STARTING] = 0
+            if not _begin(
+                addresses, transitions, n_transitions, mode, n, used, p, x, slopes, size, rtol, atol, numbers, counts,
+                side, on, value, first_steps, y, x_end, event,
+            ):  # fmt: skip
+                return FIELD_NOT_FINITE
 
         # how far: to the tolerance, the end, or the phase's wrap, whichever is first
         wraps, last = False, True
@@ -576,7 +705,7 @@ def run_kernel(
         wraps = wraps and ends
 
         _full_step(addresses, mode, n, p, h, x, slopes, y, x_end)
-        error = error_norm(slopes, n, 0, used, h, x, x_end, rtol, atol)
+        error = error_norm(slopes, n, int64(0), used, h, x, x_end, rtol, atol)
         factor = _step_factor(error, h, numbers)
         accepted = error <= 1.0
         if accepted:
@@ -591,7 +720,7 @@ def run_kernel(
             numbers[STEP] = h * factor
             for k in range(n_transitions):
                 # the field may have a kink on the surface ahead: end just past it, and the landing is near
-                if transitions[k, 0] == mode and on[k] == 0:
+                if transitions[3 * k] == mode and on[k] == 0:
                     call(addresses[EVENT], k, 0, x, 0, p, event, 0)
                     ahead = -1.05 * event[0] / event[1]
                     if numbers[STEP] < ahead < 0.8 * h:
@@ -603,34 +732,13 @@ def run_kernel(
         # every zero of every event function in the step
         active = False
         for k in range(n_transitions):
-            active = active or transitions[k, 0] == mode
+            active = active or transitions[3 * k] == mode
         if active or store:
             _dense(addresses, mode, n, p, h, x, x_end, slopes, y, dense)
-        too_many = False
-        for k in range(n_transitions):
-            n_found[k] = passed[k] = 0
-            if transitions[k, 0] != mode:
-                continue
-            rate_counts = False
-            call(addresses[EVENT_X if on[k] == 1 else EVENT], k, 0, x, 0, p, event, 0)
-            rate_h = event[1] * h
-            if on[k] == 1:
-                rate_counts = abs(event[1]) > ROUNDING * _scale(event, 2 + n, n, size)
-            call(addresses[EVENT], k, 0, x_end, 0, p, event, 0)
-            value_end[k] = event[0]
-            before[k] = side[k]
-            if (
-                on[k] == 0
-                and side[k] * value[k] > 0.0
-                and _stays_away(addresses, k, n, p, x, dense, value[k], rate_h, event[0], event[1] * h, y, event)
-            ):
-                continue
-            consumed = k == counts[FIRED] and counts[MODE_BEFORE] == mode
-            n_found[k], before[k] = _scan(
-                addresses, k, n, p, x, dense, h, value[k], value_end[k], on[k] == 1, rate_h, rate_counts, consumed,
-                side[k], transitions[k, 2], rtol, atol, y, event, values, b, stack, work, found[k],
-            )  # fmt: skip
-            too_many = too_many or n_found[k] < 0
+        too_many = _seek(
+            addresses, transitions, n_transitions, mode, n, p, x, x_end, size, h, dense, rtol, atol, counts, side, on,
+            value, value_end, before, found, n_found, passed, y, event, values, b, pieces, work,
+        )  # fmt: skip
         if too_many:
             numbers[STEP] = 0.5 * h
             if numbers[STEP] <= 4.0 * EPSILON * numbers[T] or numbers[STEP] < 1e-250:
@@ -638,54 +746,12 @@ def run_kernel(
             continue
 
         # the first that counts: in its direction, and allowed
-        fired = -1
-        dt = h
-        while active:
-            first, fraction, index = -1, 2.0, 0
-            for k in range(n_transitions):
-                if transitions[k, 0] != mode:
-                    continue
-                for j in range(passed[k], n_found[k]):
-                    goes = -before[k] if j % 2 == 0 else before[k]
-                    if transitions[k, 2] == 0 or transitions[k, 2] == goes:
-                        if found[k, j] < fraction:
-                            first, fraction, index = k, found[k, j], j
-                        break
-            if first < 0:
-                break
-            if fraction == 0.0:
-                dt = 0.0
-                numbers[RESIDUAL] = 0.0
-                for e in range(n):
-                    landing[e] = x[e]
-                    landing_size[e] = size[e]
-            else:
-                low = 0.0 if index == 0 else 0.5 * (found[first, index - 1] + fraction)
-                high = 1.0 if index + 1 == n_found[first] else 0.5 * (fraction + found[first, index + 1])
-                sign = before[first] if index % 2 == 0 else -before[first]
-                dt, numbers[RESIDUAL] = _land(
-                    addresses, first, mode, n, p, h, low, fraction, high, sign, x, slopes, trial, y, landing_size,
-                    event, landing,
-                )  # fmt: skip
-            # of those at the same time, the first in the definition
-            for k in range(first):
-                if transitions[k, 0] != mode:
-                    continue
-                for j in range(passed[k], n_found[k]):
-                    goes = -before[k] if j % 2 == 0 else before[k]
-                    if transitions[k, 2] == 0 or transitions[k, 2] == goes:
-                        if found[k, j] < fraction + 1e-6:
-                            call(addresses[EVENT_X], k, 0, landing, 0, p, event, 0)
-                            if abs(event[0]) <= ROUNDING * _scale(event, 2, n, landing_size):
-                                first, index = k, j
-                        break
-                if first == k:
-                    break
-            call(addresses[GUARD], n_modes + first, 0, landing, 0, p, guard, 0)
-            if guard[0] > 0.0:
-                fired = first
-                break
-            passed[first] = index + 1
+        fired, dt, fraction = none, h, 2.0
+        if active:
+            fired, dt, fraction = _first_event(
+                addresses, transitions, n_transitions, n_modes, mode, n, p, x, slopes, size, h, numbers, before, found,
+                n_found, passed, landing, landing_size, trial, y, event, guard,
+            )  # fmt: skip
 
         if numbers[FIRST_STEP] == 0.0:
             numbers[FIRST_STEP] = h * min(factor, max(1.0, 0.5 * factor))
@@ -706,7 +772,7 @@ def run_kernel(
             if not guard[0] > 0.0:
                 return LEFT_DOMAIN
             for k in range(n_transitions):
-                if transitions[k, 0] == mode:
+                if transitions[3 * k] == mode:
                     value[k] = value_end[k]
                     side[k] = before[k] if n_found[k] % 2 == 0 else -before[k]
                     on[k] = 1 if side[k] == 0 else 0
@@ -717,10 +783,10 @@ def run_kernel(
                     y[e] = x[e]
                 x[n - 1] = 0.0
                 counts[WRAPS] += 1
-                _record_event(counts, numbers, -1, n, phase, y, x, mode, mode, event_times, event_which, event_ends,
+                _record_event(counts, numbers, none, n, phase, y, x, mode, mode, event_times, event_which, event_ends,
                               event_rates)  # fmt: skip
                 for k in range(n_transitions):
-                    if transitions[k, 0] == mode:
+                    if transitions[3 * k] == mode:
                         call(addresses[EVENT], k, 0, x, 0, p, event, 0)
                         value[k] = event[0]
             continue
@@ -731,16 +797,16 @@ def run_kernel(
             _record_step(counts, numbers, n, dt, mode, x, dense, step_times, step_modes, step_starts, step_dense)
         _advance(numbers, dt)
         for k in range(n_transitions):
-            if transitions[k, 0] == mode:
+            if transitions[3 * k] == mode:
                 side[k] = before[k]
                 for j in range(n_found[k]):
                     # one at the same time waits for its turn, unless its condition failed
-                    if k != fired and (found[k, j] < fraction - 1e-9 or j < passed[k]):
+                    if k != fired and (found[ROOTS * k + j] < fraction - 1e-9 or j < passed[k]):
                         side[k] = -side[k]
         call(addresses[EVENT], fired, 0, landing, 0, p, event, 0)
         rate = event[1]
         call(addresses[RESET], fired, 0, landing, 0, p, after, 0)
-        target = transitions[fired, 1]
+        target = transitions[3 * fired + 1]
         _record_event(counts, numbers, fired, n, rate, landing, after, mode, target, event_times, event_which,
                       event_ends, event_rates)  # fmt: skip
         if numbers[DURATION] > 0.0:

@@ -3,23 +3,94 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from llvmlite import ir
 from numba import njit, types
+from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from saltus.flow import tableaux
 
-A = tuple(tuple(row) for row in tableaux.COEFFICIENTS.tolist())
-B = tuple(tableaux.WEIGHTS.tolist())
+INNER: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Options of functions that only other kernels call: those are what is cached, with all that they call."""
+
 E3 = tuple(tableaux.ERROR_3.tolist())
 E5 = tuple(tableaux.ERROR_5.tolist())
-D = tuple(tuple(row) for row in tableaux.INTERPOLATION.tolist())
+A = tableaux.COEFFICIENTS.ravel()
+D = tableaux.INTERPOLATION.ravel()
+
+
+@intrinsic
+def apart(typingctx):
+    """Declare that no two arguments of the function share memory, so that its loops vectorise without checks of it."""
+
+    def lower(context, builder, signature, arguments):
+        for argument in builder.function.args:
+            if isinstance(argument.type, ir.PointerType):
+                argument.add_attribute("noalias")
+        return context.get_dummy_value()
+
+    return types.void(), lower
+
+
+@intrinsic
+def outlined(typingctx):
+    """Declare that the function is not to be copied into those that call it, which saves compiling it over and over."""
+
+    def lower(context, builder, signature, arguments):
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return types.void(), lower
+
+
+def _address(context, builder, type_, value):
+    """Where the entries of a contiguous array begin; a pointer is one already."""
+    return value if isinstance(type_, types.CPointer) else context.make_array(type_)(context, builder, value).data
+
+
+@intrinsic
+def pointer(typingctx, array, at):
+    """Return the address of an entry of a contiguous array, flat, or of what a pointer points to.
+
+    Pointers are what kernels hand to each other: indexing one compiles in half the time, and it is one argument, not
+    seven. The array must live on: see `keep`.
+    """
+    if isinstance(array, types.Array) and array.layout != "C":
+        raise TypingError("a pointer needs a contiguous array")
+    signature = types.CPointer(array.dtype)(array, types.int64)
+
+    def lower(context, builder, signature, arguments):
+        return builder.gep(_address(context, builder, signature.args[0], arguments[0]), [arguments[1]])
+
+    return signature, lower
+
+
+@intrinsic
+def stack(typingctx, kind, count):
+    """Return a pointer to `count` numbers of a type, on the stack: for a few states, and never inside a loop."""
+    signature = types.CPointer(kind.dtype)(kind, types.int64)
+
+    def lower(context, builder, signature, arguments):
+        return builder.alloca(context.get_value_type(signature.return_type.dtype), arguments[1])
+
+    return signature, lower
+
+
+@intrinsic
+def keep(typingctx, array):
+    """Do nothing with an array, which lives until here though only pointers to it were used."""
+
+    def lower(context, builder, signature, arguments):
+        return context.get_dummy_value()
+
+    return types.void(array), lower
 
 
 @intrinsic
 def call(typingctx, address, k, m, x, x_at, p, out, out_at):
-    """Call a generated function by its address, on flat arrays from the given offsets."""
+    """Call a generated function by its address, on flat arrays, or pointers, from the given offsets."""
     signature = types.void(types.int64, types.int64, types.int64, x, types.int64, p, out, types.int64)
 
     def lower(context, builder, signature, arguments):
@@ -32,7 +103,7 @@ def call(typingctx, address, k, m, x, x_at, p, out, out_at):
             (p, signature.args[5], None),
             (out, signature.args[6], out_at),
         ):
-            data = context.make_array(type_)(context, builder, value).data
+            data = _address(context, builder, type_, value)
             pointers.append(data if at is None else builder.gep(data, [at]))
         builder.call(builder.inttoptr(address, kind.as_pointer()), [k, m, *pointers])
         return context.get_dummy_value()
@@ -40,141 +111,48 @@ def call(typingctx, address, k, m, x, x_at, p, out, out_at):
     return signature, lower
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def stage(i, slopes, n, h, x, out):
     """Write x + h sum_j a_ij slopes_j into `out`: the argument of stage `i`, the end of the step for 12.
 
     x, out: (n,); slopes: (16 * n,), one stage after the other.
     """
+    apart()
+    # the weights that are not zero, but for the first, are among the last 2, 5, 8 or 10; one loop for each of these
+    w0, s, x, out = A[16 * i], pointer(slopes, 0), pointer(x, 0), pointer(out, 0)
     if i == 1:
         for e in range(n):
-            out[e] = x[e] + h * (A[1][0] * slopes[e])
-    elif i == 2:
+            out[e] = x[e] + h * (w0 * s[e])
+    elif i < 6:
+        w, t = pointer(A, 17 * i - 2), pointer(slopes, (i - 2) * n)
+        w1, w2 = 0.0 if i == 2 else w[0], w[1]
         for e in range(n):
-            out[e] = x[e] + h * (A[2][0] * slopes[e] + A[2][1] * slopes[n + e])
-    elif i == 3:
-        for e in range(n):
-            out[e] = x[e] + h * (A[3][0] * slopes[e] + A[3][2] * slopes[2 * n + e])
-    elif i == 4:
-        for e in range(n):
-            out[e] = x[e] + h * (A[4][0] * slopes[e] + A[4][2] * slopes[2 * n + e] + A[4][3] * slopes[3 * n + e])
-    elif i == 5:
-        for e in range(n):
-            out[e] = x[e] + h * (A[5][0] * slopes[e] + A[5][3] * slopes[3 * n + e] + A[5][4] * slopes[4 * n + e])
-    elif i == 6:
+            out[e] = x[e] + h * (w0 * s[e] + w1 * t[e] + w2 * t[n + e])
+    elif i < 9:
+        w, t = pointer(A, 17 * i - 5), pointer(slopes, (i - 5) * n)
+        w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4]
         for e in range(n):
             out[e] = x[e] + h * (
-                A[6][0] * slopes[e]
-                + A[6][3] * slopes[3 * n + e]
-                + A[6][4] * slopes[4 * n + e]
-                + A[6][5] * slopes[5 * n + e]
+                w0 * s[e] + w1 * t[e] + w2 * t[n + e] + w3 * t[2 * n + e] + w4 * t[3 * n + e] + w5 * t[4 * n + e]
             )
-    elif i == 7:
+    elif i < 14:
+        w, t = pointer(A, 17 * i - 8), pointer(slopes, (i - 8) * n)
+        w1, w2, w3, w4, w5, w6, w7, w8 = w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7]
         for e in range(n):
             out[e] = x[e] + h * (
-                A[7][0] * slopes[e]
-                + A[7][3] * slopes[3 * n + e]
-                + A[7][4] * slopes[4 * n + e]
-                + A[7][5] * slopes[5 * n + e]
-                + A[7][6] * slopes[6 * n + e]
-            )
-    elif i == 8:
+                w0 * s[e] + w1 * t[e] + w2 * t[n + e] + w3 * t[2 * n + e] + w4 * t[3 * n + e] + w5 * t[4 * n + e]
+                + w6 * t[5 * n + e] + w7 * t[6 * n + e] + w8 * t[7 * n + e]
+            )  # fmt: skip
+    else:
+        w, t = pointer(A, 17 * i - 10), pointer(slopes, (i - 10) * n)
         for e in range(n):
-            out[e] = x[e] + h * (
-                A[8][0] * slopes[e]
-                + A[8][3] * slopes[3 * n + e]
-                + A[8][4] * slopes[4 * n + e]
-                + A[8][5] * slopes[5 * n + e]
-                + A[8][6] * slopes[6 * n + e]
-                + A[8][7] * slopes[7 * n + e]
-            )
-    elif i == 9:
-        for e in range(n):
-            out[e] = x[e] + h * (
-                A[9][0] * slopes[e]
-                + A[9][3] * slopes[3 * n + e]
-                + A[9][4] * slopes[4 * n + e]
-                + A[9][5] * slopes[5 * n + e]
-                + A[9][6] * slopes[6 * n + e]
-                + A[9][7] * slopes[7 * n + e]
-                + A[9][8] * slopes[8 * n + e]
-            )
-    elif i == 10:
-        for e in range(n):
-            out[e] = x[e] + h * (
-                A[10][0] * slopes[e]
-                + A[10][3] * slopes[3 * n + e]
-                + A[10][4] * slopes[4 * n + e]
-                + A[10][5] * slopes[5 * n + e]
-                + A[10][6] * slopes[6 * n + e]
-                + A[10][7] * slopes[7 * n + e]
-                + A[10][8] * slopes[8 * n + e]
-                + A[10][9] * slopes[9 * n + e]
-            )
-    elif i == 11:
-        for e in range(n):
-            out[e] = x[e] + h * (
-                A[11][0] * slopes[e]
-                + A[11][3] * slopes[3 * n + e]
-                + A[11][4] * slopes[4 * n + e]
-                + A[11][5] * slopes[5 * n + e]
-                + A[11][6] * slopes[6 * n + e]
-                + A[11][7] * slopes[7 * n + e]
-                + A[11][8] * slopes[8 * n + e]
-                + A[11][9] * slopes[9 * n + e]
-                + A[11][10] * slopes[10 * n + e]
-            )
-    elif i == 12:
-        for e in range(n):
-            out[e] = x[e] + h * (
-                A[12][0] * slopes[e]
-                + A[12][5] * slopes[5 * n + e]
-                + A[12][6] * slopes[6 * n + e]
-                + A[12][7] * slopes[7 * n + e]
-                + A[12][8] * slopes[8 * n + e]
-                + A[12][9] * slopes[9 * n + e]
-                + A[12][10] * slopes[10 * n + e]
-                + A[12][11] * slopes[11 * n + e]
-            )
-    elif i == 13:
-        for e in range(n):
-            out[e] = x[e] + h * (
-                A[13][0] * slopes[e]
-                + A[13][6] * slopes[6 * n + e]
-                + A[13][7] * slopes[7 * n + e]
-                + A[13][8] * slopes[8 * n + e]
-                + A[13][9] * slopes[9 * n + e]
-                + A[13][10] * slopes[10 * n + e]
-                + A[13][11] * slopes[11 * n + e]
-                + A[13][12] * slopes[12 * n + e]
-            )
-    elif i == 14:
-        for e in range(n):
-            out[e] = x[e] + h * (
-                A[14][0] * slopes[e]
-                + A[14][5] * slopes[5 * n + e]
-                + A[14][6] * slopes[6 * n + e]
-                + A[14][7] * slopes[7 * n + e]
-                + A[14][10] * slopes[10 * n + e]
-                + A[14][11] * slopes[11 * n + e]
-                + A[14][12] * slopes[12 * n + e]
-                + A[14][13] * slopes[13 * n + e]
-            )
-    elif i == 15:
-        for e in range(n):
-            out[e] = x[e] + h * (
-                A[15][0] * slopes[e]
-                + A[15][5] * slopes[5 * n + e]
-                + A[15][6] * slopes[6 * n + e]
-                + A[15][7] * slopes[7 * n + e]
-                + A[15][8] * slopes[8 * n + e]
-                + A[15][12] * slopes[12 * n + e]
-                + A[15][13] * slopes[13 * n + e]
-                + A[15][14] * slopes[14 * n + e]
-            )
+            total = w0 * s[e]
+            for j in range(10):
+                total += w[j] * t[j * n + e]
+            out[e] = x[e] + h * total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def error_norm(slopes, n, first, used, h, x, x_end, rtol, atol):
     """Error of a step over its tolerance, from the estimates of order 5 and 3; `used` components from `first` on count."""
     five = three = 0.0
@@ -207,73 +185,26 @@ def error_norm(slopes, n, first, used, h, x, x_end, rtol, atol):
     return abs(h) * five / math.sqrt((five + 0.01 * three) * used)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def dense_coefficients(slopes, n, h, x, x_end, out):
     """Write the coefficients of the dense output of a step, (7 * n,); all sixteen stages are there."""
+    apart()
+    s, x, x_end, out = pointer(slopes, 0), pointer(x, 0), pointer(x_end, 0), pointer(out, 0)
     for e in range(n):
         delta = x_end[e] - x[e]
         out[e] = delta
-        out[n + e] = h * slopes[e] - delta
-        out[2 * n + e] = 2.0 * delta - h * (slopes[12 * n + e] + slopes[e])
-        out[3 * n + e] = h * (
-            D[0][0] * slopes[e]
-            + D[0][5] * slopes[5 * n + e]
-            + D[0][6] * slopes[6 * n + e]
-            + D[0][7] * slopes[7 * n + e]
-            + D[0][8] * slopes[8 * n + e]
-            + D[0][9] * slopes[9 * n + e]
-            + D[0][10] * slopes[10 * n + e]
-            + D[0][11] * slopes[11 * n + e]
-            + D[0][12] * slopes[12 * n + e]
-            + D[0][13] * slopes[13 * n + e]
-            + D[0][14] * slopes[14 * n + e]
-            + D[0][15] * slopes[15 * n + e]
-        )
-        out[4 * n + e] = h * (
-            D[1][0] * slopes[e]
-            + D[1][5] * slopes[5 * n + e]
-            + D[1][6] * slopes[6 * n + e]
-            + D[1][7] * slopes[7 * n + e]
-            + D[1][8] * slopes[8 * n + e]
-            + D[1][9] * slopes[9 * n + e]
-            + D[1][10] * slopes[10 * n + e]
-            + D[1][11] * slopes[11 * n + e]
-            + D[1][12] * slopes[12 * n + e]
-            + D[1][13] * slopes[13 * n + e]
-            + D[1][14] * slopes[14 * n + e]
-            + D[1][15] * slopes[15 * n + e]
-        )
-        out[5 * n + e] = h * (
-            D[2][0] * slopes[e]
-            + D[2][5] * slopes[5 * n + e]
-            + D[2][6] * slopes[6 * n + e]
-            + D[2][7] * slopes[7 * n + e]
-            + D[2][8] * slopes[8 * n + e]
-            + D[2][9] * slopes[9 * n + e]
-            + D[2][10] * slopes[10 * n + e]
-            + D[2][11] * slopes[11 * n + e]
-            + D[2][12] * slopes[12 * n + e]
-            + D[2][13] * slopes[13 * n + e]
-            + D[2][14] * slopes[14 * n + e]
-            + D[2][15] * slopes[15 * n + e]
-        )
-        out[6 * n + e] = h * (
-            D[3][0] * slopes[e]
-            + D[3][5] * slopes[5 * n + e]
-            + D[3][6] * slopes[6 * n + e]
-            + D[3][7] * slopes[7 * n + e]
-            + D[3][8] * slopes[8 * n + e]
-            + D[3][9] * slopes[9 * n + e]
-            + D[3][10] * slopes[10 * n + e]
-            + D[3][11] * slopes[11 * n + e]
-            + D[3][12] * slopes[12 * n + e]
-            + D[3][13] * slopes[13 * n + e]
-            + D[3][14] * slopes[14 * n + e]
-            + D[3][15] * slopes[15 * n + e]
-        )
+        out[n + e] = h * s[e] - delta
+        out[2 * n + e] = 2.0 * delta - h * (s[12 * n + e] + s[e])
+    for row in range(4):
+        w = pointer(D, 16 * row)
+        for e in range(n):
+            total = w[0] * s[e]
+            for j in range(5, 16):
+                total += w[j] * s[j * n + e]
+            out[(3 + row) * n + e] = h * total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def dense_value(dense, at, n, x, x_at, fraction, out):
     """Write the state at a fraction of a step into `out`, (n,); coefficients and start of the step at their offsets."""
     other = 1.0 - fraction
@@ -289,7 +220,7 @@ def dense_value(dense, at, n, x, x_at, fraction, out):
         out[e] = x[x_at + e] + y
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def dense_slope(dense, at, n, fraction, out):
     """Write the derivative of the dense output with respect to the fraction of the step into `out`, (n,)."""
     other = 1.0 - fraction

@@ -5,14 +5,32 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+from numba import int64, njit
 
-from saltus.flow._kernels import call, dense_value
-from saltus.flow._linear_kernels import solve
+from saltus.flow._kernels import INNER, call, dense_value, keep, outlined, pointer
+from saltus.flow._linear_kernels import solve_flat
 from saltus.flow._segment_kernels import FIELD, dense, flow, missed, redistribute
+from saltus.orbits.problem import (
+    CLOSED_END,
+    COARSE,
+    DIRECTION,
+    DOMAIN,
+    DURATION,
+    EARLY,
+    EVENT_END,
+    MEAN_END,
+    PHASE_END,
+    VALUE,
+    WHEN,
+)
+from saltus.system.codegen import FUNCTIONS
 
-DERIVE, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = 0, 4, 5, 6, 7, 8, 9, 10, 11
-EVENT_END, MEAN_END, PHASE_END, CLOSED_END = 0, 1, 2, 3
+DERIVE, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = (
+    FUNCTIONS.index(name)
+    for name in ("derive", "event", "event_x", "event_p", "reset", "reset_x", "reset_p", "outputs", "guard")
+)
+FINE = 3  # samples of a step in the survey
+FINEST, COARSEST, AIM = 5.0, 5e-3, 0.2  # errors of a step, in tolerances: most, least, aimed at
 SHORT = 0.01  # share of the period below which a mean rate is integrated rather than taken from its ends
 
 
@@ -52,23 +70,25 @@ def equations(
     the segments' meshes, one more than segments. anchor: point and direction of the phase condition, (2 n,). Returns the
     largest error of a step, in tolerances.
     """
-    segments, wide = modes.size, n + 1
-    m, n_active = segments * wide, active.size
+    segments, wide, n_active = modes.size, n + 1, active.size
+    m = segments * wide
     set_parameters(functions, u, m, active, scales, p)
     worst = 0.0
-    for i in range(m):
-        for j in range(m + n_active):
-            J[i, j] = 0.0
+    wanted, F, entries, anchor = pointer(active, 0), pointer(F, 0), pointer(J, 0), pointer(anchor, 0)
+    for i in range(m * (m + n_active)):
+        entries[i] = 0.0
     total_time = 0.0
     for i in range(segments):
         total_time += abs(u[i * wide + n])
     y = np.empty((n + 1) * (n + n_active + 2))
-    ends = np.empty(n)
-    gx, gp, ev, f = np.empty(n * n), np.empty(n + 2), np.empty(2 + 2 * n), np.empty(n)
+    block = np.empty(n * n + 5 * n + 4)
+    ends, f, gp, ev = pointer(block, 0), pointer(block, n), pointer(block, 2 * n), pointer(block, 3 * n + 2)
+    gx = pointer(block, 5 * n + 4)
+    start, end = pointer(u, 0), pointer(y, 0)
     for i in range(segments):
         row = i * wide
         following = row + wide if i + 1 < segments else 0
-        kind, mode, transition, duration = kinds[i], modes[i], transitions[i], u[row + n]
+        kind, mode, transition, duration = kinds[i], modes[i], transitions[i], start[row + n]
         mean = kind == MEAN_END and abs(duration) < SHORT * total_time
         columns = n + n_active + (1 if mean else 0)
         count = mesh_at[i + 1] - mesh_at[i] - 1
@@ -78,86 +98,86 @@ def equations(
         )  # fmt: skip
         for step in range(mesh_at[i], mesh_at[i] + count):
             worst = max(worst, errors[step])
-        call(functions[FIELD], mode, 0, y, 0, p, f, 0)
+        call(functions[FIELD], mode, 0, end, 0, p, f, 0)
         if transition >= 0:
-            call(functions[RESET], transition, 0, y, 0, p, ends, 0)
-            call(functions[RESET_X], transition, 0, y, 0, p, gx, 0)
+            call(functions[RESET], transition, 0, end, 0, p, ends, 0)
+            call(functions[RESET_X], transition, 0, end, 0, p, gx, 0)
         else:
             for a in range(n):
-                ends[a] = y[a]
+                ends[a] = end[a]
                 for b in range(n):
                     gx[a * n + b] = 1.0 if a == b else 0.0
+        at = row * (m + n_active)
         for a in range(n):
-            F[row + a] = ends[a] - u[following + a]
-            for c in range(n + n_active):
-                total = 0.0
-                for b in range(n):
-                    total += gx[a * n + b] * y[n + b * columns + c]
-                J[row + a, row + c if c < n else m + c - n] += total
+            line = pointer(entries, at + a * (m + n_active))
+            F[row + a] = ends[a] - start[following + a]
+            gradient = pointer(gx, a * n)
+            _chain(line, row, m, n, n + n_active, columns, end, gradient, 1.0)
             total = 0.0
             for b in range(n):
-                total += gx[a * n + b] * (y[n + b * columns + columns - 1] if mean else f[b])
-            J[row + a, row + n] += total
-            J[row + a, following + a] -= 1.0
+                total += gradient[b] * (end[n + b * columns + columns - 1] if mean else f[b])
+            line[row + n] += total
+            line[following + a] -= 1.0
         if transition >= 0:
             for k in range(n_active):
-                call(functions[RESET_P], transition, active[k], y, 0, p, gp, 0)
+                call(functions[RESET_P], transition, wanted[k], end, 0, p, gp, 0)
                 for a in range(n):
-                    J[row + a, m + k] += gp[a]
+                    entries[at + a * (m + n_active) + m + k] += gp[a]
         if following == 0 and turns > 0:
             F[row + n - 1] -= 2.0 * math.pi * turns
         last = row + n
-        if kind == EVENT_END:
-            call(functions[EVENT_X], transition, 0, y, 0, p, ev, 0)
-            F[last] = ev[0]
+        line = pointer(entries, last * (m + n_active))
+        if mean:
+            rates = pointer(end, n * (1 + columns))
+            F[last] = rates[0]
             for c in range(n + n_active):
-                total = 0.0
-                for b in range(n):
-                    total += ev[2 + b] * y[n + b * columns + c]
-                J[last, row + c if c < n else m + c - n] += total
-            J[last, row + n] += ev[1]
-            for k in range(n_active):
-                call(functions[EVENT_P], transition, active[k], y, 0, p, gp, 0)
-                J[last, m + k] += gp[0]
-        elif kind == MEAN_END and not mean:
-            # the same mean, (h(end) - h(start)) / duration, where nothing cancels
-            call(functions[EVENT_X], transition, 0, y, 0, p, ev, 0)
+                line[row + c if c < n else m + c - n] += rates[1 + c]
+            line[row + n] += rates[columns]
+        elif kind == EVENT_END or kind == MEAN_END:
+            # the mean rate, where nothing cancels, is (h(end) - h(start)) / duration
+            per = duration if kind == MEAN_END else 1.0
+            call(functions[EVENT_X], transition, 0, end, 0, p, ev, 0)
             height = ev[0]
-            for c in range(n + n_active):
-                total = 0.0
+            _chain(line, row, m, n, n + n_active, columns, end, pointer(ev, 2), per)
+            line[row + n] += ev[1] / per
+            for k in range(n_active):
+                call(functions[EVENT_P], transition, wanted[k], end, 0, p, gp, 0)
+                line[m + k] += gp[0] / per
+            if kind == MEAN_END:
+                call(functions[EVENT_X], transition, 0, start, row, p, ev, 0)
+                height = (height - ev[0]) / duration
+                line[row + n] -= height / duration
                 for b in range(n):
-                    total += ev[2 + b] * y[n + b * columns + c]
-                J[last, row + c if c < n else m + c - n] += total / duration
-            J[last, row + n] += ev[1] / duration
-            for k in range(n_active):
-                call(functions[EVENT_P], transition, active[k], y, 0, p, gp, 0)
-                J[last, m + k] += gp[0] / duration
-            call(functions[EVENT_X], transition, 0, u, row, p, ev, 0)
-            F[last] = (height - ev[0]) / duration
-            J[last, row + n] -= F[last] / duration
-            for b in range(n):
-                J[last, row + b] -= ev[2 + b] / duration
-            for k in range(n_active):
-                call(functions[EVENT_P], transition, active[k], u, row, p, gp, 0)
-                J[last, m + k] -= gp[0] / duration
-        elif mean:
-            at = n * (1 + columns)
-            F[last] = y[at]
-            for c in range(n + n_active):
-                J[last, row + c if c < n else m + c - n] += y[at + 1 + c]
-            J[last, row + n] += y[at + columns]
+                    line[row + b] -= ev[2 + b] / duration
+                for k in range(n_active):
+                    call(functions[EVENT_P], transition, wanted[k], start, row, p, gp, 0)
+                    line[m + k] -= gp[0] / duration
+            F[last] = height
         elif kind == PHASE_END:
-            F[last] = u[row + n - 1]
-            J[last, row + n - 1] += 1.0
+            F[last] = start[row + n - 1]
+            line[row + n - 1] += 1.0
         else:
             F[last] = 0.0
             for a in range(n):
-                F[last] += anchor[n + a] * (u[row + a] - anchor[a])
-                J[last, row + a] += anchor[n + a]
+                F[last] += anchor[n + a] * (start[row + a] - anchor[a])
+                line[row + a] += anchor[n + a]
     for k in range(n_active):
         for i in range(m):
-            J[i, m + k] *= scales[k]
+            entries[i * (m + n_active) + m + k] *= scales[k]
+    keep(y)
+    keep(block)
     return worst
+
+
+@njit(**INNER)
+def _chain(line, row, m, n, kept, columns, y, gradient, per):
+    """Add to a row of the Jacobian the derivatives, over `per`, of a function with that gradient at a segment's end."""
+    outlined()
+    for c in range(kept):
+        total = 0.0
+        for b in range(n):
+            total += gradient[b] * y[n + b * columns + c]
+        line[row + c if c < n else m + c - n] += total / per
 
 
 @njit(cache=True, error_model="numpy")
@@ -169,83 +189,81 @@ def pencil(J, kinds, n, vector, P, R):
     an event, the flow `vector` is an eigenvector (of multiplier 0, since the event waits for it), and the quotient by it
     is left in P[1:, 1:] and R[1:, 1:]; it is first improved to the eigenvector of the discrete equations.
     """
-    segments, wide = kinds.size, n + 1
-    for a in range(n):
-        for b in range(n):
-            P[a, b] = 0.0
-            R[a, b] = 0.0
+    segments, wide, width = kinds.size, n + 1, J.shape[1]
+    block = np.empty(2 * wide * n + wide + 7 * n * n + 6 * n)
+    left, right = pointer(block, 0), pointer(block, wide * n)
+    tau, better, v = pointer(right, wide * n), pointer(right, wide * n + wide), pointer(right, wide * n + wide + n)
+    work = pointer(v, n)  # (4 n + 6 n^2,)
+    matrix = pointer(work, 4 * n + 6 * n * n)
+    J, vector, P, R = pointer(J, 0), pointer(vector, 0), pointer(P, 0), pointer(R, 0)
+    whole = False
     for i in range(segments):
-        row = i * wide
-        left, right = np.zeros((wide, n)), np.zeros((wide, n))
-        tau = np.empty(wide)
+        at = i * wide
         for a in range(wide):
-            tau[a] = J[row + a, row + n]
+            line = pointer(J, (at + a) * width + at)
+            tau[a] = line[n]
             for b in range(n):
-                left[a, b] = J[row + a, row + b]
-                if segments == 1 and a == b:
-                    left[a, b] += 1.0
-        for a in range(n):
-            right[a, a] = 1.0
-        if kinds[i] == PHASE_END or kinds[i] == CLOSED_END:
-            for a in range(n):
-                for b in range(n):
-                    P[a, b] = left[a, b]
-                    R[a, b] = right[a, b]
-            return
-        _reflect(tau, left, right)
-        here_left, here_right = left[1:], right[1:]
-        if i == 0:
-            for a in range(n):
-                for b in range(n):
-                    P[a, b] = here_left[a, b]
-                    R[a, b] = here_right[a, b]
+                left[a * n + b] = line[b] + (1.0 if segments == 1 and a == b else 0.0)
+                right[a * n + b] = 1.0 if a == b else 0.0
+        whole = kinds[i] == PHASE_END or kinds[i] == CLOSED_END
+        if not whole:
+            _reflect(tau, left, right, wide, n, work)
+        # behind the reflection's first row, unless the duration stays
+        first = 0 if whole else n
+        if i == 0 or whole:
+            for a in range(n * n):
+                P[a] = left[first + a]
+                R[a] = right[first + a]
         else:
-            _join(P, R, here_left, here_right)
-    matrix, v = P.copy(), np.empty((n, 1))
-    for a in range(n):
-        v[a, 0] = 0.0
-        for b in range(n):
-            v[a, 0] += R[a, b] * vector[b]
-    sign, _ = solve(matrix, v)
-    size = 0.0
-    for a in range(n):
-        size = max(size, abs(v[a, 0]))
-    better = vector.copy()
-    if sign != 0.0 and 0.0 < size < 1e300:
+            _join(P, R, pointer(left, n), pointer(right, n), n, work)
+        if whole:
+            break
+    if not whole:
         for a in range(n):
-            better[a] = v[a, 0] / size
-    _quotient(P, R, better)
+            v[a] = 0.0
+            for b in range(n):
+                matrix[a * n + b] = P[a * n + b]
+                v[a] += R[a * n + b] * vector[b]
+        sign, _ = solve_flat(matrix, v, n, int64(1))
+        size = 0.0
+        for a in range(n):
+            size = max(size, abs(v[a]))
+        for a in range(n):
+            better[a] = v[a] / size if sign != 0.0 and 0.0 < size < 1e300 else vector[a]
+        _quotient(P, R, better, n, left, right, tau, work)
+    keep(block)
 
 
-@njit(cache=True, error_model="numpy")
-def _quotient(P, R, vector):
+@njit(**INNER)
+def _quotient(P, R, vector, n, left, right, image, work):
     """Turn a pencil so that its rows and columns behind the first are the quotient by an eigenvector."""
-    n = vector.size
-    left, right = np.empty((n, n)), np.empty((n, n))
+    outlined()
     for a in range(n):
         for b in range(n):
-            left[a, b] = P[b, a]
-            right[a, b] = R[b, a]
-    _reflect(vector, left, right)
-    image = np.empty(n)
+            left[a * n + b] = P[b * n + a]
+            right[a * n + b] = R[b * n + a]
+    _reflect(vector, left, right, n, n, work)
     size = 0.0
     for a in range(n):
         for b in range(n):
-            P[a, b] = left[b, a]
-            R[a, b] = right[b, a]
-        image[a] = R[a, 0]
+            P[a * n + b] = left[b * n + a]
+            R[a * n + b] = right[b * n + a]
+        image[a] = R[a * n]
         size = max(size, abs(image[a]))
     if size == 0.0:
         for a in range(n):
-            image[a] = P[a, 0]
-    _reflect(image, P, R)
+            image[a] = P[a * n]
+    _reflect(image, P, R, n, n, work)
 
 
 @njit(cache=True, error_model="numpy")
 def pair(P, R, at, values):
     """Write the two generalised eigenvalues of the 2 x 2 pencil that begins at (at, at); infinite ones as inf."""
-    p00, p01, p10, p11 = P[at, at], P[at, at + 1], P[at + 1, at], P[at + 1, at + 1]
-    r00, r01, r10, r11 = R[at, at], R[at, at + 1], R[at + 1, at], R[at + 1, at + 1]
+    width = P.shape[1]
+    above, below = pointer(P, at * width + at), pointer(P, (at + 1) * width + at)
+    p00, p01, p10, p11 = above[0], above[1], below[0], below[1]
+    above, below = pointer(R, at * width + at), pointer(R, (at + 1) * width + at)
+    r00, r01, r10, r11 = above[0], above[1], below[0], below[1]
     a, c = r00 * r11 - r01 * r10, p00 * p11 - p01 * p10
     b = -(p00 * r11 + p11 * r00 - p01 * r10 - p10 * r01)
     half = 0.5 * b
@@ -265,11 +283,18 @@ def pair(P, R, at, values):
 def doubling(J, n):
     """Return sign and log of |det(A + B)|, A - B = J with B the closing equations' derivative in the next period's start."""
     m = J.shape[0]
-    matrix = J[:, :m].copy()
+    width = J.shape[1]
+    matrix, rhs, entries = np.empty(m * m), np.zeros(m), pointer(J, 0)
+    for a in range(m):
+        for b in range(m):
+            matrix[a * m + b] = entries[a * width + b]
     last = m - n - 1
     for a in range(n):
-        matrix[last + a, a] += 2.0
-    return solve(matrix, np.zeros((m, 1)))
+        matrix[(last + a) * m + a] += 2.0
+    sign, log = solve_flat(pointer(matrix, 0), pointer(rhs, 0), m, int64(1))
+    keep(matrix)
+    keep(rhs)
+    return sign, log
 
 
 @njit(cache=True, error_model="numpy")
@@ -287,72 +312,73 @@ def metric(u, segments, n, block, out):
             out[i * wide + a] = share * block[a]
 
 
-@njit(cache=True, error_model="numpy")
-def _reflect(tau, left, right):
-    """Apply to both matrices the reflection that turns `tau` onto its first component."""
-    size = tau.size
+@njit(**INNER)
+def _reflect(tau, left, right, size, columns, v):
+    """Apply to both matrices, (size, columns), the reflection that turns `tau` onto its first component. v: scratch."""
+    outlined()
     norm = 0.0
     for a in range(size):
-        norm += tau[a] * tau[a]
+        v[a] = tau[a]
+        norm += v[a] * v[a]
     norm = math.sqrt(norm)
     if norm == 0.0:
         return
-    v = tau.copy()
-    v[0] += norm if tau[0] >= 0.0 else -norm
+    v[0] += norm if v[0] >= 0.0 else -norm
     square = 0.0
     for a in range(size):
         square += v[a] * v[a]
-    for b in range(left.shape[1]):
+    for b in range(columns):
         one = two = 0.0
         for a in range(size):
-            one += v[a] * left[a, b]
-            two += v[a] * right[a, b]
+            one += v[a] * left[a * columns + b]
+            two += v[a] * right[a * columns + b]
         one *= 2.0 / square
         two *= 2.0 / square
         for a in range(size):
-            left[a, b] -= one * v[a]
-            right[a, b] -= two * v[a]
+            left[a * columns + b] -= one * v[a]
+            right[a * columns + b] -= two * v[a]
 
 
-@njit(cache=True, error_model="numpy")
-def _join(P, R, left, right):
+@njit(**INNER)
+def _join(P, R, left, right, n, work):
     """Eliminate the middle state from P x0 = R x1 and left x1 = right x2, leaving P x0 = R x2 in place.
 
     The rows (R; left) are turned by reflections until only n of them are non-zero; the other n give the new pencil.
     """
-    n = P.shape[0]
-    stack = np.zeros((2 * n, 3 * n))
+    outlined()
+    v, stack, wide = work, pointer(work, 2 * n), 3 * n
+    for a in range(6 * n * n):
+        stack[a] = 0.0
     for a in range(n):
+        above, below = pointer(stack, a * wide), pointer(stack, (n + a) * wide)
         for b in range(n):
-            stack[a, b] = -R[a, b]
-            stack[n + a, b] = left[a, b]
-            stack[a, n + b] = P[a, b]
-            stack[n + a, 2 * n + b] = right[a, b]
+            above[b] = -R[a * n + b]
+            below[b] = left[a * n + b]
+            above[n + b] = P[a * n + b]
+            below[2 * n + b] = right[a * n + b]
     for c in range(n):
         norm = 0.0
         for a in range(c, 2 * n):
-            norm += stack[a, c] * stack[a, c]
+            v[a] = stack[a * wide + c]
+            norm += v[a] * v[a]
         norm = math.sqrt(norm)
         if norm == 0.0:
             continue
-        v = np.zeros(2 * n)
-        for a in range(c, 2 * n):
-            v[a] = stack[a, c]
         v[c] += norm if v[c] >= 0.0 else -norm
         square = 0.0
         for a in range(c, 2 * n):
             square += v[a] * v[a]
-        for b in range(c, 3 * n):
+        for b in range(c, wide):
             total = 0.0
             for a in range(c, 2 * n):
-                total += v[a] * stack[a, b]
+                total += v[a] * stack[a * wide + b]
             total *= 2.0 / square
             for a in range(c, 2 * n):
-                stack[a, b] -= total * v[a]
+                stack[a * wide + b] -= total * v[a]
     for a in range(n):
         for b in range(n):
-            P[a, b] = stack[n + a, n + b]
-            R[a, b] = stack[n + a, 2 * n + b]
+            P[a * n + b] = stack[(n + a) * wide + n + b]
+            R[a * n + b] = stack[(n + a) * wide + 2 * n + b]
 
 
 @njit(cache=True, error_model="numpy")
@@ -363,15 +389,25 @@ def sample(
 
     what: a state (below n), an output (below n + n_outputs) or, behind these, the event function of a transition; times `sign`.
     """
+    return _sample(
+        pointer(functions, 0), mode, what, sign, pointer(mesh, first), count, n, n_outputs, pointer(nodes, nodes_at),
+        pointer(coefficients, dense_at), s, pointer(p, 0), pointer(x, 0), pointer(out, 0),
+    )  # fmt: skip
+
+
+@njit(**INNER)
+def _sample(functions, mode, what, sign, mesh, count, n, n_outputs, nodes, coefficients, s, p, x, out):
+    """Do what `sample` does, on pointers to what belongs to the segment."""
+    outlined()
     low, high = 0, count - 1
     while low < high:
         middle = (low + high + 1) // 2
-        if mesh[first + middle] <= s:
+        if mesh[middle] <= s:
             low = middle
         else:
             high = middle - 1
-    a, b = mesh[first + low], mesh[first + low + 1]
-    dense_value(coefficients, dense_at + low * 7 * n, n, nodes, nodes_at + low * n, (s - a) / (b - a), x)
+    a, b = mesh[low], mesh[low + 1]
+    dense_value(coefficients, low * 7 * n, n, nodes, low * n, (s - a) / (b - a), x)
     if what < n:
         return sign * x[what]
     if what < n + n_outputs:
@@ -381,32 +417,12 @@ def sample(
     return sign * out[0]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def lowest(
-    functions,
-    mode,
-    what,
-    sign,
-    dense_at,
-    mesh,
-    first,
-    count,
-    n,
-    n_outputs,
-    nodes,
-    nodes_at,
-    coefficients,
-    a,
-    m,
-    b,
-    fa,
-    fm,
-    fb,
-    p,
-    x,
-    out,
-):
-    """Return the place and value of the least value of a quantity in (a, b), bracketed at m, by parabolas and sections."""  # fmt: skip
+    functions, mode, what, sign, mesh, count, n, n_outputs, nodes, coefficients, a, m, b, fa, fm, fb, p, x, out
+):  # fmt: skip
+    """Return the place and value of the least value of a quantity in (a, b), bracketed at m, by parabolas and sections."""
+    outlined()
     for step in range(60):
         if b - a < 1e-7 or not fm <= min(fa, fb):
             break
@@ -416,25 +432,7 @@ def lowest(
         margin = 0.02 * min(m - a, b - m)
         if step % 3 == 2 or not (a + margin < t < b - margin) or abs(t - m) < 1e-10:
             t = m + 0.3 * (b - m) if b - m > m - a else m - 0.3 * (m - a)
-        ft = sample(
-            functions,
-            mode,
-            what,
-            sign,
-            dense_at,
-            mesh,
-            first,
-            count,
-            n,
-            n_outputs,
-            nodes,
-            nodes_at,
-            coefficients,
-            t,
-            p,
-            x,
-            out,
-        )
+        ft = _sample(functions, mode, what, sign, mesh, count, n, n_outputs, nodes, coefficients, t, p, x, out)
         if ft < fm:
             if t < m:
                 b, fb = m, fm
@@ -452,57 +450,39 @@ def lowest(
     return m, fm
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER)
 def _at_phase(
-    functions,
-    mode,
-    dense_at,
-    mesh,
-    first,
-    count,
-    n,
-    n_outputs,
-    nodes,
-    nodes_at,
-    coefficients,
-    p,
-    low,
-    high,
-    target,
-    at_zero,
-    out,
-):
-    """Write the state of a segment at which its phase, between two clustered times, is `target`; its phase is set to 0."""  # fmt: skip
-    start = low
-    f_low = sample(
-        functions, mode, n - 1, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, low, p, at_zero, out,
-    ) - target  # fmt: skip
-    f_high = sample(
-        functions, mode, n - 1, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, high, p, at_zero, out,
-    ) - target  # fmt: skip
-    for _ in range(60):
-        if abs(f_high) < 1e-14 or high - low < 1e-16:
-            break
-        middle = high - f_high * (high - start) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
-        if not low < middle < high:
-            middle = 0.5 * (low + high)
-        f = sample(
-            functions, mode, n - 1, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, middle, p, at_zero, out,
-        ) - target  # fmt: skip
-        if f >= 0.0:
+    functions, mode, mesh, count, n, n_outputs, nodes, coefficients, p, low, high, target, at_zero, out
+):  # fmt: skip
+    """Write the state of a segment at which its phase, between two clustered times, is `target`; its phase is set to 0."""
+    outlined()
+    start, phase = low, n - 1
+    f_low = f_high = 0.0
+    for ask in range(62):
+        # both ends first, then between them
+        middle = low if ask == 0 else high
+        if ask > 1:
+            if abs(f_high) < 1e-14 or high - low < 1e-16:
+                break
+            middle = high - f_high * (high - start) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
+            if not low < middle < high:
+                middle = 0.5 * (low + high)
+        f = _sample(
+            functions, mode, phase, 1.0, mesh, count, n, n_outputs, nodes, coefficients, middle, p, at_zero, out
+        )  # fmt: skip
+        f -= target
+        if ask == 0:
+            f_low = f
+        elif ask == 1:
+            f_high = f
+        elif f >= 0.0:
             start, f_low = high, f_high
             high, f_high = middle, f
         else:
             low = middle
             start, f_low = middle, f
-    sample(
-        functions, mode, n - 1, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, high, p, at_zero, out,
-    )  # fmt: skip
+    _sample(functions, mode, phase, 1.0, mesh, count, n, n_outputs, nodes, coefficients, high, p, at_zero, out)
     at_zero[n - 1] = 0.0
-
-
-FINE = 3
-DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE, COARSE = 1, 2, 4, 8, 16, 32, 64
 
 
 @njit(cache=True, error_model="numpy")
@@ -541,14 +521,27 @@ def survey(
     one's start, or from its event. Returns the bits of what makes the orbit inadmissible, and
     COARSE where a step passed over something.
     """  # fmt: skip
-    segments, wide, n_transitions = modes.size, n + 1, sources.size
-    bad = 0
-    x, out, one = np.empty(n), np.empty(max(n_outputs, 2)), np.empty(2)
-    probe, field, slope = np.empty(n), np.empty(n), np.empty(2 + 2 * n)
+    segments, wide, n_transitions, most = modes.size, n + 1, sources.size, 0
+    for i in range(segments):
+        most = max(most, FINE * (mesh_at[i + 1] - mesh_at[i] - 1) + 1)
+    block = np.empty(5 * n + 4 + max(n_outputs, 2) + 4 * (n + n_outputs) + n_transitions * most)
+    functions, modes = pointer(functions, 0), pointer(modes, 0)
+    transitions, kinds = pointer(transitions, 0), pointer(kinds, 0)
+    sources, directions, u, p = pointer(sources, 0), pointer(directions, 0), pointer(u, 0), pointer(p, 0)
+    mesh, mesh_at = pointer(mesh, 0), pointer(mesh_at, 0)
+    nodes, coefficients = pointer(nodes, 0), pointer(coefficients, 0)
+    lows, highs, margins, places = pointer(lows, 0), pointer(highs, 0), pointer(margins, 0), pointer(places, 0)
+    rates, at_zero = pointer(rates, 0), pointer(at_zero, 0)
+    bad, start = 0, int64(0)
+    x, probe, field, slope = pointer(block, 0), pointer(block, n), pointer(block, 2 * n), pointer(block, 3 * n)
+    one, out = pointer(block, 5 * n + 2), pointer(block, 5 * n + 4)
+    best = pointer(out, max(n_outputs, 2))  # segment and sample of the least and of the greatest value of each quantity
+    heights = pointer(best, 4 * (n + n_outputs))  # (n_transitions, samples)
+    for q in range(4 * (n + n_outputs)):
+        best[q] = 0.0
     for q in range(n + n_outputs):
         lows[q] = np.inf
         highs[q] = -np.inf
-    best = np.zeros((2, n + n_outputs, 2))
     found_zero = False
     target = 0.0
     if has_phase:
@@ -558,55 +551,54 @@ def survey(
         duration = u[row + n]
         count = mesh_at[i + 1] - mesh_at[i] - 1
         first = mesh_at[i]
-        nodes_at, dense_at = first * n, first * 7 * n
-        dense(functions, mode, u, row, duration, p, mesh, first, count, n, nodes, nodes_at, coefficients, dense_at)
+        grid, states, curves = pointer(mesh, first), pointer(nodes, first * n), pointer(coefficients, first * 7 * n)
+        dense(functions, mode, u, row, duration, p, grid, start, count, n, states, start, curves, start)
         if (not duration > 0.0 and kinds[i] != MEAN_END) or duration < 0.0:
             bad |= DURATION
         for step in range(count):
-            a = mesh[first + step]
+            a = grid[step]
             if missed(
-                functions, mode, duration, a, mesh[first + step + 1] - a, p, coefficients, dense_at + step * 7 * n,
-                nodes, nodes_at + step * n, n, x, probe, field, rtol, atol,
+                functions, mode, duration, a, grid[step + 1] - a, p, curves, step * 7 * n, states, step * n, n, x, probe,
+                field, rtol, atol,
             ):  # fmt: skip
                 bad |= COARSE
                 break
-        end = nodes_at + count * n
+        end = pointer(states, count * n)
         following = row + wide if i + 1 < segments else 0
         for e in range(n):
-            x[e] = nodes[end + e]
+            x[e] = end[e]
         if transition >= 0:
-            call(functions[RESET], transition, 0, nodes, end, p, x, 0)
+            call(functions[RESET], transition, 0, end, 0, p, x, 0)
         gap = 0.0
         for e in range(n):
             turn = 2.0 * math.pi * turns if following == 0 and e == n - 1 else 0.0
             gap = max(gap, abs(x[e] - u[following + e] - turn))
-        rates[i, 2] = gap
+        rates[3 * i + 2] = gap
         if transition >= 0:
-            call(functions[EVENT], transition, 0, nodes, end, p, one, 0)
-            rates[i, 0] = one[1]
-            rates[i, 2] = max(gap, abs(one[0]))
-            call(functions[EVENT_X], transition, 0, nodes, end, p, slope, 0)
-            call(functions[FIELD], mode, 0, nodes, end, p, field, 0)
+            call(functions[EVENT], transition, 0, end, 0, p, one, 0)
+            rates[3 * i + 0] = one[1]
+            rates[3 * i + 2] = max(gap, abs(one[0]))
+            call(functions[EVENT_X], transition, 0, end, 0, p, slope, 0)
+            call(functions[FIELD], mode, 0, end, 0, p, field, 0)
             speed = 0.0
             for e in range(n):
                 speed += abs(slope[2 + e] * field[e])
             if directions[transition] * one[1] < -1e-9 * speed:
                 bad |= DIRECTION
-            call(functions[GUARD], n_modes + transition, 0, nodes, end, p, one, 0)
+            call(functions[GUARD], n_modes + transition, 0, end, 0, p, one, 0)
             if not one[0] > 0.0:
                 bad |= WHEN
-            call(functions[EVENT], transition, 0, nodes, nodes_at, p, one, 0)
-            rates[i, 1] = one[1]
+            call(functions[EVENT], transition, 0, states, 0, p, one, 0)
+            rates[3 * i + 1] = one[1]
         total = count * FINE
-        heights = np.empty((n_transitions, total + 1))
         for j in range(total + 1):
             step = min(j // FINE, count - 1)
             if j % FINE == 0:
                 for e in range(n):
-                    x[e] = nodes[nodes_at + (j // FINE) * n + e]
+                    x[e] = states[(j // FINE) * n + e]
             else:
                 part = (j - step * FINE) / FINE
-                dense_value(coefficients, dense_at + step * 7 * n, n, nodes, nodes_at + step * n, part, x)
+                dense_value(curves, step * 7 * n, n, states, step * n, part, x)
             for e in range(n):
                 if not abs(x[e]) < 1e300:
                     bad |= VALUE
@@ -619,26 +611,26 @@ def survey(
                 value = x[q] if q < n else out[q - n]
                 if value < lows[q]:
                     lows[q] = value
-                    best[0, q, 0], best[0, q, 1] = i, j
+                    best[2 * q], best[2 * q + 1] = i, j
                 if value > highs[q]:
                     highs[q] = value
-                    best[1, q, 0], best[1, q, 1] = i, j
+                    best[2 * (n + n_outputs + q)], best[2 * (n + n_outputs + q) + 1] = i, j
             for k in range(n_transitions):
                 if sources[k] == mode:
                     call(functions[EVENT], k, 0, x, 0, p, one, 0)
-                    heights[k, j] = -one[0] if directions[k] > 0 else one[0]
+                    heights[k * (total + 1) + j] = -one[0] if directions[k] > 0 else one[0]
             if has_phase and not found_zero and x[n - 1] >= target - 1e-13:
                 found_zero = True
                 _at_phase(
-                    functions, mode, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at, coefficients, p,
-                    _fine(mesh, first, count, max(j - 1, 0)), _fine(mesh, first, count, j), target, at_zero, out,
+                    functions, mode, grid, count, n, n_outputs, states, curves, p,
+                    _fine(grid, count, max(j - 1, 0)), _fine(grid, count, j), target, at_zero, out,
                 )  # fmt: skip
         for k in range(n_transitions):
-            margins[i, k] = np.inf
-            places[i, k] = 0.5
+            margins[i * n_transitions + k] = np.inf
+            places[i * n_transitions + k] = 0.5
             if sources[k] != mode:
                 continue
-            height = heights[k]
+            height = pointer(heights, k * (total + 1))
             sign = -1.0 if directions[k] > 0 else 1.0
             if directions[k] == 0 and height[1] < 0.0:
                 sign = -1.0
@@ -657,22 +649,20 @@ def survey(
                     and (armed or height[j - 2] > small)
                 ):
                     place, least = lowest(
-                        functions, mode, n + n_outputs + k, sign, dense_at, mesh, first, count, n, n_outputs, nodes,
-                        nodes_at, coefficients, _fine(mesh, first, count, j - 2), _fine(mesh, first, count, j - 1),
-                        _fine(mesh, first, count, j), height[j - 2], height[j - 1], height[j], p, x, out,
+                        functions, mode, n + n_outputs + k, sign, grid, count, n, n_outputs, states, curves,
+                        _fine(grid, count, j - 2), _fine(grid, count, j - 1), _fine(grid, count, j),
+                        height[j - 2], height[j - 1], height[j], p, x, out,
                     )  # fmt: skip
                     call(functions[GUARD], n_modes + k, 0, x, 0, p, one, 0)
-                    if one[0] > 0.0 and least < margins[i, k]:
-                        margins[i, k] = least
-                        places[i, k] = place
+                    if one[0] > 0.0 and least < margins[i * n_transitions + k]:
+                        margins[i * n_transitions + k] = least
+                        places[i * n_transitions + k] = place
                         if least < -small:
                             bad |= EARLY
                 starts = j == 1 and abs(height[0]) <= small and duration > 0.0
                 if 0 < j < total and height[j] < -small and (armed or starts):
-                    sample(
-                        functions, mode, 0, 1.0, dense_at, mesh, first, count, n, n_outputs, nodes, nodes_at,
-                        coefficients, _fine(mesh, first, count, j), p, x, out,
-                    )  # fmt: skip
+                    place = _fine(grid, count, j)
+                    _sample(functions, mode, start, 1.0, grid, count, n, n_outputs, states, curves, place, p, x, out)
                     call(functions[GUARD], n_modes + k, 0, x, 0, p, one, 0)
                     if one[0] > 0.0:
                         bad |= EARLY
@@ -684,24 +674,20 @@ def survey(
     for side in range(2):
         sign = 1.0 if side == 0 else -1.0
         for q in range(n + n_outputs):
-            i, j = int(best[side, q, 0]), int(best[side, q, 1])
+            i, j = int(best[2 * (side * (n + n_outputs) + q)]), int(best[2 * (side * (n + n_outputs) + q) + 1])
             count = mesh_at[i + 1] - mesh_at[i] - 1
             first, total = mesh_at[i], count * FINE
             if j == 0 or j == total:
                 continue
-            a, m, b = _fine(mesh, first, count, j - 1), _fine(mesh, first, count, j), _fine(mesh, first, count, j + 1)
-            fa = sample(
-                functions, modes[i], q, sign, first * 7 * n, mesh, first, count, n, n_outputs, nodes, first * n,
-                coefficients, a, p, x, out,
-            )  # fmt: skip
-            fb = sample(
-                functions, modes[i], q, sign, first * 7 * n, mesh, first, count, n, n_outputs, nodes, first * n,
-                coefficients, b, p, x, out,
-            )  # fmt: skip
+            mode, grid = modes[i], pointer(mesh, first)
+            states, curves = pointer(nodes, first * n), pointer(coefficients, first * 7 * n)
+            a, m, b = _fine(grid, count, j - 1), _fine(grid, count, j), _fine(grid, count, j + 1)
+            fa = _sample(functions, mode, q, sign, grid, count, n, n_outputs, states, curves, a, p, x, out)
+            fb = _sample(functions, mode, q, sign, grid, count, n, n_outputs, states, curves, b, p, x, out)
+            fm = sign * (lows[q] if side == 0 else highs[q])
             place, least = lowest(
-                functions, modes[i], q, sign, first * 7 * n, mesh, first, count, n, n_outputs, nodes, first * n,
-                coefficients, a, m, b, fa, sign * (lows[q] if side == 0 else highs[q]), fb, p, x, out,
-            )  # fmt: skip
+                functions, mode, q, sign, grid, count, n, n_outputs, states, curves, a, m, b, fa, fm, fb, p, x, out
+            )
             if side == 0:
                 lows[q] = min(lows[q], least)
             else:
@@ -709,18 +695,16 @@ def survey(
     if not has_phase or not found_zero:
         for e in range(n):
             at_zero[e] = u[e]
+    keep(block)
     return bad
 
 
-@njit(cache=True, error_model="numpy")
-def _fine(mesh, first, count, j):
+@njit(**INNER)
+def _fine(mesh, count, j):
     """Clustered time of the j-th fine sample of a segment."""
     step = min(j // FINE, count - 1)
-    a, b = mesh[first + step], mesh[first + step + 1]
+    a, b = mesh[step], mesh[step + 1]
     return a + (b - a) * (j - step * FINE) / FINE
-
-
-FINEST, COARSEST, AIM = 5.0, 5e-3, 0.2
 
 
 @njit(cache=True, error_model="numpy")
@@ -730,6 +714,7 @@ def remesh(mesh, mesh_at, errors, limit):
     It may where the largest error is below `limit` and no segment is much finer than need be.
     """
     segments = mesh_at.size - 1
+    mesh_at, errors = pointer(mesh_at, 0), pointer(errors, 0)
     worst = 0.0
     stay = True
     for i in range(segments):
@@ -743,14 +728,11 @@ def remesh(mesh, mesh_at, errors, limit):
     fresh = np.empty(0 if stay else 3 * mesh.size + 8 * segments)
     if stay:
         return True, fresh, counts
-    at = 0
+    at, grid, new, filled = 0, pointer(mesh, 0), pointer(fresh, 0), pointer(counts, 0)
     for i in range(segments):
-        count = mesh_at[i + 1] - mesh_at[i] - 1
-        room = np.empty(3 * count + 8)
-        counts[i] = redistribute(
-            mesh[mesh_at[i] : mesh_at[i + 1]], count, errors[mesh_at[i] : mesh_at[i + 1]], AIM, room
-        )  # fmt: skip
-        for j in range(counts[i] + 1):
-            fresh[at + j] = room[j]
-        at += counts[i] + 1
+        first = mesh_at[i]
+        count = mesh_at[i + 1] - first - 1
+        room = pointer(new, at)
+        filled[i] = redistribute(pointer(grid, first), count, pointer(errors, first), AIM, room, 3 * count + 8)
+        at += filled[i] + 1
     return worst <= FINEST, fresh, counts

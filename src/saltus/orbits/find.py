@@ -118,14 +118,26 @@ def _search_forced(
                     failure = str(error)
                     break
                 away = float(np.max(np.abs(np.asarray(orbit.x0) - states) / scale, axis=1).min())
-                if orbit.stable and orbit.admissible and away < 30.0 * max(gap, 1e-6):
+                if orbit.stable and orbit.admissible and away < _reach(orbit, gap):
                     return orbit
-                failure = "the orbit near the motion is not stable" if orbit.admissible else "; ".join(orbit.reasons)
+                failure = _why_not(orbit)
                 break
         x, mode = log.x_end, log.mode_end
         batch *= 2
     hint = failure or "the motion is quasi-periodic or chaotic, or its period is above 16; see it with simulate"
     raise ConvergenceError(f"periodic attractor within {done} forcing periods", recurrence, done, hint)
+
+
+def _reach(orbit: PeriodicOrbit, gap: float) -> float:
+    """Return how far a motion that moves by `gap` a period may be from the orbit that it settles on."""
+    size = max((abs(value) for value in orbit.multipliers.tolist()), default=0.0)
+    return max(_NEAR, 3.0 * gap / max(1.0 - size, 1e-9))
+
+
+def _why_not(orbit: PeriodicOrbit) -> str:
+    if not orbit.admissible:
+        return "; ".join(orbit.reasons)
+    return "the orbit found is far from the motion" if orbit.stable else "the orbit near the motion is not stable"
 
 
 def _shortest(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64]) -> PeriodicOrbit:
@@ -206,7 +218,7 @@ def _search_autonomous(
                 else:
                     if orbit.stable and orbit.admissible:
                         return orbit
-                    failure = "; ".join(orbit.reasons) or "the orbit near the motion is not stable"
+                    failure = _why_not(orbit)
         x, mode = log.x_end, log.mode_end
         batch = min(2.0 * batch, max(longest - done, 1.0) / 2.0) if done < longest else batch
     hint = failure or "the motion is quasi-periodic or chaotic, at rest, or slower than the time allowed; pass settle="

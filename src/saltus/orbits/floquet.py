@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["doubling_determinant", "has_unit_pair", "multipliers", "unstable_count"]
+__all__ = ["distance_from_circle", "doubling_determinant", "multipliers", "nontrivial", "unstable_count"]
 
 
 def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -46,19 +46,19 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     problem.set_parameters(u)
     n = problem.n
     P, R = np.empty((n, n)), np.empty((n, n))
-    closing, autonomous = problem._kinds[0], problem.system.phase is None
+    closing, autonomous = problem.kinds[0], problem.system.phase is None
     flow = np.empty(n)
     if autonomous or closing != PHASE_END:
-        mode, x = int(problem._modes[0]), np.ascontiguousarray(u[:n])
-        problem.system.compiled.call("field", mode, 0, x, problem._extended, flow)
-    problem._kernels.pencil(J, problem._kinds, n, flow, P, R)
+        mode, x = int(problem.modes[0]), np.ascontiguousarray(u[:n])
+        problem.system.compiled.call("field", mode, 0, x, problem.extended, flow)
+    problem.kernels.pencil(J, problem.kinds, n, flow, P, R)
     if closing == PHASE_END:
         values = np.linalg.eigvals(P[:-1, :-1]).astype(np.complex128)
     elif closing == CLOSED_END:
         values = np.linalg.eigvals(_quotient(P, flow)).astype(np.complex128)
     elif n == 3:
         values = np.empty(2, dtype=np.complex128)
-        problem._kernels.pair(P, R, 1, values)
+        problem.kernels.pair(P, R, 1, values)
     else:
         values = _eigenvalues(P[1:, 1:], R[1:, 1:])
     if n > 3 or closing in (PHASE_END, CLOSED_END):
@@ -94,7 +94,7 @@ def doubling_determinant(problem: OrbitProblem, J: NDArray[np.float64]) -> tuple
     A is the derivative of all segment equations in this period's unknowns, B that of the closing ones in the next
     period's start.
     """
-    sign, log = problem._kernels.doubling(J, problem.n)
+    sign, log = problem.kernels.doubling(J, problem.n)
     return float(sign), float(log)
 
 
@@ -108,7 +108,7 @@ def unstable_count(values: NDArray[np.complex128]) -> int:
     return sum(1 for value in values.tolist() if abs(value) > 1.0)
 
 
-def has_unit_pair(values: NDArray[np.complex128]) -> float:
+def distance_from_circle(values: NDArray[np.complex128]) -> float:
     """Return |mu|^2 - 1 of the complex pair nearest to the unit circle; NaN where there is none."""
     nearest = math.nan
     for value in values.tolist():

@@ -13,14 +13,14 @@ import numpy as np
 
 from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
 from saltus.orbits.problem import FAULTS, OrbitProblem, Signature, Survey
-from saltus.results import Result, as_json, frozen
+from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["PeriodicOrbit", "Segment", "orbit_at"]
+__all__ = ["PeriodicOrbit", "Segment", "complex_of", "orbit_at"]
 
 
 class Segment(NamedTuple):
@@ -173,7 +173,6 @@ class PeriodicOrbit(Result):
     def to_xarray(self) -> xr.Dataset:
         """Return segments, multipliers, extremes and a sampled period as a Dataset."""
         dataset = self.sample()
-        n_all = len(self.system.all_states)
         dataset["segment_state"] = (("segment", "state"), self.states)
         dataset["segment_duration"] = ("segment", self.durations)
         dataset["multiplier_re"] = ("multiplier", self.multipliers.real)
@@ -189,9 +188,9 @@ class PeriodicOrbit(Result):
             segment_transition=("segment", [transition for _, transition in self.signature]),
         )
         dataset.attrs |= {
-            "definition": as_json(self.system.definition()),
+            "definition": json.dumps(self.system.definition()),
             "parameters": json.dumps(dict(self.parameters)),
-            "form": as_json([self.form.modes, self.form.transitions, self.form.kinds, self.form.turns]),
+            "form": json.dumps([self.form.modes, self.form.transitions, self.form.kinds, self.form.turns]),
             "period": self.period,
             "residual": self.residual,
             "faults": self.faults,
@@ -199,7 +198,6 @@ class PeriodicOrbit(Result):
             "admissible": int(self.admissible),
             "tol": self.tol,
         }
-        del n_all
         return dataset
 
     @classmethod
@@ -213,7 +211,7 @@ class PeriodicOrbit(Result):
             Signature(tuple(modes), tuple(transitions), tuple(kinds), turns),
             dataset["segment_state"].values,
             dataset["segment_duration"].values,
-            dataset["multiplier_re"].values + 1j * dataset["multiplier_im"].values,
+            complex_of(dataset["multiplier_re"].values, dataset["multiplier_im"].values),
             float(attrs["residual"]),
             int(attrs["faults"]),
             dataset["x0"].values,
@@ -268,3 +266,10 @@ def orbit_at(
         survey.highs,
         problem.tol,
     )
+
+
+def complex_of(re: NDArray[np.float64], im: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return re + i im, exactly for infinite parts, too."""
+    out = np.empty(re.shape, dtype=np.complex128)
+    out.real, out.imag = re, im
+    return out

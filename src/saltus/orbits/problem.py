@@ -15,22 +15,24 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["OrbitProblem", "Signature", "Survey"]
+__all__ = ["CLOSED_END", "EVENT_END", "FAULTS", "MEAN_END", "PHASE_END", "OrbitProblem", "Signature", "Survey"]
 
 EVENT_END, MEAN_END, PHASE_END, CLOSED_END = 0, 1, 2, 3
 """Ways in which a segment ends: its event vanishes; the mean rate of its event function vanishes (for a segment that
 starts on the surface on which it ends: the trivial one of zero length is divided out); a whole number of forcing
 periods; a closed curve of an autonomous mode."""
 
+DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE, COARSE = 1, 2, 4, 8, 16, 32, 64
+"""Bits of what a survey finds; all but the last make an orbit inadmissible."""
+
 FAULTS = (
-    (1, "a segment's duration is not positive"),
-    (2, "an event is crossed in the wrong direction"),
-    (4, "another event lies inside a segment"),
-    (8, "a transition's condition does not hold"),
-    (16, "a mode's domain is left"),
-    (32, "the state is not finite"),
+    (DURATION, "a segment's duration is not positive"),
+    (DIRECTION, "an event is crossed in the wrong direction"),
+    (EARLY, "another event lies inside a segment"),
+    (WHEN, "a transition's condition does not hold"),
+    (DOMAIN, "a mode's domain is left"),
+    (VALUE, "the state is not finite"),
 )
-_COARSE = 64
 
 
 @dataclass(frozen=True)
@@ -138,18 +140,18 @@ class OrbitProblem:
     def __post_init__(self) -> None:
         from saltus.orbits import _kernels
 
-        self._kernels = _kernels
+        self.kernels = _kernels
         compiled = self.system.compiled
         self.n = compiled.n
         self.segments = len(self.signature)
         self.size = self.segments * (self.n + 1)
         self._functions = compiled.addresses
-        self._modes = np.array(self.signature.modes, dtype=np.int64)
+        self.modes = np.array(self.signature.modes, dtype=np.int64)
         self._transitions = np.array(self.signature.transitions, dtype=np.int64)
-        self._kinds = np.array(self.signature.kinds, dtype=np.int64)
+        self.kinds = np.array(self.signature.kinds, dtype=np.int64)
         self._active = np.array(self.active, dtype=np.int64)
         self.scales = np.array(self.scales, dtype=np.float64)
-        self._extended = compiled.extended(self.p)
+        self.extended = compiled.extended(self.p)
         self._anchor = np.zeros(2 * self.n)
         self.state_scale = np.ones(self.n)
         self._atol = self.tol
@@ -170,7 +172,7 @@ class OrbitProblem:
 
     def set_parameters(self, u: NDArray[np.float64]) -> None:
         """Take the active parameters from the unknowns."""
-        self._kernels.set_parameters(self._functions, u, self.size, self._active, self.scales, self._extended)
+        self.kernels.set_parameters(self._functions, u, self.size, self._active, self.scales, self.extended)
 
     def start(self, u: NDArray[np.float64]) -> int | None:
         """Make meshes, scales and the phase condition fit the orbit `u`; return a segment that cannot be followed."""
@@ -185,19 +187,19 @@ class OrbitProblem:
             self.state_scale[-1] = 2.0 * math.pi
         self._atol = self.tol * min(1.0, float(self.state_scale.min()))
         buffer = np.empty(_segment_kernels.MOST_STEPS + 1)
-        for index, (mode, block) in enumerate(zip(self._modes, blocks, strict=True)):
+        for index, (mode, block) in enumerate(zip(self.modes, blocks, strict=True)):
             x, duration = np.ascontiguousarray(block[: self.n]), block[self.n]
             count = _segment_kernels.adapt(
-                self._functions, mode, x, duration, self._extended, self.tol, self._atol, buffer
+                self._functions, mode, x, duration, self.extended, self.tol, self._atol, buffer
             )
             if count < 0:
                 return index
             meshes.append(buffer[: count + 1].copy())
         self._use(meshes)
-        if self._kinds[0] == CLOSED_END:
+        if self.kinds[0] == CLOSED_END:
             x = np.ascontiguousarray(blocks[0, : self.n])
             slope = np.empty(self.n)
-            self.system.compiled.call("field", int(self._modes[0]), 0, x, self._extended, slope)
+            self.system.compiled.call("field", int(self.modes[0]), 0, x, self.extended, slope)
             self._anchor[: self.n] = x
             self._anchor[self.n :] = slope / max(float(np.linalg.norm(slope)), 1e-300)
         self.rescale(self.survey(u))
@@ -226,14 +228,14 @@ class OrbitProblem:
 
     def refine(self) -> bool:
         """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not."""
-        return self._worst <= self._kernels.FINEST or self._move(self._kernels.FINEST)
+        return self._worst <= self.kernels.FINEST or self._move(self.kernels.FINEST)
 
     def prepare(self) -> None:
         """Move the meshes to equal errors where they may soon be too coarse, or are finer than they need be."""
         self._move(1.0)
 
     def _move(self, limit: float) -> bool:
-        fine, fresh, counts = self._kernels.remesh(self._mesh, self._mesh_at, self._errors, limit)
+        fine, fresh, counts = self.kernels.remesh(self._mesh, self._mesh_at, self._errors, limit)
         if counts.size:
             ends = np.cumsum(counts + 1)
             self._use([fresh[end - count - 1 : end] for end, count in zip(ends, counts, strict=True)])
@@ -243,9 +245,9 @@ class OrbitProblem:
         """Return the residual, shape (size,), and the Jacobian, shape (size, size + active)."""
         m = self.size
         F, J = np.empty(m), np.empty((m, m + self._active.size))
-        self._worst = self._kernels.equations(
-            self._functions, self._modes, self._transitions, self._kinds, self.signature.turns, self.n, u,
-            self._extended, self._active, self.scales, self.tol, self._atol, self._mesh, self._mesh_at, self._anchor,
+        self._worst = self.kernels.equations(
+            self._functions, self.modes, self._transitions, self.kinds, self.signature.turns, self.n, u,
+            self.extended, self._active, self.scales, self.tol, self._atol, self._mesh, self._mesh_at, self._anchor,
             F, J, self._errors,
         )  # fmt: skip
         return F, J
@@ -258,23 +260,23 @@ class OrbitProblem:
         lows, highs = np.empty(n + n_out), np.empty(n + n_out)
         margins, places = np.empty((self.segments, n_t)), np.empty((self.segments, n_t))
         rates, x0 = np.zeros((self.segments, 3)), np.empty(n)
-        faults = self._kernels.survey(
-            self._functions, self._modes, self._transitions, self._kinds,
+        faults = self.kernels.survey(
+            self._functions, self.modes, self._transitions, self.kinds,
             self.signature.turns, self._sources, self._directions, n,
-            len(self.system.modes), n_out, self.system.phase is not None, u, self._extended, self.tol, self._atol,
+            len(self.system.modes), n_out, self.system.phase is not None, u, self.extended, self.tol, self._atol,
             self._mesh, self._mesh_at,
             self._nodes, self._coefficients, lows, highs, margins, places, rates, x0,
         )  # fmt: skip
-        return Survey(int(faults) & ~_COARSE, bool(faults & _COARSE), lows, highs, margins, places, rates, x0)
+        return Survey(int(faults) & ~COARSE, bool(faults & COARSE), lows, highs, margins, places, rates, x0)
 
-    def state_on(self, u: NDArray[np.float64], segment: int, place: float) -> NDArray[np.float64]:
-        """Return the full state at a clustered time of a segment, after `survey` at the same `u`."""
+    def state_on(self, segment: int, place: float) -> NDArray[np.float64]:
+        """Return the full state at a clustered time of a segment, as last surveyed."""
         x, out = np.empty(self.n), np.empty(max(2, self.system.compiled.n_outputs))
         first = int(self._mesh_at[segment])
         count = int(self._mesh_at[segment + 1]) - first - 1
-        self._kernels.sample(
-            self._functions, self._modes[segment], 0, 1.0, first * 7 * self.n, self._mesh, first, count, self.n,
-            self.system.compiled.n_outputs, self._nodes, first * self.n, self._coefficients, place, self._extended, x,
+        self.kernels.sample(
+            self._functions, self.modes[segment], 0, 1.0, first * 7 * self.n, self._mesh, first, count, self.n,
+            self.system.compiled.n_outputs, self._nodes, first * self.n, self._coefficients, place, self.extended, x,
             out,
         )  # fmt: skip
         return x

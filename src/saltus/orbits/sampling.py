@@ -71,7 +71,7 @@ def _follow(orbit: PeriodicOrbit, points: int) -> tuple[NDArray[np.float64], NDA
         count = max(_FEWEST, round(points * abs(duration) / max(float(np.abs(orbit.durations).sum()), 1e-300)))
         places = np.linspace(0.0, 1.0, count + 1)
         times.append(begun + duration * places**2 * (3.0 - 2.0 * places))
-        states.append([problem.state_on(u, index, float(place)) for place in places])
+        states.append([problem.state_on(index, float(place)) for place in places])
         modes.append(np.full(count + 1, mode))
         begun += duration
         times[-1][-1] = begun

@@ -17,10 +17,11 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["converge", "settle_signature", "solve_orbit", "solve_unknowns"]
+__all__ = ["check_tol", "converge", "settle_signature", "solve_orbit", "solve_unknowns"]
 
 _ITERATIONS = 40
 _SMALL = 1e-11
+_REMESHED = 12
 
 
 def solve_orbit(
@@ -130,8 +131,12 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
         if factor == 1.0 and length < _SMALL:
             fine = problem.refine()
             coarse = fine and problem.survey(u).coarse
-            if (fine and not coarse) or remeshed >= 6:
+            if fine and not coarse:
                 return u, J
+            if remeshed >= _REMESHED:
+                raise ConvergenceError(
+                    "periodic orbit", size, iteration, "its flow needs finer steps than are to be had"
+                )
             if coarse:
                 problem.start(u)
             remeshed += 1
@@ -180,7 +185,7 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
     gradient = np.empty(2 + 2 * n)
     for block, transition in zip(blocks[1:], transitions[1:], strict=True):
         x = np.ascontiguousarray(block[:n])
-        problem.system.compiled.call("event_x", int(transition), 0, x, problem._extended, gradient)
+        problem.system.compiled.call("event_x", int(transition), 0, x, problem.extended, gradient)
         size = float(np.abs(gradient[2 : 2 + n]) @ problem.state_scale)
         kinds.append(MEAN_END if abs(gradient[0]) < 1e-8 * size else EVENT_END)
     chosen = Signature(tuple(modes.tolist()), tuple(transitions.tolist()), tuple(kinds), signature.turns)
