@@ -1,6 +1,10 @@
 """Floor 2: compiled flows of hybrid systems."""
 
-from saltus.flow.saltation import saltation_matrix
-from saltus.flow.simulate import Trajectory, simulate
+from saltus.system.codegen import let_numba_cache
+
+let_numba_cache()
+
+from saltus.flow.saltation import saltation_matrix  # noqa: E402
+from saltus.flow.simulate import Trajectory, simulate  # noqa: E402
 
 __all__ = ["Trajectory", "saltation_matrix", "simulate"]

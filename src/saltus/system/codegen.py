@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from saltus.system.derivatives import Symbolic
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["FUNCTIONS", "Compiled", "cache_folder", "load", "source_file"]
+__all__ = ["FUNCTIONS", "Compiled", "cache_folder", "let_numba_cache", "load", "source_file"]
 
 FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p", "reset", "reset_x", "reset_p",
              "outputs", "guard")  # fmt: skip
@@ -103,6 +103,17 @@ def cache_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="saltus-"))
 
 
+def let_numba_cache() -> None:
+    """Give Numba a folder for compiled code where neither this package's nor the user's can be written.
+
+    Numba reads the setting when it is first imported: call this before.
+    """
+    home = Path.home() / ".cache" if (Path.home() / ".cache").exists() else Path.home()
+    folders = (Path(__file__).parent, home)
+    if "NUMBA_CACHE_DIR" not in os.environ and not any(os.access(folder, os.W_OK) for folder in folders):
+        os.environ["NUMBA_CACHE_DIR"] = str(cache_folder() / "numba")
+
+
 def source_file(system: HybridSystem) -> Path:
     """Return the file of the system's generated source, written now unless an equal definition has one.
 
@@ -134,6 +145,7 @@ def load(file: Path, system: HybridSystem) -> Compiled:
     name = f"saltus_{file.stem}"
     module = sys.modules.get(name)
     if module is None:
+        let_numba_cache()
         spec = importlib.util.spec_from_file_location(name, file)
         assert spec is not None
         assert spec.loader is not None
