@@ -1,5 +1,6 @@
 """The package's front door: what is public, and what importing it costs."""
 
+import pickle
 import subprocess
 import sys
 
@@ -67,6 +68,17 @@ def test_errors_say_what_was_reached():
     error = ConvergenceError("periodic orbit", 0.5, 3, "start nearer")
     assert str(error) == "periodic orbit: no convergence, residual 0.5 after 3 iterations; start nearer"
     assert (error.residual, error.iterations) == (0.5, 3)
+
+
+def test_the_unit_of_a_failed_search_is_told_and_survives_pickling():
+    error = pickle.loads(pickle.dumps(ConvergenceError("periodic attractor", 0.5, 5311, unit="forcing periods")))
+    assert str(error) == "periodic attractor: no convergence, residual 0.5 after 5311 forcing periods"
+    assert error.unit == "forcing periods"
+
+
+def test_results_compare_by_value_and_so_have_no_hash():
+    with pytest.raises(TypeError, match="unhashable type: 'PeriodicOrbit'"):
+        hash(_circle())
 
 
 def _circle():

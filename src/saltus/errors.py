@@ -91,7 +91,7 @@ class ChatteringError(SaltusError):
 
 
 class ConvergenceError(SaltusError):
-    """Newton's method did not converge.
+    """A search did not converge, as Newton's method does from too far away.
 
     Parameters
     ----------
@@ -103,10 +103,20 @@ class ConvergenceError(SaltusError):
         Iterations spent.
     hint : str, optional
         What to try.
+    unit : str, optional
+        What `iterations` counts.
+
+    Examples
+    --------
+    >>> print(ConvergenceError("periodic attractor", 0.02, 5311, unit="forcing periods"))
+    periodic attractor: no convergence, residual 0.02 after 5311 forcing periods
     """
 
-    def __init__(self, what: str, residual: float, iterations: int, hint: str = "") -> None:
+    def __init__(
+        self, what: str, residual: float, iterations: int, hint: str = "", *, unit: str = "iterations"
+    ) -> None:
         super().__init__(what, residual, iterations, hint)
+        self.unit = unit  # an attribute, so that pickling keeps it beside the plain arguments
 
     @property
     def residual(self) -> float:
@@ -120,7 +130,7 @@ class ConvergenceError(SaltusError):
 
     def __str__(self) -> str:
         what, residual, iterations, hint = self.args
-        text = f"{what}: no convergence, residual {residual:.3g} after {iterations} iterations"
+        text = f"{what}: no convergence, residual {residual:.3g} after {iterations} {self.unit}"
         return text + (f"; {hint}" if hint else "")
 
 

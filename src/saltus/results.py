@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import json
 from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-__all__ = ["Result", "as_json", "frozen", "load"]
+__all__ = ["Result", "frozen", "load"]
 
 _HOMES = {
     "Trajectory": "saltus.flow.simulate",
@@ -90,7 +89,7 @@ class Result(ABC):
         mine, theirs = self.to_xarray(), other.to_xarray()
         return mine.attrs == theirs.attrs and bool(mine.identical(theirs))
 
-    __hash__ = object.__hash__
+    __hash__ = None  # type: ignore[assignment]  # equal results need not be the same object
 
 
 def load(path: str | os.PathLike[str]) -> Result:
@@ -128,8 +127,3 @@ def load(path: str | os.PathLike[str]) -> Result:
         raise InputError("path", str(path), "a file written by saltus")
     home: type[Result] = getattr(importlib.import_module(_HOMES[kind]), kind)
     return home.from_xarray(dataset)
-
-
-def as_json(value: Any) -> str:
-    """Return plain data as the text kept in a file's attributes."""
-    return json.dumps(value)

@@ -10,6 +10,7 @@ import pytest
 
 import saltus.results
 import systems
+from oracles.closed_forms import TableJump
 from saltus.errors import ChatteringError, DivergenceError, InputError
 from saltus.flow.simulate import events_after, settle, simulate
 from saltus.system.hybrid import HybridSystem, Mode, Transition
@@ -274,6 +275,45 @@ def test_sliding_is_told_as_chattering():
     with pytest.raises(ChatteringError) as error:
         simulate(HybridSystem(("x",), {}, modes, rows), None, [-1.0], t_end=5.0)
     assert error.value.time == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("start", [-1.0, 0.5])
+@pytest.mark.parametrize("event", ["x - 1/2", "x**3 - 1/8", "sin(x - 1/2)*y"])
+def test_transitions_to_and_fro_at_one_crossing_are_told_as_chattering(event, start):
+    modes = dict.fromkeys("AB", Mode({"x": "y", "y": "0"}))
+    rows = [Transition("A", "B", event, 1), Transition("B", "A", event, 1)]
+    system = HybridSystem(("x", "y"), {}, modes, rows)
+    with pytest.raises(ChatteringError) as error:
+        simulate(system, None, [start, 1.0], mode="A", t_end=2.0)
+    assert error.value.time == pytest.approx(0.5 - start, abs=1e-12)
+
+
+def test_an_impact_within_rounding_of_the_end_is_one_impact(ball_on_table):
+    form = TableJump(0.5)
+    a = 0.9623702699848647 * form.doubling
+    motion = simulate(ball_on_table, {"a": a}, form.after_impact(a), periods=1)
+    assert named(motion, "impact")["time"] == pytest.approx([2.0 * math.pi], abs=1e-12)
+
+
+def test_runs_that_end_at_an_impact_see_no_impact_twice(ball_on_table):
+    form = TableJump(0.5)
+    for a in form.doubling * np.linspace(0.85, 1.0, 400):
+        p, start = ball_on_table.parameter_vector({"a": a}), form.after_impact(a)
+        for periods in (1, 2):
+            log = events_after(ball_on_table, p, start, 0, periods=periods)
+            times = log.time[log.transition == 0]
+            assert periods - 1 <= times.size <= periods
+            assert times == pytest.approx(2.0 * math.pi * np.arange(1, times.size + 1), abs=1e-8)
+
+
+@pytest.mark.parametrize("after", [0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-10])
+def test_a_run_that_ends_just_after_an_impact_has_one(after, ball_on_table):
+    form = TableJump(0.5)
+    for a in form.doubling * np.linspace(0.85, 1.0, 60):
+        p, start = ball_on_table.parameter_vector({"a": a}), form.after_impact(a)
+        landing = events_after(ball_on_table, p, start, 0, n_events=1, t=7.0).t_end
+        log = events_after(ball_on_table, p, start, 0, t=landing + after)
+        assert np.sum(log.transition == 0) == 1
 
 
 def test_fast_events_that_do_not_accumulate_are_not_chattering():
@@ -598,10 +638,3 @@ def test_the_repr_tells_steps_events_and_end(ball):
     assert "1 impact" in text
     assert "ends in mode 'flight' at z = 0.125, v = " in text
     assert text.endswith("t_end = 1.5 reached")
-
-
-def test_places_in_the_arrays_are_those_of_the_kernel():
-    from saltus.flow import _event_kernels as kernels
-
-    for name in ("T", "T_LOW", "MODE", "STARTING", "WRAPS", "EVENTS", "N_STEPS", "N_EVENTS"):
-        assert getattr(module, f"_{name}") == getattr(kernels, name)

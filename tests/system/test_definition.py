@@ -76,6 +76,32 @@ def transition(**changes):
         ({"outputs": {"gap": "z*theta"}}, "output 'gap' = 'z\\*theta': must be of period 2 pi in theta; carry a clock"),
         ({"groups": {"all": ("g", "q")}}, "group 'all' = 'q'"),
         ({"positive": ("q",)}, "positive, parameter_bounds = 'q'"),
+        ({"positive": 3}, "positive = 3: must be a sequence of parameters"),
+        ({"positive": "g"}, "positive = 'g': must be a sequence of parameters"),
+        ({"states": 3}, "states = 3: must be a sequence of names"),
+        ({"parameters": {"a": "q"}}, "a = 'q': must be a number"),
+        ({"parameters": {"a": True}}, "a = True: must be a number"),
+        ({"parameters": "abc"}, "parameters = 'abc': must be a mapping of names to numbers"),
+        ({"phase": "t"}, "phase = 't': must be a name and a rate"),
+        ({"phase": ("theta",)}, r"phase = \('theta',\): must be a name and a rate"),
+        ({"parameter_bounds": {"a": 3}}, "parameter_bounds of 'a' = 3: must be the two ends of an interval"),
+        ({"parameter_bounds": {"a": (2.0, 1.0)}}, "parameter_bounds of 'a' = .*must be an interval with the lower end"),
+        ({"parameter_bounds": {"a": ("x", 1.0)}}, "parameter_bounds of 'a' = 'x': must be a number"),
+        ({"parameter_bounds": 3}, "parameter_bounds = 3: must be a mapping of parameters to intervals"),
+        ({"modes": {"flight": Mode("x")}}, "mode 'flight' = 'x': must be a mapping of each state to its rate"),
+        ({"modes": Mode({"z": "v", "v": "-g"})}, "modes = Mode.*must be a mapping of names to Mode"),
+        ({"transitions": 3}, "transitions = 3: must be a sequence of Transition"),
+        ({"transitions": transition()[0]}, "transitions = Transition.*must be a sequence of Transition"),
+        ({"transitions": transition(reset="v")}, "transition 'impact' = 'v': must be a mapping of states to new values"),
+        ({"transitions": transition(source=3)}, "transition 'impact' = 3: must be a mode: flight"),
+        ({"transitions": transition(direction="down")}, "transition 'impact' = 'down': must be -1"),
+        ({"transitions": transition(direction=[1])}, r"transition 'impact' = \[1\]: must be -1"),
+        ({"transitions": transition(name=3)}, "transition 3 = 3: must be text as its name"),
+        ({"outputs": 3}, "outputs = 3: must be a mapping of names to expressions"),
+        ({"outputs": {"gap": [1]}}, r"output 'gap' = \[1\]: must be an expression"),
+        ({"groups": ["g"]}, r"groups = \['g'\]: must be a mapping of names to sequences"),
+        ({"groups": {"all": 3}}, "group 'all' = 3: must be a sequence of parameters"),
+        ({"groups": {"all": "ga"}}, "group 'all' = 'ga': must be a sequence of parameters"),
     ],
 )
 def test_each_fault_of_a_definition_is_named(changes, message):
@@ -90,6 +116,12 @@ def test_each_fault_of_a_definition_is_named(changes, message):
         ({"g": math.nan}, "g = nan: must be finite"),
         ({"g": math.inf}, "g = inf: must be finite"),
         ({"g": "one"}, "g = 'one': must be a number"),
+        ({"g": "1.5"}, "g = '1.5': must be a number"),
+        ({"g": True}, "g = True: must be a number"),
+        ({"g": None}, "g = None: must be a number"),
+        ({3: 1.0}, "parameter = 3: must be one of g, e, a, w"),
+        ("abc", "parameters = 'abc': must be a mapping of names to numbers, or None"),
+        ([1.0], r"parameters = \[1.0\]: must be a mapping"),
         ({"g": 0.0}, "g = 0.0: must be > 0"),
         ({"e": -0.1}, "e = -0.1: must be between 0 and 1"),
         ({"a": -1.0}, "a = -1.0: must be >= 0"),
@@ -148,6 +180,13 @@ def test_repr_shows_every_equation():
     text = repr(make(name="ball"))
     for part in ("ball", "z' = v", "v' = -g", "theta' = w", "impact: flight -> flight", "v := -e*v", "gap = "):
         assert part in text
+
+
+@pytest.mark.parametrize("direction", [2, "down", [1]])
+def test_a_part_that_cannot_be_used_can_still_be_shown(direction):
+    assert f"in direction {direction!r}" in repr(Transition("a", "b", "x", direction))
+    assert repr(Transition("a", "b", "x", 1, "v")).endswith("rises through 0, 'v')")
+    assert repr(Mode("x")) == "Mode('x')"
 
 
 def test_notebook_view_shows_the_equations_in_tex():

@@ -57,7 +57,12 @@ class StepControl:
 
 
 class ZeroProblem(Protocol):
-    """F(u) = 0 with one unknown more than equations; the last unknown is the parameter."""
+    """F(u) = 0 with one unknown more than equations; the last unknown is the parameter.
+
+    `singular` names the monitor functions at whose zeros the equations bordered by a plane are singular.
+    """
+
+    singular: frozenset[str]
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the residual, shape (m,), and the Jacobian, shape (m, m + 1)."""
@@ -135,7 +140,9 @@ class Event:
     value: float
 
 
-_ACCEPT, _CROWDED = 2e-9, 1e-5
+_ACCEPT, _CROWDED, _ZERO = 2e-9, 1e-5, 1e-6
+"""Newton step at which a point is taken; step below which several events may share it; value of a monitor function,
+over those at the step's ends, above which a change of sign is a jump and no zero."""
 
 
 def correct(
@@ -310,9 +317,10 @@ def _events(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | str:
     events = []
     for name in problem.leading(list(changed)):
         event = locate(problem, name, a, b, *changed[name])
-        if event is None:
+        if event is None and b.arc - a.arc > _CROWDED:
             return f"location: no zero of {name} between the step's ends"
-        events.append(event)
+        if event is not None and abs(event.value) <= _ZERO * max(abs(value) for value in changed[name]):
+            events.append(event)
     return problem.sort_out(sorted(events, key=lambda event: event.point.arc))
 
 
@@ -321,7 +329,8 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
 
     Each iterate is one Newton step of the equations bordered by the plane normal to the branch, at the place along the
     step where the interpolated monitor function vanishes, kept within the bracket. The branch's departure from the
-    cubic through the step's ends is learnt on the way.
+    cubic through the step's ends is learnt on the way; next to the zero of a `singular` monitor function, where Newton
+    would run off along another branch, what was learnt before is kept.
     """
     from saltus.flow._linear_kernels import bordered
 
@@ -329,7 +338,7 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
     known = [(0.0, fa), (1.0, fb)]
     low, high, f_low = 0.0, 1.0, fa
     s = fa / (fa - fb)
-    bend = np.zeros_like(a.u)
+    bend, f = np.zeros_like(a.u), max(fa, fb)
     scale = problem.scale()
     floor = 1e-11 * max(abs(fa), abs(fb))
     for _ in range(60):
@@ -341,7 +350,7 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
         F, J = problem.evaluate(u)
         steps, sign, log, size, residual = bordered(J, F, row, u, u, scale)
         step = steps[:, 0]
-        if residual <= 1e-13:
+        if residual <= 1e-13 or (name in problem.singular and abs(f) < 1e-3 * max(abs(fa), abs(fb))):
             step, size = np.zeros_like(step), 0.0
         if sign == 0.0 or not size < 1e3:
             return None

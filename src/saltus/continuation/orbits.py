@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, follow, start_point
+from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, correct, follow, start_point
 from saltus.continuation.branch import Branch, SpecialPoint, SpecialPoints
 from saltus.continuation.grazing import Neighbour, neighbour
 from saltus.continuation.zero_problem import BIFURCATIONS, Interest, OrbitBranch, OrbitData
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_orbit"]
 
-_ROUNDING = 1e-9
-"""Share of the parameter's interval by which a start may miss a bound."""
+_ROUNDING, _SAME = 1e-9, 1e-6
+"""Share of the parameter's interval by which a start may miss a bound; distance at which two points are the same."""
 
 
 def continue_orbit(
@@ -233,7 +233,10 @@ class _Run:
 
     def begin(self) -> tuple[OrbitBranch, Point]:
         """Return the start, its tangent towards growing parameter."""
-        u = np.append(self.orbit.unknowns, self.orbit.parameters[self.name] / self.scale)
+        value = self.orbit.parameters[self.name] / self.scale
+        for bound in (self.interest.low, self.interest.high):
+            value = bound if abs(value - bound) < _ROUNDING else value
+        u = np.append(self.orbit.unknowns, value)
         branch = self.piece(self.orbit.form, u)
         try:
             point = start_point(branch, u)
@@ -368,21 +371,23 @@ class _Run:
         if branch is start[0] and last.arc == 0.0:
             return False
         w = last.weights
-        away = origin.u - last.u
+        goal = origin.u.copy()
         if branch.problem.system.phase is not None:
             n = branch.n
-            shift = 2.0 * math.pi * round(float(away[n - 1]) / (2.0 * math.pi))
-            away = away.copy()
-            away[n - 1 : branch.problem.size : n + 1] -= shift
-        chord = new.u - last.u
+            shift = 2.0 * math.pi * round(float(goal[n - 1] - last.u[n - 1]) / (2.0 * math.pi))
+            goal[n - 1 : branch.problem.size : n + 1] -= shift
+        away, chord = goal - last.u, new.u - last.u
         length = float(w @ chord**2)
         share = float(w @ (away * chord)) / length
-        if not 0.0 < share <= 1.0:
+        along = float(w @ (origin.tangent * chord))
+        near = math.sqrt(float(w @ (away - share * chord) ** 2)) < 20.0 * self.control.deviation
+        if not (0.0 < share <= 1.0 and near and abs(along) > 0.9 * math.sqrt(length * float(w @ origin.tangent**2))):
             return False
-        rest = away - share * chord
-        along = abs(float(w @ (origin.tangent * chord))) / math.sqrt(length * float(w @ origin.tangent**2))
-        bend = math.sqrt(float(w @ rest**2) / length)
-        return along > 0.9 and bend < 0.3 and math.sqrt(float(w @ rest**2)) < 20.0 * self.control.deviation
+        row = origin.weights * origin.tangent
+        guess = last.u + share * chord
+        guess -= origin.tangent * float(row @ (guess - goal))
+        there = correct(branch, guess, origin.tangent, origin.weights, self.control.iterations)
+        return isinstance(there, Point) and float(w @ (there.u - goal) ** 2) < _SAME**2
 
 
 _INADMISSIBLE = Survey(1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0))

@@ -68,6 +68,8 @@ class OrbitBranch:
         What is looked for.
     """
 
+    singular = frozenset({"BP"})
+
     def __init__(self, problem: OrbitProblem, u: NDArray[np.float64], interest: Interest) -> None:
         self.problem = problem
         self.interest = interest
@@ -174,9 +176,15 @@ class OrbitBranch:
         return [name for name in names if name not in shadowed]
 
     def sort_out(self, events: list[Event]) -> list[Event]:
-        """Return the events without a fold where the whole Jacobian loses rank: that is a branch point alone."""
+        """Return the events without shadows.
+
+        Where the whole Jacobian loses rank there is a branch point, no fold; at a grazing without a jump of the field
+        the parameter turns like the square of the vanishing duration, and with it every determinant has a zero.
+        """
         points = [event.point.arc for event in events if event.name == "BP"]
-        return [e for e in events if e.name != "SN" or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
+        grazings = [event.point.arc for event in events if _at_grazing(event.name)]
+        kept = [e for e in events if e.name != "SN" or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
+        return [e for e in kept if e.name not in BIFURCATIONS or all(abs(e.point.arc - arc) > 1e-7 for arc in grazings)]
 
     def crowded(self, names: list[str]) -> bool:
         """Return whether more than one bifurcation or grazing lies in a step."""

@@ -225,13 +225,15 @@ def _leaving_side(q, degree, rate_counts):
 
 @njit(**INNER)
 def _scan(
-    addresses, k, n, p, x, dense, h, value_0, value_1, on, rate_h, rate_counts, consumed, side, direction,
+    addresses, k, n, p, x, dense, value_0, value_1, on, rounding, rate_h, rate_counts, consumed, side, direction,
     rtol, atol, y, event, values, b, pieces, work, found,
 ):  # fmt: skip
     """All zeros of event function k in the step, in order.
 
     on: the step starts on the surface, so that zero is divided out; `side` is then the side of the motion before, or 0.
-    Returns the count of zeros (-1: too many for one step) and the side before the first of them; side 0: still on it.
+    rounding: of the event function; a step from the surface that stays within it shows nothing but its rate.
+    Returns the count of zeros (-1: too many for one step), the side before the first of them (0: not known yet), and
+    whether the motion is still on the surface at the end.
     """
     outlined()
     count = 0
@@ -250,6 +252,18 @@ def _scan(
             largest = max(largest, abs(values[i]))
         on_here = on and a == 0.0
         origin = values[0] if on_here else 0.0
+        if on_here and end >= 1.0:
+            farthest = 0.0
+            for i in range(1, DEGREE + 1):
+                farthest = max(farthest, abs(values[i] - origin))
+            if farthest <= rounding:
+                if not rate_counts:
+                    return 0, side, True
+                leaves = 1 if rate_h > 0.0 else -1
+                if leaves != side if side != 0 else (direction == leaves and not consumed):
+                    found[0] = 0.0
+                    return 1, -leaves, True
+                return 0, leaves, True
         for i in range(DEGREE + 1):
             total = 0.0
             for j in range(DEGREE + 1):
@@ -276,7 +290,7 @@ def _scan(
             b[0] = rate_h * width if rate_counts else 0.0
             leaves = _leaving_side(b, degree, rate_counts)
             if leaves == 0:
-                return 0, 0
+                return 0, 0, True
             if before != 0:
                 crosses = leaves != before
             else:
@@ -292,20 +306,20 @@ def _scan(
                 before = now = first
             if first != 0 and first != now:
                 if count == ROOTS:
-                    return -1, before
+                    return -1, before, False
                 found[count] = a
                 count += 1
                 now = first
         earlier = count
         count = _bernstein_roots(b, degree, noise, a, width, pieces, work, found, count)
         if count < 0:
-            return -1, before
+            return -1, before, False
         if (count - earlier) % 2 == 1:
             now = -now
         at_a = values[DEGREE]
         a = end
         width = min(2.0 * width, 1.0 - a)
-    return count, before
+    return count, before, False
 
 
 @njit(**INNER)
@@ -546,20 +560,21 @@ def _begin(
 @njit(**INNER)
 def _seek(
     addresses, transitions, n_transitions, mode, n, p, x, x_end, size, h, dense, rtol, atol, counts, side, on, value,
-    value_end, before, found, n_found, passed, y, event, values, b, pieces, work,
+    value_end, before, found, n_found, passed, stays, y, event, values, b, pieces, work,
 ):  # fmt: skip
     """Find every zero of every event function in the step; whether there are too many for one step."""
     outlined()
     too_many = False
     for k in range(n_transitions):
-        n_found[k] = passed[k] = 0
+        n_found[k] = passed[k] = stays[k] = 0
         if transitions[3 * k] != mode:
             continue
-        rate_counts = False
+        rate_counts, rounding = False, 0.0
         call(addresses[EVENT_X if on[k] == 1 else EVENT], k, 0, x, 0, p, event, 0)
         rate_h = event[1] * h
         if on[k] == 1:
             rate_counts = abs(event[1]) > ROUNDING * _scale(pointer(event, 2 + n), n, size)
+            rounding = ROUNDING * _scale(pointer(event, 2), n, size)
         call(addresses[EVENT], k, 0, x_end, 0, p, event, 0)
         value_end[k] = event[0]
         before[k] = side[k]
@@ -570,10 +585,11 @@ def _seek(
         ):
             continue
         consumed = k == counts[FIRED] and counts[MODE_BEFORE] == mode
-        n_found[k], before[k] = _scan(
-            addresses, k, n, p, x, dense, h, value[k], value_end[k], on[k] == 1, rate_h, rate_counts, consumed,
+        n_found[k], before[k], still_on = _scan(
+            addresses, k, n, p, x, dense, value[k], value_end[k], on[k] == 1, rounding, rate_h, rate_counts, consumed,
             side[k], transitions[3 * k + 2], rtol, atol, y, event, values, b, pieces, work, pointer(found, ROOTS * k),
         )  # fmt: skip
+        stays[k] = 1 if still_on else 0
         too_many = too_many or n_found[k] < 0
     return too_many
 
@@ -660,7 +676,7 @@ def run_kernel(
     event_times, event_which = pointer(event_times, 0), pointer(event_which, 0)
     event_ends, event_rates = pointer(event_ends, 0), pointer(event_rates, 0)
     block = stack(float64, 30 * n + 3 + n_transitions * (ROOTS + 1) + 3 * (DEGREE + 1) + DEPTH * PIECE)
-    integers = stack(int64, 3 * n_transitions)
+    integers = stack(int64, 4 * n_transitions)
     used = n - 1 if phase > 0.0 else n
     store = most_steps > 0
     y, x_end, landing, after = block, pointer(block, n), pointer(block, 2 * n), pointer(block, 3 * n)
@@ -671,6 +687,7 @@ def run_kernel(
     values = pointer(found, ROOTS * n_transitions)
     b, work, pieces = pointer(values, DEGREE + 1), pointer(values, 2 * (DEGREE + 1)), pointer(values, 3 * (DEGREE + 1))
     n_found, passed, before = integers, pointer(integers, n_transitions), pointer(integers, 2 * n_transitions)
+    stays = pointer(integers, 3 * n_transitions)
     none = int64(-1)
     counts[N_STEPS] = counts[N_EVENTS] = 0
     while True:
@@ -737,7 +754,7 @@ def run_kernel(
             _dense(addresses, mode, n, p, h, x, x_end, slopes, y, dense)
         too_many = _seek(
             addresses, transitions, n_transitions, mode, n, p, x, x_end, size, h, dense, rtol, atol, counts, side, on,
-            value, value_end, before, found, n_found, passed, y, event, values, b, pieces, work,
+            value, value_end, before, found, n_found, passed, stays, y, event, values, b, pieces, work,
         )  # fmt: skip
         if too_many:
             numbers[STEP] = 0.5 * h
@@ -775,7 +792,7 @@ def run_kernel(
                 if transitions[3 * k] == mode:
                     value[k] = value_end[k]
                     side[k] = before[k] if n_found[k] % 2 == 0 else -before[k]
-                    on[k] = 1 if side[k] == 0 else 0
+                    on[k] = stays[k]
             numbers[STEP] = max(h * factor, tried) if ends else h * factor
             numbers[STEP_BEFORE], numbers[ERROR_BEFORE] = h, max(error, 1e-4)
             if wraps:

@@ -60,7 +60,7 @@ def bordered(J, F, row, u, guess, scale):
     """Solve (J; row) (du, t) = (-F, 0; -row (u - guess), 1).
 
     J: (m, m + 1); F: (m,); the others (m + 1,). Returns the two solutions, (m + 1, 2), sign and log of the determinant,
-    the largest |du| over `scale`, and the largest |F|.
+    the largest |du| and the largest |F|, both over `scale`.
     """
     m, wide = F.size, F.size + 1
     block, solutions = np.empty(wide * wide), np.empty((wide, 2))
@@ -71,7 +71,7 @@ def bordered(J, F, row, u, guess, scale):
             matrix[i * wide + j] = J[i, j]
         rhs[2 * i] = -F[i]
         rhs[2 * i + 1] = 0.0
-        top = max(top, abs(F[i]))
+        top = max(top, abs(F[i]) / scale[i])
     for j in range(wide):
         matrix[m * wide + j] = row[j]
         ahead += row[j] * (u[j] - guess[j])

@@ -19,12 +19,12 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeGuard
 
 import numpy as np
 
 from saltus.errors import ChatteringError, DivergenceError, InputError
-from saltus.results import Result, as_json, frozen
+from saltus.results import Result, frozen
 from saltus.system.hybrid import HybridSystem
 
 if TYPE_CHECKING:
@@ -188,8 +188,8 @@ class Trajectory(Result):
             "step_dense": (("step", "coefficient", "state"), np.array(self.step_dense)),
         }
         attrs = {
-            "system": as_json(self.system.definition()),
-            "parameters": as_json(dict(self.parameters)),
+            "definition": json.dumps(self.system.definition()),
+            "parameters": json.dumps(dict(self.parameters)),
             "t_end": self.t_end,
             "mode_end": self.mode_end,
             "stopped": self.stopped,
@@ -202,7 +202,7 @@ class Trajectory(Result):
     def from_xarray(cls, dataset: xr.Dataset) -> Self:
         """Return the trajectory that `to_xarray` described."""
         attrs = dataset.attrs
-        system = HybridSystem.from_definition(json.loads(attrs["system"]))
+        system = HybridSystem.from_definition(json.loads(attrs["definition"]))
         value = {str(name): dataset[name].to_numpy() for name in dataset.data_vars}
         which = np.stack(
             [value["event_transition"], value["event_mode_before"], value["event_mode_after"]], axis=1
@@ -342,7 +342,7 @@ def simulate(
     """
     p = system.parameter_vector(parameters)
     x = _start(system, x0)
-    rtol, atol = _tolerances(rtol, atol)
+    _check_tolerances(rtol, atol)
     if (t_end is None) == (periods is None):
         given = {"t_end": t_end, "periods": periods}
         raise InputError("t_end, periods", given, "exactly one of the two given")
@@ -362,8 +362,8 @@ def simulate(
     run = _Run(system, p, x, start, rtol, atol, steps_kept=_STEPS_KEPT)
     end = float(t_end) if t_end is not None else math.inf
     run.follow(end, periods, int(max_events))
-    full = run.numbers[_T] + run.numbers[_T_LOW]
-    short = run.counts[_EVENTS] >= max_events and full < end and (periods is None or run.counts[_WRAPS] < periods)
+    full = run.time
+    short = run.events_passed >= max_events and full < end and (periods is None or run.wraps < periods)
     stopped = f"max_events = {max_events} reached at t = {full:.12g}" if short else ""
     if not stopped:
         stopped = f"t_end = {t_end:.12g} reached" if periods is None else f"{periods} periods reached"
@@ -371,9 +371,9 @@ def simulate(
     return Trajectory(
         system=system,
         parameters=system.resolve(parameters),
-        t_end=float(full) if periods is not None or short else end,
+        t_end=full if periods is not None or short else end,
         x_end=frozen(run.x),
-        mode_end=system.mode_names[run.counts[_MODE]],
+        mode_end=system.mode_names[run.mode],
         events=_event_table(system, *run.events()),
         stopped=stopped,
         step_times=frozen(times[:, 0]),
@@ -381,8 +381,8 @@ def simulate(
         step_modes=frozen(modes, np.int64),
         step_starts=frozen(starts),
         step_dense=frozen(dense),
-        rtol=rtol,
-        atol=atol,
+        rtol=float(rtol),
+        atol=float(atol),
     )
 
 
@@ -419,9 +419,10 @@ def settle(
     InputError, ChatteringError, DivergenceError
         As `simulate`.
     """
-    run = _Run(system, p, _start(system, x), mode, *_tolerances(rtol, atol))
+    _check_tolerances(rtol, atol)
+    run = _Run(system, p, _start(system, x), mode, rtol, atol)
     run.follow(*_how_long(system, periods, t), None, keep=False)
-    return run.x.copy(), int(run.counts[_MODE])
+    return run.x.copy(), run.mode
 
 
 def events_after(
@@ -452,7 +453,8 @@ def events_after(
     InputError, ChatteringError, DivergenceError
         As `simulate`.
     """
-    run = _Run(system, p, _start(system, x), mode, *_tolerances(rtol, atol))
+    _check_tolerances(rtol, atol)
+    run = _Run(system, p, _start(system, x), mode, rtol, atol)
     run.follow(*_how_long(system, periods, t), n_events)
     times, which, ends, rates = run.events()
     return EventLog(
@@ -463,14 +465,10 @@ def events_after(
         mode_before=frozen(which[:, 1], np.int64),
         mode_after=frozen(which[:, 2], np.int64),
         normal_velocity=frozen(rates),
-        t_end=float(run.numbers[_T] + run.numbers[_T_LOW]),
+        t_end=run.time,
         x_end=frozen(run.x),
-        mode_end=int(run.counts[_MODE]),
+        mode_end=run.mode,
     )
-
-
-# places in the kernel's arrays, asserted equal to the kernel's by a test; read here so that it is imported on first use
-_T, _T_LOW, _MODE, _STARTING, _WRAPS, _EVENTS, _N_STEPS, _N_EVENTS = 0, 1, 0, 1, 4, 5, 9, 10
 
 
 class _Run:
@@ -490,7 +488,7 @@ class _Run:
         from saltus.flow import _event_kernels as kernels
 
         compiled, n = system.compiled, x.size
-        self.kernels, self.system, self.rtol, self.atol = kernels, system, rtol, atol
+        self.kernels, self.system, self.rtol, self.atol = kernels, system, float(rtol), float(atol)
         self.addresses = compiled.addresses
         self.p = compiled.extended(np.ascontiguousarray(p, dtype=np.float64))
         self.x = x
@@ -518,6 +516,22 @@ class _Run:
         self.kept_steps: list[tuple[NDArray[Any], ...]] = []
         self.kept_events: list[tuple[NDArray[Any], ...]] = []
 
+    @property
+    def time(self) -> float:
+        return float(self.numbers[self.kernels.T] + self.numbers[self.kernels.T_LOW])
+
+    @property
+    def mode(self) -> int:
+        return int(self.counts[self.kernels.MODE])
+
+    @property
+    def wraps(self) -> int:
+        return int(self.counts[self.kernels.WRAPS])
+
+    @property
+    def events_passed(self) -> int:
+        return int(self.counts[self.kernels.EVENTS])
+
     def follow(self, t_end: float, periods: int | None, n_events: int | None, *, keep: bool = True) -> None:
         """Go on until the time, the number of periods or that of transitions; `periods` end at the phase of the start.
 
@@ -525,9 +539,10 @@ class _Run:
         """
         most = np.iinfo(np.int64).max
         self._follow(t_end, most if periods is None else periods, most if n_events is None else n_events, keep)
-        if periods is not None and self.offset > 0.0 and self.counts[_WRAPS] >= periods:
-            now = self.numbers[_T] + self.numbers[_T_LOW]
-            self._follow(min(t_end, now + self.offset / self.rate), most, most if n_events is None else n_events, keep)
+        if periods is not None and self.offset > 0.0 and self.wraps >= periods:
+            self._follow(
+                min(t_end, self.time + self.offset / self.rate), most, most if n_events is None else n_events, keep
+            )
 
     def _follow(self, t_end: float, wraps: int, n_events: int, keep: bool) -> None:
         status = self.kernels.AGAIN
@@ -538,7 +553,7 @@ class _Run:
                 self.first_steps, *self.step_buffers, *self.event_buffers,
             )  # fmt: skip
             if keep:
-                m, k = int(self.counts[_N_STEPS]), int(self.counts[_N_EVENTS])
+                m, k = (int(self.counts[place]) for place in (self.kernels.N_STEPS, self.kernels.N_EVENTS))
                 self.kept_steps.append(tuple(buffer[:m].copy() for buffer in self.step_buffers))
                 self.kept_events.append(tuple(buffer[:k].copy() for buffer in self.event_buffers))
         if status != self.kernels.DONE:
@@ -554,8 +569,7 @@ class _Run:
 
     def _error(self, status: int) -> ChatteringError | DivergenceError:
         kernels = self.kernels
-        t = float(self.numbers[_T] + self.numbers[_T_LOW])
-        mode = self.system.mode_names[self.counts[_MODE]]
+        t, mode = self.time, self.system.mode_names[self.mode]
         if status == kernels.CHATTERING:
             return ChatteringError(t, self.x, mode)
         step = self.numbers[kernels.STEP]
@@ -578,15 +592,14 @@ def _start(system: HybridSystem, x0: ArrayLike) -> NDArray[np.float64]:
     return x
 
 
-def _tolerances(rtol: float, atol: float) -> tuple[float, float]:
-    if not (_is_number(rtol) and 1e-14 <= rtol <= 0.1):
+def _check_tolerances(rtol: object, atol: object) -> None:
+    if not _is_number(rtol) or not 1e-14 <= rtol <= 0.1:
         raise InputError("rtol", rtol, "a number between 1e-14 and 0.1")
-    if not (_is_number(atol) and 0.0 < atol < math.inf):
+    if not _is_number(atol) or not 0.0 < atol < math.inf:
         raise InputError("atol", atol, "a finite number > 0")
-    return float(rtol), float(atol)
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
@@ -673,4 +686,4 @@ def _indices(names: tuple[str, ...], chosen: NDArray[np.str_]) -> NDArray[np.int
 
 def _flags(values: Any, names: tuple[str, ...]) -> dict[str, str]:
     """How the numbers of a variable are named."""
-    return {"meaning": as_json({str(value): name for value, name in zip(values, names, strict=True)})}
+    return {"meaning": json.dumps({str(value): name for value, name in zip(values, names, strict=True)})}

@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["COEFFICIENTS", "ERROR_3", "ERROR_5", "EXTRA_STAGES", "INTERPOLATION", "NODES", "STAGES", "WEIGHTS"]
-
-STAGES = 12
-EXTRA_STAGES = 3
+__all__ = ["COEFFICIENTS", "ERROR_3", "ERROR_5", "INTERPOLATION", "NODES", "WEIGHTS"]
 
 NODES = np.array(
     [

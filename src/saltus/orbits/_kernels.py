@@ -30,6 +30,7 @@ DERIVE, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = (
     for name in ("derive", "event", "event_x", "event_p", "reset", "reset_x", "reset_p", "outputs", "guard")
 )
 FINE = 3  # samples of a step in the survey
+PEAK = 0.02  # share of a quantity's range by which a sampled extreme may miss the true one
 FINEST, COARSEST, AIM = 5.0, 5e-3, 0.2  # errors of a step, in tolerances: most, least, aimed at
 SHORT = 0.01  # share of the period below which a mean rate is integrated rather than taken from its ends
 
@@ -181,13 +182,14 @@ def _chain(line, row, m, n, kept, columns, y, gradient, per):
 
 
 @njit(cache=True, error_model="numpy")
-def pencil(J, kinds, n, vector, P, R):
+def pencil(J, kinds, n, vector, sizes, period, P, R):
     """Write the (n, n) pencil P v = mu R v of the linearised return map at the first segment's start.
 
     Durations are eliminated by reflections and segments joined by orthogonal null spaces, so nothing is divided by the
     normal velocity: where it vanishes (grazing) R is singular and a multiplier infinite. Unless the segment closes without
     an event, the flow `vector` is an eigenvector (of multiplier 0, since the event waits for it), and the quotient by it
-    is left in P[1:, 1:] and R[1:, 1:]; it is first improved to the eigenvector of the discrete equations.
+    is left in P[1:, 1:] and R[1:, 1:]; it is first improved to the eigenvector of the discrete equations. States are
+    taken in units of `sizes`, (n,), and durations of `period`, `vector` with them, so that units do not matter.
     """
     segments, wide, width = kinds.size, n + 1, J.shape[1]
     block = np.empty(2 * wide * n + wide + 7 * n * n + 6 * n)
@@ -201,9 +203,17 @@ def pencil(J, kinds, n, vector, P, R):
         at = i * wide
         for a in range(wide):
             line = pointer(J, (at + a) * width + at)
-            tau[a] = line[n]
+            unit = 0.0
+            if a < n:
+                unit = sizes[a]
+            else:
+                unit = abs(line[n]) * period
+                for b in range(n):
+                    unit = max(unit, abs(line[b]) * sizes[b])
+            unit = 1.0 / unit if unit > 0.0 else 1.0
+            tau[a] = line[n] * period * unit
             for b in range(n):
-                left[a * n + b] = line[b] + (1.0 if segments == 1 and a == b else 0.0)
+                left[a * n + b] = (line[b] + (1.0 if segments == 1 and a == b else 0.0)) * sizes[b] * unit
                 right[a * n + b] = 1.0 if a == b else 0.0
         whole = kinds[i] == PHASE_END or kinds[i] == CLOSED_END
         if not whole:
@@ -502,6 +512,7 @@ def survey(
     p,
     rtol,
     atol,
+    sizes,
     mesh,
     mesh_at,
     nodes,
@@ -524,7 +535,7 @@ def survey(
     segments, wide, n_transitions, most = modes.size, n + 1, sources.size, 0
     for i in range(segments):
         most = max(most, FINE * (mesh_at[i + 1] - mesh_at[i] - 1) + 1)
-    block = np.empty(5 * n + 4 + max(n_outputs, 2) + 4 * (n + n_outputs) + n_transitions * most)
+    block = np.empty(5 * n + 4 + max(n_outputs, 2) + (n + n_outputs + n_transitions) * most)
     functions, modes = pointer(functions, 0), pointer(modes, 0)
     transitions, kinds = pointer(transitions, 0), pointer(kinds, 0)
     sources, directions, u, p = pointer(sources, 0), pointer(directions, 0), pointer(u, 0), pointer(p, 0)
@@ -535,10 +546,8 @@ def survey(
     bad, start = 0, int64(0)
     x, probe, field, slope = pointer(block, 0), pointer(block, n), pointer(block, 2 * n), pointer(block, 3 * n)
     one, out = pointer(block, 5 * n + 2), pointer(block, 5 * n + 4)
-    best = pointer(out, max(n_outputs, 2))  # segment and sample of the least and of the greatest value of each quantity
-    heights = pointer(best, 4 * (n + n_outputs))  # (n_transitions, samples)
-    for q in range(4 * (n + n_outputs)):
-        best[q] = 0.0
+    values = pointer(out, max(n_outputs, 2))  # (n + n_outputs, samples)
+    heights = pointer(values, (n + n_outputs) * most)  # (n_transitions, samples)
     for q in range(n + n_outputs):
         lows[q] = np.inf
         highs[q] = -np.inf
@@ -609,12 +618,9 @@ def survey(
                 call(functions[OUTPUTS], mode, 0, x, 0, p, out, 0)
             for q in range(n + n_outputs):
                 value = x[q] if q < n else out[q - n]
-                if value < lows[q]:
-                    lows[q] = value
-                    best[2 * q], best[2 * q + 1] = i, j
-                if value > highs[q]:
-                    highs[q] = value
-                    best[2 * (n + n_outputs + q)], best[2 * (n + n_outputs + q) + 1] = i, j
+                values[q * (total + 1) + j] = value
+                lows[q] = min(lows[q], value)
+                highs[q] = max(highs[q], value)
             for k in range(n_transitions):
                 if sources[k] == mode:
                     call(functions[EVENT], k, 0, x, 0, p, one, 0)
@@ -625,6 +631,24 @@ def survey(
                     functions, mode, grid, count, n, n_outputs, states, curves, p,
                     _fine(grid, count, max(j - 1, 0)), _fine(grid, count, j), target, at_zero, out,
                 )  # fmt: skip
+        for q in range(2 * (n + n_outputs)):
+            sign, q = (1.0, q) if q < n + n_outputs else (-1.0, q - n - n_outputs)
+            value = pointer(values, q * (total + 1))
+            for j in range(1, total):
+                fa, fm, fb = sign * value[j - 1], sign * value[j], sign * value[j + 1]
+                least = lows[q] if sign > 0.0 else -highs[q]
+                # the sampled peak that wins may belong to another true one
+                if fm <= fa and fm < fb and fm <= least + PEAK * (highs[q] - lows[q]):
+                    _, least = lowest(
+                        functions, mode, q, sign, grid, count, n, n_outputs, states, curves,
+                        _fine(grid, count, j - 1), _fine(grid, count, j), _fine(grid, count, j + 1),
+                        fa, fm, fb, p, x, out,
+                    )  # fmt: skip
+                    if sign > 0.0:
+                        lows[q] = min(lows[q], least)
+                    else:
+                        highs[q] = max(highs[q], -least)
+        before = transitions[i - 1 if i > 0 else segments - 1]
         for k in range(n_transitions):
             margins[i * n_transitions + k] = np.inf
             places[i * n_transitions + k] = 0.5
@@ -639,7 +663,11 @@ def survey(
             size = 0.0
             for j in range(total + 1):
                 size = max(size, abs(height[j]))
-            small = 1e-9 * (1e-3 + size)
+            call(functions[EVENT_X], k, 0, states, 0, p, slope, 0)
+            reach = 0.0
+            for e in range(n):
+                reach += abs(slope[2 + e]) * sizes[e]
+            small = 1e-9 * (1e-3 * reach + size)
             armed = False
             for j in range(total + 1):
                 if (
@@ -659,10 +687,21 @@ def survey(
                         places[i * n_transitions + k] = place
                         if least < -small:
                             bad |= EARLY
-                starts = j == 1 and abs(height[0]) <= small and duration > 0.0
+                # an event that has just happened does not happen again as the motion passes on through its surface
+                starts = j == 1 and abs(height[0]) <= small and duration > 0.0 and k != before
                 if 0 < j < total and height[j] < -small and (armed or starts):
-                    place = _fine(grid, count, j)
-                    _sample(functions, mode, start, 1.0, grid, count, n, n_outputs, states, curves, place, p, x, out)
+                    low, high = _fine(grid, count, j - 1), _fine(grid, count, j)
+                    for _ in range(50 if armed else 0):
+                        place = 0.5 * (low + high)
+                        value = _sample(
+                            functions, mode, n + n_outputs + k, sign, grid, count, n, n_outputs, states, curves, place, p,
+                            x, out,
+                        )  # fmt: skip
+                        if value < 0.0:
+                            high = place
+                        else:
+                            low = place
+                    _sample(functions, mode, start, 1.0, grid, count, n, n_outputs, states, curves, low, p, x, out)
                     call(functions[GUARD], n_modes + k, 0, x, 0, p, one, 0)
                     if one[0] > 0.0:
                         bad |= EARLY
@@ -671,27 +710,6 @@ def survey(
                     bad |= EARLY
                 if height[j] > small:
                     armed = True
-    for side in range(2):
-        sign = 1.0 if side == 0 else -1.0
-        for q in range(n + n_outputs):
-            i, j = int(best[2 * (side * (n + n_outputs) + q)]), int(best[2 * (side * (n + n_outputs) + q) + 1])
-            count = mesh_at[i + 1] - mesh_at[i] - 1
-            first, total = mesh_at[i], count * FINE
-            if j == 0 or j == total:
-                continue
-            mode, grid = modes[i], pointer(mesh, first)
-            states, curves = pointer(nodes, first * n), pointer(coefficients, first * 7 * n)
-            a, m, b = _fine(grid, count, j - 1), _fine(grid, count, j), _fine(grid, count, j + 1)
-            fa = _sample(functions, mode, q, sign, grid, count, n, n_outputs, states, curves, a, p, x, out)
-            fb = _sample(functions, mode, q, sign, grid, count, n, n_outputs, states, curves, b, p, x, out)
-            fm = sign * (lows[q] if side == 0 else highs[q])
-            place, least = lowest(
-                functions, mode, q, sign, grid, count, n, n_outputs, states, curves, a, m, b, fa, fm, fb, p, x, out
-            )
-            if side == 0:
-                lows[q] = min(lows[q], least)
-            else:
-                highs[q] = max(highs[q], -least)
     if not has_phase or not found_zero:
         for e in range(n):
             at_zero[e] = u[e]

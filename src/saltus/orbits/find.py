@@ -212,7 +212,7 @@ def _search_autonomous(
             recurrence = min(recurrence, gap)
             if gap < _NEAR:
                 try:
-                    orbit = converge(system, signature, u, p, tol)
+                    orbit = _once_round(system, converge(system, signature, u, p, tol), p)
                 except SaltusError as error:
                     failure = str(error)
                 else:
@@ -223,6 +223,20 @@ def _search_autonomous(
         batch = min(2.0 * batch, max(longest - done, 1.0) / 2.0) if done < longest else batch
     hint = failure or "the motion is quasi-periodic or chaotic, at rest, or slower than the time allowed; pass settle="
     raise ConvergenceError(f"periodic attractor within t = {done:g}", recurrence, int(done), hint)
+
+
+def _once_round(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64]) -> PeriodicOrbit:
+    """Return an autonomous orbit once round, where it was found as several turns of a shorter one."""
+    count = len(orbit.form)
+    scale = _scale(orbit.states)
+    for fewer in range(1, count):
+        turned = np.roll(orbit.states, -fewer, axis=0)
+        alike = all(np.roll(part, -fewer).tolist() == list(part) for part in (orbit.form.modes, orbit.form.transitions))
+        if count % fewer == 0 and alike and np.max(np.abs(turned - orbit.states) / scale) < _SAME:
+            form = orbit.form
+            signature = Signature(form.modes[:fewer], form.transitions[:fewer], (EVENT_END,) * fewer, 0)
+            return converge(system, signature, orbit.unknowns[: fewer * (orbit.states.shape[1] + 1)], p, orbit.tol)
+    return orbit
 
 
 def _read_autonomous(log: EventLog) -> tuple[Signature, NDArray[np.float64], float] | None:

@@ -47,11 +47,13 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     n = problem.n
     P, R = np.empty((n, n)), np.empty((n, n))
     closing, autonomous = problem.kinds[0], problem.system.phase is None
-    flow = np.empty(n)
+    flow = np.zeros(n)
     if autonomous or closing != PHASE_END:
         mode, x = int(problem.modes[0]), np.ascontiguousarray(u[:n])
         problem.system.compiled.call("field", mode, 0, x, problem.extended, flow)
-    problem.kernels.pencil(J, problem.kinds, n, flow, P, R)
+    flow /= problem.state_scale
+    period = float(np.abs(u[n : problem.size : n + 1]).sum())
+    problem.kernels.pencil(J, problem.kinds, n, flow, problem.state_scale, period, P, R)
     if closing == PHASE_END:
         values = np.linalg.eigvals(P[:-1, :-1]).astype(np.complex128)
     elif closing == CLOSED_END:

@@ -264,6 +264,7 @@ class OrbitProblem:
             self._functions, self.modes, self._transitions, self.kinds,
             self.signature.turns, self._sources, self._directions, n,
             len(self.system.modes), n_out, self.system.phase is not None, u, self.extended, self.tol, self._atol,
+            self.state_scale,
             self._mesh, self._mesh_at,
             self._nodes, self._coefficients, lows, highs, margins, places, rates, x0,
         )  # fmt: skip

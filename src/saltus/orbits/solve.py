@@ -105,6 +105,7 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
     ConvergenceError
         The steps do not converge.
     """
+    given = u
     u = _within_reach(problem, u)
     scale = np.tile(np.append(problem.state_scale, 1.0), problem.segments)
     F, J = problem.evaluate(u)
@@ -131,6 +132,8 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
         if factor == 1.0 and length < _SMALL:
             fine = problem.refine()
             coarse = fine and problem.survey(u).coarse
+            if problem.signature.kinds[0] == CLOSED_END and u[problem.n] < 0.2 * given[problem.n]:
+                raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
             if fine and not coarse:
                 return u, J
             if remeshed >= _REMESHED:
@@ -152,7 +155,7 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
 def _within_reach(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return unknowns whose flow can be followed: durations that run into a singularity of the field are shortened."""
     u = u.copy()
-    for _ in range(100):
+    for _ in range(40):
         blocked = problem.start(u)
         if blocked is None:
             return u

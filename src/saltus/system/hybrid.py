@@ -46,7 +46,8 @@ class Mode:
     domain: Any = None
 
     def __repr__(self) -> str:
-        equations = ", ".join(f"{name}' = {rate}" for name, rate in self.field.items())
+        is_mapping = isinstance(self.field, Mapping)
+        equations = _listed(self.field, ", {}' = {}").removeprefix(", ") if is_mapping else repr(self.field)
         return f"Mode({equations}" + (f"; domain {self.domain} > 0)" if self.domain is not None else ")")
 
 
@@ -91,10 +92,12 @@ class Transition:
         return f"Transition({self.name!r}: {self._sentence()})"
 
     def _sentence(self) -> str:
-        text = f"{self.source} -> {self.target} when {self.event} {_DIRECTIONS[self.direction]} through 0"
+        passes = _DIRECTIONS.get(self.direction) if isinstance(self.direction, int) else None
+        passes = passes or f"passes, in direction {self.direction!r},"
+        text = f"{self.source} -> {self.target} when {self.event} {passes} through 0"
         if self.when is not None:
             text += f" and {self.when} > 0"
-        return text + "".join(f", {name} := {value}" for name, value in self.reset.items())
+        return text + (_listed(self.reset, ", {} := {}") if isinstance(self.reset, Mapping) else f", {self.reset!r}")
 
 
 class HybridSystem:
@@ -162,18 +165,23 @@ class HybridSystem:
         parameter_bounds: Mapping[str, tuple[float, float]] | None = None,
         name: str = "",
     ) -> None:
-        self.name = name
+        self.name = str(name)
         self.states = _names(states, "states")
-        self.parameters = {check_name(key, "parameters"): value for key, value in parameters.items()}
-        self.phase = None if phase is None else (check_name(phase[0], "phase"), text_of(phase[1], "phase"))
+        parameters = _mapping(parameters, "parameters", "of names to numbers")
+        self.parameters = {check_name(key, "parameters"): _number(value, key) for key, value in parameters.items()}
+        self.phase = _clean_phase(phase)
+        modes = _mapping(modes, "modes", "of names to Mode")
         self.modes = {str(key): _clean_mode(str(key), mode) for key, mode in modes.items()}
-        self.transitions = tuple(_clean_transition(transition) for transition in transitions)
-        self.outputs = self._clean_outputs(outputs or {})
-        self.groups = {str(key): tuple(members) for key, members in (groups or {}).items()}
-        self.positive = tuple(positive)
-        self.parameter_bounds = {key: (float(a), float(b)) for key, (a, b) in (parameter_bounds or {}).items()}
+        self.transitions = tuple(map(_clean_transition, _sequence(transitions, "transitions", "of Transition")))
+        self.outputs = self._clean_outputs(_mapping(outputs, "outputs", "of names to expressions"))
+        groups = _mapping(groups, "groups", "of names to sequences of parameters")
+        self.groups = {
+            str(key): _sequence(members, f"group {key!r}", "of parameters") for key, members in groups.items()
+        }
+        self.positive = _sequence(positive, "positive", "of parameters")
+        bounds = _mapping(parameter_bounds, "parameter_bounds", "of parameters to intervals")
+        self.parameter_bounds = {key: _clean_bounds(key, interval) for key, interval in bounds.items()}
         self._check_structure()
-        self.parameters = {key: float(value) for key, value in self.parameters.items()}
         from saltus.system import codegen
 
         self._source = codegen.source_file(self)
@@ -257,11 +265,13 @@ class HybridSystem:
         InputError
             An unknown name, a value that is not finite, or one out of its bounds.
         """
+        if parameters is not None and not isinstance(parameters, Mapping):
+            raise InputError("parameters", parameters, "a mapping of names to numbers, or None")
         values = dict(self.parameters)
         for key, value in (parameters or {}).items():
             if key not in values and key not in self.groups:
                 known = (*values, *self.groups)
-                raise InputError("parameter", key, f"one of {', '.join(known)}", nearest(key, known))
+                raise InputError("parameter", key, f"one of {', '.join(known)}", nearest(str(key), known))
             for member in self.groups.get(key, (key,)):
                 values[member] = value
         for key, value in values.items():
@@ -269,10 +279,7 @@ class HybridSystem:
         return values
 
     def _checked(self, key: str, value: object) -> float:
-        try:
-            number = float(value)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
-            raise InputError(key, value, "a number") from None
+        number = _number(value, key, InputError)
         if not math.isfinite(number):
             raise InputError(key, number, "finite")
         if key in self.positive and number <= 0.0:
@@ -315,7 +322,7 @@ class HybridSystem:
 
     def mode_index(self, mode: str) -> int:
         """Return the index of a mode; raise `InputError` where there is none of that name."""
-        if mode not in self.modes:
+        if not isinstance(mode, str) or mode not in self.modes:
             raise InputError("mode", mode, f"one of {', '.join(self.modes)}", nearest(str(mode), self.modes))
         return self.mode_names.index(mode)
 
@@ -356,8 +363,9 @@ class HybridSystem:
             if names.count(transition.name) > 1:
                 raise DefinitionError(where, transition.name, "named once", "pass name=")
             for name in (transition.source, transition.target):
-                if name not in self.modes:
-                    raise DefinitionError(where, name, f"a mode: {', '.join(self.modes)}", nearest(name, self.modes))
+                if not isinstance(name, str) or name not in self.modes:
+                    hint = nearest(str(name), self.modes)
+                    raise DefinitionError(where, name, f"a mode: {', '.join(self.modes)}", hint)
             for state in transition.reset:
                 if state not in self.all_states:
                     wanted = f"a state to reset: {', '.join(self.states)}"
@@ -397,15 +405,57 @@ class HybridSystem:
 
 
 def _names(names: Sequence[str], where: str) -> tuple[str, ...]:
-    if isinstance(names, str) or not names:
+    if isinstance(names, str) or not isinstance(names, Iterable) or not (listed := tuple(names)):
         raise DefinitionError(where, names, "a sequence of names, at least one")
-    return tuple(check_name(name, where) for name in names)
+    return tuple(check_name(name, where) for name in listed)
+
+
+def _mapping(value: Any, where: str, what: str) -> Mapping[Any, Any]:
+    if value is not None and not isinstance(value, Mapping):
+        raise DefinitionError(where, value, f"a mapping {what}")
+    return value or {}
+
+
+def _sequence(value: Any, where: str, what: str) -> tuple[Any, ...]:
+    if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
+        raise DefinitionError(where, value, f"a sequence {what}")
+    return tuple(value)
+
+
+def _number(value: Any, name: str, error: type[InputError] = DefinitionError) -> float:
+    """A parameter's value; texts and booleans are none."""
+    try:
+        if isinstance(value, str | bytes | bool | np.bool_):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise error(name, value, "a number") from None
+
+
+def _clean_phase(phase: Any) -> tuple[str, str] | None:
+    if phase is None:
+        return None
+    if not isinstance(phase, tuple | list) or len(phase) != 2:
+        raise DefinitionError("phase", phase, "a name and a rate, as in ('theta', 'w')")
+    return check_name(phase[0], "phase"), text_of(phase[1], "phase")
+
+
+def _clean_bounds(parameter: str, interval: Any) -> tuple[float, float]:
+    where = f"parameter_bounds of {parameter!r}"
+    if not isinstance(interval, tuple | list) or len(interval) != 2:
+        raise DefinitionError(where, interval, "the two ends of an interval, as in (0.0, 1.0)")
+    low, high = (_number(end, where) for end in interval)
+    if not low <= high:
+        raise DefinitionError(where, interval, "an interval with the lower end first")
+    return low, high
 
 
 def _clean_mode(key: str, mode: Mode) -> Mode:
     where = f"mode {key!r}"
     if not isinstance(mode, Mode):
         raise DefinitionError(where, mode, "a Mode")
+    if not isinstance(mode.field, Mapping):
+        raise DefinitionError(where, mode.field, "a mapping of each state to its rate as the field")
     field_ = {name: text_of(rate, where) for name, rate in mode.field.items()}
     return Mode(field_, None if mode.domain is None else text_of(mode.domain, where))
 
@@ -414,7 +464,11 @@ def _clean_transition(transition: Transition) -> Transition:
     if not isinstance(transition, Transition):
         raise DefinitionError("transitions", transition, "a sequence of Transition")
     where = f"transition {transition.name!r}"
-    if transition.direction not in _DIRECTIONS:
+    if not isinstance(transition.name, str):
+        raise DefinitionError(where, transition.name, "text as its name")
+    if not isinstance(transition.reset, Mapping):
+        raise DefinitionError(where, transition.reset, "a mapping of states to new values as its reset")
+    if not isinstance(transition.direction, int | float | np.integer) or transition.direction not in _DIRECTIONS:
         raise DefinitionError(where, transition.direction, "-1 (falling), 0 (either) or 1 (rising) as its direction")
     return Transition(
         transition.source,
@@ -425,6 +479,10 @@ def _clean_transition(transition: Transition) -> Transition:
         None if transition.when is None else text_of(transition.when, where),
         transition.name,
     )
+
+
+def _listed(values: Mapping[str, Any], form: str) -> str:
+    return "".join(form.format(name, value) for name, value in values.items())
 
 
 def _interval(low: float, high: float) -> str:
