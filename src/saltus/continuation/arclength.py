@@ -329,8 +329,8 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
 
     Each iterate is one Newton step of the equations bordered by the plane normal to the branch, at the place along the
     step where the interpolated monitor function vanishes, kept within the bracket. The branch's departure from the
-    cubic through the step's ends is learnt on the way; next to the zero of a `singular` monitor function, where Newton
-    would run off along another branch, what was learnt before is kept.
+    cubic through the step's ends is learnt on the way. Next to the zero of a `singular` monitor function, where Newton
+    would run off along another branch, its steps leave that direction out.
     """
     from saltus.flow._linear_kernels import bordered
 
@@ -338,7 +338,7 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
     known = [(0.0, fa), (1.0, fb)]
     low, high, f_low = 0.0, 1.0, fa
     s = fa / (fa - fb)
-    bend, f = np.zeros_like(a.u), max(fa, fb)
+    bend, near = np.zeros_like(a.u), False
     scale = problem.scale()
     floor = 1e-11 * max(abs(fa), abs(fb))
     for _ in range(60):
@@ -350,11 +350,18 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
         F, J = problem.evaluate(u)
         steps, sign, log, size, residual = bordered(J, F, row, u, u, scale)
         step = steps[:, 0]
-        if residual <= 1e-13 or (name in problem.singular and abs(f) < 1e-3 * max(abs(fa), abs(fb))):
+        if near:
+            step = _without_kernel(J, F, row, scale)
+            size = float(np.abs(step / scale).max())
+        if residual <= 1e-13:
             step, size = np.zeros_like(step), 0.0
+        if sign == 0.0 and name in problem.singular:  # met exactly
+            point = Point(u, J, tangent, a.weights, sign, log, residual, 1, a.arc + s * length)
+            point.examined = problem.examine(point, None)
+            return Event(name, point, 0.0)
         if sign == 0.0 or not size < 1e3:
             return None
-        bend = bend + step / max(shape, 1e-12)
+        bend = bend + step / max(shape, 1e-2 if name in problem.singular else 1e-12)
         if not problem.accurate():
             continue
         direction = steps[:, 1] / math.sqrt(float(a.weights @ steps[:, 1] ** 2))
@@ -371,6 +378,10 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
             continue
         if size > 1e-5 and abs(f) < 1e3 * size:
             continue
+        if not near and name in problem.singular and abs(f) < 1e-3 * max(abs(fa), abs(fb)):
+            near, known = True, [(0.0, fa), (1.0, fb)]
+            low, high, f_low = max(0.0, s - 0.1), min(1.0, s + 0.1), fa
+            continue
         if (f < 0.0) == (f_low < 0.0):
             low, f_low = s, f
         else:
@@ -378,6 +389,15 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
         known = [*known[-3:], (s, f)]
         s = _zero(known, low, high)
     return None
+
+
+def _without_kernel(
+    J: NDArray[np.float64], F: NDArray[np.float64], row: NDArray[np.float64], scale: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the Newton step in the plane without its part along the direction that the equations hardly determine."""
+    left, values, right = np.linalg.svd(np.vstack([J, row]) * scale)
+    inverse = np.append(1.0 / values[:-1], 0.0)
+    return np.asarray(scale * (right.T @ (inverse * (left.T @ np.append(-F, 0.0)))))
 
 
 def _zero(known: list[tuple[float, float]], low: float, high: float) -> float:

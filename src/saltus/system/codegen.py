@@ -7,16 +7,21 @@ that `derive` makes of them, `out` what is returned. Drivers call them by addres
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib.util
 import json
 import os
+import stat
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from saltus.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -49,12 +54,12 @@ class Compiled:
     """
 
     def __init__(self, module: Any, system: HybridSystem) -> None:
-        self._module = module
         self.addresses = np.array([getattr(module, name).address for name in FUNCTIONS], dtype=np.int64)
         self.n = len(system.all_states)
         self.n_parameters = len(system.parameters)
         self.n_constants = int(module.CONSTANTS)
         self.n_outputs = len(system.outputs)
+        # valid as long as the module is, which `sys.modules` keeps
         self._calls: dict[str, Any] = {name: getattr(module, name).ctypes for name in FUNCTIONS}
 
     def extended(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -87,20 +92,27 @@ class Compiled:
 
 
 def cache_folder() -> Path:
-    """Return the folder of generated files, made if need be; a temporary one where the user's cannot be written."""
+    """Return the folder of generated files, made if need be; a private temporary one if it cannot be written.
+
+    Raises
+    ------
+    InputError
+        The environment variable SALTUS_CACHE_DIR names a folder that cannot be made or written.
+    """
     import platformdirs
 
     chosen = os.environ.get("SALTUS_CACHE_DIR")
-    candidates = [Path(chosen)] if chosen else [Path(platformdirs.user_cache_dir("saltus", appauthor=False))]
-    candidates.append(Path(tempfile.gettempdir()) / f"saltus-{os.getuid() if hasattr(os, 'getuid') else 'user'}")
-    for folder in candidates:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
+    folder = Path(chosen or platformdirs.user_cache_dir("saltus", appauthor=False))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK | os.X_OK):
             return folder
-    return Path(tempfile.mkdtemp(prefix="saltus-"))
+        reason = "it cannot be written"
+    except OSError as error:
+        reason = str(error)
+    if chosen:
+        raise InputError("SALTUS_CACHE_DIR", chosen, "a folder that can be made and written", reason)
+    return _temporary_folder(tempfile.gettempdir())
 
 
 def let_numba_cache() -> None:
@@ -112,6 +124,19 @@ def let_numba_cache() -> None:
     folders = (Path(__file__).parent, home)
     if "NUMBA_CACHE_DIR" not in os.environ and not any(os.access(folder, os.W_OK) for folder in folders):
         os.environ["NUMBA_CACHE_DIR"] = str(cache_folder() / "numba")
+
+
+@cache
+def _temporary_folder(parent: str) -> Path:
+    """A folder that nobody else can write, since what lies in it is run: the user's of before, or a fresh one."""
+    if hasattr(os, "getuid"):
+        folder = Path(parent) / f"saltus-{os.getuid()}"
+        with contextlib.suppress(OSError):
+            folder.mkdir(mode=0o700, exist_ok=True)
+            found = folder.lstat()
+            if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and stat.S_IMODE(found.st_mode) == 0o700:
+                return folder
+    return Path(tempfile.mkdtemp(prefix="saltus-", dir=parent))
 
 
 def source_file(system: HybridSystem) -> Path:
