@@ -313,7 +313,8 @@ def test_a_run_that_ends_just_after_an_impact_has_one(after, ball_on_table):
         p, start = ball_on_table.parameter_vector({"a": a}), form.after_impact(a)
         landing = events_after(ball_on_table, p, start, 0, n_events=1, t=7.0).t_end
         log = events_after(ball_on_table, p, start, 0, t=landing + after)
-        assert np.sum(log.transition == 0) == 1
+        count = int(np.sum(log.transition == 0))
+        assert count == 1 or (count == 0 and after <= 4.0 * math.ulp(landing))
 
 
 def test_fast_events_that_do_not_accumulate_are_not_chattering():

@@ -1,7 +1,9 @@
 """A definition is checked when it is made, and every message names the part at fault."""
 
 import math
+import os
 import pickle
+import stat
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import sympy
 
 import systems
 from saltus import DefinitionError, HybridSystem, InputError, Mode, Transition
+from saltus.system import codegen
 
 
 def make(**changes):
@@ -92,7 +95,10 @@ def transition(**changes):
         ({"modes": Mode({"z": "v", "v": "-g"})}, "modes = Mode.*must be a mapping of names to Mode"),
         ({"transitions": 3}, "transitions = 3: must be a sequence of Transition"),
         ({"transitions": transition()[0]}, "transitions = Transition.*must be a sequence of Transition"),
-        ({"transitions": transition(reset="v")}, "transition 'impact' = 'v': must be a mapping of states to new values"),
+        (
+            {"transitions": transition(reset="v")},
+            "transition 'impact' = 'v': must be a mapping of states to new values",
+        ),
         ({"transitions": transition(source=3)}, "transition 'impact' = 3: must be a mode: flight"),
         ({"transitions": transition(direction="down")}, "transition 'impact' = 'down': must be -1"),
         ({"transitions": transition(direction=[1])}, r"transition 'impact' = \[1\]: must be -1"),
@@ -201,6 +207,20 @@ def test_unknown_mode_suggests_the_nearest():
         make().field("fligt", [0.0, 0.0])
 
 
+def test_a_small_drive_of_another_period_is_refused_as_well():
+    with pytest.raises(DefinitionError, match="must be of period 2 pi in theta"):
+        make(outputs={"drive": "1e-10*sin(theta/2)"})
+
+
+def test_powers_written_as_decimals_are_clamped_like_fractions():
+    fields = []
+    for power in ("3/2", "1.5"):
+        system = HybridSystem(("z",), {"a": 0.1}, {"m": Mode({"z": f"(a - z)**({power})"})})
+        fields.append([system.field("m", [z])[0] for z in (-0.3, 0.0, 0.2)])
+    assert fields[0] == fields[1]
+    assert fields[0][2] == 0.0
+
+
 def test_expressions_of_period_two_pi_in_the_phase_are_taken():
     make(outputs={"wave": "cos(3*theta - g) + sin(theta)**2", "sawtooth": "atan2(sin(theta), cos(theta))"})
 
@@ -258,9 +278,44 @@ def test_second_system_of_the_same_mathematics_needs_no_new_file(monkeypatch):
     assert make(name="two", parameters={"g": 2.0, "e": 0.1, "a": 1.0, "w": 3.0})._source == first._source
 
 
-def test_cache_folder_falls_back_where_it_cannot_be_made(monkeypatch, tmp_path):
-    from saltus.system.codegen import cache_folder
-
+def test_a_chosen_cache_folder_that_cannot_be_made_is_told(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("SALTUS_CACHE_DIR", str(tmp_path / "file" / "below"))
-    assert cache_folder().is_dir()
+    with pytest.raises(InputError, match="SALTUS_CACHE_DIR = '.*below': must be a folder that can be made and written"):
+        codegen.cache_folder()
+
+
+@pytest.fixture
+def no_user_cache(monkeypatch, tmp_path):
+    """Neither a chosen nor a usual cache folder, and an empty folder for temporary ones, which is returned."""
+    (tmp_path / "file").write_text("")
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.delenv("SALTUS_CACHE_DIR", raising=False)
+    monkeypatch.setattr("platformdirs.user_cache_dir", lambda *_, **__: str(tmp_path / "file" / "below"))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))
+    return tmp_path / "tmp"
+
+
+def test_the_temporary_cache_folder_is_private_and_found_again(no_user_cache):
+    folder = codegen.cache_folder()
+    assert folder.parent == no_user_cache
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    codegen._temporary_folder.cache_clear()
+    assert codegen.cache_folder() == folder
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="only where users have numbers has the folder a known name")
+@pytest.mark.parametrize("kind", ["open to all", "a link", "a file"])
+def test_a_temporary_cache_folder_that_others_can_write_is_not_used(kind, no_user_cache):
+    known = no_user_cache / f"saltus-{os.getuid()}"
+    if kind == "a file":
+        known.write_text("")
+    elif kind == "a link":
+        (no_user_cache / "elsewhere").mkdir(mode=0o700)
+        known.symlink_to(no_user_cache / "elsewhere")
+    else:
+        known.mkdir()
+        known.chmod(0o777)
+    folder = codegen.cache_folder()
+    assert folder.name not in (known.name, "elsewhere")
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700

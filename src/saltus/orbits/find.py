@@ -125,7 +125,7 @@ def _search_forced(
         x, mode = log.x_end, log.mode_end
         batch *= 2
     hint = failure or "the motion is quasi-periodic or chaotic, or its period is above 16; see it with simulate"
-    raise ConvergenceError(f"periodic attractor within {done} forcing periods", recurrence, done, hint)
+    raise ConvergenceError("periodic attractor", recurrence, done, hint, unit="forcing periods")
 
 
 def _reach(orbit: PeriodicOrbit, gap: float) -> float:
@@ -222,7 +222,7 @@ def _search_autonomous(
         x, mode = log.x_end, log.mode_end
         batch = min(2.0 * batch, max(longest - done, 1.0) / 2.0) if done < longest else batch
     hint = failure or "the motion is quasi-periodic or chaotic, at rest, or slower than the time allowed; pass settle="
-    raise ConvergenceError(f"periodic attractor within t = {done:g}", recurrence, int(done), hint)
+    raise ConvergenceError("periodic attractor", recurrence, int(done), hint, unit="units of time")
 
 
 def _once_round(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64]) -> PeriodicOrbit:

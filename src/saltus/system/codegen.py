@@ -38,7 +38,7 @@ FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p"
              "outputs", "guard")  # fmt: skip
 """Names of the generated functions, in the order of `Compiled.addresses`."""
 
-_GENERATION = 1
+_GENERATION = 2
 """Raised when the text that this module writes changes, so that files of an older one are not used."""
 
 
@@ -365,6 +365,8 @@ def _printer() -> Any:
 
         def _print_Pow(self, expr: Any, rational: bool = False, sqrt: str = "math.sqrt") -> str:
             base, exponent = expr.as_base_exp()
+            if exponent.is_Float and float(2 * exponent).is_integer():
+                exponent = sympy.Rational(int(2 * exponent), 2)
             if exponent.is_Rational and exponent.q in (1, 2) and abs(exponent.p) <= 24:
                 text = self._power(f"({self._print(base)})", abs(int(exponent.p)), int(exponent.q))
                 return text if exponent.p > 0 else f"(1.0/{text})"

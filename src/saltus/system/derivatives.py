@@ -58,7 +58,10 @@ class Symbolic:
         phase = self.system.phase
         if phase is not None and expression.has(theta := sympy.Symbol(phase[0], real=True)):
             jump = expression - expression.subs(theta, theta + 2 * sympy.pi)
-            if jump != 0 and any(abs(_sampled(jump, theta, angle)) > 1e-9 for angle in _ANGLES):
+            varying = expression - expression.subs(theta, 0)
+            if jump != 0 and any(
+                abs(_sampled(jump, theta, angle)) > 1e-9 * abs(_sampled(varying, theta, angle)) for angle in _ANGLES
+            ):
                 wanted = f"of period 2 pi in {theta}"
                 hint = "carry a clock as an ordinary state with its own event where it must not be"
                 raise DefinitionError(where, text, wanted, hint)
