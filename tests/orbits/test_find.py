@@ -74,7 +74,7 @@ def test_an_autonomous_motion_without_events_settles_on_the_unit_circle():
 
 def test_a_chaotic_motion_has_no_orbit():
     system = systems.carried_map(("x",), {"a": 3.9}, LOGISTIC)
-    with pytest.raises(ConvergenceError, match=r"^periodic attractor: no convergence, residual .* after \d+ units of time; "):
+    with pytest.raises(ConvergenceError, match=r"^periodic attractor: .* after \d+ units of time; "):
         find_orbit(system, x0=[0.3, 0.0], settle=500.0)
 
 
