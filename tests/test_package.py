@@ -1,5 +1,6 @@
 """The package's front door: what is public, and what importing it costs."""
 
+import copy
 import pickle
 import subprocess
 import sys
@@ -62,6 +63,12 @@ def test_a_result_is_saved_and_read_back_equal(tmp_path):
     assert again.segments[0].duration == orbit.segments[0].duration
     with pytest.raises(InputError, match="it holds a PeriodicOrbit"):
         saltus.Branch.load(tmp_path / "orbit.nc")
+
+
+def test_results_travel_between_processes():
+    orbit = _circle()
+    assert pickle.loads(pickle.dumps(orbit)) == orbit
+    assert copy.deepcopy(orbit) == orbit
 
 
 def test_errors_say_what_was_reached():

@@ -111,7 +111,7 @@ def _writable_folder(out: Path) -> Path:
 @contextmanager
 def _status() -> Iterator[Callable[[str], None] | None]:
     """Show the line that is said last, with a spinner; nothing where stdout is no terminal."""
-    if not sys.stdout.isatty():
+    if not (sys.stdout is not None and sys.stdout.isatty()):
         yield None
         return
     from rich.console import Console

@@ -83,6 +83,9 @@ class Result(ABC):
 
         return plot(self, *args, **options)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self).from_xarray, (self.to_xarray(),)
+
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented

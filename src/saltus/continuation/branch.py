@@ -198,6 +198,10 @@ class Branch(Result):
             "label", label, f"one of {', '.join(known) or 'no special points'}", nearest(str(label), known)
         )
 
+    def __iter__(self) -> Iterator[PeriodicOrbit]:
+        """Go through the orbits of all points."""
+        return (self.orbit(i) for i in range(len(self)))
+
     @property
     def quantities(self) -> tuple[str, ...]:
         """Names of all states and outputs, in the order of `lows` and `highs`."""

@@ -276,8 +276,8 @@ class EventLog:
 
 def simulate(
     system: HybridSystem,
-    parameters: Mapping[str, float] | None,
-    x0: ArrayLike,
+    parameters: Mapping[str, float] | None = None,
+    x0: ArrayLike = (),
     *,
     mode: str | None = None,
     t_end: float | None = None,
@@ -292,7 +292,7 @@ def simulate(
     ----------
     system : HybridSystem
         What moves.
-    parameters : mapping of str to float, or None
+    parameters : mapping of str to float, optional
         Values that differ from the defaults.
     x0 : array_like, shape (states,) or (all states,)
         State at time 0; without the phase it starts at phase 0.

@@ -24,6 +24,7 @@ __all__ = ["find_orbit"]
 _LONGEST = 16
 _NEAR = 1e-3
 _SAME = 1e-6
+_FAR = 0.1
 
 
 def find_orbit(
@@ -131,7 +132,7 @@ def _search_forced(
 def _reach(orbit: PeriodicOrbit, gap: float) -> float:
     """Return how far a motion that moves by `gap` a period may be from the orbit that it settles on."""
     size = max((abs(value) for value in orbit.multipliers.tolist()), default=0.0)
-    return max(_NEAR, 3.0 * gap / max(1.0 - size, 1e-9))
+    return min(max(_NEAR, 3.0 * gap / max(1.0 - size, 1e-9)), _FAR)
 
 
 def _why_not(orbit: PeriodicOrbit) -> str:
