@@ -12,7 +12,7 @@ import numpy as np
 from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, correct, follow, start_point
 from saltus.continuation.branch import Branch, SpecialPoint, SpecialPoints
 from saltus.continuation.grazing import Neighbour, neighbour
-from saltus.continuation.zero_problem import BIFURCATIONS, Interest, OrbitBranch, OrbitData
+from saltus.continuation.zero_problem import BIFURCATIONS, Interest, OrbitBranch, OrbitData, at_grazing
 from saltus.errors import InputError, nearest
 from saltus.orbits.floquet import nontrivial, unstable_count
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_orbit"]
 
-_ROUNDING, _SAME = 1e-9, 1e-6
-"""Share of the parameter's interval by which a start may miss a bound; distance at which two points are the same."""
+_ROUNDING, _SAME, _TOUCHING = 1e-9, 1e-6, 1e-13
+"""Share of the parameter's interval by which a start may miss a bound; distance at which two points are the same;
+what is left of a distance that vanishes."""
 
 
 def continue_orbit(
@@ -243,7 +244,13 @@ class _Run:
         except ValueError as error:
             hint = f"the equations have no regular branch there: {error}"
             raise InputError("orbit", self.orbit.signature, "a regular periodic orbit", hint) from None
-        point.examined = branch.examine(point, None)
+        found = branch.examine(point, None)
+        # a start at a grazing lies on its admissible side, whatever the rounding
+        monitors = {
+            name: _TOUCHING if at_grazing(name) and abs(value) < _SAME * _SAME else value
+            for name, value in found.monitors.items()
+        }
+        point.examined = replace(found, monitors=monitors)
         return branch, point
 
     def trace(self, start: tuple[OrbitBranch, Point], sign: float) -> _Half:

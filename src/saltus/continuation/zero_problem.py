@@ -16,7 +16,7 @@ from saltus.orbits.problem import MEAN_END, OrbitProblem, Survey
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["BIFURCATIONS", "Interest", "OrbitBranch", "OrbitData"]
+__all__ = ["BIFURCATIONS", "Interest", "OrbitBranch", "OrbitData", "at_grazing"]
 
 BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
 
@@ -182,16 +182,17 @@ class OrbitBranch:
         the parameter turns like the square of the vanishing duration, and with it every determinant has a zero.
         """
         points = [event.point.arc for event in events if event.name == "BP"]
-        grazings = [event.point.arc for event in events if _at_grazing(event.name)]
+        grazings = [event.point.arc for event in events if at_grazing(event.name)]
         kept = [e for e in events if e.name != "SN" or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
         return [e for e in kept if e.name not in BIFURCATIONS or all(abs(e.point.arc - arc) > 1e-7 for arc in grazings)]
 
     def crowded(self, names: list[str]) -> bool:
         """Return whether more than one bifurcation or grazing lies in a step."""
-        return sum(name in BIFURCATIONS for name in names) + any(_at_grazing(name) for name in names) > 1
+        return sum(name in BIFURCATIONS for name in names) + any(at_grazing(name) for name in names) > 1
 
 
-def _at_grazing(name: str) -> bool:
+def at_grazing(name: str) -> bool:
+    """Return whether a monitor function vanishes at grazings; it is positive on the admissible side."""
     return name.startswith(("margin", "duration", "rate"))
 
 
@@ -210,7 +211,7 @@ def _fault(point: Point, before: Point, monitors: Mapping[str, float], data: Orb
         and math.isfinite(a := before.examined.monitors.get(name, math.nan))
         and (a < 0.0) != (value < 0.0)
     }
-    grazing = any(_at_grazing(name) for name in changed)
+    grazing = any(at_grazing(name) for name in changed)
     if old.survey.admissible and not data.survey.admissible and not grazing:
         return "not admissible: " + "; ".join(data.survey.reasons())
     if point.arc - before.arc > 1e-4 and not grazing and old.survey.admissible:

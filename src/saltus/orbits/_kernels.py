@@ -31,7 +31,7 @@ DERIVE, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = (
 )
 FINE = 3  # samples of a step in the survey
 PEAK = 0.02  # share of a quantity's range by which a sampled extreme may miss the true one
-FINEST, COARSEST, AIM = 10.0, 5e-3, 0.5  # errors of a step, in tolerances: most, least, aimed at
+FINEST, COARSEST, AIM = 5.0, 5e-3, 0.2  # errors of a step, in tolerances: most, least, aimed at
 SHORT = 0.01  # share of the period below which a mean rate is integrated rather than taken from its ends
 
 
