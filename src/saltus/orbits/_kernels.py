@@ -668,14 +668,9 @@ def survey(
             for e in range(n):
                 reach += abs(slope[2 + e]) * sizes[e]
             small = 1e-9 * (1e-3 * reach + size)
-            armed = False
+            armed = seen = False
             for j in range(total + 1):
-                if (
-                    2 <= j
-                    and height[j - 1] < height[j - 2]
-                    and height[j - 1] <= height[j]
-                    and (armed or height[j - 2] > small)
-                ):
+                if 2 <= j and height[j - 1] < height[j - 2] and height[j - 1] <= height[j] and seen:
                     place, least = lowest(
                         functions, mode, n + n_outputs + k, sign, grid, count, n, n_outputs, states, curves,
                         _fine(grid, count, j - 2), _fine(grid, count, j - 1), _fine(grid, count, j),
@@ -709,7 +704,7 @@ def survey(
                 if j == total and k != transition and armed and height[j] < -small:
                     bad |= EARLY
                 if height[j] > small:
-                    armed = True
+                    armed = seen = True
     if not has_phase or not found_zero:
         for e in range(n):
             at_zero[e] = u[e]
