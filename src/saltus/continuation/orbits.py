@@ -289,7 +289,7 @@ class _Run:
                 value = last.parameter * self.scale
                 return f"{self.name} = {value:.9g}: {item}"
             if isinstance(item, Event):
-                end = self._event(half, branch, item, last)
+                end = self._event(half, branch, item)
                 if end is not None:
                     return end
                 continue
@@ -306,9 +306,7 @@ class _Run:
             last = item
         raise AssertionError("follow ends with a reason")
 
-    def _event(
-        self, half: _Half, branch: OrbitBranch, event: Event, last: Point
-    ) -> str | tuple[OrbitBranch, Point, float] | None:
+    def _event(self, half: _Half, branch: OrbitBranch, event: Event) -> str | tuple[OrbitBranch, Point, float] | None:
         kind = event.name.split(" ")[0]
         point = event.point
         if kind in ("low", "high"):
