@@ -20,6 +20,7 @@ from saltus.orbits.problem import (
     EVENT_END,
     MEAN_END,
     PHASE_END,
+    TOUCH_END,
     VALUE,
     WHEN,
 )
@@ -100,7 +101,8 @@ def equations(
         for step in range(mesh_at[i], mesh_at[i] + count):
             worst = max(worst, errors[step])
         call(functions[FIELD], mode, 0, end, 0, p, f, 0)
-        if transition >= 0:
+        lands = transition >= 0 and kind != TOUCH_END
+        if lands:
             call(functions[RESET], transition, 0, end, 0, p, ends, 0)
             call(functions[RESET_X], transition, 0, end, 0, p, gx, 0)
         else:
@@ -119,7 +121,7 @@ def equations(
                 total += gradient[b] * (end[n + b * columns + columns - 1] if mean else f[b])
             line[row + n] += total
             line[following + a] -= 1.0
-        if transition >= 0:
+        if lands:
             for k in range(n_active):
                 call(functions[RESET_P], transition, wanted[k], end, 0, p, gp, 0)
                 for a in range(n):
@@ -134,7 +136,7 @@ def equations(
             for c in range(n + n_active):
                 line[row + c if c < n else m + c - n] += rates[1 + c]
             line[row + n] += rates[columns]
-        elif kind == EVENT_END or kind == MEAN_END:
+        elif kind == EVENT_END or kind == MEAN_END or kind == TOUCH_END:
             # the mean rate, where nothing cancels, is (h(end) - h(start)) / duration
             per = duration if kind == MEAN_END else 1.0
             call(functions[EVENT_X], transition, 0, end, 0, p, ev, 0)
@@ -168,6 +170,34 @@ def equations(
     keep(y)
     keep(block)
     return worst
+
+
+@njit(cache=True, error_model="numpy")
+def rate(functions, modes, transitions, segment, n, u, p, active, scales, mesh, mesh_at, gradient, errors):
+    """Return the Lie derivative of a segment's event function at its end; its gradient, (m + active,), is written."""
+    n_active, row = active.size, segment * (n + 1)
+    m, columns = modes.size * (n + 1), n + n_active
+    mode, transition, duration = modes[segment], transitions[segment], u[row + n]
+    y, block = np.empty(n * (1 + columns)), np.empty(4 * n + 4)
+    count = mesh_at[segment + 1] - mesh_at[segment] - 1
+    flow(
+        functions, mode, transition, False, u, row, duration, p, active, 0.0, 1.0, mesh, mesh_at[segment], count, n, y,
+        errors,
+    )  # fmt: skip
+    end, line, wanted = pointer(y, 0), pointer(gradient, 0), pointer(active, 0)
+    ev, f = pointer(block, 0), pointer(block, 2 * n + 2)
+    call(functions[EVENT_X], transition, 0, end, 0, p, ev, 0)
+    call(functions[FIELD], mode, 0, end, 0, p, f, 0)
+    value = ev[1]
+    _chain(line, row, m, n, columns, columns, end, pointer(ev, 2 + n), 1.0)
+    for b in range(n):
+        line[row + n] += ev[2 + n + b] * f[b]
+    for k in range(n_active):
+        call(functions[EVENT_P], transition, wanted[k], end, 0, p, f, 0)
+        line[m + k] = (line[m + k] + f[1]) * scales[k]
+    keep(y)
+    keep(block)
+    return value
 
 
 @njit(**INNER)
@@ -576,7 +606,7 @@ def survey(
         following = row + wide if i + 1 < segments else 0
         for e in range(n):
             x[e] = end[e]
-        if transition >= 0:
+        if transition >= 0 and kinds[i] != TOUCH_END:
             call(functions[RESET], transition, 0, end, 0, p, x, 0)
         gap = 0.0
         for e in range(n):
@@ -592,7 +622,7 @@ def survey(
             speed = 0.0
             for e in range(n):
                 speed += abs(slope[2 + e] * field[e])
-            if directions[transition] * one[1] < -1e-9 * speed:
+            if kinds[i] != TOUCH_END and directions[transition] * one[1] < -1e-9 * speed:
                 bad |= DIRECTION
             call(functions[GUARD], n_modes + transition, 0, end, 0, p, one, 0)
             if not one[0] > 0.0:

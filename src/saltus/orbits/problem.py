@@ -15,12 +15,16 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["CLOSED_END", "EVENT_END", "FAULTS", "MEAN_END", "PHASE_END", "OrbitProblem", "Signature", "Survey"]
+__all__ = ["CLOSED_END", "EVENT_END", "FAULTS", "MEAN_END", "PHASE_END", "TOUCH_END", "OrbitProblem", "Signature",
+           "Survey"]  # fmt: skip
 
-EVENT_END, MEAN_END, PHASE_END, CLOSED_END = 0, 1, 2, 3
+EVENT_END, MEAN_END, PHASE_END, CLOSED_END, TOUCH_END = 0, 1, 2, 3, 4
 """Ways in which a segment ends: its event vanishes; the mean rate of its event function vanishes (for a segment that
 starts on the surface on which it ends: the trivial one of zero length is divided out); a whole number of forcing
-periods; a closed curve of an autonomous mode."""
+periods; a closed curve of an autonomous mode; a surface is touched, and the motion goes on in the same mode."""
+
+_RESTING = 1e-9
+"""Size of a state, over the largest one, below which it counts as resting at zero."""
 
 DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE, COARSE = 1, 2, 4, 8, 16, 32, 64
 """Bits of what a survey finds; all but the last make an orbit inadmissible."""
@@ -174,15 +178,21 @@ class OrbitProblem:
         """Take the active parameters from the unknowns."""
         self.kernels.set_parameters(self._functions, u, self.size, self._active, self.scales, self.extended)
 
-    def start(self, u: NDArray[np.float64]) -> int | None:
-        """Make meshes, scales and the phase condition fit the orbit `u`; return a segment that cannot be followed."""
+    def start(self, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None) -> int | None:
+        """Make meshes, scales and the phase condition fit the orbit `u`; return a segment that cannot be followed.
+
+        sizes: (states,), of the orbits nearby, where `u` itself may be at rest.
+        """
         from saltus.flow import _segment_kernels
+
+        if sizes is not None:
+            self._largest = 100.0 * sizes  # of which `rescale` keeps a hundredth
 
         self.set_parameters(u)
         meshes = []
         blocks = u[: self.size].reshape(self.segments, self.n + 1)
         self.state_scale = np.maximum(np.max(np.abs(blocks[:, : self.n]), axis=0), 1e-300)
-        self.state_scale[self.state_scale < 1e-12 * self.state_scale.max()] = self.state_scale.max()
+        self.state_scale[self.state_scale < _RESTING * self.state_scale.max()] = self.state_scale.max()
         if self.system.phase is not None:
             self.state_scale[-1] = 2.0 * math.pi
         self._atol = self.tol * min(1.0, float(self.state_scale.min()))
@@ -209,8 +219,13 @@ class OrbitProblem:
         """Take the states' typical sizes from an orbit; none shrinks below a hundredth of what it was."""
         sizes = np.maximum(np.abs(survey.lows), np.abs(survey.highs))[: len(self.system.states)]
         if np.all(np.isfinite(sizes)):
-            floor = np.maximum(0.01 * self._largest, 1e-12 * max(float(sizes.max()), 1e-300))
-            self.state_scale[: sizes.size] = np.maximum(sizes, floor)
+            known = np.maximum(sizes, 0.01 * self._largest)
+            top = max(float(known.max()), 1e-300)
+            # a state that rests at zero has no size of its own, and is given one for good
+            resting = known < _RESTING * top
+            known[resting] = top
+            self._largest[resting] = 100.0 * top
+            self.state_scale[: sizes.size] = known
             self._atol = self.tol * min(1.0, float(self.state_scale.min()))
             self._largest = np.maximum(self._largest, sizes)
 
@@ -251,6 +266,37 @@ class OrbitProblem:
             F, J, self._errors,
         )  # fmt: skip
         return F, J
+
+    def second(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of the Jacobian times `v`, shape (size, size + active).
+
+        Parameters
+        ----------
+        u : ndarray, shape (size + active,)
+            The orbit, on whose meshes the flow runs.
+        v : ndarray, shape (size + active,)
+            A direction.
+        """
+        from saltus.orbits import _second_kernels
+
+        self.set_parameters(u)
+        compiled = self.system.second(tuple(self._active.tolist()))
+        S = np.empty((self.size, self.size + self._active.size))
+        _second_kernels.second(
+            self._functions, compiled.addresses, self.modes, self._transitions, self.kinds, self.n, u, self.extended,
+            self.p.size, np.empty(compiled.extended), self._active, self.scales, self._mesh, self._mesh_at, v, S,
+        )  # fmt: skip
+        return S
+
+    def rate(self, u: NDArray[np.float64], segment: int) -> tuple[float, NDArray[np.float64]]:
+        """Return the Lie derivative of a segment's event at its end, and its gradient, shape (size + active,)."""
+        self.set_parameters(u)
+        gradient = np.zeros(u.size)
+        value = self.kernels.rate(
+            self._functions, self.modes, self._transitions, segment, self.n, u, self.extended, self._active,
+            self.scales, self._mesh, self._mesh_at, gradient, np.empty_like(self._mesh),
+        )  # fmt: skip
+        return float(value), gradient
 
     def survey(self, u: NDArray[np.float64]) -> Survey:
         """Return what a dense look at the orbit `u` shows."""

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 __all__ = ["check_tol", "converge", "settle_signature", "solve_orbit", "solve_unknowns"]
 
 _ITERATIONS = 40
-_SMALL = 1e-11
+_SMALL, _SHORT, _ROUNDING, _VANISHED = 1e-11, 1e-6, 1e-13, 1e-3
+"""Newton step at which an orbit is taken; step at which it is where the residual is rounding; what counts as that;
+share of the guessed period below which an orbit is none."""
 _REMESHED = 12
 
 
@@ -129,10 +131,14 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
             if factor < 1e-3:
                 raise ConvergenceError("periodic orbit", size, iteration, "start from a nearer guess")
         u, F, J, size = trial, F_new, J_new, new
-        if factor == 1.0 and length < _SMALL:
+        # next to a grazing the equations are so badly conditioned that rounding alone makes longer steps
+        rounding = size < _ROUNDING * float(problem.state_scale.max()) and length < _SHORT
+        if factor == 1.0 and (length < _SMALL or rounding):
             fine = problem.refine()
             coarse = fine and problem.survey(u).coarse
             if problem.signature.kinds[0] == CLOSED_END and u[problem.n] < 0.2 * given[problem.n]:
+                raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
+            if u[problem.n :: problem.n + 1].sum() < _VANISHED * given[problem.n :: problem.n + 1].sum():
                 raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
             if fine and not coarse:
                 return u, J

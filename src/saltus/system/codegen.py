@@ -32,13 +32,19 @@ if TYPE_CHECKING:
     from saltus.system.derivatives import Symbolic
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["FUNCTIONS", "Compiled", "cache_folder", "let_numba_cache", "load", "source_file"]
+__all__ = ["FUNCTIONS", "SECOND", "Compiled", "CompiledSecond", "cache_folder", "let_numba_cache", "load",
+           "load_second", "source_file"]  # fmt: skip
 
 FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p", "reset", "reset_x", "reset_p",
              "outputs", "guard")  # fmt: skip
 """Names of the generated functions, in the order of `Compiled.addresses`."""
 
-_GENERATION = 2
+SECOND = ("derive", "field_2", "event_2", "reset_2")
+"""Names of the functions of second derivatives, in the order of `CompiledSecond.addresses`."""
+
+_INVERSE_ROOT = "inverse_root"
+
+_GENERATION = 3
 """Raised when the text that this module writes changes, so that files of an older one are not used."""
 
 
@@ -89,6 +95,29 @@ class Compiled:
 
         double = ctypes.POINTER(ctypes.c_double)
         self._calls[name](k, m, *(a.ctypes.data_as(double) for a in (x, p, out)))
+
+
+class CompiledSecond:
+    """Second derivatives of one system, in its state and in some of its parameters.
+
+    With y the state and those parameters behind it, and v a direction, ``field_2`` writes the matrix of the second
+    derivative of the field, once along v, shape (n, n + active), ``reset_2`` that of a reset, and ``event_2`` that of
+    an event function and of its rate, shape (2, n + active). Their argument is [state (n,), v (n + active,)].
+
+    Attributes
+    ----------
+    addresses : ndarray of int64, shape (functions,)
+        Where each of `SECOND` begins; valid in this process only.
+    active : tuple of int
+        The parameters, as indices in growing order.
+    extended : int
+        Count of the parameters with the constants of these functions behind them.
+    """
+
+    def __init__(self, module: Any, system: HybridSystem, active: tuple[int, ...]) -> None:
+        self.addresses = np.array([getattr(module, name).address for name in SECOND], dtype=np.int64)
+        self.active = active
+        self.extended = len(system.parameters) + int(module.CONSTANTS)
 
 
 def cache_folder() -> Path:
@@ -147,26 +176,41 @@ def source_file(system: HybridSystem) -> Path:
     DefinitionError
         An expression of the definition cannot be read.
     """
+    return _source_file(system, None)
+
+
+def _source_file(system: HybridSystem, active: tuple[int, ...] | None) -> Path:
+    """Write the file of the functions, or that of the second derivatives in some parameters, unless it exists."""
     from importlib.metadata import version
 
     mathematics = {key: value for key, value in system.definition().items() if key not in ("name", "groups")}
     mathematics["parameters"] = list(system.parameters)
     for key in ("positive", "parameter_bounds"):
         mathematics.pop(key)
-    key = json.dumps([mathematics, _GENERATION, version("numba"), version("sympy"), sys.version_info[:2]])
-    digest = hashlib.sha256(key.encode()).hexdigest()[:20]
+    versions = [_GENERATION, version("numba"), version("sympy"), sys.version_info[:2]]
+    text = json.dumps([mathematics, *versions] if active is None else [mathematics, *versions, active])
+    digest = hashlib.sha256(text.encode()).hexdigest()[:20]
     file = cache_folder() / f"system_{digest}.py"
     if not file.exists():
         from saltus.system.derivatives import Symbolic
 
-        _write(file, "".join(_module_text(Symbolic(system))))
+        symbolic = Symbolic(system)
+        writer = _Writer(symbolic) if active is None else _SecondWriter(symbolic, active)
+        _write(file, "".join(_module_text(writer)))
     return file
 
 
 def load(file: Path, system: HybridSystem) -> Compiled:
     """Return the functions of a generated file, compiled or read from the cache on disk."""
-    if not file.exists():
-        file = source_file(system)
+    return Compiled(_module(file if file.exists() else source_file(system)), system)
+
+
+def load_second(system: HybridSystem, active: tuple[int, ...]) -> CompiledSecond:
+    """Return the second derivatives of a system in its state and in the parameters of growing indices `active`."""
+    return CompiledSecond(_module(_source_file(system, active)), system, active)
+
+
+def _module(file: Path) -> Any:
     name = f"saltus_{file.stem}"
     module = sys.modules.get(name)
     if module is None:
@@ -181,7 +225,7 @@ def load(file: Path, system: HybridSystem) -> Compiled:
         except BaseException:
             del sys.modules[name]
             raise
-    return Compiled(module, system)
+    return module
 
 
 def _write(file: Path, text: str) -> None:
@@ -203,8 +247,7 @@ OPTIONS = {"cache": True, "error_model": "numpy"}
 '''
 
 
-def _module_text(system: Symbolic) -> Iterator[str]:
-    writer = _Writer(system)
+def _module_text(writer: _Writer) -> Iterator[str]:
     body = list(writer.functions())
     yield _HEAD
     yield f"CONSTANTS = {len(writer.constants)}\n"
@@ -338,6 +381,51 @@ class _Writer:
         return symbol
 
 
+class _SecondWriter(_Writer):
+    """Texts of the second derivatives in the state and in some parameters, once along a direction."""
+
+    def __init__(self, system: Symbolic, active: tuple[int, ...]) -> None:
+        super().__init__(system)
+        import sympy
+
+        self._variables = [*system.x, *(system.p[j] for j in active)]
+        self._direction = [sympy.Dummy() for _ in self._variables]
+        self._names |= {symbol: f"x[{self.n + i}]" for i, symbol in enumerate(self._direction)}
+
+    def functions(self) -> Iterator[str]:
+        s = self.system
+        modes, transitions = range(len(s.field)), range(len(s.event))
+        yield self._function("field_2", {k: self._assign(self._curvature(s.field[k])) for k in modes})
+        events = {k: self._assign(self._curvature([s.event[k], s.rate[k]])) for k in transitions}
+        yield self._function("event_2", events)
+        yield self._function("reset_2", {k: self._assign(self._curvature(s.reset[k])) for k in transitions})
+
+    def _curvature(self, expressions: list[sympy.Expr]) -> list[sympy.Expr]:
+        """Gradients, row by row, of the expressions' derivatives along the direction."""
+        import sympy
+
+        slopes = [
+            sympy.Add(*(d * g for d, g in zip(self._direction, row, strict=True)))
+            for row in self.system.gradients(expressions, self._variables)
+        ]
+        return [_without_poles(g) for row in self.system.gradients(slopes, self._variables) for g in row]
+
+
+def _without_poles(expression: sympy.Expr) -> sympy.Expr:
+    """Replace inverse roots by functions that are zero where the root is.
+
+    A half-integer power of an event function gives its second derivatives a pole on the surface, where the direction is
+    tangential, or the time of the segment stands still: there the product vanishes.
+    """
+    import sympy
+
+    root = sympy.Function(_INVERSE_ROOT)
+    return expression.replace(
+        lambda e: e.is_Pow and e.exp.is_Rational and e.exp.q == 2 and e.exp < 0 and not e.base.is_number,
+        lambda e: root(e.base) ** (-2 * e.exp),
+    )
+
+
 def _printer() -> Any:
     import sympy
     from sympy.printing.pycode import PythonCodePrinter
@@ -371,6 +459,12 @@ def _printer() -> Any:
                 text = self._power(f"({self._print(base)})", abs(int(exponent.p)), int(exponent.q))
                 return text if exponent.p > 0 else f"(1.0/{text})"
             return f"(({self._print(base)})**({self._print(exponent)}))"
+
+        def _print_Function(self, expr: Any) -> str:
+            if expr.func.__name__ != _INVERSE_ROOT:
+                return str(super()._print_Function(expr))
+            base = self._print(expr.args[0])
+            return f"(1.0/math.sqrt({base}) if {base} > 0.0 else 0.0)"
 
         @staticmethod
         def _power(base: str, p: int, q: int) -> str:

@@ -77,7 +77,11 @@ class Symbolic:
 
     def jacobian(self, expressions: list[sympy.Expr]) -> list[list[sympy.Expr]]:
         """Derivatives of expressions with respect to the full state, shape (expression, state)."""
-        return [[_smooth_diff(expression, symbol) for symbol in self.x] for expression in expressions]
+        return self.gradients(expressions, self.x)
+
+    def gradients(self, expressions: list[sympy.Expr], variables: list[sympy.Symbol]) -> list[list[sympy.Expr]]:
+        """Derivatives of expressions with respect to some variables, shape (expression, variable)."""
+        return [[_smooth_diff(expression, symbol) for symbol in variables] for expression in expressions]
 
     def along(self, expressions: list[sympy.Expr], parameter: int) -> list[sympy.Expr]:
         """Derivatives of expressions with respect to one parameter."""

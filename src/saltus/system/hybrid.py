@@ -18,7 +18,7 @@ from saltus.system.expressions import check_name, text_of
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from saltus.system.codegen import Compiled
+    from saltus.system.codegen import Compiled, CompiledSecond
 
 __all__ = ["HybridSystem", "Mode", "Transition"]
 
@@ -185,6 +185,7 @@ class HybridSystem:
         from saltus.system import codegen
 
         self._source = codegen.source_file(self)
+        self._second: dict[tuple[int, ...], CompiledSecond] = {}
         self.parameter_vector({})
 
     @property
@@ -218,6 +219,14 @@ class HybridSystem:
         from saltus.system import codegen
 
         return codegen.load(self._source, self)
+
+    def second(self, active: tuple[int, ...]) -> CompiledSecond:
+        """Return the compiled second derivatives in the state and in the parameters of growing indices `active`."""
+        from saltus.system import codegen
+
+        if active not in self._second:
+            self._second[active] = codegen.load_second(self, active)
+        return self._second[active]
 
     def definition(self) -> dict[str, Any]:
         """Return the definition as plain data, from which `from_definition` makes an equal system."""
