@@ -3,18 +3,33 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from saltus.orbits.problem import CLOSED_END, PHASE_END
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["distance_from_circle", "doubling_determinant", "multipliers", "nontrivial", "unstable_count"]
+__all__ = [
+    "Passage",
+    "distance_from_circle",
+    "doubling_determinant",
+    "height",
+    "multipliers",
+    "nontrivial",
+    "passage",
+    "unstable_count",
+]
+
+_ON_CIRCLE, _REAL, _CLEARLY = 1e-9, 1e-12, 2.0
+"""Height within which a multiplier is on neither side of the circle; share of its size below which an imaginary part is
+rounding; how many times nearer the multipliers paired must be than others."""
 
 
 def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -87,6 +102,8 @@ def _eigenvalues(P: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.c
     values = np.full(len(P), np.inf + 0j)
     finite = np.abs(beta) > 1e-15 * max(float(np.abs(beta).max(initial=0.0)), float(np.abs(alpha).max(initial=0.0)))
     values[finite] = alpha[finite] / beta[finite]
+    first = np.flatnonzero(im > 0.0)
+    values[first + 1] = values[first].conj()
     return values
 
 
@@ -114,8 +131,95 @@ def distance_from_circle(values: NDArray[np.complex128]) -> float:
     """Return |mu|^2 - 1 of the complex pair nearest to the unit circle; NaN where there is none."""
     nearest = math.nan
     for value in values.tolist():
-        if value.imag > 1e-12 * abs(value) and math.isfinite(value.real):
+        if value.imag > _REAL * abs(value) and math.isfinite(value.real):
             size = abs(value) ** 2 - 1.0
             if not abs(size) >= abs(nearest):
                 nearest = size
     return nearest
+
+
+def height(value: complex) -> float:
+    """Return (|mu|^2 - 1) / (|mu|^2 + 1), its height on the Riemann sphere: 0 on the unit circle, 1 at infinity."""
+    size = abs(value)
+    return 1.0 - 2.0 / (1.0 + size * size) if size < 1e150 else 1.0
+
+
+class Passage(NamedTuple):
+    """What becomes of multipliers from one point of a branch to the next.
+
+    Attributes
+    ----------
+    followed : tuple of complex
+        Those at the second point, in the order of those that they come from.
+    real, pairs : int
+        How many real ones and how many complex pairs cross the unit circle.
+    sure : bool
+        False where two could be exchanged that lie less than twice as far away, and other numbers would cross.
+    """
+
+    followed: tuple[complex, ...]
+    real: int
+    pairs: int
+    sure: bool
+
+
+def passage(before: Sequence[complex], values: Sequence[complex]) -> Passage:
+    """Return what becomes of multipliers on the way from one point of a branch to the next.
+
+    Nearest ones on the Riemann sphere are paired, so that a multiplier may pass through infinity; of a complex pair,
+    the one with the positive imaginary part comes from such a one.
+
+    Parameters
+    ----------
+    before, values : sequences of complex, of the same length
+        Those at the first point and those at the second.
+    """
+    every = range(len(values))
+    old, new = [_spot(value) for value in before], [_spot(value) for value in values]
+    away = [[math.dist(a, b) for b in new] for a in old]
+    chosen = [-1] * len(values)
+    for _, i, j in sorted([(away[i][j], i, j) for i in every for j in every]):
+        if chosen[i] < 0 and j not in chosen:
+            chosen[i] = j
+    found = [values[j] for j in chosen]
+    for i, value in enumerate(found):
+        if value.imag * before[i].imag < 0.0 and (twin := value.conjugate()) in found:
+            k = found.index(twin)
+            found[i], found[k] = twin, value
+    sides, ends = [_side(spot[2]) for spot in old], [_side(new[j][2]) for j in chosen]
+    if len({*sides, *ends}) == 1:
+        return Passage(tuple(found), 0, 0, True)
+    sure, across = True, []
+    for i in every:
+        if sides[i] * ends[i] < 0:
+            across.append(i)
+        for k in range(i):
+            # an exchange matters where each would end on the other's side, and both do not start on one
+            if sides[i] * sides[k] < 0 and ends[i] * ends[k] < 0:
+                swapped = max(away[i][chosen[k]], away[k][chosen[i]])
+                sure &= swapped >= _CLEARLY * max(away[i][chosen[i]], away[k][chosen[k]])
+    pairs = sum(
+        any(_complex(at[i]) and at[i] == at[k].conjugate() for at in (before, found))
+        for i in across
+        for k in across
+        if k < i
+    )
+    return Passage(tuple(found), len(across) - 2 * pairs, pairs, sure)
+
+
+def _complex(value: complex) -> bool:
+    return abs(value.imag) > _REAL * abs(value)
+
+
+def _side(above: float) -> int:
+    """Return the sign of a height, 0 on the circle."""
+    return 0 if abs(above) < _ON_CIRCLE else int(math.copysign(1.0, above))
+
+
+def _spot(value: complex) -> tuple[float, float, float]:
+    """Return a multiplier's place on the Riemann sphere, folded so that a complex pair is one place."""
+    size = abs(value)
+    if not size < 1e150:
+        return 0.0, 0.0, 1.0
+    over = 2.0 / (1.0 + size * size)
+    return over * value.real, over * abs(value.imag), 1.0 - over

@@ -1,0 +1,327 @@
+"""Conditions that make a periodic orbit critical: scalar equations with exact gradients, beside those of the orbit.
+
+Each condition is a few scalars that vanish at a saddle-node, a period doubling, a torus bifurcation, a branch point or
+a grazing. Those on multipliers come from bordered matrices of the linearised segment equations, durations not
+eliminated: with A the derivative of all equations in this period's unknowns and B that of the closing ones in the next
+period's start, a multiplier mu makes A - mu B singular, and the scalar vanishes with it. Its gradient needs the second
+derivatives of the equations along the null vector alone.
+
+References
+----------
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000, ch. 3 and 4 (bordered
+matrices); Govaerts, Kuznetsov and Dhooge, SIAM J. Sci. Comput. 27 (2005) 231-252 (cycles). Departs from
+them in the matrix: segment equations of a hybrid orbit take the place of the collocated boundary value problem, and
+torus bifurcations are 2 m + 2 real equations in the cosine of the angle, regular at the resonances R1 and R2.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.orbits.problem import OrbitProblem
+
+__all__ = ["Branching", "Condition", "Critical", "Grazing", "TorusCondition", "closing", "scaling",
+           "solve_branch_point"]  # fmt: skip
+
+_ITERATIONS, _CONVERGED, _UNFORCED = 12, 1e-9, 1e-9
+
+
+class Condition(Protocol):
+    """Scalars that vanish where an orbit is critical, in the orbit's unknowns, parameters and `extra` further ones."""
+
+    extra: int
+    rows: int
+
+    def evaluate(
+        self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the scalars, (rows,), and their gradients in unknowns and parameters, and in the further unknowns."""
+
+    def adjust(self) -> None:
+        """Take the borders from the null vectors last computed."""
+
+
+def closing(problem: OrbitProblem) -> NDArray[np.float64]:
+    """Return B, shape (size, size): minus the derivative of the closing equations in the next period's start."""
+    B = np.zeros((problem.size, problem.size))
+    last = problem.size - problem.n - 1
+    B[last : last + problem.n, : problem.n] = np.eye(problem.n)
+    return B
+
+
+def scaling(problem: OrbitProblem, J: NDArray[np.float64], u: NDArray[np.float64]) -> tuple[
+    NDArray[np.float64], NDArray[np.float64]
+]:  # fmt: skip
+    """Return typical sizes of the unknowns and the inverse ones of the equations, both of shape (size,)."""
+    period = float(np.abs(u[problem.n : problem.size : problem.n + 1]).sum())
+    columns = np.tile(np.append(problem.state_scale, period), problem.segments)
+    rows = np.tile(np.append(problem.state_scale, 1.0), problem.segments)
+    ends = np.abs(J[problem.n :: problem.n + 1, : problem.size] * columns).max(axis=1)
+    rows[problem.n :: problem.n + 1] = np.where(ends > 0.0, ends, 1.0)
+    return columns, 1.0 / rows
+
+
+class Critical:
+    """A multiplier at 1 (``mu=1``: saddle-node) or at -1 (``mu=-1``: period doubling).
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations.
+    mu : float
+        The critical multiplier.
+    u, J : ndarray
+        An orbit near the critical one, and the Jacobian there.
+
+    Attributes
+    ----------
+    right, left : ndarray, shape (size,)
+        Null vectors of A - mu B, of unit length in scaled unknowns and equations.
+    bend : ndarray, shape (size, size + active)
+        Derivative of the Jacobian times `right`.
+    """
+
+    extra, rows = 0, 1
+
+    def __init__(self, problem: OrbitProblem, mu: float, u: NDArray[np.float64], J: NDArray[np.float64]) -> None:
+        self.problem, self.mu = problem, mu
+        self._B = closing(problem)
+        self.columns, self._equations = scaling(problem, J, u)
+        left, _, right = np.linalg.svd(self._matrix(J))
+        self._b, self._c = left[:, -1], right[-1]
+
+    def _matrix(self, J: NDArray[np.float64]) -> NDArray[np.float64]:
+        size = self.problem.size
+        A = J[:, :size] + (1.0 - self.mu) * self._B
+        return np.asarray(self._equations[:, None] * A * self.columns)
+
+    def evaluate(
+        self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the scalar and its gradient."""
+        size = self.problem.size
+        inverse = np.linalg.inv(_bordered(self._matrix(J), self._b[:, None], self._c[None, :]))
+        v, w = inverse[:-1, -1], inverse[-1, :-1]
+        self._v, self._w = v / np.linalg.norm(v), w / np.linalg.norm(w)
+        self.right, self.left = self.columns * self._v, self._equations * self._w
+        direction = np.zeros(u.size)
+        direction[:size] = self.right
+        self.bend = self.problem.second(u, direction)
+        gradient = -(float(np.linalg.norm(v) * np.linalg.norm(w)) * self.left) @ self.bend
+        return np.asarray(inverse[-1:, -1]), gradient[None, :], np.empty((1, 0))
+
+    def adjust(self) -> None:
+        """Take the borders from the null vectors last computed."""
+        self._b, self._c = self._w, self._v
+
+    def distance(self, J: NDArray[np.float64]) -> float:
+        """Return how far A - mu B is from being singular: its least singular value over the next one."""
+        values = np.linalg.svd(self._matrix(J), compute_uv=False)
+        return float(values[-1] / values[-2])
+
+    @property
+    def twist(self) -> float:
+        """Product of the left with the right null vector by B: zero where the multiplier is a double one."""
+        return float(self._w @ (self._equations * (self._B @ self.right)))
+
+    @property
+    def curvature(self) -> float:
+        """Second derivative of the equations, twice along the right null vector and by the left one: zero at a cusp."""
+        return float(self.left @ self.bend[:, : self.problem.size] @ self.right)
+
+
+class TorusCondition:
+    """A pair of multipliers of product 1 and sum 2 kappa: on the unit circle where ``abs(kappa) < 1``.
+
+    The further unknown is kappa, the cosine of the pair's angle. With a and b this period's and the next one's part of
+    the critical plane, A a = B b and A b = B (2 kappa b - a).
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations.
+    kappa : float
+        A guess.
+    u, J : ndarray
+        An orbit near the critical one, and the Jacobian there.
+    """
+
+    extra, rows = 1, 2
+
+    def __init__(self, problem: OrbitProblem, kappa: float, u: NDArray[np.float64], J: NDArray[np.float64]) -> None:
+        self.problem = problem
+        self._B = closing(problem)
+        self.columns, self._equations = scaling(problem, J, u)
+        left, _, right = np.linalg.svd(self._matrix(J, kappa))
+        self._b, self._c = left[:, -2:], right[-2:]
+
+    def _matrix(self, J: NDArray[np.float64], kappa: float) -> NDArray[np.float64]:
+        size = self.problem.size
+        A = self._equations[:, None] * (J[:, :size] + self._B) * self.columns
+        B = self._equations[:, None] * self._B * self.columns
+        return np.block([[A, -B], [B, A - 2.0 * kappa * B]])
+
+    def evaluate(
+        self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the two scalars and their gradients.
+
+        All four entries of the bordered matrix' Schur complement vanish together; the first column does so only then.
+        """
+        size, kappa = self.problem.size, float(extra[0])
+        inverse = np.linalg.inv(_bordered(self._matrix(J, kappa), self._b, self._c))
+        self._v, self._w = inverse[: 2 * size, -2:], inverse[-2:, : 2 * size]
+        a, b = self.columns * self._v[:size, 0], self.columns * self._v[size:, 0]
+        slopes = []
+        for part in (a, b):
+            direction = np.zeros(u.size)
+            direction[:size] = part
+            slopes.append(self._equations[:, None] * self.problem.second(u, direction))
+        gradient = -(self._w[:, :size] @ slopes[0] + self._w[:, size:] @ slopes[1])
+        turned = 2.0 * self._w[:, size:] @ (self._equations * (self._B @ b))
+        return np.asarray(inverse[-2:, -2]), gradient, turned[:, None]
+
+    def adjust(self) -> None:
+        """Take the borders from the null spaces last computed."""
+        self._b, self._c = np.linalg.qr(self._w.T)[0], np.linalg.qr(self._v)[0].T
+
+
+class Branching:
+    """A branch point: the Jacobian in the unknowns and one parameter has lost rank.
+
+    The further unknown is an artificial forcing of the equations, by the left null vector; on a branch point it is 0.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations.
+    active : int
+        Which of the active parameters the branches are parametrised by.
+    u, J : ndarray
+        An orbit near the branch point, and the Jacobian there.
+
+    References
+    ----------
+    Moore, in Numerical Methods for Bifurcation Problems, Birkhaeuser 1984, 355-367 (unfolding by a forcing).
+    """
+
+    extra, rows = 1, 2
+
+    def __init__(self, problem: OrbitProblem, active: int, u: NDArray[np.float64], J: NDArray[np.float64]) -> None:
+        self.problem, self._at = problem, problem.size + active
+        columns, self._equations = scaling(problem, J, u)
+        self.columns = np.append(columns, 1.0)
+        left, _, right = np.linalg.svd(self._matrix(J))
+        self._b, self._c = left[:, -1], right[-2:]
+        self.forcing = self._b / self._equations
+
+    def _matrix(self, J: NDArray[np.float64]) -> NDArray[np.float64]:
+        size = self.problem.size
+        chosen = np.column_stack([J[:, :size], J[:, self._at]])
+        return np.asarray(self._equations[:, None] * chosen * self.columns)
+
+    def distance(self, J: NDArray[np.float64]) -> float:
+        """Return how far the equations are from losing rank: their least singular value over the next one."""
+        values = np.linalg.svd(self._matrix(J), compute_uv=False)
+        return float(values[-1] / values[-2])
+
+    def evaluate(
+        self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the two scalars and their gradients."""
+        size = self.problem.size
+        inverse = np.linalg.inv(_bordered(self._matrix(J), self._b[:, None], self._c))
+        self._v, w = inverse[:-1, -2:], inverse[-1, :-2]
+        self.left = self._equations * w
+        gradients, self.right = [], []
+        for k in range(2):
+            direction = np.zeros(u.size)
+            direction[:size] = (self.columns * self._v[:, k])[:size]
+            direction[self._at] = self._v[-1, k]
+            self.right.append(direction)
+            gradients.append(-self.left @ self.problem.second(u, direction))
+        self._w = w / np.linalg.norm(w)
+        return np.asarray(inverse[-1, -2:]), np.array(gradients), np.zeros((2, 1))
+
+    def adjust(self) -> None:
+        """Take the borders from the null spaces last computed."""
+        self._b, self._c = self._w, np.linalg.qr(self._v)[0].T
+        self.forcing = self._b / self._equations
+
+
+class Grazing:
+    """A grazing: a segment without length, or an event met without velocity.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations.
+    kind : {"duration", "rate"}
+        What vanishes.
+    segment : int
+        Of which segment.
+    """
+
+    extra, rows = 0, 1
+
+    def __init__(self, problem: OrbitProblem, kind: str, segment: int) -> None:
+        self.problem, self.kind, self.segment = problem, kind, segment
+        self.place = segment * (problem.n + 1) + problem.n
+
+    def evaluate(
+        self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the scalar and its gradient."""
+        if self.kind == "duration":
+            value, gradient = float(u[self.place]), np.zeros(u.size)
+            gradient[self.place] = 1.0
+        else:
+            value, gradient = self.problem.rate(u, self.segment)
+        return np.array([value]), gradient[None, :], np.empty((1, 0))
+
+    def adjust(self) -> None:
+        """Do nothing: there are no borders."""
+
+
+def _bordered(
+    matrix: NDArray[np.float64], columns: NDArray[np.float64], rows: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the matrix with columns to its right, rows below it, and zeros in the corner."""
+    m, n = matrix.shape
+    out = np.zeros((m + rows.shape[0], n + columns.shape[1]))
+    out[:m, :n], out[:m, n:], out[m:, :n] = matrix, columns, rows
+    return out
+
+
+def solve_branch_point(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Return the branch point near an orbit with one active parameter, shape (size + 1,); None where none persists.
+
+    Where branches only come near each other, the equations meet the conditions under a forcing alone.
+    """
+    size = problem.size
+    condition = Branching(problem, 0, u, J)
+    scale, z = np.append(condition.columns, 1.0), np.append(u, 0.0)
+    for _ in range(_ITERATIONS):
+        F, J = problem.evaluate(z[: size + 1])
+        values, gradient, further = condition.evaluate(z[: size + 1], z[size + 1 :], J)
+        matrix = np.block([[J, condition.forcing[:, None]], [gradient, further]])
+        residual = np.append(F + z[-1] * condition.forcing, values)
+        try:
+            step = np.linalg.solve(matrix, -residual)
+        except np.linalg.LinAlgError:
+            return None
+        z += step
+        if not np.all(np.isfinite(z)):
+            return None
+        length = float(np.max(np.abs(step) / scale))
+        if length < _CONVERGED and problem.refine():
+            return z[: size + 1] if abs(z[-1]) < _UNFORCED else None
+        condition.adjust()
+    return None
