@@ -14,7 +14,17 @@ from saltus.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Event", "Failure", "Point", "StepControl", "ZeroProblem", "follow", "locate", "start_point"]
+__all__ = [
+    "Event",
+    "Failure",
+    "Point",
+    "StepControl",
+    "ZeroProblem",
+    "events_between",
+    "follow",
+    "locate",
+    "start_point",
+]
 
 
 @dataclass(frozen=True)
@@ -59,10 +69,12 @@ class StepControl:
 class ZeroProblem(Protocol):
     """F(u) = 0 with one unknown more than equations; the last unknown is the parameter.
 
-    `singular` names the monitor functions at whose zeros the equations bordered by a plane are singular.
+    `singular` names the monitor functions at whose zeros the equations bordered by a plane are singular, `noise` gives
+    what rounding leaves of some at their zeros, over their size nearby.
     """
 
     singular: frozenset[str]
+    noise: Mapping[str, float]
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the residual, shape (m,), and the Jacobian, shape (m, m + 1)."""
@@ -82,8 +94,11 @@ class ZeroProblem(Protocol):
     def leading(self, names: list[str]) -> list[str]:
         """Return those of the monitor functions that change sign in a step which are to be located."""
 
-    def sort_out(self, events: list[Event]) -> list[Event]:
-        """Return the events of one step, in order, without those that are the shadow of another."""
+    def sort_out(self, events: list[Event]) -> list[Event] | str:
+        """Return the events of one step, in order, without those that are the shadow of another, or why not to take it.
+
+        The step is that between the two points examined last, the second as the successor of the first.
+        """
 
     def crowded(self, names: list[str]) -> bool:
         """Return whether the events of one step are so many that a shorter one is due."""
@@ -140,9 +155,15 @@ class Event:
     value: float
 
 
-_ACCEPT, _CROWDED, _ZERO = 2e-9, 1e-5, 1e-6
-"""Newton step at which a point is taken; step below which several events may share it; value of a monitor function,
-over those at the step's ends, above which a change of sign is a jump and no zero."""
+_ACCEPT, _REMESHED, _CROWDED, _ZERO, _JUMP, _BENT, _CONSTANT = 2e-9, 20, 1e-5, 1e-6, 1e-3, 2.0, 1e-9
+"""Newton step at which a point is taken; evaluations more in which the mesh may become fine enough for a point that is
+found; step below which several events may share it; value of a monitor function, over those at the step's ends, that is
+rounding of a zero, and above which a change of sign is a jump; what the curvature of a monitor function is multiplied
+with where a zero may be overlooked; slope of the parameter below which it rests."""
+
+_SETTLED, _STALLED, _EXACT = 1e-9, 1e-7, 1e-11
+"""Newton step at which a located point is taken; below which it may be where steps no longer shrink; value of a monitor
+function, over those at the step's ends, that counts as a zero."""
 
 
 def correct(
@@ -157,8 +178,8 @@ def correct(
 
     u = guess.copy()
     row, scale = weights * tangent, problem.scale()
-    previous = math.inf
-    for iteration in range(1, iterations + 1):
+    previous, remeshed = math.inf, 0
+    for iteration in range(1, iterations + _REMESHED + 1):
         F, J = problem.evaluate(u)
         steps, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
         if sign == 0.0 or not math.isfinite(log):
@@ -171,6 +192,9 @@ def correct(
             return Point(u, J, direction, weights, sign, log, residual, iteration)
         if size > 0.7 * previous and size > 1e-5:
             return "Newton: no contraction"
+        remeshed += size < _ACCEPT
+        if iteration - remeshed >= iterations:
+            break
         previous = size
     return "Newton: too many iterations"
 
@@ -225,42 +249,67 @@ def follow(
         Instead of `control.initial`.
     """
     h = min(first_step or control.initial, control.largest)
-    point, before = start, None
+    point, before, earlier = start, None, None
+    held = False
     while True:
-        guess = _predict(point, before, h)
-        new = correct(problem, guess, point.tangent, point.weights, control.iterations)
-        reason = new if isinstance(new, str) else _misstep(point, new, guess, h, control)
-        events: list[Event] = []
-        if not isinstance(new, str) and reason is None:
-            new.arc = point.arc + _distance(point, new)
-            new.examined = problem.examine(new, point)
-            reason = new.examined.fault
-            if reason is None:
-                found = _events(problem, point, new)
-                if isinstance(found, str):
-                    reason = found
-                elif h > _CROWDED and problem.crowded([event.name for event in found]):
-                    reason = "events: more than one bifurcation within the step"
-                else:
-                    events = found
-        if reason is not None or isinstance(new, str):
-            log.append(Failure(point.parameter, h, str(reason)))
-            h *= 0.5 if isinstance(new, str) or "Newton" not in str(reason) else 0.25
+        step = _attempt(problem, before, point, h, control)
+        if isinstance(step, str):
+            log.append(Failure(point.parameter, h, step))
+            h *= 0.5
             if h < control.smallest:
-                yield f"step below {control.smallest:g}: {reason}"
+                if held:
+                    yield point
+                yield f"step below {control.smallest:g}: {step}"
                 return
             continue
-        yield from events
-        yield new
-        deviation = math.sqrt(float(point.weights @ (new.u - guess) ** 2)) / control.deviation
-        growth = min(2.0, max(0.3, (1.0 / max(deviation, 1e-9)) ** 0.25))
-        if new.iterations > 3:
-            growth = min(growth, 1.2 if new.iterations == 4 else 0.7)
-        angle = _angle(point, new)
-        if angle > 0.5 * control.angle:
-            growth = min(growth, 0.8)
-        before, point = point, new
-        h = min(h * growth, control.largest)
+        if held and before is not None:
+            if (doubt := _returns(step.point, point, before)) is not None:
+                h, held = 0.5 * (point.arc - before.arc), False
+                log.append(Failure(before.parameter, 2.0 * h, doubt))
+                point, before, earlier = before, earlier, None
+                continue
+            yield point
+        yield from step.events
+        # the next step may tell that something was passed over, so one without events is not yet final
+        held = not step.events
+        if not held:
+            yield step.point
+        earlier, before, point = before, point, step.point
+        h = min(h * step.growth, control.largest)
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A step that can be taken: where it ends, what lies in it, by how much the next may be longer."""
+
+    point: Point
+    events: list[Event]
+    growth: float
+
+
+def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float, control: StepControl) -> _Step | str:
+    """Return the step of length `h` from `point`, or why it is not to be taken."""
+    guess = _predict(point, before, h)
+    new = correct(problem, guess, point.tangent, point.weights, control.iterations)
+    if isinstance(new, str):
+        return new
+    new.arc = point.arc + _distance(point, new)
+    moved, angle = math.sqrt(float(point.weights @ (new.u - guess) ** 2)), _angle(point, new)
+    if (misstep := _misstep(point, new, moved, angle, control)) is not None:
+        return misstep
+    new.examined = problem.examine(new, point)
+    doubt = new.examined.fault or _returns(before, point, new)
+    if doubt is not None:
+        return doubt
+    events = events_between(problem, point, new)
+    if isinstance(events, str):
+        return events
+    if h > _CROWDED and problem.crowded([event.name for event in events]):
+        return "events: more than one bifurcation within the step"
+    growth = min(2.0, max(0.3, (control.deviation / max(moved, 1e-12)) ** 0.25))
+    if new.iterations > 3:
+        growth = min(growth, 1.2 if new.iterations == 4 else 0.7)
+    return _Step(new, events, min(growth, 0.8) if angle > 0.5 * control.angle else growth)
 
 
 def _predict(point: Point, before: Point | None, h: float) -> NDArray[np.float64]:
@@ -271,7 +320,7 @@ def _predict(point: Point, before: Point | None, h: float) -> NDArray[np.float64
     if h > 3.0 * length:
         bend = (point.tangent - before.tangent) / length
         return point.u + h * point.tangent + 0.5 * h * h * bend
-    return _hermite(before, point, length, 1.0 + h / length)[0]
+    return _hermite(before, point, length, 1.0 + h / length)
 
 
 def _distance(a: Point, b: Point) -> float:
@@ -283,20 +332,20 @@ def _angle(a: Point, b: Point) -> float:
     return math.acos(min(1.0, max(-1.0, cosine)))
 
 
-def _misstep(point: Point, new: Point, guess: NDArray[np.float64], h: float, control: StepControl) -> str | None:
-    if _angle(point, new) > control.angle:
+def _misstep(point: Point, new: Point, moved: float, angle: float, control: StepControl) -> str | None:
+    length = new.arc - point.arc
+    if angle > control.angle:
         return "angle: the branch turns too sharply for the step"
-    moved = math.sqrt(float(point.weights @ (new.u - guess) ** 2))
-    if moved > 15.0 * control.deviation or moved > 0.5 * h:
+    if moved > 15.0 * control.deviation or moved > 0.5 * length:
         return "deviation: the corrected point lies too far from the predicted one"
-    if _turns_twice(float(point.tangent[-1]), float(new.tangent[-1]), float(new.u[-1] - point.u[-1]) / h):
+    if _turns_twice(float(point.tangent[-1]), float(new.tangent[-1]), float(new.u[-1] - point.u[-1]) / length):
         return "folds: the parameter turns twice within the step"
     return None
 
 
 def _turns_twice(a: float, b: float, chord: float) -> bool:
     """Whether the cubic with slopes a and b at a step's ends and `chord` between them has two turning points inside."""
-    if a * b <= 0.0:
+    if a * b <= 0.0 or max(abs(a), abs(b), abs(chord)) < _CONSTANT:
         return False
     side = math.copysign(1.0, a)
     a, b, chord = a * side, b * side, chord * side
@@ -307,21 +356,71 @@ def _turns_twice(a: float, b: float, chord: float) -> bool:
     return 0.0 < s < 1.0 and a - 3.0 * bottom * s * s < 0.0
 
 
-def _events(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | str:
-    changed = {}
+def _returns(before: Point | None, a: Point, b: Point) -> str | None:
+    """Return why the step from `a` to `b` may hold two zeros of a monitor function, of one sign at its ends, if it may.
+
+    The parabola through both and a third point, on the other side of `a`, tells, its curvature taken larger than it is.
+    """
+    if before is None or before.arc == a.arc or abs(b.arc - a.arc) < _CROWDED:
+        return None
+    back, ahead = abs(a.arc - before.arc), abs(b.arc - a.arc)
+    other, here = before.examined.monitors, a.examined.monitors
     for name, value in b.examined.monitors.items():
-        old = a.examined.monitors.get(name, math.nan)
-        known = math.isfinite(old) and math.isfinite(value) and old != 0.0
-        if known and ((old < 0.0) != (value < 0.0) or value == 0.0):
+        if name not in here or name not in other:
+            continue
+        start, change = here[name], value - here[name]
+        dip = _BENT * (change / ahead - (start - other[name]) / back) / (ahead + back) * ahead * ahead
+        if start < 0.0:
+            start, change, dip = -start, -change, -dip
+        # start + change s - dip s (1 - s) has its least value within the step
+        if (
+            0.0 < start > -change
+            and abs(change) < dip < math.inf
+            and start + 0.5 * change < 0.25 * (dip + change * change / dip)
+        ):
+            return f"events: {name} may vanish twice within the step"
+    return None
+
+
+def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | str:
+    """Return the zeros of monitor functions between two examined points, or why the step is not to be taken."""
+    changed = {}
+    before = a.examined.monitors
+    for name, value in b.examined.monitors.items():
+        old = before.get(name, math.nan)
+        if ((old < 0.0) != (value < 0.0) or value == 0.0) and old != 0.0 and math.isfinite(old + value):
             changed[name] = (old, value)
-    events = []
-    for name in problem.leading(list(changed)):
+    if not changed:
+        return []
+    events: list[Event] = []
+    # next to a singular point the tangent is not determined, nor what is read off it
+    for name in sorted(problem.leading(list(changed)), key=lambda name: name not in problem.singular):
         event = locate(problem, name, a, b, *changed[name])
-        if event is None and b.arc - a.arc > _CROWDED:
-            return f"location: no zero of {name} between the step's ends"
-        if event is not None and abs(event.value) <= _ZERO * max(abs(value) for value in changed[name]):
+        if event is not None and abs(event.value) <= _JUMP * max(abs(value) for value in changed[name]):
             events.append(event)
-    return problem.sort_out(sorted(events, key=lambda event: event.point.arc))
+        elif b.arc - a.arc > _CROWDED and not any(event.name in problem.singular for event in events):
+            return f"location: no zero of {name} between the step's ends"
+    kept = problem.sort_out(sorted(events, key=lambda event: event.point.arc))
+    if isinstance(kept, str):
+        return kept
+    overlooked = _overlooked(kept, a, b, set(changed)) if b.arc - a.arc > _CROWDED else None
+    return kept if overlooked is None else f"events: {overlooked} vanishes more than once within the step"
+
+
+def _overlooked(events: list[Event], a: Point, b: Point, changed: set[str]) -> str | None:
+    """Return a monitor function whose sign at one of the events is not what its located zeros make it."""
+    places = {event.name: event.point.arc for event in events}
+    for event in events:
+        for name, value in event.point.examined.monitors.items():
+            start = a.examined.monitors.get(name, math.nan)
+            end = b.examined.monitors.get(name, math.nan)
+            if math.isnan(start) or math.isnan(end) or (name in changed and name not in places) or name == event.name:
+                continue
+            expected = start if event.point.arc < places.get(name, math.inf) else end
+            size = max((abs(x) for x in (start, end) if math.isfinite(x)), default=0.0)
+            if (value < 0.0) != (expected < 0.0) and abs(value) > _ZERO * size:
+                return name
+    return None
 
 
 def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: float) -> Event | None:
@@ -340,9 +439,10 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
     s = fa / (fa - fb)
     bend, near = np.zeros_like(a.u), False
     scale = problem.scale()
-    floor = 1e-11 * max(abs(fa), abs(fb))
+    floor = problem.noise.get(name, _EXACT) * max(abs(fa), abs(fb))
+    previous = math.inf
     for _ in range(60):
-        base, tangent = _hermite(a, b, length, s)
+        base, tangent = _hermite(a, b, length, s), _hermite_slope(a, b, length, s)
         tangent /= math.sqrt(float(a.weights @ tangent**2))
         shape = (s * (1.0 - s)) ** 2
         u = base + shape * bend
@@ -369,14 +469,17 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
         f = problem.monitor(name, point)
         if not math.isfinite(f):
             return None
-        if size < 1e-9 and (abs(f) <= floor or high - low < 1e-14):
+        # badly conditioned equations leave steps that do not shrink further
+        settled = size < _SETTLED or (size < _STALLED and size > 0.8 * previous)
+        previous = size
+        if settled and (abs(f) <= floor or high - low < 1e-12):
             before = point.u.copy()
             point.examined = problem.examine(point, None)
-            if np.array_equal(before, point.u):
+            if np.all(np.abs(before - point.u) <= 1e-12 * scale):
                 return Event(name, point, f)
             low, high, known = max(0.0, s - 1e-3), min(1.0, s + 1e-3), [(0.0, fa), (1.0, fb)]
             continue
-        if size > 1e-5 and abs(f) < 1e3 * size:
+        if not settled and abs(f) < 1e3 * size:
             continue
         if not near and name in problem.singular and abs(f) < 1e-3 * max(abs(fa), abs(fb)):
             near, known = True, [(0.0, fa), (1.0, fb)]
@@ -387,7 +490,7 @@ def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: f
         else:
             high = s
         known = [*known[-3:], (s, f)]
-        s = _zero(known, low, high)
+        s, previous = _zero(known, low, high), math.inf
     return None
 
 
@@ -419,10 +522,13 @@ def _zero(known: list[tuple[float, float]], low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-def _hermite(a: Point, b: Point, length: float, s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the cubic through both points with their tangents, and its derivative, at a fraction of the step."""
-    d = b.u - a.u
-    ta, tb = length * a.tangent, length * b.tangent
-    value = a.u + s * s * (3.0 - 2.0 * s) * d + s * (1.0 - s) * ((1.0 - s) * ta - s * tb)
-    slope = 6.0 * s * (1.0 - s) * d + (1.0 - s) * (1.0 - 3.0 * s) * ta + s * (3.0 * s - 2.0) * tb
-    return value, slope
+def _hermite(a: Point, b: Point, length: float, s: float) -> NDArray[np.float64]:
+    """Return the cubic through both points with their tangents, at a fraction of the step."""
+    end, off = s * s * (3.0 - 2.0 * s), s * (1.0 - s) * length
+    return (1.0 - end) * a.u + end * b.u + ((1.0 - s) * off) * a.tangent - (s * off) * b.tangent
+
+
+def _hermite_slope(a: Point, b: Point, length: float, s: float) -> NDArray[np.float64]:
+    """Return the derivative of that cubic by the fraction."""
+    left, right = (1.0 - s) * (1.0 - 3.0 * s) * length, s * (3.0 * s - 2.0) * length
+    return (6.0 * s * (1.0 - s)) * (b.u - a.u) + left * a.tangent + right * b.tangent

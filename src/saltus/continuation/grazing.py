@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.orbits.problem import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, OrbitProblem, Signature
+from saltus.orbits.problem import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, TOUCH_END, OrbitProblem, Signature
 from saltus.orbits.solve import settle_signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Neighbour", "neighbour"]
+__all__ = ["Neighbour", "neighbour", "touching", "turned"]
 
 _NEAR = 1e-6
+_TURNED = "the event met without velocity changes the mode, but the motion turns back at once"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,14 @@ def neighbour(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> Ne
     return Neighbour(signature, np.append(turned, u[problem.size :]))
 
 
+def turned(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> bool:
+    """Return whether a velocity vanishes where this is no grazing: the next segment is entered, but left at once.
+
+    On the way there that segment has touched its surface, so that the orbit is no motion any more.
+    """
+    return monitor.startswith("rate") and neighbour(problem, monitor, u) == _TURNED
+
+
 def _vanishing(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> tuple[str, list[str]]:
     """Return what vanishes where segment `i` ends without velocity: a segment beside it, or the velocity alone."""
     count = problem.segments
@@ -92,7 +101,7 @@ def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
         if back is None:
             return f"no transition leads back from {system.mode_names[target]!r}"
         if not _turns_back(problem, back, target, landed):
-            return f"the motion in {system.mode_names[target]!r} does not turn back, so no orbit near it goes on"
+            return _gone(problem, target)
         cut.append((target, back, np.append(landed, 0.0)))
     rest = np.append(landed, duration - before)
     if old.kinds[0] in (PHASE_END, CLOSED_END):
@@ -104,6 +113,34 @@ def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
         same = [(m, t, b) for m, t, b in zip(old.modes, old.transitions, blocks, strict=True)]
         rows = [*same[:i], *cut, (mode, old.transitions[i], rest), *same[i + 1 :]]
     return _gather(rows, old.turns)
+
+
+def touching(problem: OrbitProblem, u: NDArray[np.float64], i: int, k: int) -> Neighbour:
+    """Return the orbit cut where segment `i` touches the surface of transition `k`, beyond which it goes on."""
+    n, old = problem.n, problem.signature
+    blocks = u[: problem.size].reshape(problem.segments, n + 1)
+    place = problem.survey(u).places[i, k]
+    before = blocks[i, n] * place * place * (3.0 - 2.0 * place)
+    met = problem.state_on(i, place)
+    mode = old.modes[i]
+    if old.kinds[0] in (PHASE_END, CLOSED_END):
+        signature = Signature((mode,), (k,), (TOUCH_END,), old.turns)
+        return Neighbour(signature, np.concatenate([met, [blocks[i, n]], u[problem.size :]]))
+    first = np.append(blocks[i, :n], before)
+    rest = np.append(met, blocks[i, n] - before)
+    rows = [*blocks[:i], first, rest, *blocks[i + 1 :]]
+    signature = Signature(
+        (*old.modes[:i], mode, *old.modes[i:]),
+        (*old.transitions[:i], k, *old.transitions[i:]),
+        (*old.kinds[:i], TOUCH_END, *old.kinds[i:]),
+        old.turns,
+    )
+    return Neighbour(signature, np.concatenate([*rows, u[problem.size :]]))
+
+
+def _gone(problem: OrbitProblem, mode: int) -> str:
+    """Return why no branch goes on where a motion without velocity on a surface is bent away from it in both modes."""
+    return f"the motion in {problem.system.mode_names[mode]!r} does not turn back, so no orbit near it goes on"
 
 
 def _way_back(problem: OrbitProblem, source: int, target: int, x: NDArray[np.float64]) -> int | None:
@@ -149,11 +186,14 @@ def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.flo
     old, n = problem.signature, problem.n
     count = len(old)
     following = (i + 1) % count
-    if old.modes[i] != old.modes[following]:
-        return "the event met without velocity changes the mode"
     met, after = problem.state_on(i, 1.0), np.empty(n)
     problem.system.compiled.call("reset", old.transitions[i], 0, met, problem.extended, after)
-    if np.max(np.abs(after - met) / problem.state_scale) > _NEAR:
+    if old.modes[i] != old.modes[following]:
+        back = _way_back(problem, old.modes[following], old.modes[i], after)
+        if back is not None and not _turns_back(problem, back, old.modes[following], after):
+            return _gone(problem, old.modes[following])
+        return _TURNED
+    if old.kinds[i] != TOUCH_END and np.max(np.abs(after - met) / problem.state_scale) > _NEAR:
         return "the event met without velocity moves the state"
     if count == 1:
         return _closed(problem, blocks[0], u)

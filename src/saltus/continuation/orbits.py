@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, correct, follow, start_point
-from saltus.continuation.branch import Branch, SpecialPoint, SpecialPoints
+from saltus.continuation.branch import Branch
+from saltus.continuation.curve import SpecialPoint, SpecialPoints
 from saltus.continuation.grazing import Neighbour, neighbour
+from saltus.continuation.halving import halved, once_round
 from saltus.continuation.zero_problem import BIFURCATIONS, Interest, OrbitBranch, OrbitData, at_grazing
 from saltus.errors import InputError, nearest
-from saltus.orbits.floquet import nontrivial, unstable_count
+from saltus.orbits.critical import solve_branch_point
+from saltus.orbits.floquet import distance_from_circle, nontrivial, unstable_count
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem, Signature, Survey
 
@@ -23,9 +26,9 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_orbit"]
 
-_ROUNDING, _SAME, _TOUCHING = 1e-9, 1e-6, 1e-13
+_ROUNDING, _SAME, _TOUCHING, _NEAR = 1e-9, 1e-6, 1e-13, 1e-3
 """Share of the parameter's interval by which a start may miss a bound; distance at which two points are the same;
-what is left of a distance that vanishes."""
+what is left of a distance that vanishes; how far a branch point may lie from where its determinant vanishes."""
 
 
 def continue_orbit(
@@ -43,7 +46,8 @@ def continue_orbit(
     """Return the branch of periodic orbits through an orbit, as one parameter varies.
 
     Saddle-nodes (SN), period doublings (PD), torus bifurcations (TR), branch points (BP) and grazings (GR) are located
-    by Newton's method. At a grazing the branch goes on in the neighbouring signature.
+    by Newton's method. At a grazing the branch goes on in the neighbouring signature, once round where the orbit there
+    is a shorter one twice; where there is none, it ends. A branch of doubled period ends where the period halves.
 
     Parameters
     ----------
@@ -192,6 +196,7 @@ class _Found:
     value: float
     after: int
     arc: float
+    tangent: NDArray[np.float64] | None = None
 
 
 @dataclass
@@ -257,6 +262,7 @@ class _Run:
         """Follow one direction to its end."""
         half = _Half()
         branch, origin = start
+        branch.problem.start(origin.u)  # the other direction has left the meshes of another place
         point = _turned(origin, sign)
         outwards = math.copysign(1.0, float(point.tangent[-1]))
         if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -_ROUNDING:
@@ -319,9 +325,15 @@ class _Run:
             name = "GR"
         else:
             name = kind
+        if name == "BP" and (birth := halved(branch, point)) is not None:
+            half.specials.append(_found(name, branch, replace(event, point=birth), half))
+            half.points.append((branch, birth))
+            return f"{self.name} = {birth.parameter * self.scale:.9g}: the period halves"
         if name != "GR":
+            if name == "BP":
+                event = replace(event, point=_sharpened(branch, point))
             half.specials.append(_found(name, branch, event, half))
-            return self._end_at(half, branch, point, name)
+            return self._end_at(half, branch, event.point, name)
         if any(s.name == "GR" and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
             return None
         if self.at_grazing == "pass":
@@ -349,13 +361,16 @@ class _Run:
     def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitBranch, Point, float]:
         """Return the neighbouring signature's branch at a grazing, its tangent towards admissible orbits."""
         branch = self.piece(found.signature, found.u)
+        if (once := once_round(branch.problem, found.u)) is not None:
+            found = Neighbour(*once)
+            branch = self.piece(found.signature, found.u)
         try:
             point = start_point(branch, found.u)
         except ValueError as error:
             return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no branch goes on: {error}"
         point.arc = old.arc
-        for sign in (1.0, -1.0):
-            for probe in (1e-5, 1e-6, 1e-4):
+        for probe in (1e-5, 1e-6, 1e-4):
+            for sign in (1.0, -1.0):
                 start = _turned(point, sign)
                 start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
                 trial = follow(
@@ -363,7 +378,7 @@ class _Run:
                      log=[],
                 )  # fmt: skip
                 item = next(trial)
-                if isinstance(item, Point) and item.examined.data.survey.admissible:
+                if isinstance(item, Point) and _beyond_grazings(item):
                     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
                     return branch, item, min(self.control.initial, 1e-3)
         return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no admissible orbit beyond it"
@@ -375,6 +390,9 @@ class _Run:
             return False
         if branch is start[0] and last.arc == 0.0:
             return False
+        reach = 20.0 * self.control.deviation
+        if abs(origin.parameter - last.parameter) > abs(new.parameter - last.parameter) + reach:
+            return False
         w = last.weights
         goal = origin.u.copy()
         if branch.problem.system.phase is not None:
@@ -384,9 +402,11 @@ class _Run:
         away, chord = goal - last.u, new.u - last.u
         length = float(w @ chord**2)
         share = float(w @ (away * chord)) / length
+        if not 0.0 < share <= 1.0:
+            return False
         along = float(w @ (origin.tangent * chord))
-        near = math.sqrt(float(w @ (away - share * chord) ** 2)) < 20.0 * self.control.deviation
-        if not (0.0 < share <= 1.0 and near and abs(along) > 0.9 * math.sqrt(length * float(w @ origin.tangent**2))):
+        near = math.sqrt(float(w @ (away - share * chord) ** 2)) < reach
+        if not (near and abs(along) > 0.9 * math.sqrt(length * float(w @ origin.tangent**2))):
             return False
         row = origin.weights * origin.tangent
         guess = last.u + share * chord
@@ -396,6 +416,13 @@ class _Run:
 
 
 _INADMISSIBLE = Survey(1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
+
+
+def _beyond_grazings(point: Point) -> bool:
+    """Whether a point is admissible by more than rounding: some distances from a grazing grow slowly."""
+    monitors = point.examined.monitors.items()
+    grazings = (value for name, value in monitors if at_grazing(name) and not math.isnan(value))
+    return point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
 
 
 def _turned(point: Point, sign: float) -> Point:
@@ -446,7 +473,18 @@ def _assemble(
     for found, position, arc in specials:
         counts[found.name] = counts.get(found.name, 0) + 1
         label = f"{found.name}{counts[found.name]}"
-        points.append(SpecialPoint(found.name, label, found.orbit, found.value, position, arc - arcs[0]))
+        points.append(
+            SpecialPoint(
+                found.name,
+                label,
+                found.orbit,
+                found.value,
+                position,
+                arc - arcs[0],
+                (parameter,),
+                tangent=found.tangent,
+            )
+        )
     n_own = len(orbit.system.states)
     autonomous = orbit.system.phase is None
     data: list[OrbitData] = [p.examined.data for _, p in rows]
@@ -455,31 +493,41 @@ def _assemble(
     if halves[0].closed:
         stopped = ("the branch is closed", "the branch is closed")
     return Branch(
-        orbit.system,
-        parameter,
-        dict(orbit.parameters),
-        np.array([p.parameter * scale for _, p in rows]),
-        np.array([d.survey.x0[:n_own] for d in data]),
-        np.array([d.multipliers for d in data]),
-        np.array([unstable_count(nontrivial(d.multipliers, autonomous=autonomous)) == 0 for d in data]),
-        np.array([d.survey.admissible for d in data]),
-        np.array([p.u[b.n : b.problem.size : b.n + 1].sum() for b, p in rows]),
-        np.array([d.survey.residual for d in data]),
-        np.array(arcs) - arcs[0],
-        np.array([d.survey.lows for d in data]),
-        np.array([d.survey.highs for d in data]),
-        tuple(forms),
-        np.array([forms.index(b.problem.signature) for b, _ in rows]),
-        tuple(p.u[: b.problem.size] for b, p in rows),
-        SpecialPoints(points, parameter),
-        stopped,
-        tuple(
+        system=orbit.system,
+        parameter=parameter,
+        parameters=dict(orbit.parameters),
+        values=np.array([p.parameter * scale for _, p in rows]),
+        x0=np.array([d.survey.x0[:n_own] for d in data]),
+        multipliers=np.array([d.multipliers for d in data]),
+        stable=np.array([unstable_count(nontrivial(d.multipliers, autonomous=autonomous)) == 0 for d in data]),
+        admissible=np.array([d.survey.admissible for d in data]),
+        period=np.array([p.u[b.n : b.problem.size : b.n + 1].sum() for b, p in rows]),
+        residual=np.array([d.survey.residual for d in data]),
+        arclength=np.array(arcs) - arcs[0],
+        lows=np.array([d.survey.lows for d in data]),
+        highs=np.array([d.survey.highs for d in data]),
+        forms=tuple(forms),
+        form=np.array([forms.index(b.problem.signature) for b, _ in rows]),
+        unknowns=tuple(p.u[: b.problem.size] for b, p in rows),
+        special_points=SpecialPoints(points, (parameter,)),
+        stopped=stopped,
+        rejected=tuple(
             f"{parameter} = {failure.parameter * scale:.9g}, step {failure.step:.3g}: {failure.reason}"
             for failure in run.log
         ),
-        options,
-        orbit.tol,
+        options=options,
+        tol=orbit.tol,
     )
+
+
+def _sharpened(branch: OrbitBranch, point: Point) -> Point:
+    """Return a branch point located by equations that are regular there; as it was where they have no solution."""
+    u = solve_branch_point(branch.problem, point.u, branch.evaluate(point.u)[1])
+    if u is None or float(point.weights @ (u - point.u) ** 2) > _NEAR**2:
+        return point
+    found = replace(point, u=u, J=branch.evaluate(u)[1])
+    found.examined = branch.examine(found, None)
+    return point if found.examined.data is None else found
 
 
 def _found(name: str, branch: OrbitBranch, event: Event, half: _Half) -> _Found:
@@ -489,4 +537,10 @@ def _found(name: str, branch: OrbitBranch, event: Event, half: _Half) -> _Found:
     if name == "PD":
         finite = orbit.multipliers[np.isfinite(orbit.multipliers)]
         value = float(np.abs(finite + 1.0).min())
-    return _Found(name, orbit, value, len(half.points), point.arc)
+    elif name == "TR":
+        value = distance_from_circle(orbit.multipliers)
+    tangent = None
+    if name == "BP":  # there the equations leave it open, so the last point's tells the branch from the other one
+        last = half.points[-1][1] if half.points else point
+        tangent = (last if last.u.size == point.u.size else point).tangent.copy()
+    return _Found(name, orbit, value, len(half.points), point.arc, tangent)

@@ -5,20 +5,34 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.continuation.arclength import Event, Examined, Point, correct
-from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
+from saltus.continuation.grazing import turned
+from saltus.orbits.floquet import (
+    Passage,
+    doubling_determinant,
+    height,
+    multipliers,
+    nontrivial,
+    passage,
+    unstable_count,
+)
 from saltus.orbits.problem import MEAN_END, OrbitProblem, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["BIFURCATIONS", "Interest", "OrbitBranch", "OrbitData", "at_grazing"]
+__all__ = ["BIFURCATIONS", "Interest", "OrbitBranch", "OrbitData", "at_grazing", "grazing_monitors", "shadowed_rates"]
 
 BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
+
+_SHORT, _CRITICAL, _INFINITE = 1e-5, 1e-6, 1e10
+"""Step below which several multipliers may cross the unit circle in it; height within which a multiplier is critical;
+size from which on it is infinite, at a grazing that leaves another one undetermined."""
 
 
 @dataclass(frozen=True)
@@ -43,18 +57,32 @@ class Interest:
 
 @dataclass(frozen=True)
 class OrbitData:
-    """What a point of a branch keeps: its survey, its multipliers, how many of them are unstable."""
+    """What a point of a branch keeps.
+
+    Attributes
+    ----------
+    survey : Survey
+        What a dense look shows.
+    multipliers : ndarray of complex, shape (states,)
+        All of them, largest first.
+    unstable : int
+        How many are.
+    followed : tuple of complex
+        Those but the trivial one, in the order of those at the point before that they come from.
+    """
 
     survey: Survey
     multipliers: NDArray[np.complex128]
     unstable: int
+    followed: tuple[complex, ...] = ()
 
 
 class OrbitBranch:
     """Orbits of one signature as a `ZeroProblem`.
 
-    Monitor functions are the bounds (``low``, ``high``), the bifurcations (``SN``, ``PD``, ``TR``, ``BP``), what
-    vanishes at a grazing (``margin i k``: segment i's distance from the surface of transition k; ``duration i`` of a
+    Monitor functions are the bounds (``low``, ``high``), the bifurcations (``SN``, ``PD``, ``BP``, and ``TR i``, the
+    height of the i-th multiplier followed, where it is of a complex pair the one above the real axis), what vanishes at
+    a grazing (``margin i k``: segment i's distance from the surface of transition k; ``duration i`` of a
     segment that starts on its own event; ``rate i``: the normal velocity at segment i's end), and users' events
     (``event i``).
 
@@ -69,6 +97,7 @@ class OrbitBranch:
     """
 
     singular = frozenset({"BP"})
+    noise: Mapping[str, float] = MappingProxyType({})
 
     def __init__(self, problem: OrbitProblem, u: NDArray[np.float64], interest: Interest) -> None:
         self.problem = problem
@@ -76,9 +105,10 @@ class OrbitBranch:
         self.n = problem.n
         self._autonomous = problem.system.phase is None
         self._logs: dict[str, float] = {}
+        self._step: tuple[Point, Point] | None = None
         self._adjust(u)
-        signature, transitions = problem.signature, problem.system.transitions
-        self._durations = {f"duration {i}": i for i, kind in enumerate(signature.kinds) if kind == MEAN_END}
+        kinds = problem.signature.kinds
+        self._durations = {f"duration {i}": i for i, kind in enumerate(kinds) if kind == MEAN_END}
         self._simple: dict[str, Callable[[Point], float]] = {
             "low": lambda point: _beyond(point.parameter - interest.low),
             "high": lambda point: _beyond(point.parameter - interest.high),
@@ -88,14 +118,7 @@ class OrbitBranch:
         }
         for name, i in self._durations.items():
             self._simple[name] = lambda point, at=i * (self.n + 1) + self.n: float(point.u[at])  # type: ignore[misc]
-        self._surveyed: dict[str, Callable[[Survey], float]] = {}
-        for i, (mode, end) in enumerate(zip(signature.modes, signature.transitions, strict=True)):
-            for k, transition in enumerate(transitions):
-                if transition.source == problem.system.mode_names[mode]:
-                    self._surveyed[f"margin {i} {k}"] = lambda s, i=i, k=k: float(s.margins[i, k])  # type: ignore[misc]
-            if end >= 0:
-                way = float(transitions[end].direction or -1)
-                self._surveyed[f"rate {i}"] = lambda s, i=i, way=way: way * float(s.rates[i, 0])  # type: ignore[misc]
+        self._surveyed = grazing_monitors(problem)
         names = (*problem.system.all_states, *problem.system.output_names)
         for i, (_, kind, value) in enumerate(interest.events):
             if kind == "parameter":
@@ -110,8 +133,11 @@ class OrbitBranch:
         """Take typical sizes from an orbit."""
         problem = self.problem
         period = float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
-        self._block = np.append(1.0 / problem.state_scale**2, 0.0)
-        self._scale = np.append(np.tile(np.append(problem.state_scale, period), problem.segments), 1.0)
+        self._block = np.zeros(self.n + 1)
+        self._block[: self.n] = 1.0 / problem.state_scale**2
+        self._scale = np.ones(problem.size + 1)
+        table = self._scale[:-1].reshape(problem.segments, self.n + 1)
+        table[:, : self.n], table[:, self.n] = problem.state_scale, period
 
     def _sized(self, name: str, sign: float, log: float) -> float:
         """Return a determinant over the size that it had first."""
@@ -152,31 +178,50 @@ class OrbitBranch:
         problem.rescale(survey)
         self._adjust(point.u)
         values = multipliers(problem, point.u, point.J)
-        data = OrbitData(survey, values, unstable_count(nontrivial(values, autonomous=self._autonomous)))
+        way = self._follow(point, before, values)
+        followed = way.followed
+        data = OrbitData(survey, values, unstable_count(values[: len(followed)]), followed)
         monitors = {name: value(point) for name, value in self._simple.items()}
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
-        monitors["TR"] = distance_from_circle(values)
+        if abs(values[0]) < _INFINITE:
+            monitors |= {f"TR {i}": height(value) for i, value in enumerate(followed) if value.imag > 0.0}
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
-        return Examined(monitors, None if before is None else _fault(point, before, monitors, data), data)
+        if before is None:
+            return Examined(monitors, None, data)
+        self._step = before, point
+        return Examined(monitors, _fault(point, before, monitors, data, way), data)
+
+    def _follow(self, point: Point, before: Point | None, values: NDArray[np.complex128]) -> Passage:
+        """Return how the multipliers before a point, or at the nearer end of the step examined last, become its own."""
+        own: list[complex] = nontrivial(values, autonomous=self._autonomous).tolist()
+        if before is None and self._step is not None:
+            first, last = self._step
+            if first.arc <= point.arc <= last.arc:
+                before = first if point.arc - first.arc < last.arc - point.arc else last
+        data: OrbitData | None = None if before is None else before.examined.data
+        if data is None or len(data.followed) != len(own):
+            return Passage(tuple(own), 0, 0, True)
+        return passage(data.followed, own)
 
     def monitor(self, name: str, point: Point) -> float:
         """Return one monitor function at a point that need not be quite corrected."""
         if name in self._simple:
             return self._simple[name](point)
-        if name == "TR":
-            return distance_from_circle(multipliers(self.problem, point.u, point.J))
+        if name.startswith("TR"):
+            way = self._follow(point, None, multipliers(self.problem, point.u, point.J))
+            value = way.followed[int(name[3:])]
+            return height(value) if value.imag != 0.0 else math.nan
         return self._surveyed[name](self.problem.survey(point.u))
 
     def leading(self, names: list[str]) -> list[str]:
         """Return the names without the velocities that vanish because a segment beside them does."""
-        count = self.problem.segments
-        vanishing = {self._durations[name] for name in names if name in self._durations}
-        shadowed = {f"rate {i}" for j in vanishing for i in (j, (j - 1) % count)}
+        vanishing = [self._durations[name] for name in names if name in self._durations]
+        shadowed = shadowed_rates(vanishing, self.problem.segments)
         return [name for name in names if name not in shadowed]
 
-    def sort_out(self, events: list[Event]) -> list[Event]:
-        """Return the events without shadows.
+    def sort_out(self, events: list[Event]) -> list[Event] | str:
+        """Return the events without shadows, or why the step is not to be taken.
 
         Where the whole Jacobian loses rank there is a branch point, no fold; at a grazing without a jump of the field
         the parameter turns like the square of the vanishing duration, and with it every determinant has a zero.
@@ -184,11 +229,65 @@ class OrbitBranch:
         points = [event.point.arc for event in events if event.name == "BP"]
         grazings = [event.point.arc for event in events if at_grazing(event.name)]
         kept = [e for e in events if e.name != "SN" or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
-        return [e for e in kept if e.name not in BIFURCATIONS or all(abs(e.point.arc - arc) > 1e-7 for arc in grazings)]
+        kept = [e for e in kept if not bifurcates(e.name) or all(abs(e.point.arc - arc) > 1e-7 for arc in grazings)]
+        first = next((e for e in kept if bifurcates(e.name) or at_grazing(e.name)), None)
+        if first is None or self._step is None or self._step[1].arc - self._step[0].arc < _SHORT:
+            return kept
+        return self._unexplained(first, *self._step) or kept
+
+    def _unexplained(self, event: Event, before: Point, after: Point) -> str | None:
+        """Return why the first bifurcation or grazing of a step does not go with the step's ends, if it does not.
+
+        Some multipliers are critical there, and the others as stable as at the ends: so a complex pair shows that comes
+        about and crosses the circle in the same step as a real multiplier.
+        """
+        a, here, b = (point.examined.data for point in (before, event.point, after))
+        if not a.survey.admissible:
+            return None
+        if turned(self.problem, event.name, event.point.u):
+            return "not admissible: a segment touches its surface inside before it does where it starts"
+        if not a.followed:
+            return None
+        kind, followed = event.name[:2], here.followed
+        critical = {i for i, value in enumerate(followed) if abs(height(value)) < _CRITICAL}
+        if bifurcates(event.name):
+            at = -1.0 if kind == "PD" else 1.0
+            away = [abs(height(value)) if kind == "TR" else abs(value - at) for value in followed]
+            critical |= set(sorted(range(len(away)), key=away.__getitem__)[: 2 if kind == "TR" else 1])
+        unstable = sum(abs(value) > 1.0 for i, value in enumerate(followed) if i not in critical)
+        undetermined = sum(abs(value) >= _INFINITE for value in followed)
+        ends = (a,) if at_grazing(event.name) else (a, b)
+        if all(unstable - undetermined <= end.unstable <= unstable + len(critical) for end in ends):
+            return None
+        return "stability changes without a bifurcation that explains it"
 
     def crowded(self, names: list[str]) -> bool:
         """Return whether more than one bifurcation or grazing lies in a step."""
-        return sum(name in BIFURCATIONS for name in names) + any(at_grazing(name) for name in names) > 1
+        return sum(bifurcates(name) for name in names) + any(at_grazing(name) for name in names) > 1
+
+
+def grazing_monitors(problem: OrbitProblem) -> dict[str, Callable[[Survey], float]]:
+    """Return what a survey tells of grazings: ``margin i k`` and ``rate i``, each positive on the admissible side."""
+    found: dict[str, Callable[[Survey], float]] = {}
+    system, signature = problem.system, problem.signature
+    for i, (mode, end) in enumerate(zip(signature.modes, signature.transitions, strict=True)):
+        for k, transition in enumerate(system.transitions):
+            if transition.source == system.mode_names[mode]:
+                found[f"margin {i} {k}"] = lambda s, i=i, k=k: float(s.margins[i, k])  # type: ignore[misc]
+        if end >= 0:
+            way = float(system.transitions[end].direction or -1)
+            found[f"rate {i}"] = lambda s, i=i, way=way: way * float(s.rates[i, 0])  # type: ignore[misc]
+    return found
+
+
+def shadowed_rates(vanishing: list[int], count: int) -> set[str]:
+    """Return the velocities that vanish because a segment beside them, of `count` in all, has no length."""
+    return {f"rate {i}" for j in vanishing for i in (j, (j - 1) % count)}
+
+
+def bifurcates(name: str) -> bool:
+    """Return whether a monitor function vanishes at bifurcations of smooth branches."""
+    return name.split(" ")[0] in BIFURCATIONS
 
 
 def at_grazing(name: str) -> bool:
@@ -201,21 +300,25 @@ def _beyond(distance: float) -> float:
     return distance if abs(distance) > 1e-12 else 0.0
 
 
-def _fault(point: Point, before: Point, monitors: Mapping[str, float], data: OrbitData) -> str | None:
+def _fault(point: Point, before: Point, monitors: Mapping[str, float], data: OrbitData, way: Passage) -> str | None:
     """Return why a point may not follow the one before, if it may not."""
     old: OrbitData = before.examined.data
+    known = before.examined.monitors
     changed = {
         name
         for name, value in monitors.items()
-        if math.isfinite(value)
-        and math.isfinite(a := before.examined.monitors.get(name, math.nan))
-        and (a < 0.0) != (value < 0.0)
+        if name in known and (known[name] < 0.0) != (value < 0.0) and math.isfinite(known[name] + value)
     }
     grazing = any(at_grazing(name) for name in changed)
     if old.survey.admissible and not data.survey.admissible and not grazing:
         return "not admissible: " + "; ".join(data.survey.reasons())
-    if point.arc - before.arc > 1e-4 and not grazing and old.survey.admissible:
-        explained = sum(1 for name in changed if name in ("SN", "PD", "BP")) + 2 * ("TR" in changed)
-        if abs(data.unstable - old.unstable) > explained or (data.unstable - old.unstable - explained) % 2:
-            return "stability changes without a bifurcation that explains it"
+    if point.arc - before.arc < _SHORT or grazing or not old.survey.admissible:
+        return None
+    if not way.sure:
+        return "stability: multipliers may have crossed the unit circle in opposite ways"
+    if way.real + way.pairs > 1:
+        return "stability: more than one multiplier crosses the unit circle within the step"
+    simple, tori = sum(name in ("SN", "PD", "BP") for name in changed), sum(name.startswith("TR") for name in changed)
+    if way.pairs != tori or way.real > simple or (simple - way.real) % 2:
+        return "stability changes without a bifurcation that explains it"
     return None
