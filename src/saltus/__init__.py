@@ -9,7 +9,19 @@ _HOMES = {
     "saltus.system": ("HybridSystem", "Mode", "Transition"),
     "saltus.flow": ("Trajectory", "simulate"),
     "saltus.orbits": ("PeriodicOrbit", "find_orbit", "solve_orbit"),
-    "saltus.continuation": ("Branch", "SpecialPoint", "StepControl", "continue_orbit"),
+    "saltus.continuation": (
+        "Branch",
+        "Cascade",
+        "Family",
+        "Locus",
+        "SpecialPoint",
+        "StepControl",
+        "continue_family",
+        "continue_locus",
+        "continue_orbit",
+        "follow_cascade",
+        "switch_branch",
+    ),
     "saltus.results": ("Result", "load"),
     "saltus.errors": (
         "ChatteringError",
@@ -24,12 +36,15 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Branch",
+    "Cascade",
     "ChatteringError",
     "ConvergenceError",
     "DefinitionError",
     "DivergenceError",
+    "Family",
     "HybridSystem",
     "InputError",
+    "Locus",
     "Mode",
     "PeriodicOrbit",
     "Result",
@@ -39,11 +54,15 @@ __all__ = [
     "Trajectory",
     "Transition",
     "__version__",
+    "continue_family",
+    "continue_locus",
     "continue_orbit",
     "find_orbit",
+    "follow_cascade",
     "load",
     "simulate",
     "solve_orbit",
+    "switch_branch",
 ]
 
 

@@ -22,6 +22,8 @@ _HOMES = {
     "Trajectory": "saltus.flow.simulate",
     "PeriodicOrbit": "saltus.orbits.orbit",
     "Branch": "saltus.continuation.branch",
+    "Locus": "saltus.continuation.locus",
+    "Family": "saltus.continuation.family",
 }
 
 

@@ -1,7 +1,26 @@
-"""Floor 4: branches of periodic orbits by pseudo-arclength continuation."""
+"""Floor 4: branches and loci of periodic orbits by pseudo-arclength continuation."""
 
 from saltus.continuation.arclength import StepControl
-from saltus.continuation.branch import Branch, SpecialPoint, SpecialPoints
+from saltus.continuation.branch import Branch
+from saltus.continuation.curve import Curve, SpecialPoint, SpecialPoints
+from saltus.continuation.family import Family, continue_family
+from saltus.continuation.loci import continue_locus
+from saltus.continuation.locus import Locus
 from saltus.continuation.orbits import continue_orbit
+from saltus.continuation.switching import Cascade, follow_cascade, switch_branch
 
-__all__ = ["Branch", "SpecialPoint", "SpecialPoints", "StepControl", "continue_orbit"]
+__all__ = [
+    "Branch",
+    "Cascade",
+    "Curve",
+    "Family",
+    "Locus",
+    "SpecialPoint",
+    "SpecialPoints",
+    "StepControl",
+    "continue_family",
+    "continue_locus",
+    "continue_orbit",
+    "follow_cascade",
+    "switch_branch",
+]

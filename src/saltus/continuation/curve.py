@@ -1,0 +1,507 @@
+"""A curve of periodic orbits, along one parameter or two, and its special points."""
+
+from __future__ import annotations
+
+import json
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self, overload
+
+import numpy as np
+
+from saltus.errors import InputError, nearest
+from saltus.orbits import PeriodicOrbit
+from saltus.orbits.normal_form import NORMAL_FORMS, NormalForm, normal_form
+from saltus.orbits.orbit import complex_of, orbit_at
+from saltus.orbits.problem import OrbitProblem, Signature
+from saltus.results import Result, frozen
+from saltus.system import HybridSystem
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from numpy.typing import NDArray
+
+__all__ = ["Curve", "SpecialPoint", "SpecialPoints"]
+
+_MEANING = {
+    "SN": "saddle-node (fold)",
+    "PD": "period doubling (flip)",
+    "TR": "torus (Neimark-Sacker)",
+    "BP": "branch point",
+    "GR": "grazing",
+    "CP": "cusp",
+    "GPD": "generalised period doubling",
+    "CH": "Chenciner",
+    "R1": "strong resonance 1:1",
+    "R2": "strong resonance 1:2",
+    "R3": "strong resonance 1:3",
+    "R4": "strong resonance 1:4",
+    "FF": "fold-flip",
+    "TP": "turning point of a parameter",
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SpecialPoint:
+    """A special point of a branch or of a locus, located.
+
+    Attributes
+    ----------
+    type : str
+        On a branch ``SN``, ``PD``, ``TR``, ``BP``, ``GR`` or the name of a user's event; on a locus ``CP``, ``GPD``,
+        ``CH``, ``R1`` to ``R4``, ``FF``, ``SN``, ``PD``, ``TR``, ``GR`` or ``BP`` (where another locus meets it) and
+        ``TP`` (where a parameter turns); `Locus` tells more.
+    label : str
+        The type with its number along the curve, as in ``SN1``.
+    orbit : PeriodicOrbit
+        The orbit there; its parameters are those of the point.
+    test : float
+        Test function there: the parameter's component of the tangent (SN, TP), ``mu + 1`` (PD), ``|mu|^2 - 1`` (TR),
+        the determinant over its size nearby (BP, FF), the normal velocity or the distance from the surface (GR), the
+        coefficient of the normal form over its size nearby (CP, GPD, CH), the cosine of the multipliers' angle less
+        that of the resonance (R1 to R4), the distance from the wanted value (users' events).
+    position : float
+        Where among the curve's points: 3.5 lies between points 3 and 4.
+    arclength : float
+        Arclength there, as the curve's `arclength` counts it.
+    varied : tuple of str
+        The parameters along which it was found.
+    of : str
+        What the type leaves open: of a turning point the parameter that turns; where a GR locus meets another, on which
+        side of the grazing (``smaller`` or ``larger`` signature).
+    locus : str
+        The type of the locus on which it was found; empty on a branch.
+    tangent : ndarray, shape (unknowns + 1,), or None
+        At a branch point the tangent of the branch on which it was found, the parameter last.
+    """
+
+    type: str
+    label: str
+    orbit: PeriodicOrbit
+    test: float
+    position: float
+    arclength: float
+    varied: tuple[str, ...]
+    of: str = ""
+    locus: str = ""
+    tangent: NDArray[np.float64] | None = None
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """All parameters there."""
+        return self.orbit.parameters
+
+    @property
+    def sizes(self) -> NDArray[np.float64] | None:
+        """Sizes of the states along the branch, by its tangent where there is one: an orbit at rest has none itself."""
+        if self.tangent is None:
+            return None
+        wide = len(self.orbit.system.all_states) + 1
+        states = np.abs(self.tangent[:-1].reshape(-1, wide)).max(axis=0)
+        return np.asarray(states[: len(self.orbit.system.states)])
+
+    @cached_property
+    def normal_form(self) -> NormalForm:
+        """Normal form of the Poincare map at an SN, PD or TR: computed when first asked for.
+
+        Raises
+        ------
+        InputError
+            The point is of another type.
+        """
+        if self.type not in NORMAL_FORMS:
+            raise InputError("type", self.type, f"one of {', '.join(NORMAL_FORMS)}", "no normal form belongs to it")
+        return normal_form(self.orbit, self.type)
+
+    def __repr__(self) -> str:
+        meaning = f", {_MEANING[self.type]}" if self.type in _MEANING else ""
+        of = f" of {self.of}" if self.of else ""
+        return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}\n{self.orbit!r}"
+
+
+class SpecialPoints(Sequence[SpecialPoint]):
+    """Special points in their order along a curve."""
+
+    def __init__(self, points: Sequence[SpecialPoint], parameters: tuple[str, ...]) -> None:
+        self._points = tuple(points)
+        self._parameters = parameters
+
+    @overload
+    def __getitem__(self, index: int) -> SpecialPoint: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[SpecialPoint]: ...
+    def __getitem__(self, index: int | slice) -> SpecialPoint | Sequence[SpecialPoint]:
+        return self._points[index]
+
+    def __len__(self) -> int:
+        return len(self._points)
+
+    def __iter__(self) -> Iterator[SpecialPoint]:
+        return iter(self._points)
+
+    def of_type(self, *types: str) -> list[SpecialPoint]:
+        """Return the points of the given types."""
+        return [point for point in self._points if point.type in types]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a table: label, type, parameters, stability, signature, x0, extremes, test function."""
+        import pandas as pd
+
+        rows = []
+        for p in self._points:
+            row: dict[str, Any] = {"label": p.label, "type": p.type}
+            row |= {"of": p.of} if len(self._parameters) > 1 else {}
+            row |= {name: p.parameters[name] for name in self._parameters}
+            row |= {f"x0_{name}": value for name, value in zip(p.orbit.system.states, p.orbit.x0, strict=True)}
+            row |= {f"min_{name}": value for name, value in p.orbit.min.items()}
+            row |= {f"max_{name}": value for name, value in p.orbit.max.items()}
+            row |= {
+                "period": p.orbit.period,
+                "stable": p.orbit.stable,
+                "signature": p.orbit.signature,
+                "admissible": p.orbit.admissible,
+            }
+            rows.append(row | {"test": p.test})
+        return pd.DataFrame(rows)
+
+    def __repr__(self) -> str:
+        lines = []
+        for p in self._points:
+            values = ", ".join(f"{name} = {p.parameters[name]:.12g}" for name in self._parameters)
+            lines.append(f"{p.label:5s} {values}" + (f" ({p.of})" if p.of else ""))
+        return "\n".join(lines) or "no special points"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Curve(Result):
+    """What `Branch` and `Locus` share: orbits in their order, with what is known of each, and special points.
+
+    Attributes
+    ----------
+    system : HybridSystem
+        The system.
+    parameters : mapping of str to float
+        All parameters at the start.
+    values : ndarray
+        The varied parameters: shape (point,) for one, (point, parameter) for more.
+    x0 : ndarray, shape (point, state)
+        State at phase 0, or at the first segment's start.
+    multipliers : ndarray of complex, shape (point, multiplier)
+        Floquet multipliers; infinite at a grazing.
+    stable, admissible : ndarray of bool, shape (point,)
+    period, residual, arclength : ndarray, shape (point,)
+    lows, highs : ndarray, shape (point, all states + outputs)
+        Extremes over the period.
+    forms : tuple of Signature
+        The signatures that occur.
+    form : ndarray of int, shape (point,)
+        Which of `forms` each point has.
+    unknowns : tuple of ndarray
+        States and durations of each point's segments, as `OrbitProblem` orders them.
+    special_points : SpecialPoints
+        In order along the curve; ``curve["SN1"]`` is one of them.
+    stopped : tuple of str
+        Why the curve ended, at its first and at its last point.
+    rejected : tuple of str
+        Steps that were not taken, with their reasons.
+    options : mapping
+        What was asked for.
+    tol : float
+        Relative tolerance of the flow.
+    """
+
+    system: HybridSystem
+    parameters: Mapping[str, float]
+    values: NDArray[np.float64]
+    x0: NDArray[np.float64]
+    multipliers: NDArray[np.complex128]
+    stable: NDArray[np.bool_]
+    admissible: NDArray[np.bool_]
+    period: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    arclength: NDArray[np.float64]
+    lows: NDArray[np.float64]
+    highs: NDArray[np.float64]
+    forms: tuple[Signature, ...]
+    form: NDArray[np.int64]
+    unknowns: tuple[NDArray[np.float64], ...]
+    special_points: SpecialPoints
+    stopped: tuple[str, str]
+    rejected: tuple[str, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+    tol: float = 1e-12
+
+    def __post_init__(self) -> None:
+        for name in ("values", "x0", "period", "residual", "arclength", "lows", "highs"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        object.__setattr__(self, "multipliers", frozen(self.multipliers, np.complex128))
+        object.__setattr__(self, "form", frozen(self.form, np.int64))
+        for name in ("stable", "admissible"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.bool_))
+
+    @property
+    @abstractmethod
+    def varied(self) -> tuple[str, ...]:
+        """Names of the parameters that vary."""
+
+    @abstractmethod
+    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
+        """Return what this kind of curve knows of each point beyond what all know."""
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __getitem__(self, label: str) -> SpecialPoint:
+        """Return the special point of that label."""
+        for point in self.special_points:
+            if point.label == label:
+                return point
+        known = [point.label for point in self.special_points]
+        raise InputError(
+            "label", label, f"one of {', '.join(known) or 'no special points'}", nearest(str(label), known)
+        )
+
+    def __iter__(self) -> Iterator[PeriodicOrbit]:
+        """Go through the orbits of all points."""
+        return (self.orbit(i) for i in range(len(self)))
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Names of all states and outputs, in the order of `lows` and `highs`."""
+        return (*self.system.all_states, *self.system.output_names)
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """Return a quantity along the curve, shape (point,).
+
+        Parameters
+        ----------
+        name : str
+            A varied parameter, ``period``, ``arclength``, a state (its value at phase 0), or ``min_`` or ``max_`` and
+            a state or output; of a locus also ``angle`` and ``coefficient``.
+        """
+        table = self.values.reshape(len(self), -1)
+        columns: dict[str, Any] = {parameter: table[:, i] for i, parameter in enumerate(self.varied)}
+        columns |= {"period": self.period, "arclength": self.arclength} | self._own_columns()
+        columns |= {state: self.x0[:, i] for i, state in enumerate(self.system.states)}
+        columns |= {f"min_{q}": self.lows[:, i] for i, q in enumerate(self.quantities)}
+        columns |= {f"max_{q}": self.highs[:, i] for i, q in enumerate(self.quantities)}
+        if self.system.phase is not None:
+            for side in ("min", "max"):
+                columns.pop(f"{side}_{self.system.phase[0]}")
+        if name not in columns:
+            raise InputError("quantity", name, f"one of {', '.join(columns)}", nearest(str(name), columns))
+        found: NDArray[np.float64] = columns[name]
+        return found
+
+    def at(self, point: SpecialPoint, name: str) -> float:
+        """Return the quantity that `column` names at a special point."""
+        orbit = point.orbit
+        if name.startswith(("min_", "max_")) and name[4:] in self.quantities:
+            source = orbit.lows if name.startswith("min_") else orbit.highs
+            return float(source[self.quantities.index(name[4:])])
+        if name in self.varied:
+            return orbit.parameters[name]
+        if name == "period":
+            return orbit.period
+        if name in self.system.states:
+            return float(orbit.x0[self.system.states.index(name)])
+        if name == "arclength":
+            return point.arclength
+        return float(np.interp(point.arclength, self.arclength, self.column(name)))
+
+    def signature(self, index: int) -> tuple[tuple[str, str], ...]:
+        """Return the (mode, transition) names of a point's segments."""
+        form: Signature = self.forms[self.form[index]]
+        return form.names(self.system)
+
+    def orbit(self, index: int) -> PeriodicOrbit:
+        """Return the orbit of one point, from which another continuation can start."""
+        if isinstance(index, bool) or not isinstance(index, int | np.integer):
+            raise InputError("index", index, "an integer")
+        if not -len(self) <= index < len(self):
+            raise InputError("index", index, f"between {-len(self)} and {len(self) - 1}")
+        row = np.atleast_1d(self.values[index]).tolist()
+        values = dict(self.parameters) | dict(zip(self.varied, row, strict=True))
+        p = self.system.parameter_vector(values)
+        problem = OrbitProblem(self.system, self.forms[self.form[index]], p, tol=self.tol)
+        u = np.array(self.unknowns[index])
+        problem.start(u)
+        return orbit_at(problem, u, problem.evaluate(u)[1])
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the curve as a Dataset: points against ``point``, special points against ``special``."""
+        import xarray as xr
+
+        names = [form.names(self.system) for form in self.forms]
+        n = len(self.system.all_states)
+        table = self.values.reshape(len(self), -1)
+        data: dict[str, Any] = {name: ("point", table[:, i]) for i, name in enumerate(self.varied)}
+        data |= {name: ("point", values) for name, values in self._own_columns().items()}
+        data |= {
+            "x0": (("point", "state"), self.x0),
+            "multiplier_re": (("point", "multiplier"), self.multipliers.real),
+            "multiplier_im": (("point", "multiplier"), self.multipliers.imag),
+            "stable": ("point", self.stable.astype(np.int8)),
+            "admissible": ("point", self.admissible.astype(np.int8)),
+            "period": ("point", self.period),
+            "residual": ("point", self.residual),
+            "arclength": ("point", self.arclength),
+            "form": ("point", self.form),
+            "signature": ("point", np.array([_written(names[form]) for form in self.form.tolist()], dtype=object)),
+            "unknown": ("ragged", np.concatenate([*self.unknowns, np.empty(0)])),
+            "unknown_count": ("point", np.array([len(u) for u in self.unknowns], dtype=np.int64)),
+        }
+        skip = None if self.system.phase is None else self.system.phase[0]
+        for i, q in enumerate(self.quantities):
+            if q != skip:
+                data[f"min_{q}"] = ("point", self.lows[:, i])
+                data[f"max_{q}"] = ("point", self.highs[:, i])
+        data["lows"] = (("point", "quantity"), self.lows)
+        data["highs"] = (("point", "quantity"), self.highs)
+        forms = list(dict.fromkeys([*self.forms, *(point.orbit.form for point in self.special_points)]))
+        data |= self._special_data(forms)
+        coords = {
+            "state": list(self.system.states),
+            "quantity": list(self.quantities),
+            "parameter": list(self.varied),
+        }
+        attrs = {
+            "varied": json.dumps(list(self.varied)),
+            "parameters": json.dumps(dict(self.parameters)),
+            "definition": json.dumps(self.system.definition()),
+            "forms": json.dumps([[f.modes, f.transitions, f.kinds, f.turns] for f in forms]),
+            "signatures": json.dumps(names),
+            "n_forms": len(self.forms),
+            "stopped_first": self.stopped[0],
+            "stopped_last": self.stopped[1],
+            "rejected": json.dumps(list(self.rejected)),
+            "options": json.dumps(dict(self.options)),
+            "tol": self.tol,
+            "ragged": "unknown: the points' segments one after the other, unknown_count numbers each: "
+            f"state ({n}) and duration of each segment",
+        }
+        return xr.Dataset(data, coords=coords, attrs=attrs)
+
+    def _special_data(self, forms: list[Signature]) -> dict[str, Any]:
+        specials = list(self.special_points)
+        orbits = [point.orbit for point in specials]
+        blocks = [orbit.unknowns for orbit in orbits]
+        tangents = [np.empty(0) if point.tangent is None else point.tangent for point in specials]
+        states, quantities = len(self.system.states), len(self.quantities)
+        values = [[point.parameters[name] for name in self.varied] for point in specials]
+
+        def stack(rows: list[Any], width: int) -> NDArray[np.float64]:
+            return np.array(rows, dtype=np.float64).reshape(len(rows), width)
+
+        width = self.multipliers.shape[1]
+        return {
+            "special_type": ("special", np.array([point.type for point in specials], dtype=object)),
+            "special_label": ("special", np.array([point.label for point in specials], dtype=object)),
+            "special_of": ("special", np.array([point.of for point in specials], dtype=object)),
+            "special_locus": ("special", np.array([point.locus for point in specials], dtype=object)),
+            "special_value": (("special", "parameter"), stack(values, len(self.varied))),
+            "special_test": ("special", np.array([point.test for point in specials], dtype=float)),
+            "special_arclength": ("special", np.array([point.arclength for point in specials], dtype=float)),
+            "special_position": ("special", np.array([point.position for point in specials], dtype=float)),
+            "special_x0": (("special", "state"), stack([o.x0 for o in orbits], states)),
+            "special_multiplier_re": (("special", "multiplier"), stack([o.multipliers.real for o in orbits], width)),
+            "special_multiplier_im": (("special", "multiplier"), stack([o.multipliers.imag for o in orbits], width)),
+            "special_low": (("special", "quantity"), stack([o.lows for o in orbits], quantities)),
+            "special_high": (("special", "quantity"), stack([o.highs for o in orbits], quantities)),
+            "special_residual": ("special", np.array([o.residual for o in orbits], dtype=float)),
+            "special_faults": ("special", np.array([o.faults for o in orbits], dtype=np.int64)),
+            "special_form": ("special", np.array([forms.index(o.form) for o in orbits], dtype=np.int64)),
+            "special_unknown": ("special_ragged", np.concatenate([*blocks, np.empty(0)])),
+            "special_unknown_count": ("special", np.array([len(block) for block in blocks], dtype=np.int64)),
+            "special_tangent": ("tangent_ragged", np.concatenate([*tangents, np.empty(0)])),
+            "special_tangent_count": ("special", np.array([len(row) for row in tangents], dtype=np.int64)),
+        }
+
+    @classmethod
+    @abstractmethod
+    def _own_fields(cls, dataset: xr.Dataset, varied: tuple[str, ...]) -> dict[str, Any]:
+        """Return the fields that only this kind of curve has, and `values`, as `to_xarray` described them."""
+
+    @classmethod
+    def from_xarray(cls, dataset: xr.Dataset) -> Self:
+        """Return the curve that `to_xarray` described."""
+        attrs, ds = dataset.attrs, dataset
+        system = HybridSystem.from_definition(json.loads(attrs["definition"]))
+        varied, tol = tuple(json.loads(attrs["varied"])), float(attrs["tol"])
+        parameters = json.loads(attrs["parameters"])
+        forms = [Signature(tuple(m), tuple(t), tuple(k), turns) for m, t, k, turns in json.loads(attrs["forms"])]
+        n = len(system.all_states)
+        specials = []
+        blocks = np.split(ds["special_unknown"].values, np.cumsum(ds["special_unknown_count"].values))[:-1]
+        tangents = np.split(ds["special_tangent"].values, np.cumsum(ds["special_tangent_count"].values))[:-1]
+        for i, block in enumerate(blocks):
+            table = block.reshape(-1, n + 1)
+            orbit = PeriodicOrbit(
+                system,
+                parameters | dict(zip(varied, ds["special_value"].values[i].tolist(), strict=True)),
+                forms[int(ds["special_form"].values[i])],
+                table[:, :n],
+                table[:, n],
+                complex_of(ds["special_multiplier_re"].values[i], ds["special_multiplier_im"].values[i]),
+                float(ds["special_residual"].values[i]),
+                int(ds["special_faults"].values[i]),
+                ds["special_x0"].values[i],
+                ds["special_low"].values[i],
+                ds["special_high"].values[i],
+                tol,
+            )
+            specials.append(
+                SpecialPoint(
+                    str(ds["special_type"].values[i]),
+                    str(ds["special_label"].values[i]),
+                    orbit,
+                    float(ds["special_test"].values[i]),
+                    float(ds["special_position"].values[i]),
+                    float(ds["special_arclength"].values[i]),
+                    varied,
+                    str(ds["special_of"].values[i]),
+                    str(ds["special_locus"].values[i]),
+                    tangents[i] if tangents[i].size else None,
+                )
+            )
+        return cls(
+            system=system,
+            parameters=parameters,
+            x0=ds["x0"].values,
+            multipliers=complex_of(ds["multiplier_re"].values, ds["multiplier_im"].values),
+            stable=ds["stable"].values.astype(bool),
+            admissible=ds["admissible"].values.astype(bool),
+            period=ds["period"].values,
+            residual=ds["residual"].values,
+            arclength=ds["arclength"].values,
+            lows=ds["lows"].values,
+            highs=ds["highs"].values,
+            forms=tuple(forms[: int(attrs["n_forms"])]),
+            form=ds["form"].values,
+            unknowns=tuple(np.split(ds["unknown"].values, np.cumsum(ds["unknown_count"].values))[:-1]),
+            special_points=SpecialPoints(specials, varied),
+            stopped=(str(attrs["stopped_first"]), str(attrs["stopped_last"])),
+            rejected=tuple(json.loads(attrs["rejected"])),
+            options=json.loads(attrs["options"]),
+            tol=tol,
+            **cls._own_fields(ds, varied),
+        )
+
+    def _described(self, what: str) -> str:
+        """Return a few lines: what it is, how it began and ended, its special points."""
+        lines = [
+            f"{what} of {self.system.name or 'a hybrid system'}: {len(self)} orbits, {int(self.stable.sum())} stable"
+        ]
+        for name, column in zip(self.varied, self.values.reshape(len(self), -1).T, strict=True):
+            low, high = (float(column.min()), float(column.max())) if len(self) else (np.nan, np.nan)
+            lines[0] += f", {name} from {low:.9g} to {high:.9g}"
+        lines += [f"  began: {self.stopped[0]}", f"  ended: {self.stopped[1]}"]
+        lines += [f"  {line}" for line in repr(self.special_points).splitlines()]
+        return "\n".join(lines)
+
+
+def _written(signature: tuple[tuple[str, str], ...]) -> str:
+    return " -> ".join(f"{mode}:{transition}" for mode, transition in signature)

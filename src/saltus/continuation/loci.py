@@ -1,0 +1,587 @@
+"""Loci of critical orbits along two parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.arclength import (
+    Event,
+    Examined,
+    Failure,
+    Point,
+    StepControl,
+    events_between,
+    follow,
+    start_point,
+)
+from saltus.continuation.curve import SpecialPoint, SpecialPoints
+from saltus.continuation.grazing import Neighbour, neighbour, touching
+from saltus.continuation.locus import Locus
+from saltus.continuation.locus_problem import LocusBranch, LocusData
+from saltus.continuation.zero_problem import BIFURCATIONS, at_grazing
+from saltus.errors import InputError, nearest
+from saltus.orbits.critical import Branching, Condition, Critical, Grazing, TorusCondition
+from saltus.orbits.orbit import PeriodicOrbit, orbit_at
+from saltus.orbits.problem import DIRECTION, DURATION, MEAN_END, OrbitProblem, Signature
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["continue_locus"]
+
+_LOCI = {
+    "SN": "SN", "PD": "PD", "TR": "TR", "BP": "BP", "GR": "GR", "CP": "SN", "GPD": "PD", "CH": "TR", "R1": "SN",
+    "R2": "PD", "R3": "TR", "R4": "TR", "FF": "SN",
+}  # fmt: skip
+"""The locus that starts at a special point of each type, if none is named."""
+
+_CODIMENSION_TWO = ("CP", "GPD", "CH", "R1", "R2", "R3", "R4", "FF", "TP", *BIFURCATIONS)
+_ENDS = {
+    "R1": "beyond it the two multipliers are real, of product 1",
+    "R2": "beyond it the two multipliers are real, of product 1",
+}
+_TOUCHING, _CRITICAL, _MOVED, _REGULAR, _ROUNDING, _UNFOLDED, _SAME = 1e-6, 1e-3, 1e-3, 1e-11, 1e-9, 1e-7, 1e-6
+
+
+def continue_locus(
+    start: SpecialPoint | PeriodicOrbit,
+    parameters: tuple[str, str],
+    bounds: Mapping[str, tuple[float, float]],
+    *,
+    type: str | None = None,
+    steps: StepControl | None = None,
+    directions: str = "both",
+    stop_at: str | Iterable[str] = (),
+    progress: Callable[[int, tuple[float, float]], None] | None = None,
+) -> Locus:
+    """Return the locus of critical orbits through a special point, as two parameters vary.
+
+    Every point is a corrected orbit whose critical multiplier is 1 (SN), -1 (PD) or on the unit circle (TR), whose
+    contact is tangential (GR), or at which branches meet (BP). Points of codimension two are located.
+
+    Parameters
+    ----------
+    start : SpecialPoint or PeriodicOrbit
+        Where the locus starts: a special point of a branch or of a locus, `Locus.point`, or, with `type`, an orbit.
+    parameters : (str, str)
+        What varies.
+    bounds : mapping of str to (float, float)
+        Interval of each of the two; the start must lie in both.
+    type : {"SN", "PD", "TR", "BP", "GR"}, optional
+        Which locus; by default that of the start's type, or the simplest through a point of codimension two.
+    steps : StepControl, optional
+        Sizes of steps and their limits.
+    directions : {"both", "up", "down"}
+        Which way the second of the two goes at the start.
+    stop_at : str or iterable of str, optional
+        Types of special points at the first of which the locus ends.
+    progress : callable, optional
+        Called with the count of points and the two values after each.
+
+    Returns
+    -------
+    Locus
+        With what was found, however it ended: `Locus.stopped` says why. An interrupt (Ctrl-C) ends it likewise. A locus
+        ends at a grazing (its orbits beyond are of another signature), and a TR locus at R1 and R2.
+
+    Raises
+    ------
+    InputError
+        A type of special point without a locus, names, bounds or an option that cannot be used, a start that is not
+        critical, or where these two parameters have no regular locus.
+
+    References
+    ----------
+    Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000; `saltus.orbits.critical`.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem, Mode, Transition, continue_orbit, solve_orbit
+    >>> cusp = HybridSystem(
+    ...     ("x", "s"), {"r": 0.0, "h": 1.5}, {"carry": Mode({"x": "0", "s": "1"})},
+    ...     [Transition("carry", "carry", "s - 1", 1, {"x": "r + h*x - x**3", "s": "0"}, name="map")],
+    ... )
+    >>> orbit = solve_orbit(cusp, {}, [("carry", "map", [0.7, 0.0], 1.0)])
+    >>> branch = continue_orbit(orbit, "r", (-1.0, 1.0))
+    >>> locus = continue_locus(branch["SN1"], ("r", "h"), {"r": (-1.0, 1.0), "h": (0.5, 2.0)})
+    >>> f"{locus['CP1'].parameters['h']:.9f}"
+    '1.000000000'
+    """
+    control = StepControl() if steps is None else steps
+    if not isinstance(control, StepControl):
+        raise InputError("steps", steps, "a StepControl")
+    orbit, kind = _read_start(start, type)
+    names, intervals = _read_parameters(orbit, parameters, bounds)
+    if directions not in ("both", "up", "down"):
+        raise InputError("directions", directions, "'both', 'up' or 'down'")
+    if not isinstance(stop_at, str | Iterable):
+        raise InputError("stop_at", stop_at, "the name of a type of special point, or several")
+    stops = {stop_at} if isinstance(stop_at, str) else {str(name) for name in stop_at}
+    if unknown := stops - set(_CODIMENSION_TWO):
+        known = _CODIMENSION_TWO
+        raise InputError("stop_at", min(unknown), f"one of {', '.join(known)}", nearest(min(unknown), known))
+    run = _Run(start, orbit, kind, names, intervals, control, stops, progress)
+    origin = run.begin(names.index(parameters[1]))
+    halves: list[_Half] = []
+    for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
+        if halves and (halves[0].closed or halves[0].interrupted):
+            break
+        halves.append(run.trace(origin, sign))
+    options = {
+        "bounds": {name: list(interval) for name, interval in zip(names, intervals, strict=True)},
+        "steps": asdict(control),
+        "directions": directions,
+        "stop_at": sorted(stops),
+    }
+    return run.assemble(origin, halves, options, tuple(parameters))
+
+
+def _read_start(start: SpecialPoint | PeriodicOrbit, kind: str | None) -> tuple[PeriodicOrbit, str]:
+    if kind is not None and kind not in BIFURCATIONS:
+        raise InputError("type", kind, f"one of {', '.join(BIFURCATIONS)}", nearest(str(kind), BIFURCATIONS))
+    if isinstance(start, PeriodicOrbit):
+        if kind is None:
+            raise InputError("start", "a PeriodicOrbit", "a special point, or an orbit with its type", "type='SN'")
+        return start, kind
+    if not isinstance(start, SpecialPoint):
+        raise InputError("start", start, "a special point of a branch or of a locus", "branch['SN1'] is one")
+    if kind is None:
+        kind = _LOCI.get(start.type, start.locus if start.type == "TP" else None)
+    if kind is None:
+        allowed = f"a point of type {', '.join(_LOCI)}"
+        raise InputError("start", start.type, allowed, "no locus belongs to a user's event")
+    return start.orbit, kind
+
+
+def _read_parameters(
+    orbit: PeriodicOrbit, parameters: tuple[str, str], bounds: Mapping[str, tuple[float, float]]
+) -> tuple[tuple[str, str], tuple[tuple[float, float], tuple[float, float]]]:
+    """Return the two names in the system's order, and their intervals."""
+    known = orbit.system.parameter_names
+    if isinstance(parameters, str) or not isinstance(parameters, Sequence) or len(parameters) != 2:
+        raise InputError("parameters", parameters, "two names, as ('A', 'w')")
+    for name in parameters:
+        if name not in known:
+            raise InputError("parameters", name, f"one of {', '.join(known)}", nearest(str(name), known))
+    if parameters[0] == parameters[1]:
+        raise InputError("parameters", tuple(parameters), "two different names")
+    if not isinstance(bounds, Mapping) or set(bounds) != set(parameters):
+        raise InputError("bounds", bounds, f"a mapping with an interval for {parameters[0]} and for {parameters[1]}")
+    first, second = sorted(parameters, key=known.index)
+    intervals = []
+    for name in (first, second):
+        try:
+            low, high = (float(bound) for bound in bounds[name])
+        except (TypeError, ValueError):
+            raise InputError(f"bounds[{name!r}]", bounds[name], "two numbers, the lower first") from None
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise InputError(f"bounds[{name!r}]", bounds[name], "two finite numbers, the lower first")
+        lowest, highest = orbit.system.allowed(name)
+        if low < lowest or high > highest:
+            allowed = f"within [{lowest:g}, {highest:g}], where {name} may lie"
+            raise InputError(f"bounds[{name!r}]", bounds[name], allowed)
+        slack = _ROUNDING * (high - low)
+        if not low - slack <= orbit.parameters[name] <= high + slack:
+            wanted = f"an interval that holds the start, {name} = {orbit.parameters[name]:g}"
+            raise InputError(f"bounds[{name!r}]", bounds[name], wanted)
+        intervals.append((low, high))
+    return (first, second), (intervals[0], intervals[1])
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A special point: its type, what the type leaves open, the orbit, its test function, its place."""
+
+    name: str
+    of: str
+    orbit: PeriodicOrbit
+    value: float
+    after: int
+    arc: float
+
+
+@dataclass
+class _Half:
+    """One direction of a locus."""
+
+    points: list[Point] = field(default_factory=list)
+    specials: list[_Found] = field(default_factory=list)
+    stopped: str = ""
+    closed: bool = False
+    interrupted: bool = False
+
+
+class _Run:
+    """One call of `continue_locus`: what both directions share."""
+
+    def __init__(
+        self,
+        start: SpecialPoint | PeriodicOrbit,
+        orbit: PeriodicOrbit,
+        kind: str,
+        names: tuple[str, str],
+        intervals: tuple[tuple[float, float], tuple[float, float]],
+        control: StepControl,
+        stops: set[str],
+        progress: Callable[[int, tuple[float, float]], None] | None,
+    ) -> None:
+        self.start, self.orbit, self.kind, self.names, self.control = start, orbit, kind, names, control
+        self.stops, self.progress = stops, progress
+        self.scales = np.array([high - low for low, high in intervals])
+        low = [(bound / scale) for (bound, _), scale in zip(intervals, self.scales, strict=True)]
+        high = [(bound / scale) for (_, bound), scale in zip(intervals, self.scales, strict=True)]
+        self.bounds = ((low[0], high[0]), (low[1], high[1]))
+        self.log: list[Failure] = []
+        self.count = 0
+        self.branch: LocusBranch
+
+    def _problem(self, signature: Signature, unknowns: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]]:
+        """Return the equations of a signature with the two parameters active, started, and all unknowns."""
+        system = self.orbit.system
+        p = system.parameter_vector(self.orbit.parameters)
+        active = [system.parameter_names.index(name) for name in self.names]
+        values = p[active] / self.scales
+        for i, interval in enumerate(self.bounds):
+            for bound in interval:
+                values[i] = bound if abs(values[i] - bound) < _ROUNDING else values[i]
+        problem = OrbitProblem(system, signature, p, active, self.scales, self.orbit.tol)
+        u = np.append(unknowns, values)
+        problem.start(u, self.start.sizes if isinstance(self.start, SpecialPoint) else None)
+        return problem, u
+
+    def begin(self, towards: int) -> Point:
+        """Return the start, its tangent towards growing values of one of the two parameters."""
+        condition: Condition
+        if self.kind == "GR":
+            problem, u, vanishing = self._grazing()
+            condition, extra = vanishing, np.empty(0)
+        else:
+            problem, u = self._problem(self.orbit.form, self.orbit.unknowns)
+            condition, extra = self._condition(problem, u)
+        z = np.concatenate([u[: problem.size], extra, u[-2:]])
+        self.branch = LocusBranch(problem, self.kind, condition, z, self.bounds)
+        values = np.linalg.svd(self.branch.evaluate(z)[1] * self.branch.scale(), compute_uv=False)
+        if values[-1] < _REGULAR * values[0]:
+            reason = "the extended equations have more than one solution direction there"
+            if isinstance(self.start, SpecialPoint) and self.start.type == "CP":
+                reason = "these do not unfold the cusp"
+            raise self._irregular(reason)
+        try:
+            point = start_point(self.branch, z)
+        except (ValueError, np.linalg.LinAlgError) as error:
+            raise self._irregular(str(error)) from None
+        sizes = np.maximum(self.branch.scale(), float(problem.state_scale.max()) * _MOVED)
+        moved = float(np.max(np.abs(point.u - z) / sizes))
+        if moved > _MOVED:
+            raise InputError(
+                "start", f"{moved:.2g} away", f"a located {self.kind}", "the nearest one lies that far from the orbit"
+            )
+        point.examined = self.branch.examine(point, None)
+        return _turned(point, float(point.tangent[towards - 2]))
+
+    def _irregular(self, reason: str) -> InputError:
+        wanted = f"two parameters in which the {self.kind} has a regular locus"
+        return InputError("parameters", self.names, wanted, reason)
+
+    def _condition(self, problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Condition, NDArray[np.float64]]:
+        """Return the condition of an SN, PD, TR or BP, and a guess of its further unknowns."""
+        J = problem.evaluate(u)[1]
+        if self.kind == "BP":
+            branching = Branching(problem, self._branching_parameter(), u, J)
+            if not branching.distance(J) < _CRITICAL:
+                wanted = "an orbit at which branches meet"
+                raise InputError("start", f"{branching.distance(J):.2g} from a loss of rank", wanted)
+            return branching, np.zeros(1)
+        autonomous = self.orbit.system.phase is None
+        values = (self.orbit.multipliers[:-1] if autonomous else self.orbit.multipliers).tolist()
+        if self.kind == "TR":
+            pairs = [v for v in values if v.imag >= 0.0 and math.isfinite(abs(v))]
+            distances = [self._from_resonance(v, values) for v in pairs]
+            self._check_critical(min(distances, default=math.inf), "a pair of multipliers on the unit circle")
+            mu = pairs[int(np.argmin(distances))]
+            kappa = mu.real / abs(mu) if mu.imag > 0.0 else math.copysign(1.0, mu.real)
+            return TorusCondition(problem, kappa, u, J), np.array([kappa])
+        mu = 1.0 if self.kind == "SN" else -1.0
+        condition = Critical(problem, mu, u, J)
+        distance = min((abs(v - mu) for v in values), default=math.inf)
+        if not np.all(np.isfinite(values)):  # at a grazing, where the other multipliers are not determined
+            distance = condition.distance(J)
+        self._check_critical(distance, f"a multiplier {mu:g}")
+        return condition, np.empty(0)
+
+    @staticmethod
+    def _from_resonance(value: complex, values: list[complex]) -> float:
+        """Return how far a multiplier is from being one of a pair of product 1 on the circle."""
+        if value.imag > 0.0:
+            return abs(abs(value) - 1.0)
+        others = list(values)
+        others.remove(value)
+        return abs(abs(value) - 1.0) + min((abs(other - value) for other in others), default=math.inf)
+
+    def _check_critical(self, distance: float, wanted: str) -> None:
+        if not distance < _CRITICAL:
+            found = ", ".join(f"{v:.6g}" for v in self.orbit.multipliers.tolist())
+            raise InputError("start", f"multipliers {found}", f"an orbit with {wanted}, as every {self.kind} has")
+
+    def _branching_parameter(self) -> int:
+        varied = self.start.varied if isinstance(self.start, SpecialPoint) else (self.names[0],)
+        known = [name for name in varied if name in self.names]
+        if not known:
+            wanted = f"a pair with {varied[0]!r}, along which the branch point was found"
+            raise InputError("parameters", self.names, wanted)
+        return self.names.index(known[0])
+
+    def _grazing(self) -> tuple[OrbitProblem, NDArray[np.float64], Grazing]:
+        """Return the grazing in its larger signature: as a segment without length, or an event without velocity."""
+        problem, u = self._problem(self.orbit.form, self.orbit.unknowns)
+        found = _vanishing(problem, u)
+        if found is None:
+            survey = problem.survey(u)
+            heights = np.abs(survey.margins)
+            i, k = np.unravel_index(int(np.argmin(heights)), heights.shape) if heights.size else (0, 0)
+            sizes = np.array([_reach(problem, u, int(j)) for j in range(heights.shape[1])])
+            if not heights.size or not heights[i, k] < _TOUCHING * sizes[k]:
+                least = float(heights.min()) if heights.size else math.inf
+                raise InputError(
+                    "start", f"{least:.3g} from the nearest surface", "an orbit that grazes one", "a GR does"
+                )
+            larger = neighbour(problem, f"margin {i} {k}", u)
+            if not isinstance(larger, Neighbour):
+                larger = touching(problem, u, int(i), int(k))
+            problem, u = self._problem(larger.signature, larger.u[:-2])
+            found = _vanishing(problem, u)
+            if found is None:
+                raise self._irregular("the touching motion cannot be cut at its surface")
+        return problem, u, Grazing(problem, *found)
+
+    def trace(self, origin: Point, sign: float) -> _Half:
+        """Follow one direction to its end."""
+        half = _Half()
+        # the other direction has left the meshes, and the null vectors' signs, of another place
+        branch, start = self.branch, replace(origin, u=origin.u.copy(), tangent=origin.tangent.copy())
+        branch.problem.start(branch.orbit(start.u))
+        branch.evaluate(start.u)
+        start.examined = branch.examine(start, None)
+        point = _turned(start, sign)
+        for i, (low, high) in enumerate(self.bounds):
+            way = math.copysign(1.0, float(point.tangent[i - 2]))
+            if way * (float(point.u[i - 2]) - (high if way > 0.0 else low)) > -_ROUNDING:
+                half.stopped = f"{self._place(point)}: bound reached"
+                return half
+        try:
+            half.stopped = self._follow(half, point, origin)
+        except KeyboardInterrupt:
+            half.stopped, half.interrupted = "interrupted", True
+        return half
+
+    def _place(self, point: Point) -> str:
+        values = point.u[-2:] * self.scales
+        return ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.names, values, strict=True))
+
+    def _follow(self, half: _Half, point: Point, origin: Point) -> str:
+        last = point
+        for item in follow(self.branch, point, self.control, log=self.log):
+            if isinstance(item, str):
+                return f"{self._place(last)}: {item}"
+            if isinstance(item, Event):
+                end = self._event(half, item)
+                if end is not None:
+                    half.points.append(item.point)
+                    return f"{self._place(item.point)}: {end}"
+                continue
+            if self.kind == "BP" and abs(float(item.u[self.branch.problem.size])) > _UNFOLDED:
+                return f"{self._place(last)}: the branch point does not persist: the parameters unfold it"
+            if self._passes(origin, last, item):
+                self._close(half, last, point)
+                return "the locus is closed"
+            half.points.append(item)
+            self.count += 1
+            if self.progress is not None:
+                first, second = (item.u[-2:] * self.scales).tolist()
+                self.progress(self.count, (first, second))
+            if len(half.points) >= self.control.most:
+                return f"{self._place(item)}: {self.control.most} points"
+            last = item
+        raise AssertionError("follow ends with a reason")
+
+    def _close(self, half: _Half, last: Point, start: Point) -> None:
+        """End a locus at its start; of its last step only the special points before that are kept."""
+        half.specials = [found for found in half.specials if found.after < len(half.points)]
+        half.closed = True
+        n, size = self.branch.n, self.branch.problem.size
+        again = replace(start, u=start.u.copy(), tangent=start.tangent.copy())
+        if self.branch.problem.system.phase is not None:
+            shift = 2.0 * math.pi * round(float(start.u[n - 1] - last.u[n - 1]) / (2.0 * math.pi))
+            again.u[n - 1 : size : n + 1] -= shift
+        again.arc = last.arc + math.sqrt(float(last.weights @ (again.u - last.u) ** 2))
+        again.J = self.branch.evaluate(again.u)[1]
+        again.examined = self.branch.examine(again, last)
+        found = events_between(self.branch, last, again)
+        for event in [] if isinstance(found, str) else found:
+            self._event(half, event)
+        half.points.append(again)
+
+    def _event(self, half: _Half, event: Event) -> str | None:
+        """Note a special point; return why the locus ends there, if it does."""
+        kind, *rest = event.name.split(" ")
+        if kind in ("low", "high"):
+            at = int(rest[0])
+            event.point.u[at - 2] = self.bounds[at][kind == "high"]
+            return "bound reached"
+        of = ""
+        if kind == "TP":
+            of = self.names[int(rest[0])]
+        elif at_grazing(event.name):
+            kind = "GR"
+        elif kind == "unfolded":
+            return None
+        elif rest:
+            of = f"{rest[0]} signature"
+        if kind == "GR":  # where a duration or a velocity vanishes, its sign is rounding
+            if event.name.startswith("duration"):
+                event.point.u[int(event.name.split(" ")[1]) * (self.branch.n + 1) + self.branch.n] = 0.0
+            data = event.point.examined.data
+            survey = replace(data.survey, faults=data.survey.faults & ~(DURATION | DIRECTION))
+            event.point.examined = replace(event.point.examined, data=replace(data, survey=survey))
+        orbit = self._orbit(event.point)
+        half.specials.append(_Found(kind, of, orbit, event.value, len(half.points), event.point.arc))
+        if kind == "GR":
+            return "grazing: orbits beyond it are of another signature"
+        if self.kind == "TR" and kind in _ENDS:
+            return f"{kind}: {_ENDS[kind]}"
+        return kind if kind in self.stops else None
+
+    def _orbit(self, point: Point) -> PeriodicOrbit:
+        branch, data = self.branch, point.examined.data
+        return orbit_at(branch.problem, branch.orbit(point.u), point.J, data.survey, data.multipliers)
+
+    def _passes(self, origin: Point, last: Point, new: Point) -> bool:
+        """Whether the step from `last` to `new` passes the start again."""
+        if last.arc == 0.0 or new.arc < 3.0 * self.control.initial:
+            return False
+        w, n = last.weights, self.branch.n
+        goal = origin.u.copy()
+        if self.branch.problem.system.phase is not None:
+            shift = 2.0 * math.pi * round(float(goal[n - 1] - last.u[n - 1]) / (2.0 * math.pi))
+            goal[n - 1 : self.branch.problem.size : n + 1] -= shift
+        away, chord = goal - last.u, new.u - last.u
+        length = float(w @ chord**2)
+        share = float(w @ (away * chord)) / length
+        near = math.sqrt(float(w @ (away - share * chord) ** 2)) < 20.0 * self.control.deviation
+        return 0.0 < share <= 1.0 and near and self._same_way(origin, chord, w)
+
+    @staticmethod
+    def _same_way(origin: Point, chord: NDArray[np.float64], w: NDArray[np.float64]) -> bool:
+        along = float(w @ (origin.tangent * chord))
+        return abs(along) > 0.9 * math.sqrt(float(w @ chord**2) * float(w @ origin.tangent**2))
+
+    def _at_start(self, origin: Point) -> _Found | None:
+        """Return the start as a special point of the locus, if it is one."""
+        start = self.start
+        if not isinstance(start, SpecialPoint) or start.type not in origin.examined.monitors:
+            return None
+        return _Found(start.type, start.of, self._orbit(origin), origin.examined.monitors[start.type], 0, 0.0)
+
+    def assemble(self, origin: Point, halves: list[_Half], options: dict[str, Any], order: tuple[str, ...]) -> Locus:
+        """Put the two directions together, the second after the first turned round."""
+        rows, arcs, offset = [origin], [0.0], 0
+        specials: list[tuple[_Found, float, float]] = []
+        if len(halves) == 2:
+            back = halves[0]
+            offset = len(back.points)
+            rows = [*reversed(back.points), origin]
+            arcs = [-point.arc for point in rows]
+            specials = [(found, offset - found.after - 0.5, -found.arc) for found in reversed(back.specials)]
+        ahead = halves[-1]
+        rows += ahead.points
+        arcs += [point.arc for point in ahead.points]
+        specials += [(found, offset + found.after + 0.5, found.arc) for found in ahead.specials]
+        own = self._at_start(origin)
+        if own and all(found.name != own.name or abs(arc) > _SAME for found, _, arc in specials):
+            specials = sorted([*specials, (own, float(offset), 0.0)], key=lambda item: item[2])
+        counts: dict[str, int] = {}
+        points = []
+        for found, position, arc in specials:
+            counts[found.name] = counts.get(found.name, 0) + 1
+            label = f"{found.name}{'_' if found.name[-1].isdigit() else ''}{counts[found.name]}"
+            points.append(
+                SpecialPoint(
+                    found.name, label, found.orbit, found.value, position,
+                    arc - arcs[0], order, found.of, self.kind,
+                )
+            )  # fmt: skip
+        reasons = [half.stopped for half in halves]
+        stopped = (reasons[0], reasons[1]) if len(reasons) == 2 else ("the start", reasons[0])
+        if halves[0].closed:
+            stopped = ("the locus is closed", "the locus is closed")
+        problem = self.branch.problem
+        data: list[LocusData] = [point.examined.data for point in rows]
+        columns = [self.names.index(name) for name in order]
+        return Locus(
+            system=self.orbit.system,
+            type=self.kind,
+            names=(order[0], order[1]),
+            parameters=dict(self.orbit.parameters),
+            values=np.array([point.u[-2:] * self.scales for point in rows])[:, columns],
+            x0=np.array([d.survey.x0[: len(self.orbit.system.states)] for d in data]),
+            multipliers=np.array([d.multipliers for d in data]),
+            stable=np.array([d.unstable == 0 for d in data]),
+            admissible=np.array([d.survey.admissible for d in data]),
+            period=np.array([p.u[problem.n : problem.size : problem.n + 1].sum() for p in rows]),
+            residual=np.array([d.survey.residual for d in data]),
+            arclength=np.array(arcs) - arcs[0],
+            lows=np.array([d.survey.lows for d in data]),
+            highs=np.array([d.survey.highs for d in data]),
+            forms=(problem.signature,),
+            form=np.zeros(len(rows), dtype=np.int64),
+            unknowns=tuple(p.u[: problem.size] for p in rows),
+            special_points=SpecialPoints(points, order),
+            stopped=stopped,
+            rejected=tuple(
+                f"{self.names[1]} = {failure.parameter * self.scales[1]:.9g}, step {failure.step:.3g}: {failure.reason}"
+                for failure in self.log
+            ),
+            options=options,
+            tol=self.orbit.tol,
+            angle=np.array([d.angle for d in data]),
+            coefficient=np.array([d.coefficient for d in data]),
+        )
+
+
+def _turned(point: Point, sign: float) -> Point:
+    if sign >= 0.0:
+        return point
+    monitors = {name: -value if name.startswith("TP") else value for name, value in point.examined.monitors.items()}
+    examined = Examined(monitors, point.examined.fault, point.examined.data)
+    return Point(
+        point.u, point.J, -point.tangent, point.weights, -point.sign, point.log, point.residual, point.iterations,
+        point.arc, examined,
+    )  # fmt: skip
+
+
+def _vanishing(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[str, int] | None:
+    """Return the segment that has no length, or whose event is met without velocity, if there is one."""
+    n = problem.n
+    blocks = u[: problem.size].reshape(problem.segments, n + 1)
+    period = float(np.abs(blocks[:, n]).sum())
+    for i, kind in enumerate(problem.signature.kinds):
+        if kind == MEAN_END and abs(blocks[i, n]) < _TOUCHING * period:
+            return "duration", i
+    rates = problem.survey(u).rates
+    for i, transition in enumerate(problem.signature.transitions):
+        if transition >= 0 and abs(rates[i, 0]) * period < _CRITICAL * _TOUCHING**0.5 * _reach(problem, u, transition):
+            return "rate", i
+    return None
+
+
+def _reach(problem: OrbitProblem, u: NDArray[np.float64], transition: int) -> float:
+    """Return how much an event function varies over the orbit, from its gradient and the states' sizes."""
+    n = problem.n
+    out = np.empty(2 + 2 * n)
+    problem.system.compiled.call("event_x", transition, 0, np.ascontiguousarray(u[:n]), problem.extended, out)
+    return float(np.abs(out[2 : 2 + n]) @ problem.state_scale)

@@ -1,0 +1,84 @@
+"""A locus: critical periodic orbits along two parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.curve import Curve, SpecialPoint
+from saltus.results import frozen
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+__all__ = ["Locus"]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Locus(Curve):
+    """Critical periodic orbits along two parameters, whose values are in `values`, shape (point, 2).
+
+    `special_points` are ``CP`` (on an SN locus: cusp), ``GPD`` (on a PD locus: the normal form's coefficient vanishes),
+    ``CH`` (on a TR locus: likewise), ``R1`` to ``R4`` (strong resonances), ``FF`` (fold-flip: an SN and a PD locus
+    meet), ``GR`` (a grazing locus is met), on a GR locus ``SN``, ``PD`` and ``TR`` (such a locus is met), and ``TP``
+    (a parameter turns; `SpecialPoint.of` is its name). `Curve` tells the other attributes.
+
+    Attributes
+    ----------
+    type : str
+        ``SN``, ``PD``, ``TR``, ``BP`` or ``GR``.
+    names : tuple of str
+        The two parameters.
+    angle : ndarray, shape (point,)
+        Angle of the critical multipliers in radians: 0 on an SN locus, pi on a PD locus; NaN on a GR or BP locus.
+    coefficient : ndarray, shape (point,)
+        What vanishes at CP, GPD and CH, over its size at the start; NaN on other loci. Its zeros are those of the
+        normal form's coefficient; its sign is not, for determinants that take away poles multiply it.
+    """
+
+    type: str
+    names: tuple[str, str]
+    angle: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    coefficient: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("angle", "coefficient"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """The two parameters."""
+        return self.names
+
+    def point(self, index: int) -> SpecialPoint:
+        """Return one point of the locus as a special point of the locus' type, from which another locus can start."""
+        orbit = self.orbit(index)
+        at = range(len(self))[index]
+        return SpecialPoint(self.type, f"{self.type} point {at}", orbit, 0.0, at, float(self.arclength[at]), self.names)
+
+    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
+        return {"angle": self.angle, "coefficient": self.coefficient}
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the locus as a Dataset: points against ``point``, special points against ``special``."""
+        dataset = super().to_xarray()
+        dataset.attrs["type"] = self.type
+        return dataset
+
+    @classmethod
+    def _own_fields(cls, dataset: xr.Dataset, varied: tuple[str, ...]) -> dict[str, Any]:
+        values = np.column_stack([dataset[name].values for name in varied])
+        return {
+            "type": str(dataset.attrs["type"]),
+            "names": varied,
+            "values": values,
+            "angle": dataset["angle"].values,
+            "coefficient": dataset["coefficient"].values,
+        }
+
+    def __repr__(self) -> str:
+        return self._described(f"{self.type} locus")

@@ -1,0 +1,361 @@
+"""Critical orbits in two parameters as a zero problem: extended equations, monitor functions, what may follow what."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.arclength import Event, Examined, Point, correct
+from saltus.continuation.grazing import Neighbour, neighbour
+from saltus.continuation.zero_problem import at_grazing, grazing_monitors, shadowed_rates
+from saltus.orbits.critical import Branching, Critical, Grazing
+from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
+from saltus.orbits.normal_form import flip_coefficient, null_vectors, torus_coefficient
+from saltus.orbits.problem import DIRECTION, MEAN_END, TOUCH_END, OrbitProblem, Survey
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.orbits.critical import Condition
+
+__all__ = ["LocusBranch", "LocusData"]
+
+_PLAIN = ("low 0", "high 0", "low 1", "high 1", "TP 0", "TP 1")
+"""Monitor functions that every locus has, and that say nothing of bifurcations."""
+
+_CLOSE = 1e-6
+"""Distance in arclength within which two events of a locus may be one."""
+_INFINITE, _CONSTANT, _ROUGH, _RESONANT = 1e10, 1e-9, 1e-8, 1e-4
+"""Multiplier that counts as infinite; component of the tangent below which a parameter is constant along a locus;
+tolerance of the flow for the coefficients of normal forms, but where one vanishes; distance from R1, R2 and R3, in the
+cosine of the angle, within which that of a torus bifurcation is not determined."""
+_RESONANCES = {"R1": 1.0, "R2": -1.0, "R3": -0.5, "R4": 0.0}
+
+
+@dataclass(frozen=True)
+class LocusData:
+    """What a point of a locus keeps: survey, multipliers, unstable ones, their angle, the normal form's coefficient."""
+
+    survey: Survey
+    multipliers: NDArray[np.complex128]
+    unstable: int
+    angle: float
+    coefficient: float
+
+
+class LocusBranch:
+    """Critical orbits of one signature as a `ZeroProblem` whose last two unknowns are the parameters.
+
+    The unknowns are those of the orbit, those of the condition, and the two parameters in units of `scales`. Monitor
+    functions are the bounds, the parameters' components of the tangent (``TP 0``, ``TP 1``), the codimension-two points
+    of the locus' type, and what vanishes at a grazing.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations with two active parameters, started.
+    kind : str
+        ``SN``, ``PD``, ``TR``, ``BP`` or ``GR``.
+    condition : Condition
+        What is critical.
+    z : ndarray, shape (size + extra + 2,)
+        A critical orbit, or one near it.
+    bounds : tuple of (float, float)
+        Intervals of the parameters, in their units.
+    """
+
+    singular: frozenset[str] = frozenset()
+    noise: Mapping[str, float] = MappingProxyType({"GPD": 1e-8, "CH": 1e-8})
+
+    def __init__(
+        self,
+        problem: OrbitProblem,
+        kind: str,
+        condition: Condition,
+        z: NDArray[np.float64],
+        bounds: tuple[tuple[float, float], tuple[float, float]],
+    ) -> None:
+        self.problem, self.kind, self.condition = problem, kind, condition
+        self.n, self._bounds = problem.n, bounds
+        self._autonomous = problem.system.phase is None
+        self._sizes: dict[str, float] = {}
+        self._step: tuple[Point, Point] | None = None
+        self._surveyed = grazing_monitors(problem)
+        kinds = problem.signature.kinds
+        self._durations = {f"duration {i}": i for i, end in enumerate(kinds) if end == MEAN_END}
+        if isinstance(condition, Grazing):
+            own = {f"{condition.kind} {condition.segment}"}
+            if condition.kind == "duration":
+                own |= shadowed_rates([condition.segment], problem.segments)
+            self._surveyed = {name: value for name, value in self._surveyed.items() if name not in own}
+            self._durations = {name: i for name, i in self._durations.items() if name not in own}
+        self._adjust(self.orbit(z))
+
+    def orbit(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the unknowns and parameters of the orbit, shape (size + 2,)."""
+        return np.concatenate([z[: self.problem.size], z[-2:]])
+
+    def _adjust(self, u: NDArray[np.float64]) -> None:
+        problem = self.problem
+        period = float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
+        self._block = np.append(1.0 / problem.state_scale**2, 0.0)
+        tail = np.ones(self.condition.extra + 2)
+        self._scale = np.append(np.tile(np.append(problem.state_scale, period), problem.segments), tail)
+
+    def evaluate(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residual and Jacobian of orbit and condition."""
+        problem, condition = self.problem, self.condition
+        size, extra = problem.size, condition.extra
+        u = self.orbit(z)
+        F, J = problem.evaluate(u)
+        self._J = J
+        out, matrix = np.empty(size + condition.rows), np.zeros((size + condition.rows, size + extra + 2))
+        out[:size], matrix[:size, :size], matrix[:size, -2:] = F, J[:, :size], J[:, size:]
+        if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+            return np.full_like(out, np.nan), np.full_like(matrix, np.nan)
+        if isinstance(condition, Branching):
+            out[:size] += z[size] * condition.forcing
+            matrix[:size, size] = condition.forcing
+        values, gradient, further = condition.evaluate(u, z[size : size + extra], J)
+        out[size:], matrix[size:, :size], matrix[size:, -2:] = values, gradient[:, :size], gradient[:, size:]
+        matrix[size:, size : size + extra] = further
+        return out, matrix
+
+    def accurate(self) -> bool:
+        """Return whether the meshes were fine enough at the last evaluation; refine them where they were not."""
+        return self.problem.refine()
+
+    def scale(self) -> NDArray[np.float64]:
+        """Return typical sizes of the unknowns."""
+        return self._scale
+
+    def metric(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the orbit's weights, and 1 for each parameter and further unknown."""
+        weights = np.empty(z.size)
+        self.problem.kernels.metric(z, self.problem.segments, self.n, self._block, weights)
+        return weights
+
+    def examine(self, point: Point, before: Point | None) -> Examined:
+        """Return monitors, data and fault of a point; solve it again where its mesh passed over something."""
+        problem = self.problem
+        if isinstance(self.condition, Grazing) and self.condition.kind == "duration":
+            point.u[self.condition.place] = 0.0
+        u = self.orbit(point.u)
+        survey = problem.survey(u)
+        if survey.coarse:
+            problem.start(u)
+            better = correct(self, point.u, point.tangent, point.weights, 7)
+            if isinstance(better, str):
+                return Examined({}, better)
+            point.u, point.J, point.tangent = better.u, better.J, better.tangent
+            point.sign, point.log, point.residual = better.sign, better.log, better.residual
+            u = self.orbit(point.u)
+            survey = problem.survey(u)
+        if isinstance(self.condition, Grazing) and self.condition.kind == "rate":
+            survey = replace(survey, faults=survey.faults & ~DIRECTION)
+        # the multipliers next to a grazing vary so fast that the last Newton step shows in them
+        self._J = problem.evaluate(u)[1]
+        problem.prepare()
+        problem.rescale(survey)
+        self._adjust(u)
+        self.condition.adjust()
+        monitors = {name: self._measure(name, point) for name in (*_PLAIN, *self._durations)}
+        for name in ("TP 0", "TP 1"):
+            if abs(monitors[name]) < _CONSTANT:
+                monitors[name] = math.nan
+        monitors |= {name: value(survey) for name, value in self._surveyed.items()}
+        special, data = self._special(point, survey)
+        monitors |= special
+        point.weights = self.metric(point.u)
+        point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
+        fault = None
+        if before is not None:
+            self._step = (before, replace(point, examined=Examined(monitors, None, data)))
+            known = before.examined.monitors
+            grazing = any(
+                at_grazing(name) and math.isfinite(known.get(name, math.nan) + value) and known[name] * value <= 0.0
+                for name, value in monitors.items()
+            )
+            fault = None if grazing else self._lost_motion()
+        return Examined(monitors, fault, data)
+
+    def monitor(self, name: str, point: Point) -> float:
+        """Return one monitor function at a point that need not be quite corrected."""
+        if name in self._surveyed:
+            return float(self._surveyed[name](self.problem.survey(self.orbit(point.u))))
+        if name in _PLAIN or name in self._durations:
+            return self._measure(name, point)
+        return self._special(point, None, name)[0][name]
+
+    def _measure(self, name: str, point: Point) -> float:
+        kind, index = name.split(" ")
+        if kind == "duration":
+            return float(point.u[int(index) * (self.n + 1) + self.n])
+        at = int(index) - 2
+        if kind == "TP":
+            return float(point.tangent[at])
+        distance = float(point.u[at]) - self._bounds[int(index)][kind == "high"]
+        return distance if abs(distance) > 1e-12 else 0.0
+
+    def _sized(self, name: str, value: float) -> float:
+        """Return a value over the size that it had first."""
+        return value / self._sizes.setdefault(name, abs(value) or 1.0)
+
+    def _special(
+        self, point: Point, survey: Survey | None, only: str | None = None
+    ) -> tuple[dict[str, float], LocusData]:
+        """Return the monitors of codimension-two points, or the one wanted, and data where there is a survey."""
+        return getattr(self, f"_at_{self.kind}")(point, survey, only)  # type: ignore[no-any-return]
+
+    def _data(
+        self, survey: Survey | None, values: NDArray[np.complex128], angle: float, coefficient: float
+    ) -> LocusData:
+        inner = nontrivial(values, autonomous=self._autonomous)
+        away = np.abs(np.abs(inner) - 1.0) > 1e-6
+        if survey is None:
+            survey = Survey(0, False, *(np.empty(0) for _ in range(6)))
+        return LocusData(survey, values, unstable_count(inner[away]), angle, coefficient)
+
+    def _determinant(self, name: str, mu: float, problem: OrbitProblem, J: NDArray[np.float64]) -> float:
+        """Return det(A - mu B), mu = 1 or -1, over the size that it had first."""
+        if mu < 0.0:
+            sign, log = doubling_determinant(problem, J)
+        else:
+            sign, log = (float(part) for part in np.linalg.slogdet(J[:, : problem.size]))
+        return sign * math.exp(min(log - self._sizes.setdefault(name, log), 600.0))
+
+    def _at_SN(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
+        condition = self.condition
+        assert isinstance(condition, Critical)
+        coefficient = self._sized("CP", condition.curvature)
+        found = {"CP": coefficient, "R1": condition.twist, "FF": self._determinant("FF", -1.0, self.problem, self._J)}
+        values = multipliers(self.problem, self.orbit(point.u), self._J)
+        return found, self._data(survey, values, 0.0, coefficient)
+
+    def _at_PD(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
+        condition = self.condition
+        assert isinstance(condition, Critical)
+        found = {"R2": condition.twist, "FF": self._determinant("FF", 1.0, self.problem, self._J)}
+        u = self.orbit(point.u)
+        coefficient = math.nan
+        if only in (None, "GPD"):
+            # the coefficient has a pole where another multiplier is 1, and the determinant a zero
+            problem, J = self._graded(u, only)
+            value = _or_infinity(flip_coefficient, problem, u, J, condition.right, condition.left)
+            coefficient = self._sized("GPD", value * found["FF"])
+            found["GPD"] = _known(coefficient, only)
+        values = multipliers(self.problem, u, self._J)
+        return found, self._data(survey, values, math.pi, coefficient)
+
+    def _at_TR(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
+        u = self.orbit(point.u)
+        kappa = float(point.u[self.problem.size])
+        found = {name: kappa - value for name, value in _RESONANCES.items()} | {"CH": math.nan}
+        coefficient = math.nan
+        resonant = min(abs(kappa - value) for name, value in _RESONANCES.items() if name != "R4") < _RESONANT
+        if abs(kappa) < 1.0 and only in (None, "CH") and not resonant:
+            # the coefficient has a pole where another multiplier is 1, and this quotient a zero
+            others = self._determinant("others", 1.0, self.problem, self._J) / (2.0 - 2.0 * kappa)
+            value = _or_infinity(_torus_coefficient, *self._graded(u, only), u, kappa)
+            coefficient = self._sized("CH", value * others)
+            found["CH"] = _known(coefficient, only)
+        values = multipliers(self.problem, u, self._J)
+        return found, self._data(survey, values, math.acos(min(1.0, max(-1.0, kappa))), coefficient)
+
+    def _graded(self, u: NDArray[np.float64], only: str | None) -> tuple[OrbitProblem, NDArray[np.float64]]:
+        """Return equations and Jacobian for third derivatives: rough on the way, fine where a coefficient vanishes."""
+        if only is not None:
+            return self.problem, self._J
+        fine = self.problem
+        rough = OrbitProblem(
+            fine.system, fine.signature, fine.parameters_at(u), fine.active, fine.scales, max(fine.tol, _ROUGH)
+        )
+        rough.start(u)
+        return rough, rough.evaluate(u)[1]
+
+    def _at_BP(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
+        values = multipliers(self.problem, self.orbit(point.u), self._J)
+        return {"unfolded": float(point.u[self.problem.size])}, self._data(survey, values, math.nan, math.nan)
+
+    def _at_GR(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
+        u, condition = self.orbit(point.u), self.condition
+        assert isinstance(condition, Grazing)
+        found = {}
+        if TOUCH_END not in self.problem.signature.kinds:
+            found = self._critical_beside("larger", self.problem, u, self._J)[0]
+        values = np.full(len(self.problem.system.states), math.inf + 0j)
+        beside = neighbour(self.problem, f"{condition.kind} {condition.segment}", u)
+        if isinstance(beside, Neighbour):
+            p, active, scales = self.problem.parameters_at(u), self.problem.active, self.problem.scales
+            problem = OrbitProblem(self.problem.system, beside.signature, p, active, scales, self.problem.tol)
+            problem.start(beside.u)
+            more, values = self._critical_beside("smaller", problem, beside.u, problem.evaluate(beside.u)[1])
+            found |= more
+        return found, self._data(survey, values, math.nan, math.nan)
+
+    def _critical_beside(
+        self, side: str, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+    ) -> tuple[dict[str, float], NDArray[np.complex128]]:
+        """Return test functions of the orbits on one side of a grazing, and their multipliers."""
+        values = multipliers(problem, u, J)
+        finite = [v for v in nontrivial(values, autonomous=self._autonomous).tolist() if abs(v) < _INFINITE]
+        found = {
+            f"SN {side}": self._determinant(f"SN {side}", 1.0, problem, J),
+            f"PD {side}": self._determinant(f"PD {side}", -1.0, problem, J),
+            f"TR {side}": distance_from_circle(np.array(finite, dtype=np.complex128)),
+        }
+        return found, values
+
+    def leading(self, names: list[str]) -> list[str]:
+        """Return the names without the velocities that vanish because a segment beside them does."""
+        vanishing = [int(name.split(" ")[1]) for name in names if name.startswith("duration")]
+        shadowed = shadowed_rates(vanishing, self.problem.segments)
+        return [name for name in names if name not in shadowed]
+
+    def sort_out(self, events: list[Event]) -> list[Event] | str:
+        """Return the events without shadows of grazings, or why the step between the last two points is not taken."""
+        grazings = [event.point.arc for event in events if at_grazing(event.name)]
+        if not grazings and (fault := self._lost_motion()) is not None:
+            return fault
+        return [
+            e
+            for e in events
+            if at_grazing(e.name) or e.name in _PLAIN or all(abs(e.point.arc - arc) > _CLOSE for arc in grazings)
+        ]
+
+    def _lost_motion(self) -> str | None:
+        """Return why the step examined last leads from motions to what is none, if it does."""
+        if self._step is None:
+            return None
+        old, new = (point.examined.data.survey for point in self._step)
+        return "not admissible: " + "; ".join(new.reasons()) if old.admissible and not new.admissible else None
+
+    def crowded(self, names: list[str]) -> bool:
+        """Return whether more than one codimension-two point lies in a step."""
+        ours = [name for name in names if name not in _PLAIN and not at_grazing(name)]
+        kinds = {name.split(" ")[0] for name in ours}
+        return len(kinds) + any(at_grazing(name) for name in names) > 1 and self.kind != "GR"
+
+
+def _torus_coefficient(problem: OrbitProblem, J: NDArray[np.float64], u: NDArray[np.float64], kappa: float) -> float:
+    mu = complex(kappa, math.sqrt(1.0 - kappa * kappa))
+    q, p, _ = null_vectors(problem, u, J, mu)
+    return torus_coefficient(problem, u, J, mu, q, p).real
+
+
+def _known(coefficient: float, only: str | None) -> float:
+    """Return a coefficient; NaN where it is rounding, and so perhaps zero all along, but not where it is located."""
+    return math.nan if coefficient == 0.0 and only is None else coefficient
+
+
+def _or_infinity(function: Callable[..., float], *arguments: Any) -> float:
+    """Return what a function returns, or infinity at its pole."""
+    try:
+        return function(*arguments)
+    except np.linalg.LinAlgError:
+        return math.inf
