@@ -29,20 +29,17 @@ def figure(monkeypatch):
     import saltus.afm.figures as figures
 
     class Branch:
-        parameter = "Omega"
-        values = SimpleNamespace(min=lambda: 0.8, max=lambda: 1.1)
+        def __repr__(self):
+            return "Branch of 57 orbits\n  began: somewhere"
 
-        def __len__(self):
-            return 57
-
-    state = SimpleNamespace(said=[], calls=0, interrupted=False, act=lambda: None)
+    state = SimpleNamespace(said=[], calls=0, interrupted=False, act=lambda: None, content={"special_points": [POINT]})
 
     def run(out: Path, progress=None):
         state.calls += 1
         state.progress = progress
         state.act()
         (out / "fig3.nc").write_text("data")
-        found = {"files": [out / "fig3.nc"], "branch": Branch(), "special_points": [POINT]}
+        found = {"files": [out / "fig3.nc"], "results": {"": Branch()}, "content": state.content}
         return found | {"interrupted": state.interrupted}
 
     monkeypatch.setattr(figures, "runner", lambda name: run)
@@ -70,12 +67,12 @@ def test_version_is_the_package_s(capsys, monkeypatch):
 def test_list_tells_each_figure_in_a_line(capsys):
     code, out, err = _run(capsys, "reproduce", "list")
     assert (code, err) == (0, "")
-    assert out.startswith("fig3  ")
-    assert len(out.splitlines()) == 1
+    assert [line.split("  ")[0] for line in out.splitlines()] == ["fig3", "fig4", "fig5", "fig6", "fig7a"]
+    assert all(line.split("  ", 1)[1] for line in out.splitlines())
 
 
 def test_an_unknown_figure_is_answered_with_the_nearest_name(capsys):
-    wanted = "saltus: figure = 'fgi3': must be one of fig3; did you mean 'fig3'?\n"
+    wanted = "saltus: figure = 'fgi3': must be one of fig3, fig4, fig5, fig6, fig7a; did you mean 'fig3'?\n"
     assert _run(capsys, "reproduce", "fgi3") == (2, "", wanted)
 
 
@@ -102,6 +99,24 @@ def test_files_and_special_points_are_printed(capsys, tmp_path, figure):
     row = next(line for line in out.splitlines() if "SN" in line)
     assert row.split() == ["SN", "0.9160552968", "0.011600000", "flight:theta", "yes"]
     assert max(map(len, out.splitlines()[:-1])) <= 80
+
+
+def test_a_figure_without_special_points_prints_its_numbers(capsys, tmp_path, figure):
+    onset = {"ybar": 0.12513993027532, "omega": 0.911114298981}
+    figure.content = {"figure": "fig4", "parameters": {"eta": 6e-8}, "pd_onset": onset, "turns": 3, "other": None}
+    code, out, err = _run(capsys, "reproduce", "fig4", "-o", str(tmp_path))
+    assert (code, err) == (0, "")
+    rows = [line.split(maxsplit=1) for line in out.splitlines()]
+    assert ["pd_onset", "ybar = 0.1251399303, omega = 0.911114299"] in [[c.strip() for c in row] for row in rows]
+    assert ["turns", "3"] in [[c.strip() for c in row] for row in rows]
+    assert "eta" not in out
+    assert "other" not in out
+
+
+def test_a_figure_without_numbers_prints_its_files_alone(capsys, tmp_path, figure):
+    figure.content = {"figure": "fig4", "pd_onset": None}
+    wanted = f"written  {tmp_path / 'fig3.nc'}\n"
+    assert _run(capsys, "reproduce", "fig4", "-o", str(tmp_path)) == (0, wanted, "")
 
 
 def test_progress_is_silent_where_stdout_is_no_terminal(capsys, tmp_path, figure):
@@ -173,7 +188,7 @@ def test_an_interrupted_run_says_what_it_kept_and_where(capsys, tmp_path, figure
     figure.interrupted = True
     code, out, err = _run(capsys, "reproduce", "fig3", "-o", str(tmp_path))
     assert code == 130
-    assert err == "saltus: interrupted; kept 57 orbits, Omega from 0.8 to 1.1:\n"
+    assert err == "saltus: interrupted; kept\n  Branch of 57 orbits\n"
     assert f"kept  {tmp_path / 'fig3.nc'}\n" in out
 
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from saltus.errors import InputError, SaltusError
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 __all__ = ["main"]
 
@@ -121,25 +124,49 @@ def _status() -> Iterator[Callable[[str], None] | None]:
 
 
 def _report(found: dict[str, Any]) -> None:
-    """Print the special points, and which files were written."""
-    if found["special_points"]:
-        from rich import box
+    """Print the special points, or the numbers that the figure stands for, and which files were written."""
+    content = found["content"]
+    table = _special_points(content["special_points"]) if "special_points" in content else _numbers(content)
+    if table.row_count:
         from rich.console import Console
-        from rich.table import Table
 
-        table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-        for name in ("type", "Omega", "min z", "signature", "admissible"):
-            table.add_column(name, justify="right" if name in ("Omega", "min z") else "left", no_wrap=True)
-        for point in found["special_points"]:
-            path = " ".join(":".join(pair) for pair in point["signature"])
-            admissible = "yes" if point["admissible"] else "no"
-            table.add_row(point["type"], f"{point['omega']:.10f}", f"{point['min_z']:.9f}", path, admissible)
         console = Console(highlight=False)
         console.width = max(console.width, _TABLE_WIDTH)
         console.print(table)
-    branch = found["branch"]
     if found["interrupted"]:
-        last = f"{branch.parameter} from {branch.values.min():.6g} to {branch.values.max():.6g}"
-        typer.echo(f"saltus: interrupted; kept {len(branch)} orbits, {last}:", err=True)
+        typer.echo("saltus: interrupted; kept", err=True)
+        for result in found["results"].values():
+            typer.echo(f"  {repr(result).splitlines()[0]}", err=True)
     for path in found["files"]:
         typer.echo(f"{'kept' if found['interrupted'] else 'written'}  {path}")
+
+
+def _special_points(points: list[dict[str, Any]]) -> Table:
+    """Return the special points of a branch as a table."""
+    table = _table({"type": "left", "Omega": "right", "min z": "right", "signature": "left", "admissible": "left"})
+    for point in points:
+        path = " ".join(":".join(pair) for pair in point["signature"])
+        admissible = "yes" if point["admissible"] else "no"
+        table.add_row(point["type"], f"{point['omega']:.10f}", f"{point['min_z']:.9f}", path, admissible)
+    return table
+
+
+def _numbers(content: dict[str, Any]) -> Table:
+    """Return the numbers in the content of a figure without special points, a row for those that belong together."""
+    table = _table({"what": "left", "value": "left"})
+    for name, value in content.items():
+        numbers = value if isinstance(value, dict) else {"": value}
+        written = [f"{key} = {x:.10g}".removeprefix(" = ") for key, x in numbers.items() if isinstance(x, int | float)]
+        if name != "parameters" and written:
+            table.add_row(name, ", ".join(written))
+    return table
+
+
+def _table(columns: Mapping[str, Literal["left", "right"]]) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name, justify in columns.items():
+        table.add_column(name, justify=justify, no_wrap=True)
+    return table

@@ -18,6 +18,8 @@ _HOMES = {
     "saltus.continuation.branch.Branch": "saltus.plotting.branch",
     "saltus.orbits.orbit.PeriodicOrbit": "saltus.plotting.orbit",
     "saltus.flow.simulate.Trajectory": "saltus.plotting.trajectory",
+    "saltus.continuation.family.Family": "saltus.plotting.family",
+    "saltus.continuation.locus.Locus": "saltus.plotting.locus",
 }
 
 
@@ -27,8 +29,9 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
 
     Parameters
     ----------
-    result : Branch, PeriodicOrbit or Trajectory
-        What is drawn; `saltus.plotting.branch`, `.orbit` and `.trajectory` say how, and with which options.
+    result : Branch, Locus, Family, PeriodicOrbit or Trajectory
+        What is drawn; `saltus.plotting.branch`, `.locus`, `.family`, `.orbit` and `.trajectory` say how, and with which
+        options.
     *args, **options
         Names of the quantities on the axes, and ``ax``, the Axes to draw into; by default in a new figure.
 

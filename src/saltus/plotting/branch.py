@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.branch import Branch, SpecialPoint
+from saltus.continuation.branch import Branch
+from saltus.continuation.curve import SpecialPoint
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:

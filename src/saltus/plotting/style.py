@@ -15,6 +15,7 @@ __all__ = [
     "CURVE",
     "EVENT",
     "LINES",
+    "PLANE",
     "SPECIAL",
     "SURFACE",
     "Marker",
@@ -38,6 +39,12 @@ LINES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     }
 )
 """Line kinds by what the orbits are."""
+
+
+PLANE: Mapping[str, Any] = MappingProxyType(
+    {"facecolor": "#f28ab2", "alpha": 0.25, "edgecolor": "#c85a87", "linewidth": 0.5}
+)
+"""How an event surface is drawn in space: the paper's pink."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +76,19 @@ SPECIAL: Mapping[str, Marker] = MappingProxyType(
         "PD": Marker("period doubling", "o", "#7b3294", size=3.5),
         "TR": Marker("torus", "D", "#0f5fa8", filled=False),
         "BP": Marker("branch point", "s", "#000000"),
+        "CP": Marker("cusp", "^", "#1b1b1e", size=6.0),
+        "GPD": Marker("generalised period doubling", "v", "#1b1b1e", size=6.0),
+        "CH": Marker("Chenciner point", "p", "#1b1b1e", size=6.0),
+        "R1": Marker("resonance 1:1", "<", "#8a4b08", size=6.0),
+        "R2": Marker("resonance 1:2", ">", "#8a4b08", size=6.0),
+        "R3": Marker("resonance 1:3", "h", "#8a4b08", size=6.0),
+        "R4": Marker("resonance 1:4", "X", "#8a4b08", size=6.0),
+        "FF": Marker("fold-flip", "P", "#1b1b1e", size=6.0),
+        "TP": Marker("turning point", "o", "#5c5c66", filled=False, size=4.0),
     }
 )
-"""Markers of special points. Red, green and purple are the paper's; the green is much lighter than the red, so that
-they differ without colour too."""
+"""Markers of special points, those of codimension two last. Red, green and purple are the paper's; the green is much
+lighter than the red, so that they differ without colour too."""
 
 EVENT = Marker("event", "o", "#8a6d00", filled=False)
 """Marker of a user's event."""
@@ -91,6 +107,8 @@ _PRINT: dict[Any, Any] = {
     "axes.labelsize": 8.5,
     "axes.titlesize": 9.0,
     "axes.linewidth": 0.7,
+    "grid.color": "0.82",
+    "grid.linewidth": 0.4,
     "xtick.labelsize": 7.5,
     "ytick.labelsize": 7.5,
     "xtick.direction": "in",

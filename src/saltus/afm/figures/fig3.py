@@ -8,10 +8,12 @@ doublings are drawn too, and panels (c) and (d) show the points next to the graz
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
+
+from saltus.afm.figures.files import write_figure
+from saltus.afm.figures.responses import gap_at_contact, repulsive_orbit, response
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,14 +27,6 @@ __all__ = ["compute", "draw", "run", "summary"]
 
 BOUNDS = (0.8, 1.4)
 """Interval of Omega, in omega_1."""
-
-_START = {"Omega": 1.05}
-_GUESS = [
-    ("flight", "touch", [-0.717, 0.7335], 2.95),
-    ("contact", "release", [0.95, 0.85], 0.375),
-    ("flight", "theta", [0.9, -0.4], 2.65),
-]
-"""An orbit of the repulsive branch at `_START`, roughly."""
 
 _LARGEST_STEP = 0.01
 """Small enough that a picture 1e-3 wide in Omega is smooth to a line's width."""
@@ -61,51 +55,24 @@ def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, A
     Returns
     -------
     dict
-        ``files`` (paths, in the order written), ``branch`` (a `Branch`), ``special_points`` (as in the JSON file) and
-        ``interrupted``: an interrupt (Ctrl-C) ends the work, and what was computed before is in the files.
+        As `write_figure` returns it, and ``branch`` (a `Branch`).
     """
     say = progress or (lambda _: None)
-    branch = compute(say)
-    found: dict[str, Any] = {"files": [], "branch": branch, "special_points": [], "interrupted": False}
-    found["files"].append(branch.save(out / "fig3.nc"))
-    found["interrupted"] = any("interrupted" in reason for reason in branch.stopped)
-    try:
-        content = summary(branch)
-        found["special_points"] = content["special_points"]
-        path = out / "fig3.json"
-        path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        found["files"].append(path)
-        if found["interrupted"]:
-            return found
-        say("drawing")
-        figure = draw(branch)
-        for suffix in ("png", "pdf"):
-            path = out / f"fig3.{suffix}"
-            figure.savefig(path, dpi=300, metadata={"CreationDate": None} if suffix == "pdf" else None)
-            found["files"].append(path)
-    except KeyboardInterrupt:
-        found["interrupted"] = True
-    return found
+    found = write_figure(
+        out, "fig3", _named(say), lambda results: summary(results[""]), lambda results: draw(results[""]), say
+    )
+    return found | {"branch": found["results"][""]}
+
+
+def _named(say: Callable[[str], None]) -> Iterator[tuple[str, Branch]]:
+    yield "", compute(say)
 
 
 def compute(say: Callable[[str], None] = lambda _: None) -> Branch:
     """Return the branch of Fig. 3."""
-    from saltus.afm.table1 import table1
-    from saltus.afm.tapping import tapping_mode
-    from saltus.continuation import StepControl, continue_orbit
-    from saltus.orbits import solve_orbit
+    from saltus.continuation import StepControl
 
-    say("preparing the model")
-    model = tapping_mode(table1(), modes=1)
-    say("correcting the first orbit")
-    orbit = solve_orbit(model, _START, _GUESS)
-    return continue_orbit(
-        orbit,
-        "Omega",
-        BOUNDS,
-        steps=StepControl(largest=_LARGEST_STEP),
-        progress=lambda count, value: say(f"{count} orbits, Omega = {value:.5f}"),
-    )
+    return response(repulsive_orbit(say), BOUNDS, StepControl(largest=_LARGEST_STEP), say)
 
 
 def summary(branch: Branch) -> dict[str, Any]:
@@ -163,7 +130,7 @@ def _curve(ax: Axes, branch: Branch, window: _Window) -> None:
     """Draw the branch and the line at which contact begins."""
     from saltus.plotting import style
 
-    a0 = branch.parameters["a0"] / branch.parameters["eta"]
+    a0 = gap_at_contact(branch.parameters)
     branch.plot("Omega", "min_z", ax=ax, legend=False)
     ax.axhline(a0, color=style.SURFACE, linestyle=":", linewidth=1.1, zorder=1, label=r"contact begins, $\bar{a}_0$")
     for line in ax.lines:

@@ -1,0 +1,346 @@
+"""Fig. 7(a): the saturated branch with two modes of the cantilever, as the damping of the second in contact grows.
+
+The data file has the groups ``one_mode`` and ``two_modes`` (each a `Branch`: the whole response of one mode, and of two
+at the paper's damping), ``beside PD4`` and the like (each a `Branch`: a stretch of the latter beside a special point,
+with another one that larger steps pass over), ``responses`` (a `Family` over `D_rep_2`), ``SN`` and ``TR`` (each a
+`Locus` over `Omega` and `D_rep_2`); `read_results` reads it.
+
+References
+----------
+ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 7(a) and section 4.2. Departs from it: the branch
+does not end in the region marked (b), but goes on through it, unstable and with two touches a period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.afm.figures import fig3
+from saltus.afm.figures.files import write_figure
+from saltus.afm.figures.responses import gap_at_contact, repulsive_orbit, response
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from saltus.continuation import Branch, Locus, SpecialPoint
+    from saltus.orbits import PeriodicOrbit
+    from saltus.results import Result
+
+__all__ = ["compute", "draw", "run", "summary"]
+
+BOUNDS = (0.88, 1.28)
+"""Interval of Omega, in omega_1."""
+
+DAMPINGS = (6.0, 10.0, 20.0, 60.0, 1500.0)
+"""Values of D_rep_2 besides the paper's 4; at the last the stable response is that of one mode to a line's width."""
+
+COMPARED = (0.93, 1.16)
+"""Interval of Omega in which responses are compared."""
+
+_START = {"Omega": 1.15}
+_GUESS = [
+    ("flight", "touch", [-1.239, -0.0295, 0.403, 0.484], 1.932),
+    ("contact", "release", [0.973, -0.062, 1.187, 0.35], 0.277),
+    ("flight", "theta", [1.02, -0.0835, -0.408, -0.178], 3.255),
+]
+"""An orbit of the saturated branch at `_START`, roughly."""
+
+_TOL = 1e-10
+"""Tolerance of the responses in `DAMPINGS`, stiff where the damping is strong; a picture is all that they give."""
+
+_STEP_ONE_MODE, _STEP_TWO_MODES, _DEVIATION = 0.02, 0.05, 3e-3
+_BESIDE, _STEP_BESIDE = 1e-5, 0.1
+"""How far in Omega from each SN and PD other special points are looked for, and the largest step there."""
+
+_SAME = 1e-9
+"""Special points of one type nearer than this in Omega are one."""
+
+_EDGE = -0.002
+"""Value of min z at which the responses in `DAMPINGS` end, next to their grazings."""
+
+_SN_BOUNDS = {"Omega": (1.1, 1.28), "D_rep_2": (4.0, DAMPINGS[-1])}
+_TR_BOUNDS = {"Omega": (1.0, 1.1), "D_rep_2": (2.0, 8.0)}
+
+_Window = tuple[tuple[float, float], tuple[float, float]]
+
+_CHART: _Window = ((0.9, 1.265), (-0.1155, 0.0135))
+_TORUS: _Window = ((1.0325, 1.0555), (-0.0485, -0.0378))
+"""Windows of the picture and of its inset: Omega, then min z."""
+
+_SWEEP = (0.995, 1.05)
+"""The region marked (b), of the paper's Fig. 7(b)."""
+
+_ONE_MODE = "#f2b277"
+_COLOURS = ("viridis", 0.0, 0.8)
+"""Colour map of the dampings, the least first, and the part of it that is taken."""
+
+
+def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
+    """Compute and draw the figure, and return what was written, as `write_figure` does.
+
+    Parameters
+    ----------
+    out : Path
+        An existing folder, for ``fig7a.nc``, ``fig7a.json`` (`summary`), ``fig7a.png`` and ``fig7a.pdf``.
+    progress : callable, optional
+        Called with a line of text whenever there is something new to say.
+    """
+    say = progress or (lambda _: None)
+    return write_figure(out, "fig7a", compute(say), summary, draw, say)
+
+
+def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, Result]]:
+    """Go through the results of Fig. 7(a), with their names, computing each when it is asked for."""
+    from saltus.continuation import StepControl, continue_family, continue_locus
+
+    coarse = StepControl(deviation=_DEVIATION)
+    yield "one_mode", response(repulsive_orbit(say), BOUNDS, StepControl(largest=_STEP_ONE_MODE), say)
+    branch = response(_saturated_orbit(say), BOUNDS, StepControl(largest=_STEP_TWO_MODES), say)
+    yield "two_modes", branch
+    yield from _beside(branch, say)
+    yield (
+        "responses",
+        continue_family(
+            _saturated_orbit(tol=_TOL),
+            "Omega",
+            {"D_rep_2": DAMPINGS},
+            BOUNDS,
+            steps=coarse,
+            events={"min_z": _EDGE},
+            stop_at="min_z",
+            processes=1,  # a response takes less than a second, a process two seconds to start
+            progress=lambda done, total, what: say(f"response {done} of {total}: {what}"),
+        ),
+    )
+    say("locus of the saddle-node")
+    yield "SN", continue_locus(_end(branch), ("Omega", "D_rep_2"), _SN_BOUNDS, steps=coarse)
+    say("locus of the torus bifurcation")
+    yield "TR", continue_locus(_torus(branch), ("Omega", "D_rep_2"), _TR_BOUNDS)
+
+
+def _saturated_orbit(say: Callable[[str], None] = lambda _: None, tol: float = 1e-12) -> PeriodicOrbit:
+    from saltus.afm.table1 import table1
+    from saltus.afm.tapping import tapping_mode
+    from saltus.orbits import solve_orbit
+
+    say("correcting the first orbit of two modes")
+    return solve_orbit(tapping_mode(table1(), modes=2), _START, _GUESS, tol=tol)
+
+
+def _beside(branch: Branch, say: Callable[[str], None]) -> Iterator[tuple[str, Branch]]:
+    """Follow the branch beside each SN and PD, and go through the stretches with a special point that it lacks."""
+    from saltus.continuation import StepControl, continue_orbit
+
+    steps = StepControl(largest=_STEP_BESIDE)
+    for point in branch.special_points.of_type("SN", "PD"):
+        say(f"beside {point.label}")
+        omega = point.parameters["Omega"]
+        stretch = continue_orbit(point.orbit, "Omega", (omega - _BESIDE, omega + _BESIDE), steps=steps)
+        if any("interrupted" in reason for reason in stretch.stopped):
+            raise KeyboardInterrupt
+        if any(not _is_among(other, branch) for other in stretch.special_points):
+            yield f"beside {point.label}", stretch
+
+
+def _is_among(point: SpecialPoint, branch: Branch) -> bool:
+    omega = point.parameters["Omega"]
+    return any(abs(other.parameters["Omega"] - omega) < _SAME for other in branch.special_points.of_type(point.type))
+
+
+def _end(branch: Branch) -> SpecialPoint:
+    """Return the saddle-node that ends the saturated branch."""
+    return max(branch.special_points.of_type("SN"), key=lambda point: point.parameters["Omega"])
+
+
+def _torus(branch: Branch) -> SpecialPoint:
+    """Return the deepest TR at which stable orbits end."""
+    edges = [p for p in branch.special_points.of_type("TR") if np.abs(p.orbit.multipliers).max() < 1.0 + 1e-6]
+    return min(edges, key=lambda point: point.orbit.min["z"])
+
+
+def summary(results: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of ``fig7a.json``.
+
+    ``special_points`` are those of the response at ``D_rep_2 = 4``, in the order and with the keys of ``fig3.json``.
+    ``distance_to_sdof`` pairs each `D_rep_2` with the mean difference of min z between its response and that of one
+    mode (the area between the two over the width), over the values of Omega in `COMPARED`, 0.001 apart, at which all
+    responses are stable; ``largest_difference`` likewise. ``saddle_nodes`` are where the saturated branches end:
+    `D_rep_2`, Omega, min z; ``one_mode`` is where that of one mode does.
+    """
+    content: dict[str, Any] = {
+        "figure": "fig7a",
+        "parameters": dict(results["one_mode"].parameters) | {"Omega": list(BOUNDS)},
+        "special_points": [],
+        "one_mode": None,
+        "saddle_nodes": [],
+        "distance_to_sdof": [],
+        "largest_difference": [],
+    }
+    if "two_modes" in results:
+        content["parameters"] = dict(results["two_modes"].parameters) | {"Omega": list(BOUNDS)}
+        content["special_points"] = fig3.summary(_complete(results))["special_points"]
+    if "responses" in results:
+        end, branches = _end(results["one_mode"]), _two_modes(results)
+        apart = _differences(results["one_mode"], branches)
+        ends = {value: _end(branch) for value, branch in branches.items()}
+        content["parameters"]["D_rep_2"] = list(branches)
+        content["one_mode"] = {"omega": end.parameters["Omega"], "min_z": end.orbit.min["z"]}
+        content["saddle_nodes"] = [[value, p.parameters["Omega"], p.orbit.min["z"]] for value, p in ends.items()]
+        content["distance_to_sdof"] = [[value, float(gaps.mean())] for value, gaps in apart.items()]
+        content["largest_difference"] = [[value, float(gaps.max())] for value, gaps in apart.items()]
+    return content
+
+
+def _two_modes(results: Mapping[str, Any]) -> dict[float, Branch]:
+    """Return the responses of two modes by `D_rep_2`."""
+    family = results["responses"]
+    pairs = zip(family.over["D_rep_2"].tolist(), family, strict=True)
+    found = {results["two_modes"].parameters["D_rep_2"]: results["two_modes"]}
+    return found | {value: branch for value, branch in pairs if branch is not None}
+
+
+def _complete(results: Mapping[str, Any]) -> Branch:
+    """Return the response at the paper's damping with the special points of the stretches beside it, in order."""
+    from saltus.continuation import SpecialPoints
+
+    branch: Branch = results["two_modes"]
+    found = [(point.position, point) for point in branch.special_points]
+    for host in branch.special_points:
+        stretch = results.get(f"beside {host.label}")
+        for point in () if stretch is None else stretch.special_points:
+            if not _is_among(point, branch):
+                ahead = np.dot(_place(point.orbit) - _place(host.orbit), _direction(branch, host))
+                found.append((host.position + 0.1 * float(np.sign(ahead)), point))
+    points = [point for _, point in sorted(found, key=lambda pair: pair[0])]
+    return replace(branch, special_points=SpecialPoints(points, branch.varied))
+
+
+def _place(orbit: PeriodicOrbit) -> NDArray[np.float64]:
+    return np.append(orbit.x0, orbit.parameters["Omega"])
+
+
+def _direction(branch: Branch, point: SpecialPoint) -> NDArray[np.float64]:
+    """Return the way from the branch's point before a special point to the one after it."""
+    before, after = int(np.floor(point.position)), int(np.ceil(point.position))
+    return _place(branch.orbit(after)) - _place(branch.orbit(before))
+
+
+def _differences(one_mode: Branch, branches: Mapping[float, Branch]) -> dict[float, NDArray[np.float64]]:
+    """Return the differences of min z from one mode by `D_rep_2`, at the values of Omega at which all are stable."""
+    omega = np.arange(COMPARED[0], COMPARED[1], 1e-3)
+    reference = _stable_depth(one_mode, omega)
+    apart = {value: np.abs(_stable_depth(branch, omega) - reference) for value, branch in branches.items()}
+    everywhere = np.isfinite(np.array(list(apart.values()))).all(axis=0)
+    return {value: gaps[everywhere] for value, gaps in apart.items()}
+
+
+def _stable_depth(branch: Branch, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return min z of the stable orbits in contact, by cubic splines along Omega; NaN where there are none."""
+    from scipy.interpolate import CubicSpline
+
+    depth, found = branch.column("min_z"), np.full(omega.shape, np.nan)
+    rows = np.flatnonzero(branch.stable & branch.admissible & (depth < 0.0))
+    for part in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
+        last = int(np.argmax(branch.values[part]))
+        rising = part[: last + 1]
+        if len(rising) > 1 and np.all(np.diff(branch.values[rising]) > 0.0):
+            inside = (omega >= branch.values[rising[0]]) & (omega <= branch.values[rising[-1]])
+            found[inside] = CubicSpline(branch.values[rising], depth[rising])(omega[inside])
+    return found
+
+
+def draw(results: Mapping[str, Any]) -> Figure:
+    """Return the figure: the responses, the loci of SN and TR, and as an inset the surroundings of the latter."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    from saltus.plotting import style
+
+    branches = _two_modes(results)
+    name, low, high = _COLOURS
+    shades = matplotlib.colormaps[name](np.linspace(low, high, len(branches)))
+    with style.publication():
+        figure = Figure(figsize=(7.2, 5.0), layout="constrained")
+        ax = figure.subplots()
+        inset = ax.inset_axes((0.068, 0.075, 0.302, 0.35))
+        for axes, window in ((ax, _CHART), (inset, _TORUS)):
+            axes.axvspan(*_SWEEP, color="0.93", linewidth=0.0, zorder=0)
+            _response(axes, results["one_mode"], r"one mode", color=_ONE_MODE, linewidth=3.4)
+            for (value, branch), shade in zip(branches.items(), shades, strict=True):
+                _response(axes, branch, f"$D_2^{{rep}} = {value:g}$", color=shade, linewidth=1.1)
+            _loci(axes, results)
+            _mark(axes, results)
+            axes.set(xlim=window[0], ylim=window[1])
+            axes.ticklabel_format(useOffset=False)
+        a0 = gap_at_contact(results["one_mode"].parameters)
+        ax.axhline(
+            a0, color=style.SURFACE, linestyle=":", linewidth=1.1, zorder=1, label=r"contact begins, $\bar{a}_0$"
+        )
+        ax.annotate("(b)", (sum(_SWEEP) / 2.0, _CHART[1][1]), (0.0, -9.0), textcoords="offset points", ha="center")
+        ax.set_xlabel(r"drive frequency  $\bar{\Omega} = \Omega/\omega_1$")
+        ax.set_ylabel(r"least gap  $\min\,\bar{z}$  (units of $\eta^*$)")
+        inset.tick_params(labelsize=6.5)
+        inset.set(xticks=(1.04, 1.05), yticks=(-0.045, -0.04))
+        _name_ends(inset, results["TR"])
+        ax.indicate_inset_zoom(inset, edgecolor="0.4", linewidth=0.7)
+        handles, labels = ax.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=2.2, columnspacing=2.0)
+    return figure
+
+
+def _response(ax: Axes, branch: Branch, label: str, **line: Any) -> None:
+    """Draw a branch in one colour: solid where stable, dashed where not."""
+    from saltus.plotting import style
+    from saltus.plotting.branch import pieces_of
+
+    for piece in pieces_of(branch, "Omega", "min_z"):
+        solid = piece.kind == "stable"
+        options = {**line, "linestyle": style.LINES[piece.kind]["linestyle"]}
+        if not solid:
+            options["linewidth"] = 0.75 * line["linewidth"]
+        ax.plot(piece.x, piece.y, label=label if solid else "_", zorder=2, **options)
+        label = "_" if solid else label
+
+
+def _loci(ax: Axes, results: Mapping[str, Any]) -> None:
+    from saltus.plotting import style
+    from saltus.plotting.space import stretches_of
+
+    for kind in ("SN", "TR"):
+        label = f"{kind} as $D_2^{{rep}}$ varies"
+        for stretch in stretches_of(results[kind], ["Omega", "min_z"]):
+            ax.plot(*stretch.places, color=style.SPECIAL[kind].colour, linewidth=1.7, label=label, zorder=3)
+            label = "_"
+
+
+def _mark(ax: Axes, results: Mapping[str, Any]) -> None:
+    """Mark the special points at the paper's damping, and where the saturated branches end."""
+    from saltus.plotting import style
+
+    points = _complete(results).special_points
+    for kind in ("SN", "GR", "PD", "TR"):
+        marker = style.SPECIAL[kind]
+        places = [(point.parameters["Omega"], point.orbit.min["z"]) for point in points.of_type(kind)]
+        ax.plot(*np.transpose(places), label=f"{kind}, {marker.meaning}", zorder=5, **marker.options())
+    ends = [_end(branch) for branch in (results["one_mode"], *_two_modes(results).values())]
+    places = [(point.parameters["Omega"], point.orbit.min["z"]) for point in ends]
+    ax.plot(*np.transpose(places), zorder=5, label="_", **style.SPECIAL["SN"].options())
+
+
+def _name_ends(ax: Axes, locus: Locus) -> None:
+    """Write the damping at a locus' two ends."""
+    from saltus.plotting import style
+
+    for row, offset in ((0, (4.0, -1.0)), (-1, (-3.0, 4.0))):
+        value, place = locus.column("D_rep_2")[row], (locus.column("Omega")[row], locus.column("min_z")[row])
+        ax.annotate(
+            f"{value:.2g}", place, offset, textcoords="offset points", fontsize=6.0, color=style.SPECIAL["TR"].colour
+        )

@@ -1,0 +1,199 @@
+"""Picture of a family of branches: a waterfall in space, or all of them in one plane; a colour for each member."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.branch import Branch
+from saltus.continuation.family import Family
+from saltus.errors import InputError, nearest
+from saltus.plotting import plot, style
+from saltus.plotting.branch import pieces_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colors import ListedColormap
+    from numpy.typing import NDArray
+
+__all__ = ["plot_family"]
+
+_COLOURS = ("viridis", 0.0, 0.86)
+"""Colour map of the members, and the part of it that is taken: its yellow is too pale for lines on white."""
+
+_VIEW = {"elev": 24.0, "azim": -58.0}
+"""Direction from which a waterfall is seen, in degrees."""
+
+_ZOOM = 1.1
+"""How much of its square a waterfall fills; labels included it then fills a figure of matplotlib's usual shape."""
+
+_GAP = 0.5
+"""Between a waterfall and its bar, in inches; the height's label stands there."""
+
+_FRONT = 10.0
+"""Order of drawing of the member in front; those behind it come before."""
+
+_TICKS = 9
+"""Values that the colour bar names at most."""
+
+
+@plot.register(Family)
+def plot_family(
+    family: Family,
+    x: str | None = None,
+    y: str | None = None,
+    *,
+    over: str | None = None,
+    projection: str | None = None,
+    ax: Axes | None = None,
+    special: bool = True,
+    legend: bool = True,
+) -> Axes:
+    """Draw all branches of a family and return the matplotlib Axes.
+
+    Stable orbits are solid, unstable ones dashed, those that are no motion of the system dotted in grey, as for a
+    branch. Each member has its colour; a bar beside the picture names the values.
+
+    Parameters
+    ----------
+    family : Family
+        What is drawn; members without a branch are left out.
+    x, y : str, optional
+        Quantities that `Branch.column` knows; by default the parameter, and ``min_`` of the first output or ``max_`` of
+        the first state. In space, `y` is the height.
+    over : str, optional
+        Which of the parameters that vary from branch to branch is the depth and colours; by default the first.
+    projection : {"3d", "2d"}, optional
+        A waterfall, or all branches in one plane; by default that of `ax`, else ``"3d"``.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; by default in a new figure.
+    special, legend : bool, optional
+        Whether special points are drawn, and whether line kinds, special points and members are named.
+
+    Raises
+    ------
+    InputError
+        A quantity of another name, or nothing to draw.
+    """
+    members = [(i, branch) for i, branch in enumerate(family.branches) if branch is not None]
+    if not members:
+        hint = next(iter(family.failures.values()), "")
+        raise InputError("family", f"{len(family)} members without a branch", "a family with a branch to draw", hint)
+    over = next(iter(family.over)) if over is None else over
+    if over not in family.over:
+        known = ", ".join(family.over)
+        raise InputError("over", over, f"one of {known}", nearest(str(over), family.over))
+    x = family.parameter if x is None else x
+    if y is None:
+        outputs = family.system.output_names
+        y = f"min_{outputs[0]}" if outputs else f"max_{family.system.states[0]}"
+    members.sort(key=lambda member: family.over[over][member[0]])
+    values = np.array([family.over[over][i] for i, _ in members])
+    branches = [branch for _, branch in members]
+    curves = [pieces_of(branch, x, y) for branch in branches]
+    alone = ax is None
+    ax, deep = _axes(ax, projection)
+    colours = _colours(len(members))
+    for rank in reversed(range(len(members))):
+        order = _FRONT * (1.0 - rank / len(members))
+        for piece in curves[rank]:
+            options = dict(style.LINES[piece.kind])
+            if piece.kind != "not admissible":
+                options["color"] = colours(rank)
+            ax.plot(*_placed(piece.x, piece.y, values[rank], deep), zorder=order, **options)
+        if special:
+            _draw_special(ax, branches[rank], x, y, values[rank], deep, order)
+    ax.set_xlabel(style.label_of(x))
+    if deep:
+        ax.set_ylabel(style.label_of(over), labelpad=8.0)
+        ax.locator_params(axis="y", nbins=5)
+        ax.set_zlabel(style.label_of(y))  # type: ignore[attr-defined]
+    else:
+        ax.set_ylabel(style.label_of(y))
+    if legend:
+        kinds = {piece.kind for pieces in curves for piece in pieces}
+        _draw_legend(ax, [kind for kind in style.LINES if kind in kinds], branches if special else [], alone)
+        _draw_bar(ax, colours, values, over, deep)
+    return ax
+
+
+def _axes(ax: Axes | None, projection: str | None) -> tuple[Axes, bool]:
+    """Return the axes, those of a new figure unless given, and whether they are in space."""
+    if projection not in (None, "2d", "3d"):
+        raise InputError("projection", projection, "'3d' or '2d'")
+    if ax is not None:
+        deep = ax.name == "3d"
+        if projection is not None and deep != (projection == "3d"):
+            made = "subplots(subplot_kw={'projection': '3d'}) makes Axes in space"
+            raise InputError("projection", projection, f"that of the Axes, {'3d' if deep else '2d'!r}", made)
+        return ax, deep
+    if projection == "2d":
+        return style.axes(None), False
+    from matplotlib import pyplot
+
+    space: Any = pyplot.figure(layout="constrained").add_subplot(projection="3d", **_VIEW)
+    space.set_box_aspect((1.3, 1.2, 0.9), zoom=_ZOOM)
+    return space, True
+
+
+def _colours(count: int) -> ListedColormap:
+    """Return one colour for each member, the least value first."""
+    import matplotlib
+    from matplotlib.colors import ListedColormap
+
+    name, low, high = _COLOURS
+    return ListedColormap(matplotlib.colormaps[name](np.linspace(low, high, count)))
+
+
+def _placed(x: Any, y: Any, depth: float, deep: bool) -> tuple[Any, ...]:
+    return (x, np.full(np.shape(x), depth), y) if deep else (x, y)
+
+
+def _draw_special(ax: Axes, branch: Branch, x: str, y: str, depth: float, deep: bool, order: float) -> None:
+    for kind in _kinds([branch]):
+        points = [point for point in branch.special_points if point.type == kind]
+        places = np.array([[branch.at(point, x), branch.at(point, y)] for point in points]).T
+        ax.plot(*_placed(places[0], places[1], depth, deep), zorder=order, **_marker(kind).options())
+
+
+def _kinds(branches: list[Branch]) -> list[str]:
+    """Return the types of special points that occur, users' events last."""
+    found = dict.fromkeys(point.type for branch in branches for point in branch.special_points)
+    return [kind for kind in style.SPECIAL if kind in found] + [kind for kind in found if kind not in style.SPECIAL]
+
+
+def _marker(kind: str) -> style.Marker:
+    return style.SPECIAL.get(kind, replace(style.EVENT, meaning=""))
+
+
+def _draw_legend(ax: Axes, kinds: list[str], branches: list[Branch], alone: bool) -> None:
+    """Name line kinds and special points; where the axes are alone in their figure, above them."""
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], label=kind, **style.LINES[kind]) for kind in kinds]
+    for kind in _kinds(branches):
+        marker = _marker(kind)
+        label = f"{kind}, {marker.meaning}" if marker.meaning else kind
+        handles.append(Line2D([], [], label=label, **marker.options()))
+    if alone:
+        ax.figure.legend(handles=handles, loc="outside upper center", ncols=min(3, len(handles)), frameon=False)
+    else:
+        ax.legend(handles=handles)
+
+
+def _draw_bar(ax: Axes, colours: ListedColormap, values: NDArray[np.float64], over: str, deep: bool) -> None:
+    """Draw a bar with a cell for each member, its value beside it; of many members some are named."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import BoundaryNorm
+
+    count = len(values)
+    cells = ScalarMappable(BoundaryNorm(np.arange(count + 1.0), count), colours)
+    figure: Any = ax.figure
+    gap = _GAP * figure.dpi / ax.get_window_extent().width if deep else 0.02
+    bar = figure.colorbar(cells, ax=ax, pad=gap, shrink=0.6 if deep else 1.0)
+    named = np.arange(0, count, -(-count // _TICKS))
+    bar.set_ticks(named + 0.5, labels=[f"{values[i]:.4g}" for i in named])
+    bar.ax.tick_params(which="both", length=0)
+    bar.set_label(style.label_of(over))

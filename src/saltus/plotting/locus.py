@@ -1,0 +1,104 @@
+"""Picture of a locus: in the colour of its bifurcation, special points marked, in the plane or in space."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.locus import Locus
+from saltus.errors import InputError
+from saltus.plotting import plot, style
+from saltus.plotting.space import axes_in_space, coordinates_of, stretches_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["plot_locus"]
+
+
+@plot.register(Locus)
+def plot_locus(
+    locus: Locus,
+    x: str | None = None,
+    y: str | None = None,
+    *,
+    z: str | None = None,
+    ax: Axes | None = None,
+    special: bool = True,
+    legend: bool = True,
+) -> Axes:
+    """Draw a locus and return the matplotlib Axes.
+
+    Its colour is that of its type's special points. It is solid where the orbits are stable but for the critical
+    multipliers, dashed where they are not, and dotted in grey where they are no motion of the system; a GR locus, with
+    its infinite multipliers, is solid. Between its points the curve is interpolated in arclength.
+
+    Parameters
+    ----------
+    locus : Locus
+        What is drawn.
+    x, y : str, optional
+        Quantities that `Locus.column` knows; by default the two parameters.
+    z : str, optional
+        A third quantity: the height of a picture in space.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw, in space if `z` is given; by default in a new figure.
+    special, legend : bool, optional
+        Whether special points are drawn, and whether the locus and its special points are named.
+
+    Raises
+    ------
+    InputError
+        A quantity of another name, or `z` with axes in the plane.
+    """
+    names = [locus.names[0] if x is None else x, locus.names[1] if y is None else y]
+    names += [] if z is None else [z]
+    stretches = stretches_of(locus, names)
+    alone = ax is None
+    ax = _axes(ax, deep=z is not None)
+    named: set[str] = set()
+    for stretch in stretches:
+        options = dict(style.LINES[stretch.kind])
+        if stretch.kind != "not admissible":
+            options["color"] = style.SPECIAL[locus.type].colour
+        label = "_" if stretch.kind in named else _meaning(locus.type, stretch.kind)
+        ax.plot(*stretch.places, label=label, **options)
+        named.add(stretch.kind)
+    if special:
+        _draw_special(ax, locus, names)
+    for axis, name in zip("xyz", names, strict=False):
+        ax.set(**{f"{axis}label": style.label_of(name)})
+    if legend and named:
+        _draw_legend(ax, alone and z is not None)
+    return ax
+
+
+def _axes(ax: Axes | None, *, deep: bool) -> Axes:
+    if ax is not None:
+        if deep != (ax.name == "3d"):
+            hint = "subplots(subplot_kw={'projection': '3d'}) makes Axes in space, for a picture with z"
+            raise InputError("ax", ax.name, "Axes in space" if deep else "Axes in the plane", hint)
+        return ax
+    return axes_in_space() if deep else style.axes(None)
+
+
+def _draw_legend(ax: Axes, above: bool) -> None:
+    if above:
+        handles, labels = ax.get_legend_handles_labels()
+        ax.figure.legend(handles, labels, loc="outside upper center", ncols=min(3, len(handles)), frameon=False)
+    else:
+        ax.legend()
+
+
+def _meaning(kind: str, stability: str) -> str:
+    if stability == "not admissible":
+        return stability
+    return f"{kind}, {style.SPECIAL[kind].meaning}" + (", of unstable orbits" if stability == "unstable" else "")
+
+
+def _draw_special(ax: Axes, locus: Locus, names: list[str]) -> None:
+    for kind in dict.fromkeys(point.type for point in locus.special_points):
+        marker = style.SPECIAL[kind]
+        places = [coordinates_of(locus, point, names) for point in locus.special_points.of_type(kind)]
+        ax.plot(*np.transpose(places), label=f"{kind}, {marker.meaning}", zorder=6, **marker.options())
