@@ -21,6 +21,8 @@ __all__ = ["main"]
 
 _FAILED, _INTERRUPTED = 2, 130
 _TABLE_WIDTH = 80
+_LONG = ("signature", "value")
+"""Columns whose text may go on in the next line, so that numbers beside them are never cut."""
 
 app = typer.Typer(
     name="saltus",
@@ -168,5 +170,5 @@ def _table(columns: Mapping[str, Literal["left", "right"]]) -> Table:
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for name, justify in columns.items():
-        table.add_column(name, justify=justify, no_wrap=True)
+        table.add_column(name, justify=justify, no_wrap=name not in _LONG, overflow="fold")
     return table

@@ -309,7 +309,8 @@ class _Run:
         mu = 1.0 if self.kind == "SN" else -1.0
         condition = Critical(problem, mu, u, J)
         distance = min((abs(v - mu) for v in values), default=math.inf)
-        if not np.all(np.isfinite(values)):  # at a grazing, where the other multipliers are not determined
+        on_grazing = isinstance(self.start, SpecialPoint) and self.start.locus == "GR"
+        if on_grazing or not np.all(np.isfinite(values)):  # multipliers there are not those of this signature
             distance = condition.distance(J)
         self._check_critical(distance, f"a multiplier {mu:g}")
         return condition, np.empty(0)
@@ -434,6 +435,9 @@ class _Run:
             event.point.u[at - 2] = self.bounds[at][kind == "high"]
             return "bound reached"
         of = ""
+        on_grazing = isinstance(self.start, SpecialPoint) and self.start.locus == "GR"
+        if on_grazing and event.point.arc < _SAME and kind != "TP" and not at_grazing(event.name):
+            return None  # every determinant vanishes where a locus begins at a grazing
         if kind == "TP":
             of = self.names[int(rest[0])]
         elif at_grazing(event.name):
