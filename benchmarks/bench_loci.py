@@ -48,8 +48,8 @@ def figures() -> None:
     works = {}
     for name in ("fig4", "fig5", "fig6", "fig7a"):
         module = __import__(runner(name).__module__, fromlist=["compute"])
-        works[name] = module.compute
-    show("computation of figures", interleaved(works, 2), {}, {})
+        works[name] = lambda compute=module.compute: list(compute())
+    show("computation of figures", interleaved(works, 1), {}, {})
 
 
 if __name__ == "__main__":
