@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.continuation.arclength import (
     Event,
-    Examined,
     Failure,
     Point,
     StepControl,
@@ -19,7 +18,8 @@ from saltus.continuation.arclength import (
     follow,
     start_point,
 )
-from saltus.continuation.curve import SpecialPoint, SpecialPoints
+from saltus.continuation.curve import SpecialPoint
+from saltus.continuation.directions import SAME, Found, Half, alongside, join, passes, turned
 from saltus.continuation.grazing import Neighbour, neighbour, touching
 from saltus.continuation.locus import Locus
 from saltus.continuation.locus_problem import LocusBranch, LocusData
@@ -45,7 +45,7 @@ _ENDS = {
     "R1": "beyond it the two multipliers are real, of product 1",
     "R2": "beyond it the two multipliers are real, of product 1",
 }
-_TOUCHING, _CRITICAL, _MOVED, _REGULAR, _ROUNDING, _UNFOLDED, _SAME = 1e-6, 1e-3, 1e-3, 1e-11, 1e-9, 1e-7, 1e-6
+_TOUCHING, _CRITICAL, _MOVED, _REGULAR, _ROUNDING, _UNFOLDED = 1e-6, 1e-3, 1e-3, 1e-11, 1e-9, 1e-7
 
 
 def continue_locus(
@@ -127,7 +127,7 @@ def continue_locus(
         raise InputError("stop_at", min(unknown), f"one of {', '.join(known)}", nearest(min(unknown), known))
     run = _Run(start, orbit, kind, names, intervals, control, stops, progress)
     origin = run.begin(names.index(parameters[1]))
-    halves: list[_Half] = []
+    halves: list[Half] = []
     for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
         if halves and (halves[0].closed or halves[0].interrupted):
             break
@@ -191,29 +191,6 @@ def _read_parameters(
             raise InputError(f"bounds[{name!r}]", bounds[name], wanted)
         intervals.append((low, high))
     return (first, second), (intervals[0], intervals[1])
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """A special point: its type, what the type leaves open, the orbit, its test function, its place."""
-
-    name: str
-    of: str
-    orbit: PeriodicOrbit
-    value: float
-    after: int
-    arc: float
-
-
-@dataclass
-class _Half:
-    """One direction of a locus."""
-
-    points: list[Point] = field(default_factory=list)
-    specials: list[_Found] = field(default_factory=list)
-    stopped: str = ""
-    closed: bool = False
-    interrupted: bool = False
 
 
 class _Run:
@@ -282,7 +259,7 @@ class _Run:
                 "start", f"{moved:.2g} away", f"a located {self.kind}", "the nearest one lies that far from the orbit"
             )
         point.examined = self.branch.examine(point, None)
-        return _turned(point, float(point.tangent[towards - 2]))
+        return turned(point, float(point.tangent[towards - 2]), LocusBranch.odd)
 
     def _irregular(self, reason: str) -> InputError:
         wanted = f"two parameters in which the {self.kind} has a regular locus"
@@ -360,15 +337,15 @@ class _Run:
                 raise self._irregular("the touching motion cannot be cut at its surface")
         return problem, u, Grazing(problem, *found)
 
-    def trace(self, origin: Point, sign: float) -> _Half:
+    def trace(self, origin: Point, sign: float) -> Half:
         """Follow one direction to its end."""
-        half = _Half()
+        half = Half()
         # the other direction has left the meshes, and the null vectors' signs, of another place
         branch, start = self.branch, replace(origin, u=origin.u.copy(), tangent=origin.tangent.copy())
         branch.problem.start(branch.orbit(start.u))
         branch.evaluate(start.u)
         start.examined = branch.examine(start, None)
-        point = _turned(start, sign)
+        point = turned(start, sign, LocusBranch.odd)
         for i, (low, high) in enumerate(self.bounds):
             way = math.copysign(1.0, float(point.tangent[i - 2]))
             if way * (float(point.u[i - 2]) - (high if way > 0.0 else low)) > -_ROUNDING:
@@ -384,7 +361,7 @@ class _Run:
         values = point.u[-2:] * self.scales
         return ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.names, values, strict=True))
 
-    def _follow(self, half: _Half, point: Point, origin: Point) -> str:
+    def _follow(self, half: Half, point: Point, origin: Point) -> str:
         last = point
         for item in follow(self.branch, point, self.control, log=self.log):
             if isinstance(item, str):
@@ -392,15 +369,15 @@ class _Run:
             if isinstance(item, Event):
                 end = self._event(half, item)
                 if end is not None:
-                    half.points.append(item.point)
+                    half.points.append((self.branch, item.point))
                     return f"{self._place(item.point)}: {end}"
                 continue
             if self.kind == "BP" and abs(float(item.u[self.branch.problem.size])) > _UNFOLDED:
                 return f"{self._place(last)}: the branch point does not persist: the parameters unfold it"
-            if self._passes(origin, last, item):
+            if last.arc > 0.0 and passes(self.branch, self.branch.problem, origin, last, item, self.control):
                 self._close(half, last, point)
                 return "the locus is closed"
-            half.points.append(item)
+            half.points.append((self.branch, item))
             self.count += 1
             if self.progress is not None:
                 first, second = (item.u[-2:] * self.scales).tolist()
@@ -410,24 +387,20 @@ class _Run:
             last = item
         raise AssertionError("follow ends with a reason")
 
-    def _close(self, half: _Half, last: Point, start: Point) -> None:
+    def _close(self, half: Half, last: Point, start: Point) -> None:
         """End a locus at its start; of its last step only the special points before that are kept."""
         half.specials = [found for found in half.specials if found.after < len(half.points)]
         half.closed = True
-        n, size = self.branch.n, self.branch.problem.size
-        again = replace(start, u=start.u.copy(), tangent=start.tangent.copy())
-        if self.branch.problem.system.phase is not None:
-            shift = 2.0 * math.pi * round(float(start.u[n - 1] - last.u[n - 1]) / (2.0 * math.pi))
-            again.u[n - 1 : size : n + 1] -= shift
+        again = replace(start, u=alongside(self.branch.problem, start.u, last.u), tangent=start.tangent.copy())
         again.arc = last.arc + math.sqrt(float(last.weights @ (again.u - last.u) ** 2))
         again.J = self.branch.evaluate(again.u)[1]
         again.examined = self.branch.examine(again, last)
         found = events_between(self.branch, last, again)
         for event in [] if isinstance(found, str) else found:
             self._event(half, event)
-        half.points.append(again)
+        half.points.append((self.branch, again))
 
-    def _event(self, half: _Half, event: Event) -> str | None:
+    def _event(self, half: Half, event: Event) -> str | None:
         """Note a special point; return why the locus ends there, if it does."""
         kind, *rest = event.name.split(" ")
         if kind in ("low", "high"):
@@ -436,7 +409,7 @@ class _Run:
             return "bound reached"
         of = ""
         on_grazing = isinstance(self.start, SpecialPoint) and self.start.locus == "GR"
-        if on_grazing and event.point.arc < _SAME and kind != "TP" and not at_grazing(event.name):
+        if on_grazing and event.point.arc < SAME and kind != "TP" and not at_grazing(event.name):
             return None  # every determinant vanishes where a locus begins at a grazing
         if kind == "TP":
             of = self.names[int(rest[0])]
@@ -453,7 +426,7 @@ class _Run:
             survey = replace(data.survey, faults=data.survey.faults & ~(DURATION | DIRECTION))
             event.point.examined = replace(event.point.examined, data=replace(data, survey=survey))
         orbit = self._orbit(event.point)
-        half.specials.append(_Found(kind, of, orbit, event.value, len(half.points), event.point.arc))
+        half.specials.append(Found(kind, orbit, event.value, len(half.points), event.point.arc, of))
         if kind == "GR":
             return "grazing: orbits beyond it are of another signature"
         if self.kind == "TR" and kind in _ENDS:
@@ -464,88 +437,28 @@ class _Run:
         branch, data = self.branch, point.examined.data
         return orbit_at(branch.problem, branch.orbit(point.u), point.J, data.survey, data.multipliers)
 
-    def _passes(self, origin: Point, last: Point, new: Point) -> bool:
-        """Whether the step from `last` to `new` passes the start again."""
-        if last.arc == 0.0 or new.arc < 3.0 * self.control.initial:
-            return False
-        w, n = last.weights, self.branch.n
-        goal = origin.u.copy()
-        if self.branch.problem.system.phase is not None:
-            shift = 2.0 * math.pi * round(float(goal[n - 1] - last.u[n - 1]) / (2.0 * math.pi))
-            goal[n - 1 : self.branch.problem.size : n + 1] -= shift
-        away, chord = goal - last.u, new.u - last.u
-        length = float(w @ chord**2)
-        share = float(w @ (away * chord)) / length
-        near = math.sqrt(float(w @ (away - share * chord) ** 2)) < 20.0 * self.control.deviation
-        return 0.0 < share <= 1.0 and near and self._same_way(origin, chord, w)
-
-    @staticmethod
-    def _same_way(origin: Point, chord: NDArray[np.float64], w: NDArray[np.float64]) -> bool:
-        along = float(w @ (origin.tangent * chord))
-        return abs(along) > 0.9 * math.sqrt(float(w @ chord**2) * float(w @ origin.tangent**2))
-
-    def _at_start(self, origin: Point) -> _Found | None:
+    def _at_start(self, origin: Point) -> Found | None:
         """Return the start as a special point of the locus, if it is one."""
         start = self.start
         if not isinstance(start, SpecialPoint) or start.type not in origin.examined.monitors:
             return None
-        return _Found(start.type, start.of, self._orbit(origin), origin.examined.monitors[start.type], 0, 0.0)
+        return Found(start.type, self._orbit(origin), origin.examined.monitors[start.type], 0, 0.0, start.of)
 
-    def assemble(self, origin: Point, halves: list[_Half], options: dict[str, Any], order: tuple[str, ...]) -> Locus:
-        """Put the two directions together, the second after the first turned round."""
-        rows, arcs, offset = [origin], [0.0], 0
-        specials: list[tuple[_Found, float, float]] = []
-        if len(halves) == 2:
-            back = halves[0]
-            offset = len(back.points)
-            rows = [*reversed(back.points), origin]
-            arcs = [-point.arc for point in rows]
-            specials = [(found, offset - found.after - 0.5, -found.arc) for found in reversed(back.specials)]
-        ahead = halves[-1]
-        rows += ahead.points
-        arcs += [point.arc for point in ahead.points]
-        specials += [(found, offset + found.after + 0.5, found.arc) for found in ahead.specials]
+    def assemble(self, origin: Point, halves: list[Half], options: dict[str, Any], order: tuple[str, ...]) -> Locus:
+        """Return the locus made of the directions from `origin`."""
+        joined = join((self.branch, origin), halves, "locus")
         own = self._at_start(origin)
-        if own and all(found.name != own.name or abs(arc) > _SAME for found, _, arc in specials):
-            specials = sorted([*specials, (own, float(offset), 0.0)], key=lambda item: item[2])
-        counts: dict[str, int] = {}
-        points = []
-        for found, position, arc in specials:
-            counts[found.name] = counts.get(found.name, 0) + 1
-            label = f"{found.name}{'_' if found.name[-1].isdigit() else ''}{counts[found.name]}"
-            points.append(
-                SpecialPoint(
-                    found.name, label, found.orbit, found.value, position,
-                    arc - arcs[0], order, found.of, self.kind,
-                )
-            )  # fmt: skip
-        reasons = [half.stopped for half in halves]
-        stopped = (reasons[0], reasons[1]) if len(reasons) == 2 else ("the start", reasons[0])
-        if halves[0].closed:
-            stopped = ("the locus is closed", "the locus is closed")
-        problem = self.branch.problem
-        data: list[LocusData] = [point.examined.data for point in rows]
+        if own and all(found.name != own.name or abs(arc) > SAME for found, _, arc in joined.specials):
+            joined.specials = sorted([*joined.specials, (own, float(joined.offset), 0.0)], key=lambda item: item[2])
         columns = [self.names.index(name) for name in order]
+        data: list[LocusData] = [point.examined.data for _, point in joined.rows]
         return Locus(
             system=self.orbit.system,
             type=self.kind,
             names=(order[0], order[1]),
             parameters=dict(self.orbit.parameters),
-            values=np.array([point.u[-2:] * self.scales for point in rows])[:, columns],
-            x0=np.array([d.survey.x0[: len(self.orbit.system.states)] for d in data]),
-            multipliers=np.array([d.multipliers for d in data]),
-            stable=np.array([d.unstable == 0 for d in data]),
-            admissible=np.array([d.survey.admissible for d in data]),
-            period=np.array([p.u[problem.n : problem.size : problem.n + 1].sum() for p in rows]),
-            residual=np.array([d.survey.residual for d in data]),
-            arclength=np.array(arcs) - arcs[0],
-            lows=np.array([d.survey.lows for d in data]),
-            highs=np.array([d.survey.highs for d in data]),
-            forms=(problem.signature,),
-            form=np.zeros(len(rows), dtype=np.int64),
-            unknowns=tuple(p.u[: problem.size] for p in rows),
-            special_points=SpecialPoints(points, order),
-            stopped=stopped,
+            values=np.array([point.u[-2:] * self.scales for _, point in joined.rows])[:, columns],
+            special_points=joined.special_points(order, self.kind),
             rejected=tuple(
                 f"{self.names[1]} = {failure.parameter * self.scales[1]:.9g}, step {failure.step:.3g}: {failure.reason}"
                 for failure in self.log
@@ -554,18 +467,8 @@ class _Run:
             tol=self.orbit.tol,
             angle=np.array([d.angle for d in data]),
             coefficient=np.array([d.coefficient for d in data]),
+            **joined.fields(),
         )
-
-
-def _turned(point: Point, sign: float) -> Point:
-    if sign >= 0.0:
-        return point
-    monitors = {name: -value if name.startswith("TP") else value for name, value in point.examined.monitors.items()}
-    examined = Examined(monitors, point.examined.fault, point.examined.data)
-    return Point(
-        point.u, point.J, -point.tangent, point.weights, -point.sign, point.log, point.residual, point.iterations,
-        point.arc, examined,
-    )  # fmt: skip
 
 
 def _vanishing(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[str, int] | None:

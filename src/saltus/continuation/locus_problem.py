@@ -70,6 +70,8 @@ class LocusBranch:
     """
 
     singular: frozenset[str] = frozenset()
+    odd = frozenset({"TP 0", "TP 1"})
+    """Monitor functions that change sign with the tangent's direction."""
     noise: Mapping[str, float] = MappingProxyType({"GPD": 1e-8, "CH": 1e-8})
 
     def __init__(

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, correct, follow, start_point
+from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, follow, start_point
 from saltus.continuation.branch import Branch
-from saltus.continuation.curve import SpecialPoint, SpecialPoints
+from saltus.continuation.directions import SAME, Found, Half, join, passes, turned
 from saltus.continuation.grazing import Neighbour, neighbour
 from saltus.continuation.halving import halved, once_round
 from saltus.continuation.zero_problem import BIFURCATIONS, Interest, OrbitBranch, OrbitData, at_grazing
 from saltus.errors import InputError, nearest
 from saltus.orbits.critical import solve_branch_point
-from saltus.orbits.floquet import distance_from_circle, nontrivial, unstable_count
+from saltus.orbits.floquet import distance_from_circle
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem, Signature, Survey
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_orbit"]
 
-_ROUNDING, _SAME, _TOUCHING, _NEAR = 1e-9, 1e-6, 1e-13, 1e-3
-"""Share of the parameter's interval by which a start may miss a bound; distance at which two points are the same;
-what is left of a distance that vanishes; how far a branch point may lie from where its determinant vanishes."""
+_ROUNDING, _TOUCHING, _NEAR = 1e-9, 1e-13, 1e-3
+"""Share of the parameter's interval by which a start may miss a bound; what is left of a distance that vanishes; how
+far a branch point may lie from where its determinant vanishes."""
 
 
 def continue_orbit(
@@ -113,7 +113,7 @@ def continue_orbit(
         orbit, parameter, Interest(low / scale, high / scale, scale, wanted), control, stops, at_grazing, progress
     )
     start = run.begin()
-    halves: list[_Half] = []
+    halves: list[Half] = []
     for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
         if halves and (halves[0].closed or halves[0].interrupted):
             break
@@ -187,29 +187,6 @@ def _read_events(
     return tuple(found)
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """A special point: its type, the orbit in the signature in which it is shown, its test function, its place."""
-
-    name: str
-    orbit: PeriodicOrbit
-    value: float
-    after: int
-    arc: float
-    tangent: NDArray[np.float64] | None = None
-
-
-@dataclass
-class _Half:
-    """One direction of a branch."""
-
-    points: list[tuple[OrbitBranch, Point]] = field(default_factory=list)
-    specials: list[_Found] = field(default_factory=list)
-    stopped: str = ""
-    closed: bool = False
-    interrupted: bool = False
-
-
 class _Run:
     """One call of `continue_orbit`: options, and what both directions share."""
 
@@ -252,18 +229,18 @@ class _Run:
         found = branch.examine(point, None)
         # a start at a grazing lies on its admissible side, whatever the rounding
         monitors = {
-            name: _TOUCHING if at_grazing(name) and abs(value) < _SAME * _SAME else value
+            name: _TOUCHING if at_grazing(name) and abs(value) < SAME * SAME else value
             for name, value in found.monitors.items()
         }
         point.examined = replace(found, monitors=monitors)
         return branch, point
 
-    def trace(self, start: tuple[OrbitBranch, Point], sign: float) -> _Half:
+    def trace(self, start: tuple[OrbitBranch, Point], sign: float) -> Half:
         """Follow one direction to its end."""
-        half = _Half()
+        half = Half()
         branch, origin = start
         branch.problem.start(origin.u)  # the other direction has left the meshes of another place
-        point = _turned(origin, sign)
+        point = turned(origin, sign, OrbitBranch.odd)
         outwards = math.copysign(1.0, float(point.tangent[-1]))
         if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -_ROUNDING:
             half.stopped = f"{self.name} = {point.parameter * self.scale:.9g}: bound reached"
@@ -282,7 +259,7 @@ class _Run:
 
     def _piece(
         self,
-        half: _Half,
+        half: Half,
         branch: OrbitBranch,
         point: Point,
         start: tuple[OrbitBranch, Point],
@@ -299,7 +276,10 @@ class _Run:
                 if end is not None:
                     return end
                 continue
-            if self._passes(start, branch, last, item):
+            same = branch.problem.signature == start[0].problem.signature and not (
+                branch is start[0] and last.arc == 0.0
+            )
+            if same and passes(branch, branch.problem, start[1], last, item, self.control):
                 half.points.append((start[0], start[1]))
                 half.closed = True
                 return "the branch is closed"
@@ -312,7 +292,7 @@ class _Run:
             last = item
         raise AssertionError("follow ends with a reason")
 
-    def _event(self, half: _Half, branch: OrbitBranch, event: Event) -> str | tuple[OrbitBranch, Point, float] | None:
+    def _event(self, half: Half, branch: OrbitBranch, event: Event) -> str | tuple[OrbitBranch, Point, float] | None:
         kind = event.name.split(" ")[0]
         point = event.point
         if kind in ("low", "high"):
@@ -352,7 +332,7 @@ class _Run:
             return f"{self.name} = {point.parameter * self.scale:.9g}: grazing, {found}"
         return self._switch(found, point)
 
-    def _end_at(self, half: _Half, branch: OrbitBranch, point: Point, name: str) -> str | None:
+    def _end_at(self, half: Half, branch: OrbitBranch, point: Point, name: str) -> str | None:
         if name not in self.stops:
             return None
         half.points.append((branch, point))
@@ -371,7 +351,7 @@ class _Run:
         point.arc = old.arc
         for probe in (1e-5, 1e-6, 1e-4):
             for sign in (1.0, -1.0):
-                start = _turned(point, sign)
+                start = turned(point, sign, OrbitBranch.odd)
                 start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
                 trial = follow(
                     branch, start, StepControl(initial=probe, smallest=probe / 4, largest=probe),
@@ -382,37 +362,6 @@ class _Run:
                     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
                     return branch, item, min(self.control.initial, 1e-3)
         return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no admissible orbit beyond it"
-
-    def _passes(self, start: tuple[OrbitBranch, Point], branch: OrbitBranch, last: Point, new: Point) -> bool:
-        """Whether the step from `last` to `new` passes the start again."""
-        origin = start[1]
-        if branch.problem.signature != start[0].problem.signature or new.arc < 3.0 * self.control.initial:
-            return False
-        if branch is start[0] and last.arc == 0.0:
-            return False
-        reach = 20.0 * self.control.deviation
-        if abs(origin.parameter - last.parameter) > abs(new.parameter - last.parameter) + reach:
-            return False
-        w = last.weights
-        goal = origin.u.copy()
-        if branch.problem.system.phase is not None:
-            n = branch.n
-            shift = 2.0 * math.pi * round(float(goal[n - 1] - last.u[n - 1]) / (2.0 * math.pi))
-            goal[n - 1 : branch.problem.size : n + 1] -= shift
-        away, chord = goal - last.u, new.u - last.u
-        length = float(w @ chord**2)
-        share = float(w @ (away * chord)) / length
-        if not 0.0 < share <= 1.0:
-            return False
-        along = float(w @ (origin.tangent * chord))
-        near = math.sqrt(float(w @ (away - share * chord) ** 2)) < reach
-        if not (near and abs(along) > 0.9 * math.sqrt(length * float(w @ origin.tangent**2))):
-            return False
-        row = origin.weights * origin.tangent
-        guess = last.u + share * chord
-        guess -= origin.tangent * float(row @ (guess - goal))
-        there = correct(branch, guess, origin.tangent, origin.weights, self.control.iterations)
-        return isinstance(there, Point) and float(w @ (there.u - goal) ** 2) < _SAME**2
 
 
 _INADMISSIBLE = Survey(1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
@@ -425,98 +374,29 @@ def _beyond_grazings(point: Point) -> bool:
     return point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
 
 
-def _turned(point: Point, sign: float) -> Point:
-    if sign > 0.0:
-        return point
-    monitors = dict(point.examined.monitors)
-    if "SN" in monitors:
-        monitors["SN"] = -monitors["SN"]
-    if "BP" in monitors:
-        monitors["BP"] = -monitors["BP"]
-    examined = Examined(monitors, point.examined.fault, point.examined.data)
-    return Point(
-        point.u, point.J, -point.tangent, point.weights, -point.sign, point.log, point.residual, point.iterations,
-        point.arc, examined,
-    )  # fmt: skip
-
-
 def _assemble(
     orbit: PeriodicOrbit,
     parameter: str,
     scale: float,
     start: tuple[OrbitBranch, Point],
-    halves: list[_Half],
+    halves: list[Half],
     run: _Run,
     options: dict[str, Any],
 ) -> Branch:
-    """Put the two directions together, the second after the first turned round."""
-    rows = [start]
-    specials: list[tuple[_Found, float, float]] = []
-    arcs = [0.0]
-    if len(halves) == 2:
-        back = halves[0]
-        count = len(back.points)
-        rows = [*reversed(back.points), start]
-        arcs = [-p.arc for _, p in rows]
-        specials = [(found, count - found.after - 0.5, -found.arc) for found in reversed(back.specials)]
-        offset = count
-    else:
-        offset = 0
-    ahead = halves[-1]
-    rows += ahead.points
-    travelled = ahead.points[-2][1].arc if ahead.closed and len(ahead.points) > 1 else 0.0
-    arcs += [p.arc if p is not start[1] else travelled for _, p in ahead.points]
-    specials += [(found, offset + found.after + 0.5, found.arc) for found in ahead.specials]
-    forms = list(dict.fromkeys(b.problem.signature for b, _ in rows))
-    counts: dict[str, int] = {}
-    points = []
-    for found, position, arc in specials:
-        counts[found.name] = counts.get(found.name, 0) + 1
-        label = f"{found.name}{counts[found.name]}"
-        points.append(
-            SpecialPoint(
-                found.name,
-                label,
-                found.orbit,
-                found.value,
-                position,
-                arc - arcs[0],
-                (parameter,),
-                tangent=found.tangent,
-            )
-        )
-    n_own = len(orbit.system.states)
-    autonomous = orbit.system.phase is None
-    data: list[OrbitData] = [p.examined.data for _, p in rows]
-    reasons = [half.stopped for half in halves]
-    stopped = (reasons[0], reasons[1]) if len(reasons) == 2 else ("the start", reasons[0])
-    if halves[0].closed:
-        stopped = ("the branch is closed", "the branch is closed")
+    joined = join(start, halves, "branch")
     return Branch(
         system=orbit.system,
         parameter=parameter,
         parameters=dict(orbit.parameters),
-        values=np.array([p.parameter * scale for _, p in rows]),
-        x0=np.array([d.survey.x0[:n_own] for d in data]),
-        multipliers=np.array([d.multipliers for d in data]),
-        stable=np.array([unstable_count(nontrivial(d.multipliers, autonomous=autonomous)) == 0 for d in data]),
-        admissible=np.array([d.survey.admissible for d in data]),
-        period=np.array([p.u[b.n : b.problem.size : b.n + 1].sum() for b, p in rows]),
-        residual=np.array([d.survey.residual for d in data]),
-        arclength=np.array(arcs) - arcs[0],
-        lows=np.array([d.survey.lows for d in data]),
-        highs=np.array([d.survey.highs for d in data]),
-        forms=tuple(forms),
-        form=np.array([forms.index(b.problem.signature) for b, _ in rows]),
-        unknowns=tuple(p.u[: b.problem.size] for b, p in rows),
-        special_points=SpecialPoints(points, (parameter,)),
-        stopped=stopped,
+        values=np.array([p.parameter * scale for _, p in joined.rows]),
+        special_points=joined.special_points((parameter,)),
         rejected=tuple(
             f"{parameter} = {failure.parameter * scale:.9g}, step {failure.step:.3g}: {failure.reason}"
             for failure in run.log
         ),
         options=options,
         tol=orbit.tol,
+        **joined.fields(),
     )
 
 
@@ -530,7 +410,7 @@ def _sharpened(branch: OrbitBranch, point: Point) -> Point:
     return point if found.examined.data is None else found
 
 
-def _found(name: str, branch: OrbitBranch, event: Event, half: _Half) -> _Found:
+def _found(name: str, branch: OrbitBranch, event: Event, half: Half) -> Found:
     point, data = event.point, event.point.examined.data
     orbit = orbit_at(branch.problem, point.u, point.J, data.survey, data.multipliers)
     value = event.value
@@ -543,4 +423,4 @@ def _found(name: str, branch: OrbitBranch, event: Event, half: _Half) -> _Found:
     if name == "BP":  # there the equations leave it open, so the last point's tells the branch from the other one
         last = half.points[-1][1] if half.points else point
         tangent = (last if last.u.size == point.u.size else point).tangent.copy()
-    return _Found(name, orbit, value, len(half.points), point.arc, tangent)
+    return Found(name, orbit, value, len(half.points), point.arc, tangent=tangent)

@@ -97,6 +97,8 @@ class OrbitBranch:
     """
 
     singular = frozenset({"BP"})
+    odd = frozenset({"SN", "BP"})
+    """Monitor functions that change sign with the tangent's direction."""
     noise: Mapping[str, float] = MappingProxyType({})
 
     def __init__(self, problem: OrbitProblem, u: NDArray[np.float64], interest: Interest) -> None:
