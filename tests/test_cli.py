@@ -13,6 +13,7 @@ import pytest
 from saltus import cli
 from saltus.errors import ConvergenceError
 
+FIGURES = ["fig2", "fig3", "fig4", "fig5", "fig6", "fig7", "fig7a"]
 POINT = {"type": "SN", "omega": 0.916055296824, "min_z": 0.0116, "signature": [["flight", "theta"]], "admissible": True}
 
 
@@ -50,6 +51,7 @@ def test_help_names_the_commands(capsys):
     code, out, _ = _run(capsys, "--help")
     assert code == 0
     assert "reproduce" in out
+    assert "animate" in out
     assert "--version" in out
 
 
@@ -67,12 +69,12 @@ def test_version_is_the_package_s(capsys, monkeypatch):
 def test_list_tells_each_figure_in_a_line(capsys):
     code, out, err = _run(capsys, "reproduce", "list")
     assert (code, err) == (0, "")
-    assert [line.split("  ")[0] for line in out.splitlines()] == ["fig3", "fig4", "fig5", "fig6", "fig7a"]
+    assert [line.split("  ")[0] for line in out.splitlines()] == FIGURES
     assert all(line.split("  ", 1)[1] for line in out.splitlines())
 
 
 def test_an_unknown_figure_is_answered_with_the_nearest_name(capsys):
-    wanted = "saltus: figure = 'fgi3': must be one of fig3, fig4, fig5, fig6, fig7a; did you mean 'fig3'?\n"
+    wanted = f"saltus: figure = 'fgi3': must be one of {', '.join(FIGURES)}; did you mean 'fig3'?\n"
     assert _run(capsys, "reproduce", "fgi3") == (2, "", wanted)
 
 
@@ -201,10 +203,102 @@ def test_an_interrupt_before_anything_was_computed_is_told(capsys, tmp_path, fig
     assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path)) == (130, "", wanted)
 
 
+@pytest.fixture
+def film(monkeypatch):
+    """A film that is written at once; its `act` can be replaced."""
+    from saltus import afm
+
+    state = SimpleNamespace(act=lambda: None)
+
+    def settled_orbit(system, parameters, regime):
+        state.system, state.parameters, state.regime = system, parameters, regime
+        return "PeriodicOrbit of tapping"
+
+    def animate(orbit, path, **options):
+        state.act()
+        state.options = options
+        path.write_bytes(b"GIF89a" * 1000)
+        return path
+
+    monkeypatch.setattr(afm, "settled_orbit", settled_orbit)
+    monkeypatch.setattr(afm, "animate", animate)
+    return state
+
+
+def test_a_film_is_of_what_the_options_say(capsys, tmp_path, film):
+    path = tmp_path / "tap.gif"
+    chosen = ["--omega", "1.15", "--modes", "3", "--ybar", "0.1", "--d-att", "0.02", "--d-rep", "5"]
+    code, out, err = _run(
+        capsys,
+        "animate",
+        "-o",
+        str(path),
+        *chosen,
+        "--orbit",
+        "attractive",
+        "--fps",
+        "20",
+        "--seconds",
+        "3",
+        "--width",
+        "640",
+    )
+    assert (code, err) == (0, "")
+    assert out == f"'PeriodicOrbit of tapping'\nwritten  {path}  (0.01 MB)\n"
+    assert len(film.system.states) == 6
+    assert film.parameters == {"Omega": 1.15, "ybar": 0.1, "D_att": 0.02, "D_rep": 5.0}
+    assert film.regime == "attractive"
+    assert {name: film.options[name] for name in ("fps", "seconds", "width", "progress")} == {
+        "fps": 20,
+        "seconds": 3.0,
+        "width": 640,
+        "progress": None,
+    }
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (("-o", "tap.png"), "path = 'tap.png': must be a file whose name ends in .gif or .mp4"),
+        (("-o", "/nowhere/tap.gif"), "path = '/nowhere/tap.gif': must be a file in a folder that exists"),
+        (("--fps", "30"), "fps = 30: must be one of 1, 2, 4, 5, 10, 20, 25, 50 for a GIF"),
+        (("--modes", "0"), "modes = 0: must be an integer, 1 or more"),
+    ],
+)
+def test_a_film_that_cannot_be_is_told_in_a_line(capsys, film, args, message):
+    assert _run(capsys, "animate", *args) == (2, "", f"saltus: {message}\n")
+
+
+def test_a_film_s_parameters_are_checked_by_the_model(capsys, tmp_path):
+    path = tmp_path / "tap.gif"
+    assert _run(capsys, "animate", "-o", str(path), "--omega", "-1") == (2, "", "saltus: Omega = -1.0: must be > 0\n")
+    wanted = "saltus: orbit = 'attractve': must be 'repulsive' or 'attractive'; did you mean 'attractive'?\n"
+    assert _run(capsys, "animate", "-o", str(path), "--orbit", "attractve") == (2, "", wanted)
+    assert not path.exists()
+
+
+def test_an_interrupted_film_is_told(capsys, tmp_path, film):
+    def stop():
+        raise KeyboardInterrupt
+
+    film.act = stop
+    wanted = "saltus: interrupted before there was anything to keep\n"
+    assert _run(capsys, "animate", "-o", str(tmp_path / "tap.gif")) == (130, "", wanted)
+
+
 HEAVY = ("sympy", "numba", "xarray", "matplotlib", "scipy", "pandas", "numpy", "h5py", "pint", "rich")
 
 
-@pytest.mark.parametrize("args", [["--help"], ["reproduce", "list"], ["reproduce", "fgi3"], ["reproduce", "--help"]])
+LIGHT = [
+    ["--help"],
+    ["reproduce", "list"],
+    ["reproduce", "fgi3"],
+    ["reproduce", "--help"],
+    ["animate", "--help"],
+]
+
+
+@pytest.mark.parametrize("args", LIGHT)
 def test_a_command_that_computes_nothing_imports_nothing_heavy(args):
     code = (
         "import sys, saltus.cli\n"

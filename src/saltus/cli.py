@@ -23,6 +23,8 @@ _FAILED, _INTERRUPTED = 2, 130
 _TABLE_WIDTH = 80
 _LONG = ("signature", "value")
 """Columns whose text may go on in the next line, so that numbers beside them are never cut."""
+_TOLD_ELSEWHERE = ("figure", "parameters")
+"""Entries of a figure's content that the table of its numbers leaves out."""
 
 app = typer.Typer(
     name="saltus",
@@ -86,15 +88,53 @@ def reproduce(
         return
     run = runner(figure)
     folder = _writable_folder(out)
-    try:
-        with _status() as say:
-            found = run(folder, say)
-    except KeyboardInterrupt:
-        typer.echo("saltus: interrupted before there was anything to keep", err=True)
-        raise SystemExit(_INTERRUPTED) from None
+    with _interruptible(), _status() as say:
+        found = run(folder, say)
     _report(found)
     if found["interrupted"]:
         raise SystemExit(_INTERRUPTED)
+
+
+@app.command()
+def animate(
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FILE", help="The film: a .gif, or an .mp4 (extra saltus[video]).")
+    ] = Path("tap.gif"),
+    omega: Annotated[float, typer.Option(help="Drive frequency, in units of the first natural frequency.")] = 1.0,
+    ybar: Annotated[float, typer.Option(help="Drive amplitude, in units of the gap at rest.")] = 0.108,
+    modes: Annotated[int, typer.Option(help="Modes of the cantilever.")] = 2,
+    d_att: Annotated[float, typer.Option("--d-att", help="Damping out of contact.")] = 0.025,
+    d_rep: Annotated[float, typer.Option("--d-rep", help="Damping in contact.")] = 4.0,
+    orbit: Annotated[str, typer.Option(help="Regime: repulsive (with contact) or attractive (without).")] = "repulsive",
+    fps: Annotated[int, typer.Option(help="Frames a second.")] = 25,
+    seconds: Annotated[float, typer.Option(help="How long the film lasts.")] = 4.0,
+    width: Annotated[int, typer.Option(help="Width in pixels.")] = 800,
+) -> None:
+    """Film the cantilever, tapping on a periodic orbit, beside its phase portrait and the force."""
+    from saltus.afm.movies import checked_movie
+
+    checked_movie(out, fps)
+    with _interruptible(), _status() as say:
+        from saltus.afm import animate as film
+        from saltus.afm import settled_orbit, table1, tapping_mode
+
+        setup = table1()
+        parameters = {"Omega": omega, "ybar": ybar, "D_att": d_att, "D_rep": d_rep}
+        found = settled_orbit(tapping_mode(setup, modes=modes), parameters, orbit)
+        told = None if say is None else lambda done, total: say(f"frame {done} of {total}")
+        path = film(found, out, setup=setup, fps=fps, seconds=seconds, width=width, progress=told)
+    typer.echo(repr(found))
+    typer.echo(f"written  {path}  ({path.stat().st_size / 1e6:.2f} MB)")
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Leave with its exit code where an interrupt comes before there is a result."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        typer.echo("saltus: interrupted before there was anything to keep", err=True)
+        raise SystemExit(_INTERRUPTED) from None
 
 
 def _writable_folder(out: Path) -> Path:
@@ -154,14 +194,24 @@ def _special_points(points: list[dict[str, Any]]) -> Table:
 
 
 def _numbers(content: dict[str, Any]) -> Table:
-    """Return the numbers in the content of a figure without special points, a row for those that belong together."""
+    """Return numbers and words in the content of a figure without special points, a row for what belongs together."""
     table = _table({"what": "left", "value": "left"})
     for name, value in content.items():
-        numbers = value if isinstance(value, dict) else {"": value}
-        written = [f"{key} = {x:.10g}".removeprefix(" = ") for key, x in numbers.items() if isinstance(x, int | float)]
-        if name != "parameters" and written:
+        if name in _TOLD_ELSEWHERE:
+            continue
+        values = value if isinstance(value, dict) else {"": value}
+        told = {key: _written(x) for key, x in values.items() if key not in _TOLD_ELSEWHERE}
+        written = [f"{key} = {x}".removeprefix(" = ") for key, x in told.items() if x]
+        if written:
             table.add_row(name, ", ".join(written))
     return table
+
+
+def _written(value: object) -> str:
+    """Return a number or a word as the table has it; nothing for what has parts."""
+    if isinstance(value, str):
+        return value
+    return f"{value:.10g}" if isinstance(value, int | float) else ""
 
 
 def _table(columns: Mapping[str, Literal["left", "right"]]) -> Table:

@@ -24,6 +24,8 @@ _HOMES = {
     "Branch": "saltus.continuation.branch",
     "Locus": "saltus.continuation.locus",
     "Family": "saltus.continuation.family",
+    "Sweep": "saltus.sweeps.sweep",
+    "LyapunovSpectrum": "saltus.sweeps.lyapunov",
 }
 
 

@@ -194,6 +194,6 @@ def test_the_registry_names_each_figure_with_a_module():
     for name, line in FIGURES.items():
         assert callable(runner(name))
         assert line
-    with pytest.raises(InputError, match=r"figure = 'fig33': must be one of fig3, fig4, .*; did you mean 'fig3'\?"):
+    with pytest.raises(InputError, match=r"figure = 'fig33': must be one of fig2, fig3, .*; did you mean 'fig3'\?"):
         runner("fig33")
     assert set(figures.__all__) == {"FIGURES", "runner"}

@@ -93,14 +93,18 @@ def test_physical_parameters_act_as_a_new_set_up(systems):
 
 
 @pytest.mark.parametrize(("mode", "q1"), [("flight", 0.4), ("contact", 1.2)])
-def test_outputs_are_gap_and_force_in_units_of_eta_and_k_eta(systems, mode, q1):
+def test_outputs_are_gap_its_rate_and_force_in_units_of_eta_omega_1_and_k_eta(systems, mode, q1):
     setup, system = table1(), systems[2]
-    state, out = np.array([q1, -0.1, 0.3, 0.2, 0.5]), np.empty(2)
-    p = system.compiled.extended(system.parameter_vector({}))
+    state, out = np.array([q1, -0.1, 0.3, 0.2, 0.5]), np.empty(3)
+    p = system.compiled.extended(system.parameter_vector({"Omega": 1.07}))
     system.compiled.call("outputs", system.mode_index(mode), 0, state, p, out)
     gap = 1.0 - q1 + 0.1 - 0.108 * np.sin(0.5)
+    ahead = state + 1e-6 * system.field(mode, state, {"Omega": 1.07})
+    back = state - 1e-6 * system.field(mode, state, {"Omega": 1.07})
+    rate = (back[:2].sum() + 0.108 * np.sin(back[-1]) - ahead[:2].sum() - 0.108 * np.sin(ahead[-1])) / 2e-6
     unit = setup.cantilever.k * setup.eta
-    np.testing.assert_allclose(out, [gap, tip_force(gap * setup.eta, setup.sample) / unit], rtol=1e-13)
+    np.testing.assert_allclose(out[[0, 2]], [gap, tip_force(gap * setup.eta, setup.sample) / unit], rtol=1e-13)
+    assert out[1] == pytest.approx(rate, abs=1e-9)  # of a central difference: rounding over its step
 
 
 def test_states_are_all_positions_then_all_velocities(systems):
@@ -237,7 +241,7 @@ def test_system_seen_before_needs_no_sympy(systems):
 
 def test_names_of_the_floor_load_in_any_order():
     code = "import saltus.afm.table1; from saltus import afm; print(*(callable(getattr(afm, n)) for n in afm.__all__))"
-    assert in_new_process(code) == "True True True True True True"
+    assert in_new_process(code) == "True True True True True True True True"
 
 
 def test_name_that_the_floor_lacks_is_an_attribute_error():

@@ -82,6 +82,15 @@ def test_chattering_time_is_right_for_any_restitution(ball, e):
     assert error.value.time == pytest.approx(math.sqrt(2.0) * (1 + e) / (1 - e), rel=1e-10)
 
 
+def test_an_oscillator_pressed_to_its_stop_chatters_there(impact_oscillator):
+    with pytest.raises(ChatteringError) as error:
+        simulate(impact_oscillator, {"w": 2.65, "A": 6.03435572809818}, [1.0, -1e-3, 1.0], periods=10)
+    # hops of the speeds u, e u, ... under an acceleration nearly constant
+    pressed = 6.03435572809818 * math.cos(1.0) - 1.0
+    assert error.value.time == pytest.approx(2e-3 / pressed / (1.0 - 0.8), rel=2e-2)
+    assert error.value.state[0] == pytest.approx(1.0, abs=1e-12)
+
+
 def test_ball_on_table_keeps_its_period_one_jump(ball_on_table):
     a, e = 1.2, 0.5
     angle = math.acos(math.pi * (1 - e) / (1 + e) / a)
@@ -594,7 +603,9 @@ def test_an_output_is_what_its_expression_says(ball):
     assert energy[times < 1.0] == pytest.approx(2.0, rel=1e-12)
     assert energy[times > 1.0] == pytest.approx(0.5, rel=1e-12)
     assert motion.output("energy", 0.0) == pytest.approx(2.0)
-    with pytest.raises(InputError, match=r"output = 'enrgy': must be one of energy; did you mean 'energy'?"):
+    assert motion.output("energy - v**2/2", times) == pytest.approx(2.0 * motion.output("z", times), abs=1e-12)
+    unknown = r"in z, v, g, e, energy and pi, but 'enrgy' is unknown; did you mean 'energy'\?"
+    with pytest.raises(InputError, match=rf"expression = 'enrgy': must be {unknown}"):
         motion.output("enrgy", 0.0)
 
 
@@ -625,6 +636,15 @@ def test_a_saved_trajectory_is_read_back_equal(afm1, tmp_path, periods):
     assert np.array_equal(again.events, motion.events)
     assert again.system.mode_names == afm1.mode_names
     assert again.system == afm1
+
+
+def test_the_dataset_tells_which_events_graze():
+    system = one_mode({"z": "v", "v": "2"}, [("z", -1, {}, None)])
+    motion = simulate(system, None, [1.0 - 1e-13, -2.0], t_end=1.5, **TIGHT)
+    dataset = motion.to_xarray()
+    assert dataset["event_grazing"].values.tolist() == [True]
+    assert dataset["event_time"].values == pytest.approx(1.0, abs=1e-6)
+    assert "1 grazing" in repr(motion)
 
 
 def test_a_saved_trajectory_without_events_is_read_back_equal(ball, tmp_path):

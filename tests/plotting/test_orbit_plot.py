@@ -45,7 +45,7 @@ def test_samples_agree_with_an_event_driven_simulation(tapping_orbit):
 
 def test_samples_have_every_state_and_output_and_a_phase_on_the_circle(tapping_orbit):
     sample = tapping_orbit.sample()
-    assert set(sample.data_vars) == {"q1", "v1", "theta", "z", "force", "mode"}
+    assert set(sample.data_vars) == {"q1", "v1", "theta", "z", "v", "force", "mode"}
     assert sample["theta"].values.min() >= 0.0
     assert sample["theta"].values.max() <= 2.0 * math.pi
     gap = 1.0 - sample["q1"] - tapping_orbit.parameters["ybar"] * np.sin(sample["theta"])
@@ -99,6 +99,14 @@ def test_the_phase_s_wrap_cuts_the_curve_at_two_pi(tapping_orbit):
     assert min(curve.min() for curve in curves) == 0.0
 
 
+def test_expressions_are_drawn_like_outputs(tapping_orbit):
+    named = tapping_orbit.plot("z", "v").lines
+    written = tapping_orbit.plot("1 - q1 - ybar*sin(theta)", "-v1 - ybar*Omega*cos(theta)").lines
+    assert len(named) == len(written) == 3
+    for one, other in zip(named, written, strict=True):
+        assert one.get_xydata() == pytest.approx(other.get_xydata(), abs=1e-14)
+
+
 def test_an_orbit_without_events_is_one_curve(impact_oscillator):
     orbit = saltus.solve_orbit(impact_oscillator, {"A": 0.05}, [("free", "theta", [0.0, 0.5], 2.0 * math.pi)])
     ax = orbit.plot("x", "v", legend=False)
@@ -108,7 +116,6 @@ def test_an_orbit_without_events_is_one_curve(impact_oscillator):
 
 
 def test_a_wrong_name_is_answered_with_the_nearest_one(tapping_orbit):
-    with pytest.raises(
-        InputError, match=r"quantity = 'forse': must be one of t, q1, v1, theta, z, force; did you mean 'force'\?"
-    ):
+    allowed = r"in q1, v1, theta, Omega, .*, z, v, force and pi, but 'forse' is unknown; did you mean 'force'\?"
+    with pytest.raises(InputError, match=rf"expression = 'forse': must be {allowed}"):
         tapping_orbit.plot("t", "forse")

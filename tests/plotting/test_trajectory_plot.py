@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import saltus
+from saltus import afm
 from saltus.errors import InputError
 from saltus.plotting import style
 
@@ -46,6 +47,20 @@ def test_outputs_are_drawn(bounce):
     assert energies == pytest.approx([0.25**i for i in range(len(energies))], abs=1e-12)
 
 
+def test_any_expression_is_drawn(bounce):
+    ax = bounce.plot("t", "2*energy - v**2")
+    for line in (line for line in ax.lines if line.get_linestyle() == "-"):
+        assert line.get_ydata() == pytest.approx(2.0 * bounce.output("z", line.get_xdata()), abs=1e-12)
+    assert ax.get_ylabel() == "2*energy - v**2"
+
+
+def test_gap_and_its_rate_are_drawn_for_a_tapping_tip():
+    motion = saltus.simulate(afm.tapping_mode(afm.table1(), modes=2), {}, [0.1, 0.0, 0.2, 0.0], periods=2)
+    z, v = np.concatenate([line.get_xydata() for line in motion.plot("z", "v").lines]).T
+    assert np.ptp(z) > 0.5
+    assert np.ptp(v) > 0.5
+
+
 def test_modes_have_their_colours(stick_slip):
     motion = saltus.simulate(stick_slip, {}, [0.0, 0.3], mode="stick", t_end=12.0)
     ax = motion.plot("t", "v")
@@ -68,9 +83,8 @@ def test_the_first_state_against_time_is_the_default(bounce):
 
 
 def test_a_wrong_name_is_answered_with_the_nearest_one(bounce):
-    with pytest.raises(
-        InputError, match=r"quantity = 'enrgy': must be one of t, z, v, energy; did you mean 'energy'\?"
-    ):
+    allowed = r"in z, v, g, e, energy and pi, but 'enrgy' is unknown; did you mean 'energy'\?"
+    with pytest.raises(InputError, match=rf"expression = 'enrgy': must be {allowed}"):
         bounce.plot("t", "enrgy")
 
 

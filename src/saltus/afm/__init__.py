@@ -16,16 +16,29 @@ from typing import TYPE_CHECKING
 from saltus.afm.table1 import table1
 
 if TYPE_CHECKING:
+    from saltus.afm.animation import animate
     from saltus.afm.cantilever import Cantilever
+    from saltus.afm.regimes import settled_orbit
     from saltus.afm.sample import DMTSample, tip_force
     from saltus.afm.tapping import Setup, tapping_mode
 
-__all__ = ["Cantilever", "DMTSample", "Setup", "table1", "tapping_mode", "tip_force"]
+__all__ = [
+    "Cantilever",
+    "DMTSample",
+    "Setup",
+    "animate",
+    "settled_orbit",
+    "table1",
+    "tapping_mode",
+    "tip_force",
+]
 
 _HOMES = {
     "Cantilever": "saltus.afm.cantilever",
     "DMTSample": "saltus.afm.sample",
     "Setup": "saltus.afm.tapping",
+    "animate": "saltus.afm.animation",
+    "settled_orbit": "saltus.afm.regimes",
     "tapping_mode": "saltus.afm.tapping",
     "tip_force": "saltus.afm.sample",
 }

@@ -76,8 +76,8 @@ def tapping_mode(
 
     States are the modes' displacements and velocities at the tip, ``(q1, ..., qn, v1, ..., vn)``, in units of the rest
     gap `eta` and of time ``1 / omega_1``; the phase `theta` is the drive's. Hybrid modes are ``"flight"`` (gap above
-    `a0`) and ``"contact"``; transitions ``"touch"`` and ``"release"``; outputs ``z``, the gap in units of `eta`, and
-    ``force``, the force on the tip in units of ``k eta``, positive where it repels.
+    `a0`) and ``"contact"``; transitions ``"touch"`` and ``"release"``; outputs ``z``, the gap in units of `eta`, ``v``,
+    the gap's rate, and ``force``, the force on the tip in units of ``k eta``, positive where it repels.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def tapping_mode(
     >>> from saltus.afm import table1
     >>> system = tapping_mode(table1(), modes=2, parameters={"Omega": 1.15})
     >>> system.states, system.mode_names, system.transition_names, system.output_names
-    (('q1', 'q2', 'v1', 'v2'), ('flight', 'contact'), ('touch', 'release'), ('z', 'force'))
+    (('q1', 'q2', 'v1', 'v2'), ('flight', 'contact'), ('touch', 'release'), ('z', 'v', 'force'))
     >>> system.resolve({"D_rep": 2.0})["D_rep_2"]
     2.0
     """
@@ -158,6 +158,7 @@ def _definition(setup: Setup, n: int, static_term: StaticTerm) -> dict[str, Any]
     each = range(1, n + 1)
     gap = f"1 - {' - '.join(f'q{i}' for i in each)} - ybar*sin(theta)"
     z = f"({gap})"
+    rate = f"-{' - '.join(f'v{i}' for i in each)} - ybar*Omega*cos(theta)"
     C = "(-H*R/(6*k*eta**3))"
     G = "(4/3*E_star*sqrt(R*eta)/k)"
     force = {"flight": f"{C}/{z}**2", "contact": f"{C}/(a0/eta)**2 + {G}*(a0/eta - {z})**(3/2)"}
@@ -185,7 +186,7 @@ def _definition(setup: Setup, n: int, static_term: StaticTerm) -> dict[str, Any]
             Transition("contact", "flight", event=f"{gap} - a0/eta", direction=1, name="release"),
         ),
         "phase": ("theta", "Omega"),
-        "outputs": {"z": gap, "force": force},
+        "outputs": {"z": gap, "v": rate, "force": force},
         "groups": {name: tuple(f"{name}_{i}" for i in each) for name in damping.values()},
         "positive": ("Omega", "k", "eta", "a0", "R"),
         "parameter_bounds": {

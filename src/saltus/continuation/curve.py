@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any, Self, overload
 import numpy as np
 
 from saltus.errors import InputError, nearest
+from saltus.flow.observables import check_observables, observe, read_observable
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.normal_form import NORMAL_FORMS, NormalForm, normal_form
 from saltus.orbits.orbit import complex_of, orbit_at
 from saltus.orbits.problem import OrbitProblem, Signature
+from saltus.orbits.sampling import motion_of
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 
@@ -279,9 +281,16 @@ class Curve(Result):
         Parameters
         ----------
         name : str
-            A varied parameter, ``period``, ``arclength``, a state (its value at phase 0), or ``min_`` or ``max_`` and
-            a state or output; of a locus also ``angle`` and ``coefficient``.
+            A varied parameter, ``period``, ``arclength``, a state (its value at phase 0), ``min_`` or ``max_`` and a
+            state or output, or an observable as `observe` takes it; of a locus also ``angle`` and ``coefficient``.
+
+        Raises
+        ------
+        InputError
+            A quantity of another name.
         """
+        if isinstance(name, str) and "(" in name:
+            return self._observed(name)
         table = self.values.reshape(len(self), -1)
         columns: dict[str, Any] = {parameter: table[:, i] for i, parameter in enumerate(self.varied)}
         columns |= {"period": self.period, "arclength": self.arclength} | self._own_columns()
@@ -292,9 +301,64 @@ class Curve(Result):
             for side in ("min", "max"):
                 columns.pop(f"{side}_{self.system.phase[0]}")
         if name not in columns:
-            raise InputError("quantity", name, f"one of {', '.join(columns)}", nearest(str(name), columns))
+            allowed = f"one of {', '.join(columns)}, or an observable, as in 'mean({self.quantities[0]})'"
+            raise InputError("quantity", name, allowed, nearest(str(name), columns))
         found: NDArray[np.float64] = columns[name]
         return found
+
+    def observe(self, *names: str) -> xr.Dataset:
+        """Return observables of the orbits, against ``point``.
+
+        A phase runs on along the curve, without jumps. An observable that is asked for again is not computed again.
+
+        Parameters
+        ----------
+        *names : str
+            As in ``"amplitude(z, 1)"`` or ``"fraction(contact)"``; `saltus.flow.observables` lists them.
+
+        Returns
+        -------
+        xarray.Dataset
+            A variable for each, and the varied parameters as coordinates.
+
+        Raises
+        ------
+        InputError
+            A name that is no observable.
+        """
+        import xarray as xr
+
+        self._observe(names)
+        table = self.values.reshape(len(self), -1)
+        coords = {parameter: ("point", table[:, i]) for i, parameter in enumerate(self.varied)}
+        return xr.Dataset({name: ("point", self._observed(name)) for name in names}, coords)
+
+    @cached_property
+    def _observations(self) -> dict[str, NDArray[np.float64]]:
+        return {}
+
+    def _observed(self, name: str) -> NDArray[np.float64]:
+        self._observe((name,))
+        return self._observations[name]
+
+    def _observe(self, names: Sequence[str]) -> None:
+        """Compute what is not known yet."""
+        check_observables(self.system, names)
+        wanted = [name for name in dict.fromkeys(names) if name not in self._observations]
+        if not wanted:
+            return
+        rows = [observe(motion_of(*self._solved(i)), wanted) for i in range(len(self))]
+        for name in wanted:
+            column = np.array([row[name] for row in rows])
+            if turn := self._turn(name):
+                known = np.isfinite(column)
+                column[known] = np.unwrap(column[known], period=turn)
+            self._observations[name] = frozen(column)
+
+    def _turn(self, name: str) -> float:
+        """Return the angle that a phase is known up to; 0.0 for what is no phase."""
+        observable = read_observable(self.system, name)
+        return 2.0 * np.pi / observable.order.denominator if observable.kind == "phase" and observable.order else 0.0
 
     def at(self, point: SpecialPoint, name: str) -> float:
         """Return the quantity that `column` names at a special point."""
@@ -310,7 +374,11 @@ class Curve(Result):
             return float(orbit.x0[self.system.states.index(name)])
         if name == "arclength":
             return point.arclength
-        return float(np.interp(point.arclength, self.arclength, self.column(name)))
+        nearby = float(np.interp(point.arclength, self.arclength, self.column(name)))
+        if "(" not in name:
+            return nearby
+        value, turn = orbit.observe(name)[name], self._turn(name)
+        return value + turn * round((nearby - value) / turn) if turn and np.isfinite(nearby - value) else value
 
     def signature(self, index: int) -> tuple[tuple[str, str], ...]:
         """Return the (mode, transition) names of a point's segments."""
@@ -323,13 +391,18 @@ class Curve(Result):
             raise InputError("index", index, "an integer")
         if not -len(self) <= index < len(self):
             raise InputError("index", index, f"between {-len(self)} and {len(self) - 1}")
+        problem, u = self._solved(index)
+        return orbit_at(problem, u, problem.evaluate(u)[1])
+
+    def _solved(self, index: int) -> tuple[OrbitProblem, NDArray[np.float64]]:
+        """Return the equations of one point's orbit, meshes made, and their solution."""
         row = np.atleast_1d(self.values[index]).tolist()
         values = dict(self.parameters) | dict(zip(self.varied, row, strict=True))
         p = self.system.parameter_vector(values)
         problem = OrbitProblem(self.system, self.forms[self.form[index]], p, tol=self.tol)
         u = np.array(self.unknowns[index])
         problem.start(u)
-        return orbit_at(problem, u, problem.evaluate(u)[1])
+        return problem, u
 
     def to_xarray(self) -> xr.Dataset:
         """Return the curve as a Dataset: points against ``point``, special points against ``special``."""

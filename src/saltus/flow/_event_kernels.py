@@ -27,6 +27,7 @@ from saltus.flow._kernels import (
     stack,
     stage,
 )
+from saltus.flow._polynomial_kernels import DEPTH, ROOTS, bernstein_roots, bernstein_value, variations
 from saltus.system.codegen import FUNCTIONS
 
 FIELD, EVENT, EVENT_X, RESET, GUARD = (
@@ -36,16 +37,18 @@ FIELD, EVENT, EVENT_X, RESET, GUARD = (
 DONE, AGAIN, CHATTERING, UNBOUNDED, STEP_UNDERFLOW, LEFT_DOMAIN, FIELD_NOT_FINITE, RESET_NOT_FINITE = range(8)
 """What `run_kernel` returns; AGAIN when a buffer is full or the budget of steps is spent."""
 
-T, T_LOW, STEP, DURATION, LONGEST, LAST, LAST_BUT_ONE, FIRST_STEP, RESIDUAL, STEP_BEFORE, ERROR_BEFORE, N_NUMBERS = (
-    range(12)
-)
+(
+    T, T_LOW, STEP, DURATION, LONGEST, LAST, LAST_BUT_ONE, FIRST_STEP, RESIDUAL, STEP_BEFORE, ERROR_BEFORE, RATE_AFTER,
+    N_NUMBERS,
+) = range(13)  # fmt: skip
 """Places in `numbers`: time and its rounding, next step, time since the last event, the longest such time, the last
 two, the first step of this segment, residual of the last landing relative to its scale, the last step accepted in this
-segment and its error (0: none)."""
+segment and its error (0: none), the rate of the last event's function just after it."""
 
-MODE, STARTING, FIRED, MODE_BEFORE, WRAPS, EVENTS, SMALL_RUN, SHRINKING_RUN, STILL_RUN, N_STEPS, N_EVENTS, N_COUNTS = (
-    range(12)
-)
+(
+    MODE, STARTING, FIRED, MODE_BEFORE, WRAPS, EVENTS, SMALL_RUN, SHRINKING_RUN, STILL_RUN, HOP_RUN, N_STEPS, N_EVENTS,
+    N_COUNTS,
+) = range(13)  # fmt: skip
 """Places in `counts`."""
 
 BOUND = 1e12
@@ -55,9 +58,10 @@ CHATTERING_RUN = 50
 CHATTERING_DURATION = 1e-10
 """Chattering: more than so many events in a row, each following after less than this part of the time scale."""
 
+HOP_RUN_MOST = 3
+"""Chattering too: more hops than these in a row, from an event to the same one, each lower than rounding."""
+
 DEGREE = 8
-ROOTS = 16
-DEPTH = 64
 PIECE = DEGREE + 3  # a polynomial's coefficients and ends on the stack
 EPSILON = 2.220446049250313e-16
 ROUNDING = 64.0 * EPSILON
@@ -83,120 +87,6 @@ def _bernstein_fit():
 FIT_NODES, FIT = _bernstein_fit()
 CHECKS = np.array([0.2213, 0.7841])
 """Fractions of a piece at which the fitted polynomial is compared with the event function, between the nodes."""
-
-
-@njit(**INNER)
-def _variations(b, degree):
-    """Sign variations of Bernstein coefficients, and the first and last sign that is not zero."""
-    count = first = last = 0
-    for i in range(degree + 1):
-        sign = 1 if b[i] > 0.0 else (-1 if b[i] < 0.0 else 0)
-        if sign != 0:
-            if last != 0 and sign != last:
-                count += 1
-            if first == 0:
-                first = sign
-            last = sign
-    return count, first, last
-
-
-@njit(**INNER)
-def _bernstein_value(b, degree, s, work):
-    """Value and derivative of a Bernstein polynomial at s, by de Casteljau's scheme."""
-    for i in range(degree + 1):
-        work[i] = b[i]
-    slope = 0.0
-    for level in range(degree, 0, -1):
-        if level == 1:
-            slope = degree * (work[1] - work[0])
-        for i in range(level):
-            work[i] += s * (work[i + 1] - work[i])
-    return work[0], slope
-
-
-@njit(**INNER)
-def _single_root(b, degree, first, work):
-    """The one root in (0, 1) of a polynomial whose coefficients change sign once, from sign `first`."""
-    outlined()
-    low, high, s = 0.0, 1.0, 0.5
-    for _ in range(200):
-        value, slope = _bernstein_value(b, degree, s, work)
-        if value * first > 0.0:
-            low = s
-        elif value == 0.0:
-            return s
-        else:
-            high = s
-        new = s - value / slope
-        if not low < new < high:
-            # roots next to the start are sought on their own scale
-            new = 0.5 * (low + high) if low > 1e-3 * high else max(math.sqrt(low * high), 1e-3 * high)
-        if abs(new - s) <= 1e-14 * new or high - low <= 1e-15 * high or high < 1e-30:
-            return new
-        s = new
-    return s
-
-
-@njit(**INNER)
-def _bernstein_roots(b, degree, noise, start, width, pieces, work, found, count):
-    """Append the roots in (0, 1) of a Bernstein polynomial, in order, as start + width * root; the new count, or -1.
-
-    Roots that `noise` may have made in pairs are left out.
-    """
-    outlined()
-    for i in range(degree + 1):
-        pieces[i] = b[i]
-    pieces[DEGREE + 1] = 0.0
-    pieces[DEGREE + 2] = 1.0
-    top = 1
-    while top > 0:
-        top -= 1
-        piece = pointer(pieces, top * PIECE)
-        low, high = piece[DEGREE + 1], piece[DEGREE + 2]
-        changes, first, last = _variations(piece, degree)
-        if changes == 0:
-            continue
-        root = -1.0
-        if changes == 1:
-            root = low + (high - low) * _single_root(piece, degree, first, work)
-        else:
-            largest = 0.0
-            for i in range(degree + 1):
-                largest = max(largest, abs(piece[i]))
-            if largest <= noise or high - low < 1e-13 or top + 2 >= DEPTH:
-                if first == last:
-                    continue
-                root = 0.5 * (low + high)
-        if root >= 0.0:
-            if count == ROOTS:
-                return -1
-            found[count] = start + width * root
-            count += 1
-            continue
-        cut = 0.5
-        for _ in range(4):
-            value, _slope = _bernstein_value(piece, degree, cut, work)
-            if value != 0.0:
-                break
-            cut -= 0.01907
-        # left half ends up above the right one on the stack
-        left, right = pointer(pieces, (top + 1) * PIECE), piece
-        for i in range(degree + 1):
-            work[i] = right[i]
-        left[0] = work[0]
-        for level in range(degree, 0, -1):
-            for i in range(level):
-                work[i] += cut * (work[i + 1] - work[i])
-            right[level] = work[level]
-            left[degree - level + 1] = work[0]
-        right[0] = work[0]
-        middle = low + cut * (high - low)
-        left[DEGREE + 1] = low
-        left[DEGREE + 2] = middle
-        right[DEGREE + 1] = middle
-        right[DEGREE + 2] = high
-        top += 2
-    return count
 
 
 @njit(**INNER)
@@ -272,7 +162,7 @@ def _scan(
         fits = True
         tolerance = max(0.1 * (atol + rtol * largest), 1e-12 * largest)
         for i in range(2):
-            fitted, _slope = _bernstein_value(b, full, CHECKS[i], work)
+            fitted, _slope = bernstein_value(b, full, CHECKS[i], work)
             exact = _event_at(addresses, k, n, p, x, dense, a + width * CHECKS[i], y, event)
             if not abs(fitted + origin - exact) <= tolerance:
                 fits = False
@@ -301,7 +191,7 @@ def _scan(
                 found[0] = 0.0
                 count = 1
         else:
-            _changes, first, _last = _variations(b, degree)
+            _changes, first, _last = variations(b, degree)
             if now == 0:
                 before = now = first
             if first != 0 and first != now:
@@ -311,7 +201,7 @@ def _scan(
                 count += 1
                 now = first
         earlier = count
-        count = _bernstein_roots(b, degree, noise, a, width, pieces, work, found, count)
+        count = bernstein_roots(b, degree, noise, a, width, pieces, work, found, count)
         if count < 0:
             return -1, before, False
         if (count - earlier) % 2 == 1:
@@ -547,6 +437,8 @@ def _begin(
             continue
         call(addresses[EVENT_X], k, 0, x, 0, p, event, 0)
         value[k] = event[0]
+        if k == counts[FIRED]:
+            numbers[RATE_AFTER] = event[1]
         reach = (ROUNDING + 4.0 * numbers[RESIDUAL]) * _scale(pointer(event, 2), n, size)
         on[k] = 1 if abs(event[0]) <= reach else 0
         if on[k] == 0:
@@ -649,7 +541,7 @@ def _first_event(
         passed[first] = index + 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def run_kernel(
     addresses, transitions, phase, p, t_end, last_wrap, last_event, rtol, atol, budget,
     x, slopes, size, numbers, counts, side, on, value, first_steps,
@@ -820,8 +712,15 @@ def run_kernel(
                     # one at the same time waits for its turn, unless its condition failed
                     if k != fired and (found[ROOTS * k + j] < fraction - 1e-9 or j < passed[k]):
                         side[k] = -side[k]
-        call(addresses[EVENT], fired, 0, landing, 0, p, event, 0)
+        call(addresses[EVENT_X], fired, 0, landing, 0, p, event, 0)
         rate = event[1]
+        hops = (
+            fired == counts[FIRED]
+            and mode == counts[MODE_BEFORE]
+            and 0.25 * max(abs(numbers[RATE_AFTER]), abs(rate)) * numbers[DURATION]
+            <= ROUNDING * _scale(pointer(event, 2), n, landing_size)
+        )
+        counts[HOP_RUN] = counts[HOP_RUN] + 1 if hops else 0
         call(addresses[RESET], fired, 0, landing, 0, p, after, 0)
         target = transitions[3 * fired + 1]
         _record_event(counts, numbers, fired, n, rate, landing, after, mode, target, event_times, event_which,
@@ -838,5 +737,5 @@ def run_kernel(
         counts[FIRED] = fired
         counts[EVENTS] += 1
         counts[STARTING] = 1
-        if _chatters(counts, numbers, phase):
+        if _chatters(counts, numbers, phase) or counts[HOP_RUN] > HOP_RUN_MOST:
             return CHATTERING

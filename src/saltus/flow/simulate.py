@@ -9,8 +9,8 @@ Rules
   event happens at once; an event of direction 0 does not. A transition that has just led back to its own mode by a
   reset that lets the motion pass through the surface (a counter on a section) does not happen a second time.
 * Chattering is told where more than 50 events in a row each follow after less than 1e-10 of the time scale (the period
-  of the phase, or else the longest time between events so far) and these times shrink, or where time stands still for
-  50 events.
+  of the phase, or else the longest time between events so far) and these times shrink, where time stands still for
+  50 events, or where the motion hops from an event to the same one below rounding four times in a row.
 * The phase runs on [0, 2 pi); its wrap is landed on exactly and recorded as an event of kind ``"phase"``.
 """
 
@@ -24,7 +24,9 @@ from typing import TYPE_CHECKING, Any, Self, TypeGuard
 import numpy as np
 
 from saltus.errors import ChatteringError, DivergenceError, InputError
+from saltus.flow.observables import Motion, dense_states, observe
 from saltus.results import Result, frozen
+from saltus.system.evaluate import evaluate
 from saltus.system.hybrid import HybridSystem
 
 if TYPE_CHECKING:
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
 
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
+
+    from saltus.flow.spectrum import Window
 
 __all__ = ["GRAZING_SPEED", "EventLog", "Trajectory", "events_after", "settle", "simulate"]
 
@@ -106,52 +110,139 @@ class Trajectory(Result):
         times = self._times(t)
         flat = np.atleast_1d(times)
         at = self._steps_at(flat)
-        fraction = np.clip((flat - self.step_times[at]) / self.step_lengths[at], 0.0, 1.0)[:, None]
-        dense, other = self.step_dense[at], 1.0 - fraction
-        y = dense[:, 6] * fraction
-        for j, factor in ((5, other), (4, fraction), (3, other), (2, fraction), (1, other), (0, fraction)):
-            y = (y + dense[:, j]) * factor
-        states = self.step_starts[at] + y
+        fractions = np.clip((flat - self.step_times[at]) / self.step_lengths[at], 0.0, 1.0)
+        states = self._states(at, fractions)
         states[flat >= self.t_end] = self.x_end
         return states if times.ndim else states[0]
 
     def mode_at(self, t: ArrayLike) -> Any:
         """Return the name of the mode at times `t`, right-continuous; an array of names for an array."""
         times = self._times(t)
-        flat = np.atleast_1d(times)
-        names = np.array(self.system.mode_names)[self.step_modes[self._steps_at(flat)]].astype(object)
-        names[flat >= self.t_end] = self.mode_end
-        return names.astype(str) if times.ndim else str(names[0])
+        names = np.array(self.system.mode_names)[self._modes_at(np.atleast_1d(times))]
+        return names if times.ndim else str(names[0])
 
-    def output(self, name: str, t: ArrayLike) -> Any:
-        """Return a named output of the system at times `t`, a number or shape (time,).
+    def output(self, expression: str, t: ArrayLike) -> Any:
+        """Return an output, or any expression, at times `t`, a number or shape (time,).
+
+        Parameters
+        ----------
+        expression : str
+            In the states, the phase, the parameters and the outputs, as `saltus.system.evaluate.evaluate` reads it.
+        t : array_like
+            Times; at an event the value is that after it.
 
         Raises
         ------
         InputError
-            The system has no such output, or a time is out of range.
+            The text is no expression or uses a name that is not there, or a time is out of range.
         """
-        outputs = self.system.output_names
-        if name not in outputs:
-            from saltus.errors import nearest
-
-            known = ", ".join(outputs) or "the outputs in the system's definition; it has none"
-            raise InputError("output", name, f"one of {known}", nearest(name, outputs))
         times = self._times(t)
         flat = np.atleast_1d(times)
-        compiled = self.system.compiled
-        p = compiled.extended(self.system.parameter_vector(self.parameters))
-        index = {mode: i for i, mode in enumerate(self.system.mode_names)}
-        values, out = np.empty(flat.size), np.empty(len(outputs))
-        for i, (x, mode) in enumerate(zip(self(flat), self.mode_at(flat), strict=True)):
-            compiled.call("outputs", index[mode], 0, np.ascontiguousarray(x), p, out)
-            values[i] = out[outputs.index(name)]
+        values = evaluate(self.system, expression, self(flat), self._modes_at(flat), self.parameters)
         return values if times.ndim else float(values[0])
+
+    def motion(self, t_start: float | None = None, t_end: float | None = None) -> Motion:
+        """Return a stretch of the trajectory as `saltus.flow.observables` takes it; by default all of it.
+
+        Raises
+        ------
+        InputError
+            A time out of range, or no time between the two.
+        """
+        begin, end = self._stretch(t_start, t_end)
+        first = int(self._steps_at(np.array([begin]))[0])
+        last = max(int(np.searchsorted(self.step_times, end, side="left")) - 1, first)
+        steps = slice(first, last + 1)
+        starts, lengths = self.step_times[steps], self.step_lengths[steps]
+        spans = np.tile([0.0, 1.0], (starts.size, 1))
+        spans[0, 0] = (begin - starts[0]) / lengths[0]
+        spans[-1, 1] = min((end - starts[-1]) / lengths[-1], 1.0)
+        names, events = self.system.transition_names, self.events
+        inside = events[(events["kind"] == "event") & (events["time"] > begin) & (events["time"] <= end)]
+        crossings = [
+            (time, names.index(name), rate) for time, name, rate in inside[["time", "name", "normal_velocity"]].tolist()
+        ]
+        turn = 2.0 * math.pi / (end - begin)
+        angle = (-turn * begin, turn)
+        if self.system.phase is not None:
+            p = self.system.parameter_vector(self.parameters)
+            rate = self.system.compiled.field(int(self.step_modes[0]), self.step_starts[0].copy(), p)[-1]
+            angle = (float(self.step_starts[0, -1]), float(rate))
+        return Motion(
+            system=self.system,
+            parameters=self.parameters,
+            modes=self.step_modes[steps],
+            clocks=np.column_stack([starts, lengths, np.zeros((starts.size, 2))]),
+            spans=spans,
+            states=lambda at, fractions: self._states(at + first, fractions),
+            crossings=crossings,
+            angle=angle,
+        )
+
+    def observe(self, *names: str, t_start: float | None = None, t_end: float | None = None) -> dict[str, float]:
+        """Return observables of a stretch, by default of the whole trajectory, by name.
+
+        Parameters
+        ----------
+        *names : str
+            As in ``"max(force)"`` or ``"amplitude(z, 1)"``; `saltus.flow.observables` lists them. A harmonic is taken
+            over the last whole periods of the phase within the stretch.
+        t_start, t_end : float, optional
+            The stretch.
+
+        Raises
+        ------
+        InputError
+            A name that is no observable, a time out of range, or a harmonic of less than its period.
+        """
+        return observe(self.motion(t_start, t_end), names)
+
+    def spectrum(
+        self,
+        expression: str,
+        *,
+        t_start: float | None = None,
+        t_end: float | None = None,
+        samples: int | None = None,
+        window: Window | None = None,
+    ) -> xr.DataArray:
+        """Return the one-sided amplitude spectrum of an output, or of any expression.
+
+        Parameters
+        ----------
+        expression : str
+            As `output` takes it.
+        t_start, t_end : float, optional
+            The stretch; by default the last whole periods of the phase, or everything where there is no phase or
+            not a whole period of it.
+        samples : int, optional
+            Count of equidistant times, 2 or more; by default 256 a period of the phase, or 8 a step without a phase.
+        window : {"none", "hann"}, optional
+            What the samples are multiplied by. By default none where the stretch is a whole number of periods, else
+            Hann's, by which a line is spread over three frequencies, and what is far from it loses its leakage.
+
+        Returns
+        -------
+        xarray.DataArray
+            Amplitudes: of a line, that of its sine; the mean at frequency 0. Against ``order``, the frequency over the
+            rate of the phase, with ``frequency``, the angular frequency, beside it; without a phase against
+            ``frequency``. Attributes tell the stretch, the window and the count of samples.
+            ``motion.spectrum("z").plot(yscale="log")`` draws it.
+
+        Raises
+        ------
+        InputError
+            The text is no expression, or a time or an option cannot be used.
+        """
+        from saltus.flow.spectrum import spectrum
+
+        return spectrum(self, expression, t_start=t_start, t_end=t_end, samples=samples, window=window)
 
     def __repr__(self) -> str:
         kinds = self.events["kind"]
         names, counts = np.unique(self.events["name"][kinds == "event"], return_counts=True)
         told = ", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True)) or "no event"
+        told += f" ({grazing} grazing)" if (grazing := int(self.events["grazing"].sum())) else ""
         wraps = int(np.sum(kinds == "phase"))
         told += f", {wraps} periods of {self.system.phase[0]}" if self.system.phase is not None else ""
         title = repr(self.system.name) if self.system.name else "a system"
@@ -181,6 +272,7 @@ class Trajectory(Result):
             "event_before": (("event", "state"), np.array(log["before"])),
             "event_after": (("event", "state"), np.array(log["after"])),
             "event_normal_velocity": ("event", np.array(log["normal_velocity"])),
+            "event_grazing": ("event", np.array(log["grazing"])),
             "step_time": ("step", np.array(self.step_times)),
             "step_length": ("step", np.array(self.step_lengths)),
             "step_mode": ("step", np.array(self.step_modes), _flags(range(len(modes)), modes)),
@@ -234,8 +326,24 @@ class Trajectory(Result):
             raise InputError("t", float(times[outside][0]), f"between 0 and t_end = {self.t_end:.12g}")
         return times
 
+    def _stretch(self, t_start: float | None, t_end: float | None) -> tuple[float, float]:
+        begin, end = 0.0 if t_start is None else t_start, self.t_end if t_end is None else t_end
+        for name, time in (("t_start", begin), ("t_end", end)):
+            if not (_is_number(time) and 0.0 <= time <= self.t_end):
+                raise InputError(name, time, f"between 0 and {self.t_end:.12g}, where the trajectory ends")
+        if begin >= end:
+            raise InputError("t_start", begin, f"less than t_end = {end:.12g}")
+        return float(begin), float(end)
+
     def _steps_at(self, times: NDArray[np.float64]) -> NDArray[np.intp]:
         return np.maximum(np.searchsorted(self.step_times, times, side="right") - 1, 0)
+
+    def _modes_at(self, times: NDArray[np.float64]) -> NDArray[np.int64]:
+        at_end = self.system.mode_names.index(self.mode_end)
+        return np.where(times >= self.t_end, at_end, self.step_modes[self._steps_at(times)])
+
+    def _states(self, at: NDArray[np.intp], fractions: NDArray[np.float64]) -> NDArray[np.float64]:
+        return dense_states(self.step_starts[at], self.step_dense[at], fractions)
 
 
 @dataclass(frozen=True)

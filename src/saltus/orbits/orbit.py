@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus.flow.observables import Motion, observe
 from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
 from saltus.orbits.problem import FAULTS, OrbitProblem, Signature, Survey
+from saltus.orbits.sampling import motion_of, sample_orbit
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 
@@ -166,9 +168,36 @@ class PeriodicOrbit(Result):
         xarray.Dataset
             States, outputs and the mode's number against ``t``, which begins at the first segment's start.
         """
-        from saltus.orbits.sampling import sample_orbit
-
         return sample_orbit(self, points)
+
+    def motion(self) -> Motion:
+        """Return the orbit over one period, as `saltus.flow.observables` takes it."""
+        return motion_of(self.problem(), self.unknowns)
+
+    def observe(self, *names: str) -> dict[str, float]:
+        """Return observables over the period by name.
+
+        Parameters
+        ----------
+        *names : str
+            As in ``"amplitude(z, 1)"`` or ``"fraction(contact)"``; `saltus.flow.observables` lists them. Without a
+            phase, the angle of harmonics is 0 at the first segment's start and turns once in the period.
+
+        Raises
+        ------
+        InputError
+            A name that is no observable.
+
+        Examples
+        --------
+        >>> from saltus.orbits.find import find_orbit
+        >>> from saltus.system.hybrid import Mode
+        >>> driven = HybridSystem(("x",), {"w": 1.0}, {"free": Mode({"x": "cos(theta) - x"})}, phase=("theta", "w"))
+        >>> response = find_orbit(driven, {}, [0.0]).observe("amplitude(x, 1)", "phase(x, 1)")
+        >>> print({name: round(value, 9) for name, value in response.items()})
+        {'amplitude(x, 1)': 0.707106781, 'phase(x, 1)': 0.785398163}
+        """
+        return observe(self.motion(), names)
 
     def to_xarray(self) -> xr.Dataset:
         """Return segments, multipliers, extremes and a sampled period as a Dataset."""

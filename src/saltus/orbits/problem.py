@@ -316,6 +316,16 @@ class OrbitProblem:
         )  # fmt: skip
         return Survey(int(faults) & ~COARSE, bool(faults & COARSE), lows, highs, margins, places, rates, x0)
 
+    def dense(
+        self,
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the dense output that the last survey left.
+
+        Mesh (node,), offsets of the segments' meshes, states (node, n) and coefficients (node, 7, n).
+        """
+        nodes, coefficients = self._nodes.reshape(-1, self.n), self._coefficients.reshape(-1, 7, self.n)
+        return self._mesh, self._mesh_at, nodes, coefficients
+
     def state_on(self, segment: int, place: float) -> NDArray[np.float64]:
         """Return the full state at a clustered time of a segment, as last surveyed."""
         x, out = np.empty(self.n), np.empty(max(2, self.system.compiled.n_outputs))

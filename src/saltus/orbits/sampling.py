@@ -1,21 +1,24 @@
-"""A periodic orbit as a table: states, outputs and mode against time."""
+"""A periodic orbit from its segments' dense output: as a table against time, and as a motion to observe."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from saltus.errors import InputError
+from saltus.flow.observables import Motion, dense_states
+from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
     from saltus.orbits.orbit import PeriodicOrbit
+    from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["sample_orbit"]
+__all__ = ["motion_of", "sample_orbit"]
 
 _FEWEST = 16
 """Steps in a segment at the least, so that a short one is still a curve."""
@@ -49,41 +52,99 @@ def sample_orbit(orbit: PeriodicOrbit, points: int = 400) -> xr.Dataset:
         raise InputError("points", points, "a whole number, 2 or more")
     system = orbit.system
     times, states, modes = _follow(orbit, int(points))
-    outputs = _outputs(orbit, states, modes)
+    columns = dict(zip(system.all_states, states.T, strict=True))
+    columns |= {name: evaluate(system, name, states, modes, orbit.parameters) for name in system.output_names}
     if system.phase is not None:
-        states[:, -1] %= 2.0 * math.pi
-    columns = dict(zip(system.all_states, states.T, strict=True)) | dict(
-        zip(system.output_names, outputs.T, strict=True)
-    )
+        columns[system.phase[0]] = states[:, -1] % (2.0 * math.pi)
     dataset = xr.Dataset({name: ("t", column) for name, column in columns.items()}, coords={"t": times})
     dataset["mode"] = ("t", modes)
     dataset["mode"].attrs["names"] = ", ".join(system.mode_names)
     return dataset
 
 
+def motion_of(problem: OrbitProblem, u: NDArray[np.float64]) -> Motion:
+    """Return the orbit `u`, as `problem` last surveyed it, as `saltus.flow.observables` takes it.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        Its equations.
+    u : ndarray, shape (unknowns,)
+        States and durations of the segments.
+    """
+    system, form, n = problem.system, problem.signature, problem.n
+    blocks = u[: problem.size].reshape(problem.segments, n + 1)
+    durations = blocks[:, n]
+    ends = np.cumsum(durations)
+    steps = _steps(problem)
+    duration, begun = durations[steps.segments], (ends - durations)[steps.segments]
+    s, h = steps.places, steps.widths
+    clocks = np.column_stack(
+        [
+            begun + duration * s**2 * (3.0 - 2.0 * s),
+            duration * 6.0 * s * (1.0 - s) * h,
+            duration * 3.0 * h**2 * (1.0 - 2.0 * s),
+            duration * -2.0 * h**3,
+        ]
+    )
+    crossings, rate = [], np.empty(2)
+    for index, transition in enumerate(form.transitions):
+        if transition >= 0:
+            x = np.ascontiguousarray(steps.ends[index])
+            system.compiled.call("event", transition, 0, x, problem.extended, rate)
+            crossings.append((float(ends[index]), transition, float(rate[1])))
+    turns = form.turns or 1
+    return Motion(
+        system=system,
+        parameters=dict(zip(system.parameter_names, problem.parameters_at(u).tolist(), strict=True)),
+        modes=problem.modes[steps.segments],
+        clocks=clocks,
+        spans=np.tile([0.0, 1.0], (len(s), 1)),
+        states=lambda at, fractions: dense_states(steps.starts[at], steps.dense[at], fractions),
+        crossings=crossings,
+        angle=(0.0 if system.phase is None else float(blocks[0, n - 1]), 2.0 * math.pi * turns / float(ends[-1])),
+        turns=turns,
+    )
+
+
+class _Steps(NamedTuple):
+    """Dense output: of each step its segment, clustered time, width, start, coefficients; of each segment its end."""
+
+    segments: NDArray[np.intp]
+    places: NDArray[np.float64]
+    widths: NDArray[np.float64]
+    starts: NDArray[np.float64]
+    dense: NDArray[np.float64]
+    ends: NDArray[np.float64]
+
+
+def _steps(problem: OrbitProblem) -> _Steps:
+    mesh, mesh_at, nodes, coefficients = problem.dense()
+    last = mesh_at[1:] - 1
+    first = np.delete(np.arange(mesh.size), last)
+    return _Steps(
+        np.repeat(np.arange(problem.segments), np.diff(mesh_at) - 1),
+        mesh[first],
+        mesh[first + 1] - mesh[first],
+        nodes[first],
+        coefficients[first],
+        nodes[last],
+    )
+
+
 def _follow(orbit: PeriodicOrbit, points: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """Return times, full states (time, state) and modes' indices, one segment after the other."""
-    problem, u = orbit.problem(), orbit.unknowns
-    problem.survey(u)
-    begun = 0.0
+    steps = _steps(orbit.problem())
+    begun, whole = 0.0, max(float(np.abs(orbit.durations).sum()), 1e-300)
     times, states, modes = [], [], []
-    for index, (mode, duration) in enumerate(zip(orbit.form.modes, orbit.durations, strict=True)):
-        count = max(_FEWEST, round(points * abs(duration) / max(float(np.abs(orbit.durations).sum()), 1e-300)))
-        places = np.linspace(0.0, 1.0, count + 1)
-        times.append(begun + duration * places**2 * (3.0 - 2.0 * places))
-        states.append([problem.state_on(index, float(place)) for place in places])
+    for index, (mode, duration) in enumerate(zip(orbit.form.modes, orbit.durations.tolist(), strict=True)):
+        count = max(_FEWEST, round(points * abs(duration) / whole))
+        s = np.linspace(0.0, 1.0, count + 1)
+        times.append(begun + duration * s**2 * (3.0 - 2.0 * s))
+        own = np.flatnonzero(steps.segments == index)
+        at = own[np.searchsorted(steps.places[own], s, side="right") - 1]
+        states.append(dense_states(steps.starts[at], steps.dense[at], (s - steps.places[at]) / steps.widths[at]))
         modes.append(np.full(count + 1, mode))
         begun += duration
         times[-1][-1] = begun
     return np.concatenate(times), np.concatenate(states), np.concatenate(modes)
-
-
-def _outputs(orbit: PeriodicOrbit, states: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the named outputs, shape (time, output)."""
-    compiled = orbit.system.compiled
-    extended = compiled.extended(orbit.system.parameter_vector(orbit.parameters))
-    values = np.empty((len(states), len(orbit.system.output_names)))
-    if values.shape[1]:
-        for mode, x, row in zip(modes, states, values, strict=True):
-            compiled.call("outputs", int(mode), 0, np.ascontiguousarray(x), extended, row)
-    return values

@@ -20,6 +20,8 @@ _HOMES = {
     "saltus.flow.simulate.Trajectory": "saltus.plotting.trajectory",
     "saltus.continuation.family.Family": "saltus.plotting.family",
     "saltus.continuation.locus.Locus": "saltus.plotting.locus",
+    "saltus.sweeps.sweep.Sweep": "saltus.plotting.sweep",
+    "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
 }
 
 
@@ -29,9 +31,9 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
 
     Parameters
     ----------
-    result : Branch, Locus, Family, PeriodicOrbit or Trajectory
-        What is drawn; `saltus.plotting.branch`, `.locus`, `.family`, `.orbit` and `.trajectory` say how, and with which
-        options.
+    result : Branch, Locus, Family, PeriodicOrbit, Trajectory, Sweep or LyapunovSpectrum
+        What is drawn; `saltus.plotting.branch`, `.locus`, `.family`, `.orbit`, `.trajectory`, `.sweep` and `.lyapunov`
+        say how, and with which options.
     *args, **options
         Names of the quantities on the axes, and ``ax``, the Axes to draw into; by default in a new figure.
 

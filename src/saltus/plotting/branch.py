@@ -64,8 +64,8 @@ def plot_branch(
     branch : Branch
         What is drawn.
     x, y : str, optional
-        Quantities that `Branch.column` knows; by default the parameter, and ``min_`` of the first output or ``max_`` of
-        the first state.
+        Quantities that `Branch.column` knows, observables as ``"amplitude(z, 1)"`` among them; by default the
+        parameter, and ``min_`` of the first output or ``max_`` of the first state.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     special, legend : bool, optional

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.errors import InputError, nearest
 from saltus.orbits import PeriodicOrbit
 from saltus.plotting import plot, style
+from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from saltus.system import HybridSystem
-
-__all__ = ["check_quantities", "draw_curve", "draw_jump", "plot_orbit"]
+__all__ = ["draw_curve", "draw_jump", "plot_orbit"]
 
 
 @plot.register(PeriodicOrbit)
@@ -35,7 +33,8 @@ def plot_orbit(
     orbit : PeriodicOrbit
         What is drawn.
     x, y : str, optional
-        ``t``, or a state, the phase or an output; by default the first two states.
+        ``t``, a state, the phase, an output, or any expression in these and the parameters; by default the first two
+        states.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     legend : bool, optional
@@ -44,19 +43,20 @@ def plot_orbit(
     Raises
     ------
     InputError
-        A quantity of another name.
+        No expression, or a name in it that is not there.
     """
     system = orbit.system
     x = system.states[0] if x is None else x
     y = (system.states[1] if len(system.states) > 1 else "t") if y is None else y
-    check_quantities(system, x, y)
     sample = orbit.sample()
+    times, modes_at = sample["t"].values, sample["mode"].values
+    states = np.column_stack([sample[name].values for name in system.all_states])
+    columns = [times if name == "t" else evaluate(system, name, states, modes_at, orbit.parameters) for name in (x, y)]
     ax = style.axes(ax)
     phase = None if system.phase is None else system.phase[0]
-    times = sample["t"].values
     ends = np.flatnonzero(np.diff(times) <= 0.0) + 1
-    parts = np.split(np.column_stack([sample[x].values, sample[y].values]), ends)
-    modes = [int(part[0]) for part in np.split(sample["mode"].values, ends)]
+    parts = np.split(np.column_stack(columns), ends)
+    modes = [int(part[0]) for part in np.split(modes_at, ends)]
     wrapped = tuple(name == phase for name in (x, y))
     named: set[int] = set()
     for part, mode in zip(parts, modes, strict=True):
@@ -80,14 +80,6 @@ def _draw_ends(
     following = [*parts[1:], parts[0]] if closed else parts[1:]
     for part, after in zip(parts, following, strict=False):
         draw_jump(ax, part[-1], after[0], wrapped)
-
-
-def check_quantities(system: HybridSystem, *names: str) -> None:
-    """Raise `InputError` for a name that is not ``t``, a state, the phase or an output."""
-    known = ("t", *system.all_states, *system.output_names)
-    for name in names:
-        if name not in known:
-            raise InputError("quantity", name, f"one of {', '.join(known)}", nearest(str(name), known))
 
 
 def draw_curve(ax: Axes, curve: NDArray[np.float64], wrapped: Iterable[bool], mode: int, label: str) -> None:

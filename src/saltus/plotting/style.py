@@ -162,7 +162,7 @@ def label_of(name: str) -> str:
     >>> label_of("Omega"), label_of("min_z"), label_of("v1"), label_of("D_rep_2"), label_of("period")
     ('$\\Omega$', 'min $z$', '$v_{1}$', '$D_{rep,2}$', 'period')
     """
-    if name in ("period", "arclength"):
+    if name in ("period", "arclength") or not name.isidentifier():
         return name
     for extreme in ("min", "max"):
         if name.startswith(f"{extreme}_"):

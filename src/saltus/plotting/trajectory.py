@@ -9,7 +9,8 @@ import numpy as np
 
 from saltus.flow.simulate import Trajectory
 from saltus.plotting import plot, style
-from saltus.plotting.orbit import check_quantities, draw_curve, draw_jump
+from saltus.plotting.orbit import draw_curve, draw_jump
+from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +34,8 @@ def plot_trajectory(
     trajectory : Trajectory
         What is drawn.
     x, y : str, optional
-        ``t``, or a state, the phase or an output; by default the first state against time.
+        ``t``, a state, the phase, an output, or any expression in these and the parameters; by default the first state
+        against time.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     legend : bool, optional
@@ -42,11 +44,10 @@ def plot_trajectory(
     Raises
     ------
     InputError
-        A quantity of another name.
+        No expression, or a name in it that is not there.
     """
     system = trajectory.system
     y = system.states[0] if y is None else y
-    check_quantities(system, x, y)
     stretches = _stretches(trajectory)
     columns = [_column(trajectory, name, stretches) for name in (x, y)]
     curves = [np.column_stack(pair) for pair in zip(*columns, strict=True)]
@@ -92,22 +93,13 @@ def _stretches(trajectory: Trajectory) -> list[tuple[int, NDArray[np.float64], N
 def _column(
     trajectory: Trajectory, name: str, stretches: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]]
 ) -> list[NDArray[np.float64]]:
-    system = trajectory.system
     if name == "t":
         return [t for _, t, _ in stretches]
-    if name in system.all_states:
-        return [states[:, system.all_states.index(name)] for _, _, states in stretches]
-    compiled = system.compiled
-    extended = compiled.extended(system.parameter_vector(trajectory.parameters))
-    index, out = system.output_names.index(name), np.empty(len(system.output_names))
-    columns = []
-    for mode, _, states in stretches:
-        column = np.empty(len(states))
-        for i, x in enumerate(states):
-            compiled.call("outputs", mode, 0, np.ascontiguousarray(x), extended, out)
-            column[i] = out[index]
-        columns.append(column)
-    return columns
+    lengths = [len(t) for _, t, _ in stretches]
+    states = np.concatenate([states for _, _, states in stretches])
+    modes = np.repeat([mode for mode, _, _ in stretches], lengths)
+    values = evaluate(trajectory.system, name, states, modes, trajectory.parameters)
+    return np.split(values, np.cumsum(lengths)[:-1])
 
 
 def _draw_grazings(

@@ -15,6 +15,7 @@ import os
 import stat
 import sys
 import tempfile
+import threading
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,16 +25,17 @@ import numpy as np
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     import sympy
     from numpy.typing import NDArray
 
     from saltus.system.derivatives import Symbolic
     from saltus.system.hybrid import HybridSystem
+    from saltus.system.split import Split
 
-__all__ = ["FUNCTIONS", "SECOND", "Compiled", "CompiledSecond", "cache_folder", "let_numba_cache", "load",
-           "load_second", "source_file"]  # fmt: skip
+__all__ = ["FUNCTIONS", "SECOND", "Compiled", "CompiledSecond", "CompiledSeries", "cache_folder", "let_numba_cache",
+           "load", "load_second", "load_series", "source_file"]  # fmt: skip
 
 FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p", "reset", "reset_x", "reset_p",
              "outputs", "guard")  # fmt: skip
@@ -44,7 +46,7 @@ SECOND = ("derive", "field_2", "event_2", "reset_2")
 
 _INVERSE_ROOT = "inverse_root"
 
-_GENERATION = 3
+_GENERATION = 5
 """Raised when the text that this module writes changes, so that files of an older one are not used."""
 
 
@@ -70,10 +72,7 @@ class Compiled:
 
     def extended(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return parameters with the constants behind them, shape (n_parameters + n_constants,)."""
-        out = np.empty(self.n_parameters + self.n_constants)
-        out[: self.n_parameters] = p
-        self.call("derive", 0, 0, out[:1], out, out)
-        return out
+        return _with_constants(self._calls["derive"], p, self.n_constants)
 
     def field(self, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the vector field of a mode at a full state."""
@@ -91,10 +90,54 @@ class Compiled:
         out: NDArray[np.float64],
     ) -> None:
         """Call one generated function; `p` is extended, arrays are contiguous."""
-        import ctypes
+        _call(self._calls[name], k, m, x, p, out)
 
-        double = ctypes.POINTER(ctypes.c_double)
-        self._calls[name](k, m, *(a.ctypes.data_as(double) for a in (x, p, out)))
+
+class CompiledSeries:
+    """Taylor series of a system's motions, one order.
+
+    ``series`` writes, for mode `k` and at ``x`` (the full state and w behind it), the coefficients of the states
+    without the phase, of w and the time (where the mode is regularised; see `saltus.system.regularise`), and of the
+    mode's event functions: shape (order + 1, stride).
+
+    Attributes
+    ----------
+    addresses : ndarray of int64, shape (3,)
+        Where ``derive``, ``series`` and ``far`` begin; valid in this process only.
+    splits : list of dict or None
+        For each mode what `saltus.system.split.Split.layout` says of its linear part, None where it has none.
+    order, stride : int
+        Last coefficient; columns.
+    forms : ndarray of int64, shape (modes, 2)
+        For each mode the transition about which it is regularised (-1: none) and the sign of its event function.
+    """
+
+    def __init__(self, module: Any, system: HybridSystem) -> None:
+        self.addresses = np.array(
+            [getattr(module, name).address for name in ("derive", "series", "far")], dtype=np.int64
+        )
+        self.splits: list[dict[str, Any] | None] = module.SPLITS
+        self.order, self.stride = int(module.ORDER), int(module.STRIDE)
+        self.forms = np.array(module.FORMS, dtype=np.int64).reshape(len(system.modes), 2)
+        self._n_constants = int(module.CONSTANTS)
+        self._derive: Any = module.derive.ctypes
+        self._linear: Any = module.linear.ctypes
+
+    def constants(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return parameters with the constants of these functions behind them."""
+        return _with_constants(self._derive, p, self._n_constants)
+
+    def linear(self, mode: int, p: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the generator of a mode's linear part and its event functions, (size, size) and (events, size).
+
+        `p` has the constants behind it.
+        """
+        layout = self.splits[mode]
+        assert layout is not None
+        size = layout["size"]
+        out = np.empty((size + layout["events"], size))
+        _call(self._linear, mode, 0, out, p, out)
+        return out[:size], out[size:]
 
 
 class CompiledSecond:
@@ -118,6 +161,22 @@ class CompiledSecond:
         self.addresses = np.array([getattr(module, name).address for name in SECOND], dtype=np.int64)
         self.active = active
         self.extended = len(system.parameters) + int(module.CONSTANTS)
+
+
+def _call(
+    function: Any, k: int, m: int, x: NDArray[np.float64], p: NDArray[np.float64], out: NDArray[np.float64]
+) -> None:
+    import ctypes
+
+    double = ctypes.POINTER(ctypes.c_double)
+    function(k, m, *(a.ctypes.data_as(double) for a in (x, p, out)))
+
+
+def _with_constants(derive: Any, p: NDArray[np.float64], n_constants: int) -> NDArray[np.float64]:
+    out = np.empty(p.size + n_constants)
+    out[: p.size] = p
+    _call(derive, 0, 0, out, out, out)
+    return out
 
 
 def cache_folder() -> Path:
@@ -176,11 +235,11 @@ def source_file(system: HybridSystem) -> Path:
     DefinitionError
         An expression of the definition cannot be read.
     """
-    return _source_file(system, None)
+    return _source_file(system, _Writer)
 
 
-def _source_file(system: HybridSystem, active: tuple[int, ...] | None) -> Path:
-    """Write the file of the functions, or that of the second derivatives in some parameters, unless it exists."""
+def _source_file(system: HybridSystem, writer: Callable[[Symbolic], _Writer], *variant: object) -> Path:
+    """Write the file of the functions, or of a variant of them, with the text of `writer`, unless it exists."""
     from importlib.metadata import version
 
     mathematics = {key: value for key, value in system.definition().items() if key not in ("name", "groups")}
@@ -188,15 +247,13 @@ def _source_file(system: HybridSystem, active: tuple[int, ...] | None) -> Path:
     for key in ("positive", "parameter_bounds"):
         mathematics.pop(key)
     versions = [_GENERATION, version("numba"), version("sympy"), sys.version_info[:2]]
-    text = json.dumps([mathematics, *versions] if active is None else [mathematics, *versions, active])
+    text = json.dumps([mathematics, *versions, *variant])
     digest = hashlib.sha256(text.encode()).hexdigest()[:20]
     file = cache_folder() / f"system_{digest}.py"
     if not file.exists():
         from saltus.system.derivatives import Symbolic
 
-        symbolic = Symbolic(system)
-        writer = _Writer(symbolic) if active is None else _SecondWriter(symbolic, active)
-        _write(file, "".join(_module_text(writer)))
+        _write(file, "".join(_module_text(writer(Symbolic(system)))))
     return file
 
 
@@ -207,10 +264,31 @@ def load(file: Path, system: HybridSystem) -> Compiled:
 
 def load_second(system: HybridSystem, active: tuple[int, ...]) -> CompiledSecond:
     """Return the second derivatives of a system in its state and in the parameters of growing indices `active`."""
-    return CompiledSecond(_module(_source_file(system, active)), system, active)
+    file = _source_file(system, lambda symbolic: _SecondWriter(symbolic, active), active)
+    return CompiledSecond(_module(file), system, active)
+
+
+def load_series(system: HybridSystem, order: int) -> CompiledSeries | None:
+    """Return the Taylor series of a system's motions; None where the definition has none."""
+    from saltus.system.taylor import NotAnalyticError
+
+    try:
+        file = _source_file(system, lambda symbolic: _SeriesWriter(symbolic, order), "series", order)
+    except NotAnalyticError:
+        return None
+    return CompiledSeries(_module(file), system)
+
+
+_LOADING = threading.RLock()
+"""Held while a module is loaded: another thread must not see half of one."""
 
 
 def _module(file: Path) -> Any:
+    with _LOADING:
+        return _loaded(file)
+
+
+def _loaded(file: Path) -> Any:
     name = f"saltus_{file.stem}"
     module = sys.modules.get(name)
     if module is None:
@@ -244,6 +322,7 @@ from numba import cfunc, float64, int64, types, void
 P = types.CPointer(float64)
 SIGNATURE = void(int64, int64, P, P, P)
 OPTIONS = {"cache": True, "error_model": "numpy"}
+FAST = {"contract", "nsz"}
 '''
 
 
@@ -251,6 +330,7 @@ def _module_text(writer: _Writer) -> Iterator[str]:
     body = list(writer.functions())
     yield _HEAD
     yield f"CONSTANTS = {len(writer.constants)}\n"
+    yield from (f"{name} = {value!r}\n" for name, value in writer.numbers.items())
     yield writer.derive()
     yield from body
 
@@ -262,6 +342,7 @@ class _Writer:
         self.system = system
         self.n = len(system.x)
         self.constants: dict[sympy.Expr, int] = {}
+        self.numbers: dict[str, object] = {}
         self._symbols: list[sympy.Dummy] = []
         self._parameters = set(system.p)
         self._printer = _printer()
@@ -381,6 +462,62 @@ class _Writer:
         return symbol
 
 
+class _SeriesWriter(_Writer):
+    """Text of the Taylor series of every mode."""
+
+    def __init__(self, system: Symbolic, order: int) -> None:
+        super().__init__(system)
+        self.order = order
+
+    def functions(self) -> Iterator[str]:
+        from saltus.system.split import split_of_mode
+        from saltus.system.taylor import series_of_mode
+
+        modes = [
+            series_of_mode(self.system, k, self.order, lambda e: self._text(self._hoist(e)))
+            for k in range(len(self.system.field))
+        ]
+        first_event = len(self.system.system.states) + 2
+        stride = first_event + max(len(mode.events) for mode in modes)
+        self.numbers = {
+            "ORDER": self.order,
+            "STRIDE": stride,
+            "FORMS": [(mode.regularised, mode.sign) for mode in modes],
+        }
+        branches = {}
+        for k, mode in enumerate(modes):
+            places = [*range(first_event - (0 if mode.regularised >= 0 else 2)), *range(first_event, stride)]
+            branches[k] = mode.lines + [
+                f"out[{stride * i + place}] = {name}_{i}"
+                for i in range(self.order + 1)
+                for place, name in zip(places, mode.columns, strict=False)
+            ]
+        splits = [split_of_mode(self.system, k) if mode.regularised < 0 else None for k, mode in enumerate(modes)]
+        linear, far = self._splits(splits)
+        yield "\nfrom saltus.system._series_kernels import products\n"
+        yield linear
+        yield far
+        yield self._function("series", branches).replace("**OPTIONS", "**OPTIONS, fastmath=FAST")
+
+    def _splits(self, splits: list[Split | None]) -> tuple[str, str]:
+        """Texts of ``linear`` and ``far``, and where each mode's tables begin behind the constants."""
+        linear, far, layouts = {}, {}, []
+        for k, split in enumerate(splits):
+            layouts.append(None if split is None else split.layout())
+            if split is not None:
+                rows = [entry for row in (*split.matrix, *split.events) for entry in row]
+                linear[k] = self._assign(rows)
+                far[k] = split.lines(f"TABLES_{k}", lambda e: self._text(self._hoist(e)))
+        texts = self._function("linear", linear), self._function("far", far)
+        place = len(self.system.p) + len(self.constants)
+        for k, split in enumerate(splits):
+            if split is not None:
+                self.numbers[f"TABLES_{k}"] = place
+                place += split.table_size
+        self.numbers["SPLITS"] = layouts
+        return texts
+
+
 class _SecondWriter(_Writer):
     """Texts of the second derivatives in the state and in some parameters, once along a direction."""
 
@@ -453,8 +590,6 @@ def _printer() -> Any:
 
         def _print_Pow(self, expr: Any, rational: bool = False, sqrt: str = "math.sqrt") -> str:
             base, exponent = expr.as_base_exp()
-            if exponent.is_Float and float(2 * exponent).is_integer():
-                exponent = sympy.Rational(int(2 * exponent), 2)
             if exponent.is_Rational and exponent.q in (1, 2) and abs(exponent.p) <= 24:
                 text = self._power(f"({self._print(base)})", abs(int(exponent.p)), int(exponent.q))
                 return text if exponent.p > 0 else f"(1.0/{text})"

@@ -127,7 +127,8 @@ def _build(node: ast.expr, text: str, names: Collection[str], where: str) -> sym
                         raise DefinitionError(where, text, "an expression", "it divides by zero")
                     return a / b
                 case _:
-                    return a**b
+                    half = b.is_Float and float(2 * b).is_integer()
+                    return a ** (sympy.Rational(int(2 * b), 2) if half else b)
         case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
             wanted = 2 if name == "atan2" else 1
             if len(args) == wanted:

@@ -18,7 +18,7 @@ from saltus.system.expressions import check_name, text_of
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from saltus.system.codegen import Compiled, CompiledSecond
+    from saltus.system.codegen import Compiled, CompiledSecond, CompiledSeries
 
 __all__ = ["HybridSystem", "Mode", "Transition"]
 
@@ -186,6 +186,7 @@ class HybridSystem:
 
         self._source = codegen.source_file(self)
         self._second: dict[tuple[int, ...], CompiledSecond] = {}
+        self._series: dict[int, CompiledSeries | None] = {}
         self.parameter_vector({})
 
     @property
@@ -227,6 +228,14 @@ class HybridSystem:
         if active not in self._second:
             self._second[active] = codegen.load_second(self, active)
         return self._second[active]
+
+    def series(self, order: int) -> CompiledSeries | None:
+        """Return the compiled Taylor series of motions, to an order; None where a mode's field has none."""
+        from saltus.system import codegen
+
+        if order not in self._series:
+            self._series[order] = codegen.load_series(self, order)
+        return self._series[order]
 
     def definition(self) -> dict[str, Any]:
         """Return the definition as plain data, from which `from_definition` makes an equal system."""

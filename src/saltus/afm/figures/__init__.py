@@ -16,10 +16,12 @@ __all__ = ["FIGURES", "runner"]
 
 FIGURES: Mapping[str, str] = MappingProxyType(
     {
+        "fig2": "two orbits in the phase space, two modes: one in contact, one close to grazing",
         "fig3": "frequency response, one mode: both grazings, folds and period doublings, with two zooms",
         "fig4": "loci of saddle-nodes and period doublings over frequency and drive, one mode",
         "fig5": "influence of the damping in air and in contact on the response, one mode",
         "fig6": "saddle-node against the damping in air and in contact: isolines, and the cusp",
+        "fig7": "brute-force diagram and phase portraits with two modes, with the responses of fig7a",
         "fig7a": "frequency responses with one mode and with two",
     }
 )
@@ -39,7 +41,7 @@ def runner(name: str) -> Callable[..., dict[str, Any]]:
     >>> runner("fgi3")
     Traceback (most recent call last):
         ...
-    saltus.errors.InputError: figure = 'fgi3': must be one of fig3, fig4, fig5, fig6, fig7a; did you mean 'fig3'?
+    saltus.errors.InputError: figure = 'fgi3': must be one of fig2, ...; did you mean 'fig3'?
     """
     if name not in FIGURES:
         raise InputError("figure", name, f"one of {', '.join(FIGURES)}", nearest(name, FIGURES))

@@ -27,20 +27,23 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, FigureBase
     from numpy.typing import NDArray
 
     from saltus.continuation import Branch, Locus, SpecialPoint
     from saltus.orbits import PeriodicOrbit
     from saltus.results import Result
 
-__all__ = ["compute", "draw", "run", "summary"]
+__all__ = ["SWEPT", "compute", "draw", "draw_into", "run", "summary"]
 
 BOUNDS = (0.88, 1.28)
 """Interval of Omega, in omega_1."""
 
 DAMPINGS = (6.0, 10.0, 20.0, 60.0, 1500.0)
 """Values of D_rep_2 besides the paper's 4; at the last the stable response is that of one mode to a line's width."""
+
+SWEPT = (0.995, 1.05)
+"""Interval of Omega of Fig. 7(b), marked so."""
 
 COMPARED = (0.93, 1.16)
 """Interval of Omega in which responses are compared."""
@@ -75,8 +78,6 @@ _CHART: _Window = ((0.9, 1.265), (-0.1155, 0.0135))
 _TORUS: _Window = ((1.0325, 1.0555), (-0.0485, -0.0378))
 """Windows of the picture and of its inset: Omega, then min z."""
 
-_SWEEP = (0.995, 1.05)
-"""The region marked (b), of the paper's Fig. 7(b)."""
 
 _ONE_MODE = "#f2b277"
 _COLOURS = ("viridis", 0.0, 0.8)
@@ -259,41 +260,48 @@ def _stable_depth(branch: Branch, omega: NDArray[np.float64]) -> NDArray[np.floa
 
 def draw(results: Mapping[str, Any]) -> Figure:
     """Return the figure: the responses, the loci of SN and TR, and as an inset the surroundings of the latter."""
-    import matplotlib
     from matplotlib.figure import Figure
+
+    from saltus.plotting import style
+
+    with style.publication():
+        figure = Figure(figsize=(7.2, 5.0), layout="constrained")
+        draw_into(figure, results)
+    return figure
+
+
+def draw_into(figure: FigureBase, results: Mapping[str, Any]) -> Axes:
+    """Draw the responses, the loci and the legend into a figure, or a part of one, and return the Axes."""
+    import matplotlib
 
     from saltus.plotting import style
 
     branches = _two_modes(results)
     name, low, high = _COLOURS
     shades = matplotlib.colormaps[name](np.linspace(low, high, len(branches)))
-    with style.publication():
-        figure = Figure(figsize=(7.2, 5.0), layout="constrained")
-        ax = figure.subplots()
-        inset = ax.inset_axes((0.068, 0.075, 0.302, 0.35))
-        for axes, window in ((ax, _CHART), (inset, _TORUS)):
-            axes.axvspan(*_SWEEP, color="0.93", linewidth=0.0, zorder=0)
-            _response(axes, results["one_mode"], r"one mode", color=_ONE_MODE, linewidth=3.4)
-            for (value, branch), shade in zip(branches.items(), shades, strict=True):
-                _response(axes, branch, f"$D_2^{{rep}} = {value:g}$", color=shade, linewidth=1.1)
-            _loci(axes, results)
-            _mark(axes, results)
-            axes.set(xlim=window[0], ylim=window[1])
-            axes.ticklabel_format(useOffset=False)
-        a0 = gap_at_contact(results["one_mode"].parameters)
-        ax.axhline(
-            a0, color=style.SURFACE, linestyle=":", linewidth=1.1, zorder=1, label=r"contact begins, $\bar{a}_0$"
-        )
-        ax.annotate("(b)", (sum(_SWEEP) / 2.0, _CHART[1][1]), (0.0, -9.0), textcoords="offset points", ha="center")
-        ax.set_xlabel(r"drive frequency  $\bar{\Omega} = \Omega/\omega_1$")
-        ax.set_ylabel(r"least gap  $\min\,\bar{z}$  (units of $\eta^*$)")
-        inset.tick_params(labelsize=6.5)
-        inset.set(xticks=(1.04, 1.05), yticks=(-0.045, -0.04))
-        _name_ends(inset, results["TR"])
-        ax.indicate_inset_zoom(inset, edgecolor="0.4", linewidth=0.7)
-        handles, labels = ax.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=2.2, columnspacing=2.0)
-    return figure
+    ax: Axes = figure.subplots()
+    inset = ax.inset_axes((0.068, 0.075, 0.302, 0.35))
+    for axes, window in ((ax, _CHART), (inset, _TORUS)):
+        axes.axvspan(*SWEPT, color="0.93", linewidth=0.0, zorder=0)
+        _response(axes, results["one_mode"], r"one mode", color=_ONE_MODE, linewidth=3.4)
+        for (value, branch), shade in zip(branches.items(), shades, strict=True):
+            _response(axes, branch, f"$D_2^{{rep}} = {value:g}$", color=shade, linewidth=1.1)
+        _loci(axes, results)
+        _mark(axes, results)
+        axes.set(xlim=window[0], ylim=window[1])
+        axes.ticklabel_format(useOffset=False)
+    a0 = gap_at_contact(results["one_mode"].parameters)
+    ax.axhline(a0, color=style.SURFACE, linestyle=":", linewidth=1.1, zorder=1, label=r"contact begins, $\bar{a}_0$")
+    ax.annotate("(b)", (sum(SWEPT) / 2.0, _CHART[1][1]), (0.0, -9.0), textcoords="offset points", ha="center")
+    ax.set_xlabel(r"drive frequency  $\bar{\Omega} = \Omega/\omega_1$")
+    ax.set_ylabel(r"least gap  $\min\,\bar{z}$  (units of $\eta^*$)")
+    inset.tick_params(labelsize=6.5)
+    inset.set(xticks=(1.04, 1.05), yticks=(-0.045, -0.04))
+    _name_ends(inset, results["TR"])
+    ax.indicate_inset_zoom(inset, edgecolor="0.4", linewidth=0.7)
+    handles, labels = ax.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=2.2, columnspacing=2.0)
+    return ax
 
 
 def _response(ax: Axes, branch: Branch, label: str, **line: Any) -> None:

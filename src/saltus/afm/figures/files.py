@@ -27,6 +27,7 @@ _HOMES = {
     "Locus": "saltus.continuation",
     "Family": "saltus.continuation",
     "PeriodicOrbit": "saltus.orbits",
+    "Sweep": "saltus.sweeps",
     "Trajectory": "saltus.flow",
 }
 
@@ -104,8 +105,9 @@ def _gathered(results: Iterable[tuple[str, Result]]) -> tuple[dict[str, Result],
 
 
 def _is_cut_short(result: Any) -> bool:
-    """Whether a curve or a family ended at an interrupt, which continuation answers with what it has."""
+    """Whether a curve, a family or a sweep ended at an interrupt, which it answers with what it has."""
     stopped = getattr(result, "stopped", ())
+    stopped = (stopped,) if isinstance(stopped, str) else stopped
     return bool(getattr(result, "interrupted", False)) or any("interrupted" in reason for reason in stopped)
 
 

@@ -1,0 +1,228 @@
+"""Fig. 7: the response with two modes, the brute-force diagram where it is not of period one, and phase portraits.
+
+The data file has the groups ``sweep`` (the `Sweep` of panel (b)), ``portrait (c)`` to ``portrait (e)`` (each a
+`Trajectory`) and those of `fig7a`, panel (a); `read_results` reads it.
+
+References
+----------
+ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 7 and section 4.2. Which velocity panel (b) shows
+is not said there; here it is ``z'``, that of the gap, at phase 0. Phase portraits show ``z'`` over ``z``, with dots at
+phase 0. The leading Lyapunov exponent below panel (b) is added.
+
+Notes
+-----
+The paper names four motions, at Omega = 1.00, 1.02, 1.023 and 1.046. Their labels and the portraits are those at the
+nearest of the 300 values of the sweep, within 1e-4. At 1.023 itself lies one of the narrow windows of the chaotic
+range: the motion locks, after some thousand periods, to period 47.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.afm.figures import fig7a
+from saltus.afm.figures.files import write_figure
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from saltus.flow import Trajectory
+    from saltus.results import Result
+    from saltus.sweeps import Sweep
+
+__all__ = ["compute", "draw", "run", "summary", "sweep_of"]
+
+COUNT, DISCARDED, KEPT = 300, 600, 100
+"""Values of Omega in the sweep, and at each the periods that are dropped and kept."""
+
+NAMED = ("1.00", "1.02", "1.023", "1.046")
+"""Values of Omega at which the paper says what the motion is, as it prints them."""
+
+PORTRAITS: Mapping[str, tuple[str, int]] = MappingProxyType({"c": ("1.00", 2), "d": ("1.02", 4), "e": ("1.023", KEPT)})
+"""Omega of the panels with phase portraits, and how many periods each shows."""
+
+_START = 0.98
+"""Omega of the orbit from which the sweep sets out: stable, of period one."""
+
+_VELOCITY = "v"
+
+_EXPONENTS = (-0.13, 0.09)
+"""Window of the exponents, which fall below it near a superstable orbit."""
+
+_SIDES: Mapping[str, Any] = MappingProxyType({"1.02": "right", "1.023": "left"})
+"""Where names over panel (b) stand that would meet in the middle."""
+
+_FEW = 10
+"""Periods up to which a phase portrait is drawn in full lines and dots."""
+
+
+def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
+    """Compute and draw the figure, and return what was written, as `write_figure` does.
+
+    Parameters
+    ----------
+    out : Path
+        An existing folder, for ``fig7.nc``, ``fig7.json`` (`summary`), ``fig7.png`` and ``fig7.pdf``.
+    progress : callable, optional
+        Called with a line of text whenever there is something new to say.
+    """
+    say = progress or (lambda _: None)
+    return write_figure(out, "fig7", compute(say), summary, draw, say)
+
+
+def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, Result]]:
+    """Go through the results of Fig. 7, with their names, computing each when it is asked for."""
+    sweep = sweep_of(COUNT, say)
+    yield "sweep", sweep
+    for letter, (omega, periods) in PORTRAITS.items():
+        say(f"phase portrait ({letter})")
+        yield f"portrait ({letter})", _portrait(sweep, float(omega), periods)
+    yield from fig7a.compute(say)
+
+
+def sweep_of(count: int, say: Callable[[str], None] = lambda _: None) -> Sweep:
+    """Return the sweep of panel (b), followed upwards from an orbit of period one, with `count` values."""
+    from saltus.afm.regimes import settled_orbit
+    from saltus.afm.table1 import table1
+    from saltus.afm.tapping import tapping_mode
+    from saltus.sweeps import run_sweep
+
+    say("preparing the model")
+    model = tapping_mode(table1(), modes=2)
+    start = settled_orbit(model, {"Omega": _START}, "repulsive")
+    return run_sweep(
+        model,
+        "Omega",
+        np.linspace(*fig7a.SWEPT, count),
+        x0=start.x0,
+        discard=DISCARDED,
+        keep=KEPT,
+        quantities=[_VELOCITY],
+        progress=lambda done, total, what: say(f"sweep, {done} of {total}: {what}"),
+    )
+
+
+def _portrait(sweep: Sweep, omega: float, periods: int) -> Trajectory:
+    from saltus.flow import simulate
+
+    found = sweep.at(omega)
+    return simulate(sweep.system, found.parameters, found.state, mode=found.mode, periods=periods)
+
+
+def summary(results: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of ``fig7.json``.
+
+    ``labels`` and ``periods`` say what the motions are that the paper names, by Omega as it prints it, and ``at`` the
+    nearest value of the sweep, at which they are so. ``sweep`` has each value in order with its label, its period (0
+    where it has none) and the leading Lyapunov exponent per unit of time, ``1 / omega_1`` (null where the motion
+    diverged). ``response`` is the content of ``fig7a.json``.
+    """
+    sweep: Sweep = results["sweep"]
+    content: dict[str, Any] = {
+        "figure": "fig7",
+        "parameters": dict(sweep.parameters) | {"Omega": list(fig7a.SWEPT)},
+        "labels": {},
+        "periods": {},
+        "at": {},
+        "sweep": [
+            {
+                "omega": omega,
+                "label": label,
+                "period": period,
+                "lyapunov": exponent if math.isfinite(exponent) else None,
+            }
+            for omega, label, period, exponent in zip(
+                sweep.values.tolist(),
+                sweep.labels[0].tolist(),
+                sweep.periods[0].tolist(),
+                sweep.exponents[0, :, 0].tolist(),
+                strict=True,
+            )
+            if label
+        ],
+    }
+    for omega in NAMED:
+        nearest = int(np.argmin(np.abs(sweep.values - float(omega))))
+        if sweep.labels[0, nearest]:
+            content["labels"][omega] = str(sweep.labels[0, nearest])
+            content["periods"][omega] = int(sweep.periods[0, nearest])
+            content["at"][omega] = float(sweep.values[nearest])
+    if "one_mode" in results:
+        content["response"] = fig7a.summary(results)
+    return content
+
+
+def draw(results: Mapping[str, Any]) -> Figure:
+    """Return the figure: (a) responses, (b) the brute-force diagram with exponents, (c) to (e) phase portraits."""
+    from matplotlib.figure import Figure
+
+    from saltus.plotting import style
+
+    with style.publication():
+        figure = Figure(figsize=(7.2, 9.2), layout="constrained")
+        parts: Any = figure.subfigures(3, 1, height_ratios=(4.5, 3.1, 2.1))
+        upper, middle, lower = parts
+        _letter(fig7a.draw_into(upper, results), "a")
+        points, exponents = middle.subplots(2, 1, sharex=True, height_ratios=(3.4, 1.0))
+        _draw_sweep(points, exponents, results["sweep"])
+        for ax, (letter, (omega, _)) in zip(lower.subplots(1, 3, sharey=True), PORTRAITS.items(), strict=True):
+            _draw_portrait(ax, results[f"portrait ({letter})"])
+            _letter(ax, letter, rf"$\bar{{\Omega}} = {omega}$, {_in_words(results['sweep'], omega)}")
+            if letter == "c":
+                ax.set_ylabel(r"velocity  $\bar{z}'$")
+    return figure
+
+
+def _letter(ax: Axes, letter: str, text: str = "") -> None:
+    ax.set_title(f"({letter})", loc="left", fontweight="bold")
+    ax.set_title(text, loc="center")
+
+
+def _in_words(sweep: Sweep, omega: str) -> str:
+    """Return what the motion is at a value that the paper names."""
+    label = sweep.at(float(omega)).label
+    return f"period {label.removeprefix('period-')}" if label.startswith("period-") else label
+
+
+def _draw_sweep(points: Axes, exponents: Axes, sweep: Sweep) -> None:
+    """Draw the velocity at phase 0, where the named motions are, and the leading exponent with its error."""
+    from saltus.plotting import style
+
+    sweep.plot(_VELOCITY, ax=points)
+    points.set(xlabel="", ylabel=r"velocity  $\bar{z}'$ at phase 0")
+    points.tick_params(labelbottom=False)
+    _letter(points, "b")
+    letters = {omega: f"({letter})" for letter, (omega, _) in PORTRAITS.items()}
+    for omega in NAMED:
+        text = " ".join(filter(None, (letters.get(omega), _in_words(sweep, omega))))
+        edge, side = (float(omega), points.get_ylim()[1]), _SIDES.get(omega, "center")
+        points.annotate(text, edge, (0.0, 4.0), textcoords="offset points", ha=side, fontsize=7.0)
+        points.axvline(float(omega), color=style.SURFACE, linestyle=":", linewidth=0.9, zorder=0)
+        exponents.axvline(float(omega), color=style.SURFACE, linestyle=":", linewidth=0.9, zorder=0)
+    leading, error = sweep.exponents[0, :, 0], sweep.errors[0, :, 0]
+    exponents.axhline(0.0, color="0.6", linewidth=0.7)
+    exponents.fill_between(sweep.values, leading - error, leading + error, color="0.8", linewidth=0.0)
+    exponents.plot(sweep.values, leading, color=style.CURVE, linewidth=0.7)
+    exponents.set_ylabel(r"exponent $\lambda_1$")
+    exponents.set_xlabel(r"drive frequency  $\bar{\Omega} = \Omega/\omega_1$")
+    exponents.set_ylim(_EXPONENTS)
+
+
+def _draw_portrait(ax: Axes, motion: Trajectory) -> None:
+    """Draw velocity over gap, and dots at phase 0."""
+    motion.plot("z", _VELOCITY, ax=ax, legend=False)
+    turns = int(np.sum(motion.events["kind"] == "phase"))
+    for line in ax.lines:
+        line.set(linewidth=1.0 if turns <= _FEW else 0.25, rasterized=turns > _FEW)
+    times = motion.t_end * np.arange(turns) / turns
+    size = 3.0 if turns <= _FEW else 1.0
+    ax.plot(motion.output("z", times), motion.output(_VELOCITY, times), "o", color="black", markersize=size, zorder=4)
+    ax.set(xlabel=r"gap  $\bar{z}$", ylabel="")

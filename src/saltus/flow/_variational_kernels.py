@@ -1,0 +1,208 @@
+"""Compiled variational equations of a hybrid motion: its steps taken again with a frame, saltation, orthonormalisation.
+
+`run_kernel` follows the motion and leaves its steps and events; each step is taken again with the same length, the
+columns of a frame beside the state, so that the stages of the state are those of the motion. At an event the frame
+passes through the saltation matrix. After every step and event it is made orthonormal, and the logarithms of the
+lengths that it had are summed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from saltus.flow._event_kernels import AGAIN, DONE, EPSILON, N_EVENTS, N_STEPS, T_LOW, T, run_kernel
+from saltus.flow._kernels import INNER, call, keep, outlined, pointer, stage
+from saltus.system.codegen import FUNCTIONS
+
+FIELD, VARY, EVENT_X, RESET_X = (FUNCTIONS.index(name) for name in ("field", "vary", "event_x", "reset_x"))
+
+ROW, LIVE, GRAZED, N_PLACES = range(4)
+"""Places in `places`: the row under way, columns that have not collapsed, events that were grazed."""
+
+GRAZING = 1e-14
+"""A normal velocity below this part of its terms is zero: there is no saltation matrix."""
+
+COLLAPSED = 64.0 * EPSILON
+"""Part of the terms below which a column after an event is rounding: the reset, or the field behind it, lost its rank."""
+
+CLEAR = 1e-4
+"""Part of its terms above which a normal velocity is clear of a grazing, so that small columns are not made by it."""
+
+
+@njit(**INNER)
+def _carry(addresses, mode, n, columns, x, h, p, frame, slopes, y, trial):
+    """Carry a frame, (n, columns), over a step of the state from x. slopes: (13 * length,); y, trial: (length,)."""
+    outlined()
+    length = n * (1 + columns)
+    for e in range(n):
+        y[e] = x[e]
+    for e in range(n, length):
+        y[e] = frame[e - n]
+    call(addresses[VARY], mode, columns, y, 0, p, slopes, 0)
+    for i in range(1, 13):
+        stage(i, slopes, length, h, y, trial)
+        if i < 12:
+            call(addresses[VARY], mode, columns, trial, 0, p, slopes, i * length)
+    for e in range(n, length):
+        frame[e - n] = trial[e]
+
+
+@njit(**INNER)
+def _saltate(addresses, k, mode, target, n, columns, before, after, p, frame, terms, work):
+    """Carry a frame over an event; whether there is a saltation matrix, the event not being grazed.
+
+    terms: (columns,), the size of what each column was summed up from, 0 where the event is not clear of a grazing, in
+    which case small columns are no rounding. work: (n^2 + 5 n + 2 + 2 columns,).
+    """
+    outlined()
+    event, f1, f2, column = work, pointer(work, 2 + 2 * n), pointer(work, 2 + 3 * n), pointer(work, 2 + 4 * n)
+    jacobian = pointer(work, 2 + 5 * n)
+    row, sizes = pointer(jacobian, n * n), pointer(jacobian, n * n + columns)
+    call(addresses[EVENT_X], k, 0, before, 0, p, event, 0)
+    rate, gradient = event[1], pointer(event, 2)
+    call(addresses[FIELD], mode, 0, before, 0, p, f1, 0)
+    scale = 0.0
+    for e in range(n):
+        scale += abs(gradient[e] * f1[e])
+    if not abs(rate) > GRAZING * scale:
+        return False
+    call(addresses[FIELD], target, 0, after, 0, p, f2, 0)
+    call(addresses[RESET_X], k, 0, before, 0, p, jacobian, 0)
+    # how much later each perturbed motion meets the surface, and the terms of that
+    for c in range(columns):
+        row[c] = sizes[c] = terms[c] = 0.0
+        for e in range(n):
+            row[c] += gradient[e] * frame[e * columns + c] / rate
+            sizes[c] += abs(gradient[e] * frame[e * columns + c] / rate)
+    # frame := Dg frame + (f2 - Dg f1) row, a column at a time
+    for c in range(columns):
+        for e in range(n):
+            column[e] = frame[e * columns + c]
+        for i in range(n):
+            total, size = f2[i] * row[c], abs(f2[i]) * sizes[c]
+            for j in range(n):
+                entry = jacobian[i * n + j]
+                total += entry * (column[j] - f1[j] * row[c])
+                size += abs(entry) * (abs(column[j]) + abs(f1[j]) * sizes[c])
+            frame[i * columns + c] = total
+            if abs(rate) > CLEAR * scale:
+                terms[c] += size
+    return True
+
+
+@njit(**INNER)
+def _length(frame, n, columns, c):
+    total = 0.0
+    for e in range(n):
+        total += frame[e * columns + c] ** 2
+    return math.sqrt(total)
+
+
+@njit(**INNER)
+def _orthonormalise(frame, n, columns, live, terms, growth):
+    """Make the first `live` columns orthonormal, in order, adding the logarithms of their lengths to `growth`.
+
+    Modified Gram-Schmidt, a second time for a column that lost half its length. A column that vanishes, or is shorter
+    than its rounding, `COLLAPSED` of its terms, is taken out and those after it move up. Returns how many are left.
+    """
+    outlined()
+    c = 0
+    while c < live:
+        length = _length(frame, n, columns, c)
+        for _ in range(2):
+            earlier = length
+            for b in range(c):
+                product = 0.0
+                for e in range(n):
+                    product += frame[e * columns + b] * frame[e * columns + c]
+                for e in range(n):
+                    frame[e * columns + c] -= product * frame[e * columns + b]
+            if c > 0:
+                length = _length(frame, n, columns, c)
+            if length > 0.5 * earlier:
+                break
+        if length <= COLLAPSED * terms[c]:
+            live -= 1
+            for d in range(c, live):
+                terms[d] = terms[d + 1]
+                for e in range(n):
+                    frame[e * columns + d] = frame[e * columns + d + 1]
+            for e in range(n):
+                frame[e * columns + live] = 0.0
+            continue
+        growth[c] += math.log(length)
+        for e in range(n):
+            frame[e * columns + c] /= length
+        c += 1
+    return live
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def growth_kernel(
+    addresses, transitions, phase, p, rtol, atol, budget,
+    x, slopes, size, numbers, counts, side, on, value, first_steps,
+    step_times, step_modes, step_starts, step_dense,
+    event_times, event_which, event_ends, event_rates,
+    row_times, row_wraps, frame, places, growth, ends,
+):  # fmt: skip
+    """Follow a motion with a frame, row after row, until the last row ends or `budget` steps are spent; a status.
+
+    The first two lines of arguments, and the buffers, are those of `run_kernel`. row_times, row_wraps: (row,), the time
+    or the count of wraps at which each row ends. Changed in place: frame, (n, columns); places; growth, (row, columns),
+    logarithms of the columns' growth in each row, -inf from the row on in which one collapses; ends, (row,), times.
+    """
+    n, columns = frame.shape
+    length, start = n * (1 + columns), (n + 2) * (n + 3) + 3 * columns
+    block = np.empty(start + 15 * length)
+    terms, work, stages = pointer(block, 0), pointer(block, columns), pointer(block, start)
+    y, trial = pointer(block, start + 13 * length), pointer(block, start + 14 * length)
+    codes, constants, columns_of, sums = pointer(addresses, 0), pointer(p, 0), pointer(frame, 0), pointer(growth, 0)
+    steps, starts, before = pointer(step_times, 0), pointer(step_starts, 0), pointer(event_ends, 0)
+    last_event, live = np.iinfo(np.int64).max, places[LIVE]
+    status = DONE
+    while places[ROW] < row_times.size:
+        row = places[ROW]
+        if budget <= 0:
+            status = AGAIN
+            break
+        status = run_kernel(
+            addresses, transitions, phase, p, row_times[row], row_wraps[row], last_event, rtol, atol, budget,
+            x, slopes, size, numbers, counts, side, on, value, first_steps,
+            step_times, step_modes, step_starts, step_dense, event_times, event_which, event_ends, event_rates,
+        )  # fmt: skip
+        budget -= max(counts[N_STEPS], 1)
+        into = pointer(sums, row * columns)
+        event = 0
+        for step in range(counts[N_STEPS] + 1):
+            # events at the time at which a step begins come before it, those after the last step at the end
+            while event < counts[N_EVENTS] and (step == counts[N_STEPS] or event_times[event] <= steps[2 * step]):
+                k, mode, target = event_which[event, 0], event_which[event, 1], event_which[event, 2]
+                if k >= 0:
+                    side_before, side_after = pointer(before, 2 * event * n), pointer(before, (2 * event + 1) * n)
+                    if _saltate(
+                        codes, k, mode, target, n, columns, side_before, side_after, constants, columns_of, terms, work
+                    ):
+                        live = _orthonormalise(columns_of, n, columns, live, terms, into)
+                    else:
+                        places[GRAZED] += 1
+                event += 1
+            if step < counts[N_STEPS]:
+                x_step = pointer(starts, step * n)
+                h = steps[2 * step + 1]
+                _carry(codes, step_modes[step], n, columns, x_step, h, constants, columns_of, stages, y, trial)
+                for c in range(columns):
+                    terms[c] = 0.0
+                live = _orthonormalise(columns_of, n, columns, live, terms, into)
+        if status == DONE:
+            ends[row] = numbers[T] + numbers[T_LOW]
+            for c in range(live, columns):
+                into[c] = -math.inf
+            places[ROW] += 1
+        elif status != AGAIN:
+            break
+    places[LIVE] = live
+    keep(block)
+    return status

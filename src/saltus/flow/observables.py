@@ -1,0 +1,436 @@
+"""Observables of a motion: extremes, means, harmonics, shares of time, speeds of crossing.
+
+A trajectory, a periodic orbit, a branch, a locus and a sweep name them alike, e being an expression in states, phase,
+parameters and outputs:
+
+==================  ==================================================================================================
+``max(e)``          greatest value, between samples too
+``min(e)``          least value
+``mean(e)``         mean over time
+``amplitude(e, j)`` a_j > 0 of the harmonic of order j
+``phase(e, j)``     phi_j of it, in radians, above -pi and up to pi
+``fraction(m)``     share of the time that is spent in the mode m
+``velocity(t)``     mean rate of the event function just before the transition t; NaN where it does not happen
+==================  ==================================================================================================
+
+Harmonics refer to the system's phase, theta, over whole periods of it: e ~ mean + sum_j a_j sin(j theta + phi_j). So
+``-phase(e, 1)`` is the lag behind ``sin(theta)``. A rational order makes a subharmonic, as in ``amplitude(z, 1/2)``; it
+is taken over whole multiples of its own period, and its phase is known up to multiples of 2 pi over the denominator,
+since the system's phase does not tell its periods apart. Of an orbit with another period it is 0, and its phase NaN.
+Without a phase, the motion's length is the period of order 1, and its start is where the angle is 0.
+
+Integrals are sums of Gauss and Legendre over each step of the dense output, in a time that stands still at both ends of
+a step: where an expression is smooth between events, or like a half-integer power of the distance from one, they are
+as accurate as the dense output.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cache
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+
+from saltus.errors import InputError, nearest
+from saltus.system.evaluate import check_expression, evaluate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["Motion", "Observable", "check_observables", "dense_states", "observe", "read_observable"]
+
+States: TypeAlias = "Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64]]"
+
+_FORMS = {
+    "max": "max(expression)",
+    "min": "min(expression)",
+    "mean": "mean(expression)",
+    "amplitude": "amplitude(expression, order)",
+    "phase": "phase(expression, order)",
+    "fraction": "fraction(mode)",
+    "velocity": "velocity(transition)",
+}
+
+_NODES = 16
+"""Nodes in a step, for an integrand of low order in the angle; more where it turns further within a step."""
+
+_NEAR = 0.05
+"""Share of the range by which a sampled extreme may miss the true one, and be refined."""
+
+_ZOOMS, _PLACES = 7, 17
+"""How often the neighbourhood of an extreme is divided, and into how many places: to 1e-7 of a step."""
+
+_BLOCK = 1 << 16
+"""States that are computed at once, each from all coefficients of its step."""
+
+_WHOLE = 1e-9
+"""Part of a period by which a stretch may miss a whole number of them."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A stretch of motion, step by step, from which observables are computed.
+
+    `Trajectory.motion` and `PeriodicOrbit.motion` make it; so can anything that has dense output.
+
+    Attributes
+    ----------
+    system : HybridSystem
+        What moves.
+    parameters : mapping of str to float
+        All its parameters.
+    modes : ndarray of int, shape (step,)
+        Index of the mode of each step.
+    clocks : ndarray, shape (step, 4)
+        Time within each step as a polynomial in the fraction of the step, growing powers.
+    spans : ndarray, shape (step, 2)
+        Fractions between which each step belongs to the stretch: 0 and 1, but for cut ones.
+    states : callable
+        Full states, shape (m, all states), for indices of steps (m,) and fractions (m,).
+    crossings : sequence of (float, int, float)
+        Time, index of the transition and rate of the event function before, of each event.
+    angle : (float, float)
+        The phase at time 0, and its rate; it runs on beyond 2 pi.
+    turns : int, optional
+        Periods of the angle after which the motion repeats; None where it does not.
+    """
+
+    system: HybridSystem
+    parameters: Mapping[str, float]
+    modes: NDArray[np.int64]
+    clocks: NDArray[np.float64]
+    spans: NDArray[np.float64]
+    states: States
+    crossings: Sequence[tuple[float, int, float]]
+    angle: tuple[float, float]
+    turns: int | None = None
+
+    @property
+    def begin(self) -> float:
+        """Time of the start."""
+        return _clock(self.clocks[0], float(self.spans[0, 0]))
+
+    @property
+    def end(self) -> float:
+        """Time of the end."""
+        return _clock(self.clocks[-1], float(self.spans[-1, 1]))
+
+    @property
+    def durations(self) -> NDArray[np.float64]:
+        """Length of each step in time, shape (step,)."""
+        low, high = self.spans.T[:, :, None]
+        return (_times(self.clocks, high) - _times(self.clocks, low))[:, 0]
+
+    def whole(self, periods: int = 1) -> Motion | None:
+        """Return the last whole periods of the angle, as many as there are in multiples of `periods`; None for none."""
+        if self.turns is not None:
+            return self
+        turn = 2.0 * math.pi / self.angle[1]
+        count = math.floor((self.end - self.begin) / turn + _WHOLE) // periods * periods
+        if count == 0:
+            return None
+        begin = self.end - count * turn
+        return self if begin <= self.begin + _WHOLE * turn else self._after(begin)
+
+    def _after(self, begin: float) -> Motion:
+        """Return the stretch from a time on, which lies within."""
+        ends = _times(self.clocks, self.spans[:, 1:])[:, 0]
+        first = min(int(np.searchsorted(ends, begin, side="right")), len(ends) - 1)
+        spans = self.spans[first:].copy()
+        spans[0, 0] = _fraction(self.clocks[first], begin, float(spans[0, 0]), float(spans[0, 1]))
+        steps = self.states
+        return replace(
+            self,
+            modes=self.modes[first:],
+            clocks=self.clocks[first:],
+            spans=spans,
+            states=lambda at, fraction: steps(at + first, fraction),
+            crossings=[crossing for crossing in self.crossings if crossing[0] > begin],
+            turns=None,
+        )
+
+
+class Observable(NamedTuple):
+    """An observable's name, taken apart.
+
+    Attributes
+    ----------
+    kind : str
+        What is observed, as in ``amplitude``.
+    of : str
+        Of what: an expression, a mode or a transition.
+    order : Fraction or None
+        Order of the harmonic.
+    """
+
+    kind: str
+    of: str
+    order: Fraction | None = None
+
+
+def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
+    """Return observables of a motion by name; the page of this module lists them.
+
+    Parameters
+    ----------
+    motion : Motion
+        The stretch.
+    names : iterable of str
+        What is observed, as in ``"amplitude(z, 1)"``.
+
+    Raises
+    ------
+    InputError
+        A name that is no observable, or a harmonic of a stretch that is shorter than its period.
+
+    Examples
+    --------
+    >>> from saltus.flow.simulate import simulate
+    >>> from saltus.system.hybrid import HybridSystem, Mode, Transition
+    >>> ball = HybridSystem(
+    ...     states=("z", "v"),
+    ...     parameters={"g": 1.0, "e": 0.5},
+    ...     modes={"flight": Mode({"z": "v", "v": "-g"})},
+    ...     transitions=[Transition("flight", "flight", "z", -1, {"v": "-e*v"}, name="impact")],
+    ... )
+    >>> fall = simulate(ball, {}, [0.5, 0.0], t_end=1.5)
+    >>> for name, value in observe(fall.motion(), ["max(z)", "mean(v)", "velocity(impact)"]).items():
+    ...     print(f"{name} = {value:.6f}")
+    max(z) = 0.500000
+    mean(v) = -0.250000
+    velocity(impact) = -1.000000
+    """
+    wanted = {name: read_observable(motion.system, name) for name in names}
+    advance = float(np.abs(motion.durations).max()) * motion.angle[1]
+    highest = max((float(observable.order) for observable in wanted.values() if observable.order), default=0.0)
+    seen = _Seen(motion, _NODES + math.ceil(highest * advance))
+    return {name: _value(seen, name, observable) for name, observable in wanted.items()}
+
+
+def check_observables(system: HybridSystem, names: Iterable[str]) -> None:
+    """Raise `InputError` for a name that is no observable of the system."""
+    for name in names:
+        read_observable(system, name)
+
+
+def read_observable(system: HybridSystem, name: str) -> Observable:
+    """Return an observable's name taken apart, and checked.
+
+    Raises
+    ------
+    InputError
+        The name is no observable, or the system has no such mode, transition, state, parameter or output.
+
+    Examples
+    --------
+    >>> from saltus.system.hybrid import HybridSystem, Mode
+    >>> read_observable(HybridSystem(("z",), {}, {"free": Mode({"z": "-z"})}), "amplitude(z, 1/2)")
+    Observable(kind='amplitude', of='z', order=Fraction(1, 2))
+    """
+    found = re.fullmatch(r"\s*(\w+)\s*\((.*)\)\s*", name, re.DOTALL) if isinstance(name, str) else None
+    if found is None or found[1] not in _FORMS or not _balanced(found[2]):
+        hint = nearest(found[1], _FORMS) if found is not None and found[1] not in _FORMS else ""
+        raise InputError("observable", name, f"one of {', '.join(_FORMS.values())}", hint)
+    kind, of = found[1], found[2].strip()
+    for role, known in (("fraction", system.mode_names), ("velocity", system.transition_names)):
+        if kind == role and of not in known:
+            what = "modes" if role == "fraction" else "transitions"
+            allowed = f"{_FORMS[role]} of one of the {what} {', '.join(known) or '(there is none)'}"
+            raise InputError("observable", name, allowed, nearest(of, known))
+    if kind in ("fraction", "velocity"):
+        return Observable(kind, of)
+    if kind not in ("amplitude", "phase"):
+        check_expression(system, of)
+        return Observable(kind, of)
+    of, _, number = of.rpartition(",")
+    order = re.fullmatch(r"\s*(\d+)\s*(?:/\s*(\d+)\s*)?", number)
+    if order is None or int(order[1]) == 0 or (order[2] is not None and int(order[2]) == 0):
+        raise InputError("observable", name, f"{_FORMS[kind]} with an order > 0, a whole number or a fraction of two")
+    check_expression(system, of.strip())
+    return Observable(kind, of.strip(), Fraction(int(order[1]), int(order[2] or 1)))
+
+
+def dense_states(
+    starts: NDArray[np.float64], coefficients: NDArray[np.float64], fractions: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return states within steps by their dense output of order 7, shape (m, n).
+
+    Parameters
+    ----------
+    starts : ndarray, shape (m, n)
+        State at the start of each state's step.
+    coefficients : ndarray, shape (m, 7, n)
+        The dense output of that step.
+    fractions : ndarray, shape (m,)
+        Where in the step, from 0 to 1.
+
+    References
+    ----------
+    E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd edition, Springer 1993, II.6.
+    """
+    fraction = fractions[:, None]
+    other = 1.0 - fraction
+    y = coefficients[:, 6] * fraction
+    for j, factor in ((5, other), (4, fraction), (3, other), (2, fraction), (1, other), (0, fraction)):
+        y = (y + coefficients[:, j]) * factor
+    return np.asarray(starts + y)
+
+
+class _Seen:
+    """A motion at nodes of a quadrature, each expression evaluated once."""
+
+    def __init__(self, motion: Motion, nodes: int) -> None:
+        self.motion, self.nodes = motion, nodes
+        places, weights = _rule(nodes)
+        spans = motion.spans
+        width = spans[:, 1:] - spans[:, :1]
+        self.fractions = spans[:, :1] + width * places
+        rates = motion.clocks[:, 1:2] + self.fractions * (
+            2.0 * motion.clocks[:, 2:3] + self.fractions * 3.0 * motion.clocks[:, 3:4]
+        )
+        self.weights = (weights * width * rates)[:, 1:-1]
+        self.times = _times(motion.clocks, self.fractions)
+        steps, flat = np.repeat(np.arange(len(spans)), places.size), self.fractions.ravel()
+        blocks = (slice(first, first + _BLOCK) for first in range(0, flat.size, _BLOCK))
+        self._states = np.concatenate([motion.states(steps[block], flat[block]) for block in blocks])
+        self._modes = motion.modes[steps]
+        self._values: dict[str, NDArray[np.float64]] = {}
+        self._whole: dict[int, _Seen | None] = {}
+
+    @property
+    def length(self) -> float:
+        return self.motion.end - self.motion.begin
+
+    def values(self, expression: str) -> NDArray[np.float64]:
+        """Values at both ends of each step and the nodes between, shape (step, nodes + 2)."""
+        if expression not in self._values:
+            motion = self.motion
+            flat = evaluate(motion.system, expression, self._states, self._modes, motion.parameters)
+            self._values[expression] = flat.reshape(self.fractions.shape)
+        return self._values[expression]
+
+    def integral(self, values: NDArray[np.float64] | NDArray[np.complex128]) -> complex:
+        """Integral over time of values at the nodes, shape (step, nodes)."""
+        return complex(np.sum(self.weights * values))
+
+    def whole(self, periods: int) -> _Seen | None:
+        """The last whole periods of the angle, as `Motion.whole` has them."""
+        if periods not in self._whole:
+            stretch = self.motion.whole(periods)
+            if stretch is None or stretch is self.motion:
+                self._whole[periods] = None if stretch is None else self
+            else:
+                self._whole[periods] = _Seen(stretch, self.nodes)
+        return self._whole[periods]
+
+
+def _value(seen: _Seen, name: str, observable: Observable) -> float:
+    motion, kind, of = seen.motion, observable.kind, observable.of
+    match kind:
+        case "max":
+            return _greatest(seen, of, 1.0)
+        case "min":
+            return -_greatest(seen, of, -1.0)
+        case "mean":
+            return seen.integral(seen.values(of)[:, 1:-1]).real / seen.length
+        case "fraction":
+            inside = motion.modes == motion.system.mode_names.index(of)
+            return float(np.sum(motion.durations[inside]) / np.sum(motion.durations))
+        case "velocity":
+            index = motion.system.transition_names.index(of)
+            rates = [rate for _, transition, rate in motion.crossings if transition == index]
+            return math.fsum(rates) / len(rates) if rates else math.nan
+        case _:
+            assert observable.order is not None
+            harmonic = _harmonic(seen, name, of, observable.order)
+            if kind == "amplitude":
+                return abs(harmonic)
+            return _angle(harmonic) if harmonic != 0.0 else math.nan
+
+
+def _harmonic(seen: _Seen, name: str, expression: str, order: Fraction) -> complex:
+    """Return a exp(i phi) of a sin(order theta + phi)."""
+    motion, periods = seen.motion, order.denominator
+    if motion.turns is not None and motion.turns % periods:
+        return 0.0
+    stretch = seen.whole(periods)
+    if stretch is None:
+        turns = seen.length * motion.angle[1] / (2.0 * math.pi)
+        many = "a period" if periods == 1 else f"{periods} periods"
+        raise InputError("observable", name, f"of a stretch of {many} of the phase or more", f"it has {turns:.6g}")
+    start, rate = motion.angle
+    wave = np.exp(-1j * float(order) * (start + rate * stretch.times[:, 1:-1]))
+    return 2j * stretch.integral(stretch.values(expression)[:, 1:-1] * wave) / stretch.length
+
+
+def _angle(harmonic: complex) -> float:
+    angle = math.atan2(harmonic.imag, harmonic.real)
+    return math.pi if angle == -math.pi else angle
+
+
+def _greatest(seen: _Seen, expression: str, sign: float) -> float:
+    """Return the greatest of an expression times a sign: samples, then the neighbourhoods of those near it divided."""
+    motion, values = seen.motion, sign * seen.values(expression)
+    top = float(values.max())
+    if not np.all(np.isfinite(values)):
+        return top
+    padded = np.pad(values, ((0, 0), (1, 1)), constant_values=-np.inf)
+    high = (values >= padded[:, :-2]) & (values >= padded[:, 2:]) & (values >= top - _NEAR * np.ptp(values))
+    steps, at = np.nonzero(high)
+    last = values.shape[1] - 1
+    low, far = seen.fractions[steps, np.maximum(at - 1, 0)], seen.fractions[steps, np.minimum(at + 1, last)]
+    share = np.linspace(0.0, 1.0, _PLACES)
+    rows = np.arange(len(steps))
+    each = np.repeat(steps, _PLACES)
+    for _ in range(_ZOOMS):
+        places = low[:, None] + (far - low)[:, None] * share
+        states = motion.states(each, places.ravel())
+        found = sign * evaluate(motion.system, expression, states, motion.modes[each], motion.parameters)
+        table = found.reshape(places.shape)
+        best = table.argmax(axis=1)
+        top = max(top, float(table.max()))
+        low, far = places[rows, np.maximum(best - 1, 0)], places[rows, np.minimum(best + 1, _PLACES - 1)]
+    return top
+
+
+@cache
+def _rule(nodes: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return places s^2 (3 - 2 s) in [0, 1], both ends among them, and weights, of Gauss and Legendre in s."""
+    roots, weights = np.polynomial.legendre.leggauss(nodes)
+    s = np.concatenate([[0.0], 0.5 * (roots + 1.0), [1.0]])
+    rates = 6.0 * s * (1.0 - s)
+    return s**2 * (3.0 - 2.0 * s), rates * np.concatenate([[0.0], 0.5 * weights, [0.0]])
+
+
+def _balanced(text: str) -> bool:
+    """Whether every parenthesis is closed, and none before it is opened."""
+    depth = 0
+    for character in text:
+        depth += {"(": 1, ")": -1}.get(character, 0)
+        if depth < 0:
+            return False
+    return depth == 0
+
+
+def _times(clocks: NDArray[np.float64], fractions: NDArray[np.float64]) -> NDArray[np.float64]:
+    c = clocks.T[:, :, None]
+    return np.asarray(c[0] + fractions * (c[1] + fractions * (c[2] + fractions * c[3])))
+
+
+def _clock(clock: NDArray[np.float64], fraction: float) -> float:
+    return float(_times(clock[None, :], np.array([[fraction]]))[0, 0])
+
+
+def _fraction(clock: NDArray[np.float64], time: float, low: float, high: float) -> float:
+    """Return where in a step its clock, which does not run back, shows a time, by halving."""
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _clock(clock, middle) <= time else (low, middle)
+    return 0.5 * (low + high)

@@ -1,0 +1,169 @@
+"""The Poincare map of a hybrid flow: returns to a section, those at first dropped in bounded memory."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.errors import InputError
+from saltus.flow.simulate import _check_tolerances, _domain, _passed_event, _Run, _start
+from saltus.flow.taylor import ORDER, TaylorRun
+from saltus.results import frozen
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["Iterates", "admits", "iterate"]
+
+_BATCH = 1024
+"""Returns between two clearances of what the engine keeps."""
+
+
+@dataclass(frozen=True)
+class Iterates:
+    """Returns of a motion to a section, made by `iterate`.
+
+    Parameters
+    ----------
+    states : ndarray, shape (return, all states)
+        Full states on the section: at phase 0, or before the transition.
+    modes : ndarray of int, shape (return,)
+        Indices of the modes there.
+    times : ndarray, shape (return,)
+        Times since the start.
+    x_end : ndarray, shape (all states,)
+        Full state from which the motion goes on: after the last return's transition, if it was one.
+    mode_end : int
+        Index of the mode then.
+    """
+
+    states: NDArray[np.float64]
+    modes: NDArray[np.int64]
+    times: NDArray[np.float64]
+    x_end: NDArray[np.float64]
+    mode_end: int
+
+
+def iterate(
+    system: HybridSystem,
+    p: NDArray[np.float64],
+    x: ArrayLike,
+    mode: int,
+    *,
+    discard: int,
+    keep: int,
+    section: tuple[int, ...] | None = None,
+    longest: float = math.inf,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+) -> Iterates:
+    """Return the returns of a motion to a section after the first `discard` of them.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    p : ndarray, shape (parameters,)
+        `HybridSystem.parameter_vector`.
+    x : array_like, shape (states,) or (all states,)
+        Start.
+    mode : int
+        Index of the mode there.
+    discard, keep : int
+        Returns that are dropped, then kept; what is dropped takes no memory.
+    section : tuple of int, optional
+        Indices of the transitions at which the motion returns; by default it does at phase 0.
+    longest : float, optional
+        Time without a return to a transition after which the motion is taken not to return; fewer are kept then.
+    rtol, atol : float, optional
+        Tolerances of a step.
+
+    Raises
+    ------
+    InputError
+        No section, or tolerances that cannot be used.
+    ChatteringError, DivergenceError
+        As `simulate`.
+
+    Examples
+    --------
+    >>> from saltus.system.hybrid import HybridSystem, Mode
+    >>> turns = HybridSystem(("x",), {"w": 1.0}, {"rest": Mode({"x": "-x"})}, phase=("s", "w"))
+    >>> found = iterate(turns, turns.parameter_vector({}), [1.0], 0, discard=1, keep=2)
+    >>> (found.times / (2 * np.pi)).round(12).tolist()
+    [2.0, 3.0]
+    """
+    _check_tolerances(rtol, atol)
+    if section is None and system.phase is None:
+        raise InputError("section", section, "a transition for a system without a phase")
+    series = system.series(ORDER)
+    if series is not None:
+        motion = TaylorRun(system, series, p, _start(system, x), mode, section, rtol, atol)
+        states, modes, times = motion.follow(discard, keep, longest)
+        x_end = frozen(motion.x[:-1])
+        return Iterates(frozen(states), frozen(modes, np.int64), frozen(times), x_end, motion.mode)
+    run = _Run(system, p, _start(system, x), mode, rtol, atol)
+    log = _to_phase_zero(run, discard, keep) if section is None else _to_events(run, section, discard, keep, longest)
+    times, which, ends, _ = log
+    states = ends[:, 1] if section is None else ends[:, 0]
+    return Iterates(frozen(states), frozen(which[:, 1], np.int64), frozen(times), frozen(run.x), run.mode)
+
+
+def admits(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> bool:
+    """Return whether a motion may start at a full state in a mode: in its domain, and past none of its events."""
+    return _domain(system, mode, x, p) > 0.0 and not _passed_event(system, mode, x, p)
+
+
+_Log = tuple["NDArray[np.float64]", "NDArray[np.int64]", "NDArray[np.float64]", "NDArray[np.float64]"]
+"""Times, transitions with modes, states on both sides, and rates of events."""
+
+
+def _to_phase_zero(run: _Run, discard: int, keep: int) -> _Log:
+    run.offset = 0.0  # periods are counted at the wraps, wherever the motion starts
+    run.follow(math.inf, discard, None, keep=False)
+    kept = []
+    while (missing := discard + keep - run.wraps) > 0:
+        run.follow(math.inf, run.wraps + min(missing, _BATCH), None)
+        kept.append(_take(run, (-1,)))
+    return _joined(kept, run)
+
+
+def _to_events(run: _Run, section: tuple[int, ...], discard: int, keep: int, longest: float) -> _Log:
+    """Follow as many events as there are returns missing: so the motion ends at the last return, never past it."""
+    kept: list[_Log] = []
+    seen, last = 0, 0.0
+    while (missing := discard + keep - seen) > 0:
+        before = run.events_passed
+        most = min(missing, _BATCH)
+        run.follow(last + longest, None, before + most)
+        found = _take(run, section)
+        count = found[0].size
+        if count:
+            last = float(found[0][-1])
+        if seen + count > discard:
+            first = max(discard - seen, 0)
+            kept.append((found[0][first:], found[1][first:], found[2][first:], found[3][first:]))
+        seen += count
+        if run.events_passed - before < most:
+            break
+    return _joined(kept, run)
+
+
+def _take(run: _Run, section: tuple[int, ...]) -> _Log:
+    """Return the returns among the events kept so far, and forget them all."""
+    times, which, ends, rates = run.events()
+    run.kept_events.clear()
+    run.kept_steps.clear()
+    chosen = np.isin(which[:, 0], section)
+    return times[chosen], which[chosen], ends[chosen], rates[chosen]
+
+
+def _joined(parts: list[_Log], run: _Run) -> _Log:
+    nothing = (np.empty(0), np.empty((0, 3), np.int64), np.empty((0, 2, run.x.size)), np.empty(0))
+    times, which, ends, rates = (np.concatenate(part) for part in zip(nothing, *parts, strict=True))
+    return times, which, ends, rates

@@ -1,0 +1,212 @@
+"""Growth of small perturbations along a motion: its variational equations, with saltation at every event and QR."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeGuard
+
+import numpy as np
+
+from saltus.errors import InputError
+from saltus.flow.simulate import _check_tolerances, _how_long, _is_number, _Run, _start
+from saltus.results import frozen
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["BATCHES", "CONFIDENCE", "Growth", "spectrum"]
+
+BATCHES = 20
+"""Into how many batches a stretch is cut for the errors of its exponents."""
+
+CONFIDENCE = 0.95
+"""Probability with which an exponent lies within its error, were the batches independent and normal."""
+
+_ROWS = 25 * BATCHES
+_STEPS_KEPT = 256
+_BUDGET = 1 << 16
+
+
+@dataclass(frozen=True)
+class Growth:
+    """How perturbations grew along a motion; made by `spectrum`.
+
+    Parameters
+    ----------
+    times : ndarray, shape (row,)
+        Ends of the rows, the stretches of time one after the other, counted from the first one's start.
+    logs : ndarray, shape (row, exponent)
+        Logarithm of the growth in each row of each orthogonal direction, the one that grows most over all rows first;
+        ``-inf`` for a direction that was collapsed.
+    x_end : ndarray, shape (all states,)
+        Full state at the end.
+    mode_end : int
+        Index of the mode there.
+    grazed : int
+        Events without a saltation matrix, over which the perturbations were carried unchanged.
+    discarded : float
+        Time before the first row.
+    """
+
+    times: NDArray[np.float64]
+    logs: NDArray[np.float64]
+    x_end: NDArray[np.float64]
+    mode_end: int
+    grazed: int
+    discarded: float
+
+    @property
+    def exponents(self) -> NDArray[np.float64]:
+        """Lyapunov exponents per unit of time, largest first, shape (exponent,)."""
+        return np.asarray(self.logs.sum(axis=0) / self.times[-1])
+
+    @property
+    def errors(self) -> NDArray[np.float64]:
+        """Half widths of the exponents' confidence intervals, from the spread of batch means, shape (exponent,).
+
+        The rows are gathered into at most `BATCHES` batches of nearly equal length. With the standard deviation s of
+        their B means, the half width is ``t s / sqrt(B)``, t being the quantile of Student's distribution with B - 1
+        degrees of freedom for `CONFIDENCE`. 0 for an exponent of ``-inf``.
+
+        References
+        ----------
+        A. M. Law, W. D. Kelton, Simulation Modeling and Analysis, 3rd edition, McGraw-Hill 2000, chapter 9.
+        """
+        from scipy.special import stdtrit
+
+        count = min(BATCHES, self.times.size)
+        edges = np.round(np.linspace(0, self.times.size, count + 1)).astype(int)
+        spans = np.diff(np.append(0.0, self.times)[edges])
+        finite = np.isfinite(self.logs).all(axis=0)
+        errors = np.zeros(finite.size)
+        means = np.add.reduceat(self.logs[:, finite], edges[:-1], axis=0) / spans[:, None]
+        quantile = float(stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE))
+        errors[finite] = quantile * means.std(axis=0, ddof=1) / math.sqrt(count)
+        return errors
+
+
+def spectrum(
+    system: HybridSystem,
+    p: NDArray[np.float64],
+    x: ArrayLike,
+    mode: int,
+    *,
+    periods: int | None = None,
+    t: float | None = None,
+    exponents: int | None = None,
+    discard: float | None = None,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+) -> Growth:
+    """Return the growth of perturbations along a motion, from which its Lyapunov exponents follow.
+
+    An orthonormal frame is carried by the variational equations in the steps of the motion and by the saltation matrix
+    over its events, and made orthonormal after each of them. The system's phase is not perturbed. No more than some
+    hundred steps are in memory at a time.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    p : ndarray, shape (parameters,)
+        `HybridSystem.parameter_vector`.
+    x : array_like, shape (states,) or (all states,)
+        Start, best on the attractor.
+    mode : int
+        Index of the mode there.
+    periods, t : int, float
+        How long it is measured; exactly one of the two. Periods are counted from phase 0 on.
+    exponents : int, optional
+        How many, the largest; by default as many as there are states without the phase.
+    discard : int or float, optional
+        How long before, in the same unit, the motion settles and the frame turns into the directions that grow; by
+        default half of what is measured.
+    rtol, atol : float, optional
+        Tolerances of a step of the motion.
+
+    Returns
+    -------
+    Growth
+
+    Raises
+    ------
+    InputError
+        An argument that cannot be used.
+    ChatteringError, DivergenceError
+        As `simulate`.
+
+    References
+    ----------
+    G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Lyapunov characteristic exponents for smooth dynamical
+    systems and for Hamiltonian systems, Meccanica 15 (1980) 9-30; P. C. Müller, Calculation of Lyapunov exponents for
+    dynamic systems with discontinuities, Chaos, Solitons & Fractals 5 (1995) 1671-1681.
+    """
+    _check_tolerances(rtol, atol)
+    _how_long(system, periods, t)
+    n, most = len(system.states), np.iinfo(np.int64).max
+    columns = n if exponents is None else exponents
+    if not _is_count(columns) or not 1 <= columns <= n:
+        raise InputError("exponents", exponents, f"an integer between 1 and {n}, the number of states")
+    run = _Run(system, p, _start(system, x), mode, rtol, atol, steps_kept=_STEPS_KEPT)
+    if periods is None:
+        assert t is not None
+        row_times = _checked_time(discard, 0.5 * t) + np.linspace(0.0, t, _ROWS + 1)
+        row_wraps = np.full(row_times.size, most)
+    else:
+        if not _is_count(periods) or periods < 2:
+            raise InputError("periods", periods, "an integer >= 2")
+        first = max(_checked_periods(discard, periods // 2), 1 if run.offset > 0.0 else 0)
+        row_wraps = first + np.round(np.linspace(0, periods, min(_ROWS, periods) + 1)).astype(np.int64)
+        row_times = np.full(row_wraps.size, math.inf)
+    frame = np.zeros((len(system.all_states), columns))
+    # any frame that no direction of the system is likely to be orthogonal to
+    frame[:n] = np.linalg.qr(np.random.default_rng(0).standard_normal((n, columns)))[0]
+    ends, logs, grazed = _run_rows(run, row_times, row_wraps, frame)
+    order = np.argsort(-logs[1:].sum(axis=0), kind="stable")
+    times = frozen(ends[1:] - ends[0])
+    return Growth(times, frozen(logs[1:, order]), frozen(run.x), run.mode, grazed, float(ends[0]))
+
+
+def _is_count(value: object) -> TypeGuard[int]:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _checked_time(discard: object, default: float) -> float:
+    if discard is None:
+        return default
+    if not _is_number(discard) or not 0.0 <= discard < math.inf:
+        raise InputError("discard", discard, "a finite number >= 0")
+    return discard
+
+
+def _checked_periods(discard: object, default: int) -> int:
+    if discard is None:
+        return default
+    if not _is_count(discard) or discard < 0:
+        raise InputError("discard", discard, "an integer >= 0, a number of periods")
+    return discard
+
+
+def _run_rows(
+    run: _Run, row_times: NDArray[np.float64], row_wraps: NDArray[np.int64], frame: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """Ends of the rows, logarithms of growth in each, and the count of events grazed."""
+    from saltus.flow import _variational_kernels as kernels
+
+    places = np.zeros(kernels.N_PLACES, np.int64)
+    places[kernels.LIVE] = frame.shape[1]
+    logs, ends = np.zeros((row_times.size, frame.shape[1])), np.zeros(row_times.size)
+    again, done = run.kernels.AGAIN, run.kernels.DONE
+    status = again
+    while status == again:
+        status = kernels.growth_kernel(
+            run.addresses, run.transitions, run.rate, run.p, run.rtol, run.atol, _BUDGET, run.x, run.slopes, run.size,
+            run.numbers, run.counts, run.side, run.on, run.value, run.first_steps, *run.step_buffers,
+            *run.event_buffers, row_times, row_wraps, frame, places, logs, ends,
+        )  # fmt: skip
+    if status != done:
+        raise run._error(status)
+    return ends, logs, int(places[kernels.GRAZED])

@@ -1,0 +1,288 @@
+"""What a motion is, from its returns to a section and its leading Lyapunov exponent.
+
+In this order, thresholds being those of `Criteria`:
+
+1. ``diverged``: the motion leaves every bound or the domain of its mode, or chatters.
+2. ``no return``: it stays away from the section, a transition that no longer happens.
+3. ``period-N``: it recurs after N returns, the fewest that do: in the second half of those kept, no state differs from
+   that N returns later by more than `recurrence` of its size. Or it is on its way there: the leading exponent is
+   negative, and from the first half to the second the differences shrink at least half as fast as it says, and by a
+   tenth; for N > 1 they are below `settling` of the points' extent, too. Or, if the exponent is not above `exponent`
+   and the points do not lie on a closed curve, that alone. N is at most a quarter of the returns kept, so that it is
+   seen four times.
+4. ``chaotic``: the leading exponent is above `exponent` by more than its error; or it may be, and the points do not lie
+   on a closed curve.
+5. ``quasi-periodic``: none of these. Where a torus attracts, the motion on it locks to a long period in many small
+   windows of a parameter, which no experiment resolves. A motion that recurs is therefore named so, too, if the points
+   lie round a closed curve and are more than `longest`, and not by doubling, when they lie in pairs; its period is
+   recorded all the same.
+
+Points lie on a closed curve where, seen from their middle in the plane in which they spread most, no gap between
+neighbours is wider than `gap`, and the map keeps their order round it, but for a part of `disorder` of the way that
+their images go.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["CHAOTIC", "DIVERGED", "NO_RETURN", "QUASI_PERIODIC", "Criteria", "Kind", "classify", "rotation_number"]
+
+CHAOTIC, DIVERGED, NO_RETURN, QUASI_PERIODIC = "chaotic", "diverged", "no return", "quasi-periodic"
+
+_SMALLEST = 1e-3
+"""Size of a state that is nearly zero throughout, as a part of the largest one's."""
+
+_ENOUGH = 16
+"""Points from which on their order round a curve is looked at: fewer are too far apart, and show no curve at all unless
+they recur."""
+
+_SHRUNK = 0.9
+"""Differences that are to shrink do so at least by this from the first half of the returns to the second."""
+
+_FRACTION = 1e-4
+"""A rotation number so near to a fraction belongs to points that may lie on several curves."""
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """Thresholds by which motions are told apart; they are recorded with a sweep.
+
+    Parameters
+    ----------
+    recurrence : float
+        Part of a state's size within which it recurs.
+    settling : float
+        Part of the points' extent within which a motion recurs that is still settling.
+    exponent : float
+        Leading Lyapunov exponent per return above which a motion is chaotic.
+    longest : int
+        Returns after which a motion recurs at the latest if it is to be called periodic, doublings apart.
+    doubling : float
+        Part of the points' extent within which they lie in pairs after a period doubling.
+    gap : float
+        Largest part of a turn between neighbouring points that lie on a closed curve, seen from its middle.
+    disorder : float
+        Largest part of the way of the points' images, from one point to the next round the curve, that goes backwards.
+    patience : int
+        A motion whose exponent is nearer to `exponent` than its error, or that has not settled, is followed this many
+        times as long, at most.
+    """
+
+    recurrence: float = 1e-5
+    settling: float = 0.01
+    exponent: float = 0.02
+    longest: int = 8
+    doubling: float = 0.25
+    gap: float = 0.3
+    disorder: float = 0.35
+    patience: int = 4
+
+    def __post_init__(self) -> None:
+        for name in ("recurrence", "settling", "exponent", "doubling", "gap", "disorder"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1.0:
+                raise InputError(f"Criteria.{name}", value, "a number between 0 and 1")
+        for name in ("longest", "patience"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise InputError(f"Criteria.{name}", value, "an integer >= 1")
+
+
+class Kind(NamedTuple):
+    """What a motion is.
+
+    Attributes
+    ----------
+    label : str
+        ``period-N``, ``quasi-periodic`` or ``chaotic``.
+    period : int
+        Returns after which it recurs, 0 where it does not.
+    rotation : float
+        Turns round a closed curve in a return, between 0 and 1/2, where it is quasi-periodic and the points show such a
+        curve; else NaN.
+    curves : int
+        Closed curves that are visited in turn, 0 where there is none; `rotation` is then that of one, in `curves`
+        returns.
+    """
+
+    label: str
+    period: int
+    rotation: float
+    curves: int
+
+
+def classify(points: ArrayLike, exponent: float, error: float, criteria: Criteria | None = None) -> Kind:
+    """Return what a motion is.
+
+    Parameters
+    ----------
+    points : array_like, shape (return, state)
+        States on the section, those that come round (an angle) as their cosine and sine.
+    exponent, error : float
+        Leading Lyapunov exponent per return, and its error.
+    criteria : Criteria, optional
+        The thresholds.
+
+    Examples
+    --------
+    >>> turns = 2.0 * np.pi * 0.381966 * np.arange(100)
+    >>> circle = np.column_stack([np.cos(turns), np.sin(turns)])
+    >>> kind = classify(circle, 0.0, 0.001)
+    >>> kind.label, round(kind.rotation, 6)
+    ('quasi-periodic', 0.381966)
+    >>> classify(np.tile([[0.2], [0.7]], (50, 1)), -0.3, 0.01).label
+    'period-2'
+    """
+    limits = Criteria() if criteria is None else criteria
+    cloud = np.asarray(points, dtype=np.float64)
+    apart = _Apart(cloud)
+    periods = (apart.settled(limits), apart.settling(exponent, limits))
+    period = min((found for found in periods if found), default=0)
+    rotation, curves = math.nan, 0
+    if not period or _base(cloud, period, limits) > limits.longest:
+        rotation, curves = rotation_number(cloud, limits, period)
+    if not period and not curves and exponent <= limits.exponent:
+        period = apart.near(limits)
+    if period and not curves:
+        return Kind(f"period-{period}", period, math.nan, 0)
+    sure = abs(exponent - limits.exponent) > error
+    if not period and (exponent > limits.exponent if sure else not curves):
+        return Kind(CHAOTIC, 0, math.nan, 0)
+    return Kind(QUASI_PERIODIC, period, rotation, curves)
+
+
+class _Apart:
+    """How far points are from those some returns later, in parts of each state's size."""
+
+    def __init__(self, cloud: NDArray[np.float64]) -> None:
+        size = np.maximum(np.max(np.abs(cloud), axis=0), np.ptp(cloud, axis=0))
+        scaled = cloud / np.maximum(size, max(_SMALLEST * float(size.max()), 1e-300))
+        self.extent = float(np.ptp(scaled, axis=0).max())
+        self.halves: list[tuple[float, float, int]] = []  # largest in the first half and the second, and their length
+        for later in range(1, max(len(cloud) // 4, min(len(cloud) - 1, 1)) + 1):  # seen four times
+            apart = np.max(np.abs(scaled[later:] - scaled[:-later]), axis=1)
+            half = len(apart) // 2
+            self.halves.append((float(apart[:half].max(initial=0.0)), float(apart[half:].max()), half))
+
+    def settled(self, limits: Criteria) -> int:
+        """Returns after which the motion recurs, 0 where it does not."""
+        return next((i for i, (_, late, _) in enumerate(self.halves, 1) if late <= limits.recurrence), 0)
+
+    def settling(self, exponent: float, limits: Criteria) -> int:
+        """Returns after which it will recur, by the shrinking of the differences; 0 where they do not shrink."""
+        if not exponent < 0.0:
+            return 0
+        for i, (early, late, half) in enumerate(self.halves, 1):
+            near = i == 1 or late <= limits.settling * self.extent
+            if near and half and late <= early * min(math.exp(0.5 * exponent * half), _SHRUNK):
+                return i
+        return 0
+
+    def near(self, limits: Criteria) -> int:
+        """Returns after which it recurs but for `settling`, 0 where it does not."""
+        return next((i for i, (_, late, _) in enumerate(self.halves, 1) if late <= limits.settling * self.extent), 0)
+
+
+def _base(cloud: NDArray[np.float64], period: int, limits: Criteria) -> int:
+    """The period before its doublings."""
+    points = cloud[-period:]
+    extent = max(float(np.ptp(points, axis=0).max()), 1e-300)
+    base = period
+    while base % 2 == 0 and base > limits.longest:
+        turned = np.roll(points, base // 2, axis=0)
+        if float(np.max(np.abs(turned - points))) > limits.doubling * extent:
+            break
+        base //= 2
+    return base
+
+
+def rotation_number(points: ArrayLike, criteria: Criteria | None = None, period: int = 0) -> tuple[float, int]:
+    """Return the turns in a return round a closed curve, and how many curves are visited in turn.
+
+    The points are seen from their middle, in the plane in which they spread most; the mean of their angles' increments
+    is weighted so that it converges faster than any power of their count where the motion is quasi-periodic.
+
+    Parameters
+    ----------
+    points : array_like, shape (return, state)
+        States on the section.
+    criteria : Criteria, optional
+        What a closed curve is: `gap` and `disorder`; and how many curves there are at most, `longest`.
+    period : int, optional
+        Returns after which the points recur, 0 where they do not.
+
+    Returns
+    -------
+    rotation : float
+        Between 0 and 1/2, the side from which the curve is seen being left open; NaN where there is no closed curve.
+        With several curves, the turns round one of them in as many returns.
+    curves : int
+        0 where there is none.
+
+    References
+    ----------
+    S. Das, Y. Saiki, E. Sander, J. A. Yorke, Quantitative quasiperiodicity, Nonlinearity 30 (2017) 4111-4140.
+    """
+    limits = Criteria() if criteria is None else criteria
+    cloud = np.asarray(points, dtype=np.float64)
+    first: tuple[float, int] = (math.nan, 0)
+    for curves in range(1, limits.longest + 1):
+        distinct = period // math.gcd(period, curves)
+        found = [turns for i in range(curves) if (turns := _turns(cloud[i::curves], limits, distinct)) is not None]
+        if len(found) < curves:
+            continue
+        rotation = float(np.mean(found))
+        # as good as a fraction: several curves, seen from the middle of them all
+        parts = rotation * np.arange(1, limits.longest // curves + 1)
+        if not np.any(np.abs(parts - np.round(parts)) < _FRACTION):
+            return rotation, curves
+        if not first[1]:
+            first = (rotation, curves)
+    return first
+
+
+def _turns(points: NDArray[np.float64], limits: Criteria, distinct: int) -> float | None:
+    """Turns in a step round one closed curve, None where the points do not show one; `distinct` of them, 0 for all."""
+    spread = points.std(axis=0) if len(points) > 2 else np.zeros(1)
+    wide = spread > _SMALLEST * spread.max() if spread.max() > 0.0 else spread > 0.0
+    if wide.sum() < 2 or (len(points) < _ENOUGH and not distinct):
+        return None
+    scaled = (points - points.mean(axis=0))[:, wide] / spread[wide]
+    plane = np.linalg.svd(scaled, full_matrices=False)[2][:2]
+    angles = np.arctan2(scaled @ plane[1], scaled @ plane[0]) / (2.0 * math.pi)
+    ordered = np.sort(angles[-distinct:])
+    if max(float(np.diff(ordered).max(initial=0.0)), ordered[0] + 1.0 - ordered[-1]) > limits.gap:
+        return None
+    if ordered.size >= _ENOUGH and _disorder(angles[-distinct:]) > limits.disorder:
+        return None
+    increments = np.diff(angles)
+    # each increment is known up to whole turns: all are taken from the one turn about their mean direction
+    mean = np.angle(np.exp(2j * math.pi * increments).sum()) / (2.0 * math.pi)
+    increments = mean + (increments - mean + 0.5) % 1.0 - 0.5
+    turns = _weighted_mean(increments) % 1.0
+    return float(min(turns, 1.0 - turns))
+
+
+def _disorder(angles: NDArray[np.float64]) -> float:
+    """Part of the way backwards when the points are gone through round the curve and their images are watched."""
+    images = angles[1:][np.argsort(angles[:-1], kind="stable")]
+    steps = (np.diff(np.append(images, images[0])) + 0.5) % 1.0 - 0.5
+    backwards = min(float(-steps[steps < 0.0].sum()), float(steps[steps > 0.0].sum()))
+    return backwards / max(float(np.abs(steps).sum()), 1e-300)
+
+
+def _weighted_mean(values: NDArray[np.float64]) -> float:
+    """Mean with the weights exp(-1 / (s (1 - s))), s from 0 to 1 along the values (Das et al. 2017)."""
+    s = np.arange(1, values.size + 1) / (values.size + 1.0)
+    weights = np.exp(-1.0 / (s * (1.0 - s)))
+    return float(weights @ values / weights.sum())

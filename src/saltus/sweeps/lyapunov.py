@@ -1,0 +1,292 @@
+"""Lyapunov exponents of the motion that a hybrid system settles on."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.errors import InputError
+from saltus.flow.simulate import starting_mode
+from saltus.flow.variational import BATCHES, CONFIDENCE, spectrum
+from saltus.results import Result, frozen
+from saltus.system.hybrid import HybridSystem
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import xarray as xr
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["LyapunovSpectrum", "lyapunov_spectrum"]
+
+_SHOWN = 8
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LyapunovSpectrum(Result):
+    """Lyapunov exponents of a motion, per unit of time, with what they were measured from.
+
+    A forced system has one for each state without the phase. An autonomous one has 0 among them, for the direction of
+    its flow, unless it rests.
+
+    Attributes
+    ----------
+    system : HybridSystem
+        The system.
+    parameters : mapping of str to float
+        All its parameters.
+    exponents : ndarray, shape (exponent,)
+        Largest first; ``-inf`` where a reset of lower rank, or a sliding motion, takes a direction away.
+    errors : ndarray, shape (exponent,)
+        Half widths of their 95 % confidence intervals, from the spread of batch means.
+    times : ndarray, shape (row,)
+        Ends of the stretches the motion was cut into, counted from the end of what was discarded.
+    logs : ndarray, shape (row, exponent)
+        Logarithms of the growth in each stretch.
+    discarded : float
+        Time before the first stretch.
+    x_end : ndarray, shape (all states,)
+        Full state at the end.
+    mode_end : str
+        Mode there.
+    grazed : int
+        Events that were grazed, where no saltation matrix exists and none was applied.
+    rtol, atol : float
+        Tolerances of the motion.
+    """
+
+    system: HybridSystem
+    parameters: Mapping[str, float]
+    exponents: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    times: NDArray[np.float64]
+    logs: NDArray[np.float64]
+    discarded: float
+    x_end: NDArray[np.float64]
+    mode_end: str
+    grazed: int
+    rtol: float
+    atol: float
+
+    def __post_init__(self) -> None:
+        for name in ("exponents", "errors", "times", "logs", "x_end"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+
+    @property
+    def running(self) -> NDArray[np.float64]:
+        """Estimates from the start to each of `times`, shape (row, exponent)."""
+        return np.asarray(np.cumsum(self.logs, axis=0) / self.times[:, None])
+
+    @property
+    def period(self) -> float:
+        """Period of the phase.
+
+        Raises
+        ------
+        InputError
+            The system has no phase.
+        """
+        if self.system.phase is None:
+            raise InputError("system", self.system.name, "one with a phase", "its exponents are per unit of time only")
+        return 2.0 * math.pi / float(self.system.field(self.mode_end, self.x_end, self.parameters)[-1])
+
+    @property
+    def per_period(self) -> NDArray[np.float64]:
+        """Exponents times the period of the phase: those of the stroboscopic map, shape (exponent,)."""
+        return np.asarray(self.exponents * self.period)
+
+    @property
+    def sum(self) -> float:
+        """Sum of the exponents: the rate at which volumes grow, if all of them were measured."""
+        return float(self.exponents.sum())
+
+    @property
+    def kaplan_yorke(self) -> float:
+        """Kaplan-Yorke dimension, ``k + (l_1 + ... + l_k) / |l_(k+1)|`` with the largest k whose sum is not negative.
+
+        That of the attractor in the space of the states, for a forced system of its section at a phase. A sum within
+        its error of zero counts as zero, such as that of an autonomous limit cycle. ``nan`` where the exponents
+        measured are too few to tell.
+
+        References
+        ----------
+        J. L. Kaplan, J. A. Yorke, Chaotic behavior of multidimensional difference equations, Lect. Notes Math. 730
+        (1979) 204-227.
+        """
+        sums, errors = np.cumsum(self.exponents), np.cumsum(self.errors)
+        below = np.nonzero(sums < -errors)[0]
+        if below.size == 0:
+            n = self.exponents.size
+            return float(n) if n == len(self.system.states) else math.nan
+        k = int(below[0])
+        if k == 0 or sums[k - 1] <= errors[k - 1]:
+            return float(k)
+        return k - float(sums[k - 1] / self.exponents[k])
+
+    def __repr__(self) -> str:
+        title = repr(self.system.name) if self.system.name else "a system"
+        span = f"t = {self.times[-1]:.8g}"
+        if self.system.phase is not None:
+            span += f" ({self.times[-1] / self.period:.6g} periods of {self.system.phase[0]})"
+        lines = [f"LyapunovSpectrum of {title} over {span}, after {self.discarded:.6g} discarded"]
+        for value, error in list(zip(self.exponents, self.errors, strict=True))[:_SHOWN]:
+            lines.append(f"  {value:+.6g} ± {error:.1g}" if math.isfinite(value) else "  -inf")
+        if self.exponents.size > _SHOWN:
+            lines.append(f"  and {self.exponents.size - _SHOWN} more")
+        if self.exponents.size == len(self.system.states):
+            lines.append(f"  sum {self.sum:+.6g}, Kaplan-Yorke dimension {self.kaplan_yorke:.4g}")
+        if self.grazed:
+            events = "event" if self.grazed == 1 else "events"
+            lines.append(f"  {self.grazed} {events} grazed, passed without a saltation matrix")
+        return "\n".join(lines)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return everything as a Dataset with dimensions exponent, row and state; rates are per unit of time."""
+        import xarray as xr
+
+        meaning = f"half width of the {CONFIDENCE:.0%} confidence interval, from at most {BATCHES} batch means"
+        return xr.Dataset(
+            {
+                "exponent": ("exponent", np.array(self.exponents), {"unit": "1 / time"}),
+                "error": ("exponent", np.array(self.errors), {"unit": "1 / time", "meaning": meaning}),
+                "log_growth": (("row", "exponent"), np.array(self.logs)),
+                "x_end": ("state", np.array(self.x_end)),
+            },
+            coords={"time": ("row", np.array(self.times)), "state": list(self.system.all_states)},
+            attrs={
+                "definition": json.dumps(self.system.definition()),
+                "parameters": json.dumps(dict(self.parameters)),
+                "discarded": self.discarded,
+                "mode_end": self.mode_end,
+                "grazed": self.grazed,
+                "rtol": self.rtol,
+                "atol": self.atol,
+            },
+        )
+
+    @classmethod
+    def from_xarray(cls, dataset: xr.Dataset) -> LyapunovSpectrum:
+        """Return the spectrum that `to_xarray` described."""
+        attrs = dataset.attrs
+        return cls(
+            HybridSystem.from_definition(json.loads(attrs["definition"])),
+            json.loads(attrs["parameters"]),
+            dataset["exponent"].to_numpy(),
+            dataset["error"].to_numpy(),
+            dataset["time"].to_numpy(),
+            dataset["log_growth"].to_numpy(),
+            float(attrs["discarded"]),
+            dataset["x_end"].to_numpy(),
+            str(attrs["mode_end"]),
+            int(attrs["grazed"]),
+            float(attrs["rtol"]),
+            float(attrs["atol"]),
+        )
+
+
+def lyapunov_spectrum(
+    system: HybridSystem,
+    parameters: Mapping[str, float] | None = None,
+    x0: ArrayLike = (),
+    *,
+    mode: str | None = None,
+    periods: int | None = None,
+    t: float | None = None,
+    discard: float | None = None,
+    exponents: int | None = None,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+) -> LyapunovSpectrum:
+    """Return the Lyapunov exponents of the motion from a state, once it has settled.
+
+    The variational equations carry an orthonormal frame along the motion, the saltation matrix takes it over each
+    event, and after every step and event it is made orthonormal again; an exponent is the mean rate of the logarithm
+    of its direction's growth. The phase is not perturbed.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    parameters : mapping of str to float, optional
+        Values that differ from the defaults.
+    x0 : array_like, shape (states,) or (all states,)
+        State at time 0; without the phase it starts at phase 0.
+    mode : str, optional
+        Mode at time 0; chosen as in `simulate`.
+    periods, t : int, float
+        How long the exponents are measured: periods of the phase, at least 2, or a time. Exactly one of the two.
+    discard : int or float, optional
+        How long before, in the same unit, motion and frame settle; by default half of what is measured.
+    exponents : int, optional
+        How many, the largest; by default all.
+    rtol, atol : float, optional
+        Relative and absolute tolerance of a step of the motion.
+
+    Returns
+    -------
+    LyapunovSpectrum
+
+    Raises
+    ------
+    InputError
+        An argument that cannot be used.
+    ChatteringError
+        Events accumulate.
+    DivergenceError
+        The state leaves every bound, or the domain of its mode.
+
+    Notes
+    -----
+    Each logarithm of growth carries an error that does not grow with time, so that estimates for a periodic motion
+    approach ``log|mu| / T`` like 1/time; for a chaotic one the spread of batch means, 1/sqrt(time), is what counts.
+
+    References
+    ----------
+    G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Lyapunov characteristic exponents for smooth dynamical
+    systems and for Hamiltonian systems, Meccanica 15 (1980) 9-30; P. C. Müller, Calculation of Lyapunov exponents for
+    dynamic systems with discontinuities, Chaos, Solitons & Fractals 5 (1995) 1671-1681.
+
+    Examples
+    --------
+    The switched flow of Chase, Serrano and Ramadge: one of three tanks is filled, all drain, and the first that is
+    empty is filled next. Its exponent is ln 2 in every 3/4 units of time, all of it from saltation.
+
+    >>> from saltus.system.hybrid import HybridSystem, Mode, Transition
+    >>> tanks = ("a", "b", "c")
+    >>> server = HybridSystem(
+    ...     states=tanks,
+    ...     parameters={"rate": 1 / 3},
+    ...     modes={f"fill_{i}": Mode({j: "1 - rate" if i == j else "-rate" for j in tanks}) for i in tanks},
+    ...     transitions=[Transition(f"fill_{i}", f"fill_{j}", j, -1) for i in tanks for j in tanks if i != j],
+    ...     name="three tanks",
+    ... )
+    >>> found = lyapunov_spectrum(server, None, [0.2, 0.3, 0.5], mode="fill_a", t=2000.0)
+    >>> print(round(found.exponents[0], 2))
+    0.92
+    """
+    p = system.parameter_vector(parameters)
+    x = system.full_state(x0)
+    start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
+    growth = spectrum(
+        system, p, x, start, periods=periods, t=t, exponents=exponents, discard=discard, rtol=rtol, atol=atol
+    )
+    return LyapunovSpectrum(
+        system=system,
+        parameters=system.resolve(parameters),
+        exponents=growth.exponents,
+        errors=growth.errors,
+        times=growth.times,
+        logs=growth.logs,
+        discarded=growth.discarded,
+        x_end=growth.x_end,
+        mode_end=system.mode_names[growth.mode_end],
+        grazed=growth.grazed,
+        rtol=float(rtol),
+        atol=float(atol),
+    )

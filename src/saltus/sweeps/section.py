@@ -1,0 +1,100 @@
+"""Poincare sections of a sweep: phase 0, a transition, or an event of one's own."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from saltus.errors import InputError, nearest
+from saltus.system import HybridSystem, Transition
+from saltus.system.evaluate import check_expression
+from saltus.system.expressions import text_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["Section", "on_section"]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A surface in the state space on which a motion is looked at, in every mode.
+
+    Parameters
+    ----------
+    event : expression
+        In states, phase, parameters and outputs; the surface is where it vanishes.
+    direction : {-1, 0, 1}
+        It counts where the motion passes with the event falling (-1), rising (1), or both (0).
+
+    Examples
+    --------
+    >>> Section("z - 0.5", direction=-1)
+    Section(event='z - 0.5', direction=-1)
+    """
+
+    event: Any
+    direction: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "event", text_of(self.event, "section"))
+        if isinstance(self.direction, bool) or self.direction not in (-1, 0, 1):
+            raise InputError("direction", self.direction, "-1 (falling), 0 (either) or 1 (rising)")
+
+
+def on_section(system: HybridSystem, section: object) -> tuple[HybridSystem, tuple[int, ...] | None]:
+    """Return the system that has the section among its transitions, and their indices; None for phase 0.
+
+    A section of one's own becomes a transition of every mode that changes nothing, behind all others: where an event of
+    the system lies on the same surface, that happens instead, and is the section to name.
+
+    Raises
+    ------
+    InputError
+        No such section.
+    """
+    names = system.transition_names
+    if section is None:
+        if system.phase is None:
+            allowed = f"the name of a transition, {', '.join(names)}, or a Section" if names else "a Section"
+            raise InputError("section", section, allowed, "the system has no phase")
+        return system, None
+    if isinstance(section, Section):
+        check_expression(system, section.event)
+        own = [
+            Transition(
+                mode, mode, _written_out(system, section.event, mode), section.direction, name=f"section, {mode}"
+            )
+            for mode in system.mode_names
+        ]
+        return _with(system, own), tuple(range(len(names), len(names) + len(own)))
+    if not isinstance(section, str) or section not in names:
+        known = f"one of the transitions {', '.join(names)}, " if names else ""
+        raise InputError("section", section, f"{known}a Section, or None for phase 0", nearest(str(section), names))
+    return system, (names.index(section),)
+
+
+def _with(system: HybridSystem, transitions: list[Transition]) -> HybridSystem:
+    definition = system.definition()
+    definition["transitions"] += [
+        {"source": t.source, "target": t.target, "event": t.event, "direction": t.direction, "name": t.name}
+        for t in transitions
+    ]
+    return HybridSystem.from_definition(definition)
+
+
+def _written_out(system: HybridSystem, text: str, mode: str) -> str:
+    """Return an expression without outputs, those of a mode written out."""
+    outputs = {name: by_mode[mode] for name, by_mode in system.outputs.items()}
+    return ast.unparse(_WriteOut(outputs).visit(ast.parse(text.strip(), mode="eval")))
+
+
+class _WriteOut(ast.NodeTransformer):
+    def __init__(self, outputs: Mapping[str, str]) -> None:
+        self.outputs = outputs
+
+    def visit_Name(self, node: ast.Name) -> ast.AST:  # the name is what ast calls
+        if node.id in self.outputs:
+            return ast.parse(self.outputs[node.id], mode="eval").body
+        return node

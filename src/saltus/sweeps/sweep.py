@@ -1,0 +1,316 @@
+"""What a sweep found: at each value the points on the section, what the motion is, its exponents and observables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from saltus.errors import InputError, nearest
+from saltus.results import Result, frozen
+from saltus.system import HybridSystem
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+__all__ = ["Sweep", "SweptValue"]
+
+_LISTED = 24
+"""Runs of labels that a `repr` lists for each pass."""
+
+
+class SweptValue(NamedTuple):
+    """What a sweep found at one value.
+
+    Attributes
+    ----------
+    parameters : mapping of str to float
+        All parameters.
+    label : str
+        What the motion is.
+    period : int
+        Returns after which it recurs, 0 where it does not.
+    rotation : float
+        Rotation number, or NaN.
+    exponents : ndarray, shape (exponent,)
+        Largest Lyapunov exponents per unit of time.
+    points : mapping of str to ndarray, shape (kept,)
+        The quantities on the section.
+    observed : mapping of str to float
+        The observables.
+    state : ndarray, shape (all states,)
+        Full state at the end, from which the motion goes on.
+    mode : str
+        Mode there; empty where there is no motion.
+    reason : str
+        Why there is none.
+    """
+
+    parameters: Mapping[str, float]
+    label: str
+    period: int
+    rotation: float
+    exponents: NDArray[np.float64]
+    points: Mapping[str, NDArray[np.float64]]
+    observed: Mapping[str, float]
+    state: NDArray[np.float64]
+    mode: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(Result):
+    """Attractors along a parameter, by simulation; made by `run_sweep`.
+
+    Every array has a row for each direction and each value, NaN (or empty, or 0) where nothing
+    was computed.
+
+    Attributes
+    ----------
+    system : HybridSystem
+        What moves.
+    parameter : str
+        What is swept, a parameter or a group of them.
+    values : ndarray, shape (value,)
+        Its values, ascending.
+    parameters : mapping of str to float
+        All parameters at the first value.
+    directions : tuple of str
+        The passes: "up", "down", or "restart" where every value starts anew.
+    quantities : tuple of str
+        What is kept of each point.
+    points : ndarray, shape (direction, value, kept, quantity)
+        The quantities at the returns kept.
+    labels : ndarray of str, shape (direction, value)
+        What the motion is; `saltus.sweeps.classify` says by which criteria. Empty where it was not computed.
+    periods : ndarray of int, shape (direction, value)
+        Returns after which it recurs, 0 where it does not.
+    rotations : ndarray, shape (direction, value)
+        Rotation number in turns per return, where the motion is quasi-periodic.
+    curves : ndarray of int, shape (direction, value)
+        Closed curves on the section that it refers to.
+    exponents, errors : ndarray, shape (direction, value, exponent)
+        Largest Lyapunov exponents per unit of time, and the half widths of their 95 % intervals.
+    return_times : ndarray, shape (direction, value)
+        Mean time between returns.
+    observables : tuple of str
+        What is observed at each value.
+    observed : ndarray, shape (direction, value, observable)
+        Its values.
+    reasons : ndarray of str, shape (direction, value)
+        Why there is no motion, where there is none.
+    states : ndarray, shape (direction, value, all states)
+        Full states at the end of each value, from which the motion goes on.
+    modes : ndarray of int, shape (direction, value)
+        Indices of the modes there, -1 where there is no motion.
+    settings : mapping
+        What `run_sweep` was asked for, thresholds included.
+    stopped : str
+        Why it ended, in words.
+    """
+
+    system: HybridSystem
+    parameter: str
+    values: NDArray[np.float64]
+    parameters: Mapping[str, float]
+    directions: tuple[str, ...]
+    quantities: tuple[str, ...]
+    points: NDArray[np.float64]
+    labels: NDArray[np.str_]
+    periods: NDArray[np.int64]
+    rotations: NDArray[np.float64]
+    curves: NDArray[np.int64]
+    exponents: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    return_times: NDArray[np.float64]
+    observables: tuple[str, ...]
+    observed: NDArray[np.float64]
+    reasons: NDArray[np.str_]
+    states: NDArray[np.float64]
+    modes: NDArray[np.int64]
+    settings: Mapping[str, Any]
+    stopped: str
+
+    def __post_init__(self) -> None:
+        for name in ("values", "points", "rotations", "exponents", "errors", "return_times", "observed", "states"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        for name in ("periods", "curves", "modes"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.int64))
+        for name in ("labels", "reasons"):
+            object.__setattr__(self, name, frozen(getattr(self, name), str))
+        for name in ("parameters", "settings"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """Where a value has been computed, shape (direction, value)."""
+        return np.asarray(self.labels != "")
+
+    def at(self, value: float, direction: str | None = None) -> SweptValue:
+        """Return what was found at the value nearest to the given one.
+
+        Parameters
+        ----------
+        value : float
+            Between the first value and the last.
+        direction : str, optional
+            The pass; by default the first.
+
+        Raises
+        ------
+        InputError
+            A value outside, a pass that was not made, or a value that was not computed.
+        """
+        i = self._row(direction)
+        low, high = float(self.values[0]), float(self.values[-1])
+        if not low <= value <= high:
+            raise InputError("value", value, f"between {low:g} and {high:g}")
+        k = int(np.argmin(np.abs(self.values - value)))
+        if not self.labels[i, k]:
+            raise InputError("value", value, "one that was computed", self.stopped)
+        mode = int(self.modes[i, k])
+        swept = self.system.resolve({**self.parameters, self.parameter: float(self.values[k])})
+        return SweptValue(
+            MappingProxyType(swept),
+            str(self.labels[i, k]),
+            int(self.periods[i, k]),
+            float(self.rotations[i, k]),
+            self.exponents[i, k],
+            MappingProxyType(dict(zip(self.quantities, self.points[i, k].T, strict=True))),
+            MappingProxyType(dict(zip(self.observables, self.observed[i, k].tolist(), strict=True))),
+            self.states[i, k],
+            self.system.mode_names[mode] if mode >= 0 else "",
+            str(self.reasons[i, k]),
+        )
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """Return a quantity, shape (direction, value, kept), or an observable, shape (direction, value).
+
+        Raises
+        ------
+        InputError
+            It was not recorded.
+        """
+        if name in self.quantities:
+            return self.points[..., self.quantities.index(name)]
+        if name in self.observables:
+            return self.observed[..., self.observables.index(name)]
+        known = (*self.quantities, *self.observables)
+        raise InputError("quantity", name, f"one of {', '.join(known)}", nearest(str(name), known))
+
+    def runs(self, direction: str | None = None) -> list[tuple[str, float, float, int]]:
+        """Return the stretches of equal labels of a pass: label, first and last value, count of values."""
+        found, k = [], 0
+        for label, group in groupby(self.labels[self._row(direction)].tolist()):
+            count = len(list(group))
+            found.append((str(label), float(self.values[k]), float(self.values[k + count - 1]), count))
+            k += count
+        return found
+
+    def _row(self, direction: str | None) -> int:
+        if direction is None:
+            return 0
+        if direction not in self.directions:
+            raise InputError("direction", direction, f"one of {', '.join(self.directions)}")
+        return self.directions.index(direction)
+
+    def __repr__(self) -> str:
+        count, settings = len(self.values), self.settings
+        lines = [
+            f"Sweep of {self.system.name or 'a hybrid system'}: {self.parameter} from {self.values[0]:.6g} to "
+            f"{self.values[-1]:.6g}, {count} {'value' if count == 1 else 'values'}, {' and '.join(self.directions)}",
+            f"  {settings['discard']} returns to {_told(settings['section'])} dropped, {settings['keep']} kept: "
+            f"{', '.join(self.quantities)}",
+        ]
+        for direction in self.directions:
+            runs = self.runs(direction)
+            shown = list(range(len(runs)))
+            if len(runs) > _LISTED:
+                shown = [*shown[: _LISTED // 2], *shown[-_LISTED // 2 :]]
+            for position, i in enumerate(shown):
+                if position and i > shown[position - 1] + 1:
+                    lines.append(f"  ... {i - shown[position - 1] - 1} more ...")
+                label, low, high, many = runs[i]
+                place = f"{low:.6g}" if many == 1 else f"{low:.6g} to {high:.6g}"
+                lines.append(f"  {direction:7s} {place:24s} {label or 'not computed'}")
+        return "\n".join([*lines, f"  {self.stopped}"])
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return everything as a Dataset, with the dimensions direction, value, kept, quantity, exponent and others."""
+        import xarray as xr
+
+        each = ("direction", "value")
+        named = json.dumps(dict(enumerate(self.system.mode_names)))
+        data: dict[str, Any] = {
+            "points": ((*each, "kept", "quantity"), np.array(self.points)),
+            "label": (each, self.labels.astype(object)),
+            "period": (each, np.array(self.periods), {"units": "returns"}),
+            "rotation": (each, np.array(self.rotations), {"units": "turns per return"}),
+            "curves": (each, np.array(self.curves)),
+            "lyapunov": ((*each, "exponent"), np.array(self.exponents), {"units": "per unit of time"}),
+            "lyapunov_error": ((*each, "exponent"), np.array(self.errors), {"units": "per unit of time"}),
+            "return_time": (each, np.array(self.return_times)),
+            "observed": ((*each, "observable"), np.array(self.observed)),
+            "reason": (each, self.reasons.astype(object)),
+            "end_state": ((*each, "state"), np.array(self.states)),
+            "end_mode": (each, np.array(self.modes), {"meaning": named}),
+        }
+        coords = {
+            "direction": list(self.directions),
+            "value": ("value", np.array(self.values), {"parameter": self.parameter}),
+            "quantity": list(self.quantities),
+            "observable": np.array(self.observables, dtype=object),
+            "state": list(self.system.all_states),
+        }
+        attrs = {
+            "parameter": self.parameter,
+            "definition": json.dumps(self.system.definition()),
+            "parameters": json.dumps(dict(self.parameters)),
+            "settings": json.dumps(dict(self.settings)),
+            **{f"criteria_{name}": value for name, value in self.settings["criteria"].items()},
+            "stopped": self.stopped,
+        }
+        return xr.Dataset(data, coords=coords, attrs=attrs)
+
+    @classmethod
+    def from_xarray(cls, dataset: xr.Dataset) -> Sweep:
+        """Return the sweep that `to_xarray` described."""
+        attrs, value = dataset.attrs, {str(name): dataset[name].to_numpy() for name in dataset.variables}
+        return cls(
+            HybridSystem.from_definition(json.loads(attrs["definition"])),
+            str(attrs["parameter"]),
+            value["value"],
+            json.loads(attrs["parameters"]),
+            tuple(map(str, value["direction"])),
+            tuple(map(str, value["quantity"])),
+            value["points"],
+            value["label"],
+            value["period"],
+            value["rotation"],
+            value["curves"],
+            value["lyapunov"],
+            value["lyapunov_error"],
+            value["return_time"],
+            tuple(map(str, value["observable"])),
+            value["observed"],
+            value["reason"],
+            value["end_state"],
+            value["end_mode"],
+            json.loads(attrs["settings"]),
+            str(attrs["stopped"]),
+        )
+
+
+def _told(section: object) -> str:
+    """The section in words."""
+    if section is None:
+        return "phase 0"
+    if isinstance(section, Mapping):
+        return f"{section['event']} = 0"
+    return str(section)

@@ -1,0 +1,108 @@
+"""Fields with roots that vanish on an event surface, made analytic there: w = sqrt|h| as a state, dt = w dsigma.
+
+A half-integer power of an event function h, such as a contact law with the power 3/2, leaves a field only once
+differentiable where a motion meets the surface, and every method of high order loses its order there. With
+w = sqrt(s h), where s is the sign of h in the mode, and the time sigma in which dt = w dsigma, the powers become powers
+of w, and dw/dsigma = s h'/2: every equation is analytic on the surface and beyond, where w has the other sign, so that
+the event is a simple zero of w.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import sympy
+
+if TYPE_CHECKING:
+    from saltus.system.derivatives import Symbolic
+
+__all__ = ["Regularised", "regularised"]
+
+
+@dataclass(frozen=True)
+class Regularised:
+    """A mode's field in the time sigma about one of its event surfaces.
+
+    Parameters
+    ----------
+    transition : int
+        Index of the transition whose event function h has the roots.
+    sign : int
+        Sign of h in the mode.
+    w : sympy.Symbol
+        ``sqrt(sign * h)``, whose derivative in sigma is ``sign * h' / 2``.
+    field : list of sympy.Expr
+        The mode's field in time, with powers of `w`; in sigma it is `w` times that.
+    """
+
+    transition: int
+    sign: int
+    w: sympy.Symbol
+    field: list[sympy.Expr]
+
+
+def regularised(system: Symbolic, mode: int) -> Regularised | None:
+    """Return the mode's field with powers of w, or None where no root in it vanishes on one of its event surfaces.
+
+    Where roots of several event functions occur, those of the first in the definition become powers of w; the others
+    stay roots.
+
+    Examples
+    --------
+    >>> from saltus.system.derivatives import Symbolic
+    >>> from saltus.system.hybrid import HybridSystem, Mode, Transition
+    >>> spring = HybridSystem(
+    ...     states=("x", "v"),
+    ...     parameters={"d": 1.0},
+    ...     modes={"free": Mode({"x": "v", "v": "-x"}), "contact": Mode({"x": "v", "v": "-x - (x - d)**(3/2)"})},
+    ...     transitions=[Transition("free", "contact", "x - d", 1), Transition("contact", "free", "x - d", -1)],
+    ... )
+    >>> found = regularised(Symbolic(spring), 1)
+    >>> found.transition, found.sign, found.field[1]
+    (1, 1, -w**3 - x)
+    """
+    field = system.field[mode]
+    roots = {
+        power.base
+        for expression in field
+        for power in expression.atoms(sympy.Pow)
+        if power.exp.is_Rational and power.exp.q == 2 and power.base.free_symbols & set(system.x)
+    }
+    for k, source in enumerate(system.source):
+        if source != mode:
+            continue
+        ratios = {base: ratio for base in roots if (ratio := _ratio(system, base, system.event[k])) is not None}
+        signs = {sign for _, sign in ratios.values()}
+        if len(signs) != 1:
+            continue
+        sign, w = signs.pop(), sympy.Symbol("w", real=True)
+        if w in {*system.x, *system.p}:
+            w = sympy.Dummy("w", real=True)
+        powers = {
+            power: (sign * ratio) ** power.exp * w ** (2 * power.exp)
+            for expression in field
+            for power in expression.atoms(sympy.Pow)
+            for base, (ratio, _) in ratios.items()
+            if power.base == base and power.exp.is_Rational and power.exp.q == 2
+        }
+        return Regularised(k, sign, w, [expression.xreplace(powers) for expression in field])
+    return None
+
+
+def _ratio(system: Symbolic, base: sympy.Expr, event: sympy.Expr) -> tuple[sympy.Expr, int] | None:
+    """What `base` is a multiple of `event` by, and its sign, where that is a constant of known sign; None otherwise."""
+    positive = {symbol: sympy.Dummy(positive=True) for symbol in system.p if symbol.name in system.system.positive}
+    base, event = sympy.expand(base.xreplace(positive)), sympy.expand(event.xreplace(positive))
+    for symbol in system.x:
+        slope = sympy.diff(event, symbol)
+        if slope == 0:
+            continue
+        ratio = sympy.cancel(sympy.diff(base, symbol) / slope)
+        if ratio.free_symbols & set(system.x) or not (ratio.is_positive or ratio.is_negative):
+            return None
+        if sympy.expand(base - ratio * event) != 0:
+            return None
+        sign = 1 if ratio.is_positive else -1
+        return ratio.xreplace({dummy: symbol for symbol, dummy in positive.items()}), sign
+    return None

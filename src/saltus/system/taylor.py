@@ -1,0 +1,417 @@
+"""Taylor series of a motion, as straight-line text: one recurrence for each operation of the definition.
+
+Every expression of a mode's field and of its event functions is taken apart into linear combinations, which act on each
+coefficient alone, and operations with a recurrence of their own: products are convolutions, a quotient, a power or a
+function follows from the differential equation that it satisfies. Coefficient k of everything comes from coefficients
+up to k, and coefficient k + 1 of the state from coefficient k of the field.
+
+References
+----------
+A. Jorba, M. Zou, A software package for the numerical integration of ODEs by means of high-order Taylor methods,
+Experimental Mathematics 14 (2005) 99-117, section 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import sympy
+
+from saltus.errors import SaltusError
+from saltus.system.regularise import regularised
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from saltus.system.derivatives import Symbolic
+
+__all__ = ["NotAnalyticError", "Series", "series_of_mode"]
+
+
+class NotAnalyticError(SaltusError):
+    """A definition has no Taylor series: it uses the sign or the absolute value of something that varies."""
+
+
+class _Linear(NamedTuple):
+    """A linear combination of series, and a constant."""
+
+    terms: dict[str, sympy.Expr]
+    constant: sympy.Expr
+
+
+@dataclass
+class Series:
+    """The series of one mode: lines for each order, and the names of what is wanted.
+
+    Attributes
+    ----------
+    lines : list of str
+        Statements, in order; those of order 0 start from the state.
+    columns : list of str
+        Names of the series that are returned: states without the phase, w and the time (where regularised), then the
+        event functions of the mode. Coefficient k of ``a`` is the local variable ``a_k``.
+    regularised : int
+        Transition about which the mode is regularised, or -1.
+    sign : int
+        Sign of its event function in the mode.
+    events : list of int
+        Transitions of the event columns.
+    """
+
+    lines: list[str] = field(default_factory=list)
+    columns: list[str] = field(default_factory=list)
+    regularised: int = -1
+    sign: int = 1
+    events: list[int] = field(default_factory=list)
+
+
+def series_of_mode(system: Symbolic, mode: int, order: int, text: Callable[[sympy.Expr], str]) -> Series:
+    """Return the statements that compute the Taylor series of a mode.
+
+    Parameters
+    ----------
+    system : Symbolic
+        The definition.
+    mode : int
+        Index of the mode.
+    order : int
+        Last coefficient.
+    text : callable
+        Writes an expression in parameters alone.
+
+    Raises
+    ------
+    NotAnalyticError
+        The mode has no Taylor series.
+    """
+    return _Tape(system, mode, order, text).written()
+
+
+class _Tape:
+    """The operations of one mode, each once, in an order in which they can be computed."""
+
+    def __init__(self, system: Symbolic, mode: int, order: int, text: Callable[[sympy.Expr], str]) -> None:
+        self.system, self.mode, self.order, self.text = system, mode, order, text
+        self.parameters = set(system.p)
+        has_phase = system.system.phase is not None
+        self.theta = system.x[-1] if has_phase else None
+        self.states = system.x[:-1] if has_phase else list(system.x)
+        self.rate = system.field[mode][-1] if has_phase else sympy.Integer(0)
+        # no variable is assigned in two modes: the compiler would look at all lines again for each that is
+        self.prefix = f"m{mode}"
+        self.positions = [f"{self.prefix}x{i}" for i in range(len(self.states))]
+        self.names: dict[sympy.Expr, str] = dict(zip(self.states, self.positions, strict=True))
+        self.operations: list[tuple[str, ...]] = []
+        self.known: dict[tuple[str, ...], str] = {}
+        self.coefficients: dict[str, sympy.Expr] = {}
+        self.starts: list[str] = [f"{name}_0 = x[{i}]" for i, name in enumerate(self.positions)]
+        self.written_coefficients: dict[str, str] = {}
+
+    def written(self) -> Series:
+        s = self.system
+        found = regularised(s, self.mode)
+        series = Series(events=[k for k, source in enumerate(s.source) if source == self.mode])
+        w = None
+        rates = s.field[self.mode][: len(self.states)]
+        if found is not None:
+            series.regularised, series.sign, w = found.transition, found.sign, f"{self.prefix}w"
+            self.names[found.w] = w
+            self.starts.append(f"{w}_0 = x[{len(s.x)}]")
+            rates = found.field[: len(self.states)]
+        self.w = w
+        slopes = [self.single(rate) for rate in rates]
+        if found is not None:
+            slope = sympy.Rational(found.sign, 2) * s.rate[found.transition]
+            slope_w = self.single(slope)
+            slopes = [self.operation("mul", str(w), name) for name in slopes]
+        events = []
+        for k in series.events:
+            if k == series.regularised:
+                events.append(self.single(series.sign * found.w) if found is not None else "")
+            else:
+                events.append(self.single(s.event[k]))
+        t = f"{self.prefix}t"
+        series.columns = list(self.positions)
+        if w:
+            series.columns += [w, t]
+        series.columns += events
+        lines = list(self.starts)
+        if w:
+            lines.append(f"{t}_0 = 0.0")
+        for k in range(self.order + 1):
+            for operation in self.operations:
+                lines += self.emit(operation, k)
+            if k == self.order:
+                break
+            part = repr(1.0 / (k + 1))
+            lines += [
+                f"{x}_{k + 1} = {name}_{k}" + (f"*{part}" if k else "")
+                for x, name in zip(self.positions, slopes, strict=True)
+            ]
+            if w:
+                lines.append(f"{w}_{k + 1} = {slope_w}_{k}*{part}")
+                lines.append(f"{t}_{k + 1} = {w}_{k}*{part}")
+        series.lines = [f"{name} = {value}" for name, value in self.written_coefficients.items()] + lines
+        return series
+
+    def linear(self, expression: sympy.Expr) -> _Linear:
+        """Take a linear combination apart; what is not linear becomes a series of its own."""
+        if expression.free_symbols <= self.parameters:
+            return _Linear({}, expression)
+        if expression == self.theta:
+            return _Linear({self.operation("phase", self.coefficient(self.rate)): sympy.Integer(1)}, sympy.Integer(0))
+        if expression in self.names:
+            return _Linear({self.names[expression]: sympy.Integer(1)}, sympy.Integer(0))
+        if expression.is_Add:
+            terms: dict[str, sympy.Expr] = {}
+            constant = sympy.Integer(0)
+            for argument in expression.args:
+                part = self.linear(argument)
+                constant += part.constant
+                for name, coefficient in part.terms.items():
+                    terms[name] = terms.get(name, sympy.Integer(0)) + coefficient
+            return _Linear({name: c for name, c in terms.items() if c != 0}, constant)
+        if expression.is_Mul:
+            fixed = [a for a in expression.args if a.free_symbols <= self.parameters]
+            varying = [a for a in expression.args if not a.free_symbols <= self.parameters]
+            factor = sympy.Mul(*fixed)
+            if len(varying) == 1:
+                part = self.linear(varying[0])
+                return _Linear({n: factor * c for n, c in part.terms.items()}, factor * part.constant)
+            return _Linear({self.product(varying): factor}, sympy.Integer(0))
+        return _Linear({self.function(expression): sympy.Integer(1)}, sympy.Integer(0))
+
+    def single(self, expression: sympy.Expr) -> str:
+        """Name of the series of an expression."""
+        return self.combined(self.linear(expression))
+
+    def combined(self, parts: _Linear) -> str:
+        if parts.constant == 0 and len(parts.terms) == 1:
+            ((name, coefficient),) = parts.terms.items()
+            if coefficient == 1:
+                return name
+        terms = [f"{self.coefficient(c)}*{name}" for name, c in sorted(parts.terms.items())]
+        return self.operation("linear", self.coefficient(parts.constant), *terms)
+
+    def coefficient(self, expression: sympy.Expr) -> str:
+        """A number, or the name of a local variable that holds a constant."""
+        value = self.text(expression)
+        try:
+            return repr(float(value))
+        except ValueError:
+            for name, known in self.written_coefficients.items():
+                if known == value:
+                    return name
+            name = f"{self.prefix}k{len(self.written_coefficients)}"
+            self.written_coefficients[name] = value
+            return name
+
+    def operation(self, kind: str, *arguments: str) -> str:
+        key = (kind, *(sorted(arguments) if kind == "mul" else arguments))
+        if key not in self.known:
+            name = f"{self.prefix}u{len(self.known)}"
+            self.known[key] = name
+            self.operations.append((name, *key))
+        return self.known[key]
+
+    def product(self, factors: list[sympy.Expr]) -> str:
+        names = [self.single(factor) for factor in factors]
+        while len(names) > 1:
+            names = [self.operation("mul", names[0], names[1]), *names[2:]]
+        return names[0]
+
+    def function(self, expression: sympy.Expr) -> str:
+        if expression.is_Pow or expression.func is sympy.exp:
+            return self.power(*expression.as_base_exp()) if expression.is_Pow else self.grown(expression.args[0])
+        argument = expression.args[0]
+        match expression.func.__name__:
+            case "sin" | "cos":
+                return self.circular(argument, expression.func.__name__)
+            case "sinh" | "cosh":
+                a = self.single(argument)
+                even, odd = self.operation("cosh", a), self.operation("sinh", a)
+                return odd if expression.func is sympy.sinh else even
+            case "tan" | "tanh" | "erf":
+                a = self.single(argument)
+                name = self.operation(expression.func.__name__, a)
+                if expression.func is sympy.erf:
+                    self.slope_of(name, self.single(2 / sympy.sqrt(sympy.pi) * sympy.exp(-(argument**2))))
+                else:
+                    square = self.operation("mul", name, name)
+                    weight = "1.0" if expression.func is sympy.tan else "-1.0"
+                    self.slope_of(name, self.operation("linear", "1.0", f"{weight}*{square}"))
+                return name
+            case "log":
+                return self.operation("quotient", "log", self.single(argument), self.single(argument), "1.0")
+            case "asin" | "acos":
+                v = self.single(sympy.sqrt(1 - argument**2))
+                sign = "1.0" if expression.func is sympy.asin else "-1.0"
+                return self.operation("quotient", expression.func.__name__, self.single(argument), v, sign)
+            case "atan":
+                return self.operation("quotient", "atan", self.single(argument), self.single(1 + argument**2), "1.0")
+            case "asinh":
+                v = self.single(sympy.sqrt(1 + argument**2))
+                return self.operation("quotient", "asinh", self.single(argument), v, "1.0")
+            case "acosh":
+                v = self.single(sympy.sqrt(argument**2 - 1))
+                return self.operation("quotient", "acosh", self.single(argument), v, "1.0")
+            case "atanh":
+                return self.operation("quotient", "atanh", self.single(argument), self.single(1 - argument**2), "1.0")
+            case "atan2":
+                y, x = expression.args
+                return self.operation("atan2", self.single(y), self.single(x), self.single(x**2 + y**2))
+            case name:
+                raise NotAnalyticError(f"{name} has no Taylor series where its argument changes sign")
+
+    def slope_of(self, name: str, factor: str) -> None:
+        """Note that a function's derivative is `factor` times its argument's."""
+        for i, operation in enumerate(self.operations):
+            if operation[0] == name and len(operation) == 3:
+                self.operations[i] = (*operation, factor)
+
+    def grown(self, exponent: sympy.Expr) -> str:
+        return self.operation("exp", self.single(exponent))
+
+    def circular(self, argument: sympy.Expr, kind: str) -> str:
+        """Sine or cosine; of the phase, a phasor that turns at a constant rate."""
+        theta = self.theta
+        if theta is not None:
+            turns = sympy.diff(argument, theta)
+            if turns.is_number and argument.free_symbols <= self.parameters | {theta}:
+                offset = sympy.expand(argument - turns * theta)
+                speed = self.coefficient(turns * self.rate)
+                start = self.coefficient(turns), self.coefficient(offset)
+                both = self.operation("turn_sin", speed, *start), self.operation("turn_cos", speed, *start)
+                return both[0] if kind == "sin" else both[1]
+        a = self.single(argument)
+        both = self.operation("sin", a), self.operation("cos", a)
+        return both[0] if kind == "sin" else both[1]
+
+    def power(self, base: sympy.Expr, exponent: sympy.Expr) -> str:
+        if exponent.is_Integer:
+            count = abs(int(exponent))
+            name = self.single(base)
+            if exponent < 0:
+                name = self.operation("inverse", name)
+            return self.whole_power(name, count)
+        if exponent.free_symbols <= self.parameters:
+            return self.operation("power", self.single(base), self.coefficient(exponent))
+        return self.grown(exponent * sympy.log(base))
+
+    def whole_power(self, name: str, count: int) -> str:
+        if count == 1:
+            return name
+        half = self.whole_power(name, count // 2)
+        square = self.operation("mul", half, half)
+        return self.operation("mul", square, name) if count % 2 else square
+
+    def emit(self, operation: tuple[str, ...], k: int) -> Iterator[str]:
+        """Coefficient k of one operation."""
+        name, kind, *arguments = operation
+        target = f"{name}_{k}"
+        match kind:
+            case "linear":
+                constant, *parts = arguments
+                terms = [(0, coefficient, f"{series}_{k}") for coefficient, series in (p.split("*") for p in parts)]
+                rest = f" + {constant}" if k == 0 and constant != "0.0" else ""
+                yield f"{target} = {_products(terms)}{rest}"
+            case "mul":
+                yield f"{target} = {_convolution(arguments[0], arguments[1], k)}"
+            case "inverse":
+                (a,) = arguments
+                terms = [(max(j, k - j), f"{a}_{j}", f"{name}_{k - j}") for j in range(1, k + 1)]
+                yield f"{target} = 1.0/{a}_0" if k == 0 else f"{target} = -{name}_0*({_products(terms)})"
+            case "power":
+                a, alpha = arguments
+                if k == 0:
+                    yield f"{target} = {a}_0**{alpha}"
+                    yield f"{name}_s = 1.0/{a}_0"
+                else:
+                    terms = [
+                        (max(j, k - j), f"{_weight(alpha, j, k)}*{a}_{j}", f"{name}_{k - j}") for j in range(1, k + 1)
+                    ]
+                    yield f"{target} = {1.0 / k!r}*{name}_s*({_products(terms)})"
+            case "phase":
+                (speed,) = arguments
+                later = f"{speed}*{self.prefix}t_{k}" if self.w else (speed if k == 1 else "0.0")
+                yield f"{target} = x[{len(self.states)}]" if k == 0 else f"{target} = {later}"
+            case "turn_sin" | "turn_cos":
+                speed, turns, offset = arguments
+                sine, cosine = (self.known[(which, *arguments)] for which in ("turn_sin", "turn_cos"))
+                function, other, sign = ("sin", cosine, "") if kind == "turn_sin" else ("cos", sine, "-")
+                if k == 0:
+                    angle = f"{turns}*x[{len(self.states)}] + {offset}"
+                    yield f"{target} = math.{function}({angle})"
+                else:
+                    rest = _convolution(self.w, other, k - 1) if self.w else f"{other}_{k - 1}"
+                    yield f"{target} = {sign}{1.0 / k!r}*{speed}*({rest})"
+            case "sin" | "cos":
+                (a,) = arguments
+                sine, cosine = (self.known[(which, a)] for which in ("sin", "cos"))
+                other, sign = (cosine, "") if kind == "sin" else (sine, "-")
+                yield f"{target} = {_slope(kind, a, other, k, sign)}"
+            case "sinh" | "cosh":
+                (a,) = arguments
+                other = self.known[("cosh" if kind == "sinh" else "sinh", a)]
+                yield f"{target} = {_slope(kind, a, other, k)}"
+            case "exp":
+                yield f"{target} = {_slope('exp', arguments[0], name, k)}"
+            case "tan" | "tanh" | "erf":
+                a, factor = arguments
+                yield f"{target} = {_slope(kind, a, factor, k)}"
+            case "quotient":
+                function, a, v, sign = arguments
+                if k == 0:
+                    yield f"{target} = math.{function}({a}_0)"
+                    yield f"{name}_s = 1.0/{v}_0"
+                else:
+                    terms = [(max(j, k - j), f"{float(j)!r}*{name}_{j}", f"{v}_{k - j}") for j in range(1, k)]
+                    yield f"{target} = {name}_s*({sign}*{a}_{k} - {1.0 / k!r}*({_products(terms)}))"
+            case "atan2":
+                y, x, v = arguments
+                if k == 0:
+                    yield f"{target} = math.atan2({y}_0, {x}_0)"
+                    yield f"{name}_s = 1.0/{v}_0"
+                else:
+                    orders = range(1, k + 1)
+                    terms = [(max(j, k - j), f"{float(j)!r}*{x}_{k - j}", f"{y}_{j}") for j in orders]
+                    terms += [(max(j, k - j), f"-{float(j)!r}*{y}_{k - j}", f"{x}_{j}") for j in orders]
+                    terms += [(max(j, k - j), f"-{float(j)!r}*{name}_{j}", f"{v}_{k - j}") for j in range(1, k)]
+                    yield f"{target} = {1.0 / k!r}*{name}_s*({_products(terms)})"
+
+
+def _products(terms: list[tuple[int, str, str]]) -> str:
+    """Sum of products, each with the order that it waits for."""
+    if not terms:
+        return "0.0"
+    terms = sorted(terms, key=lambda term: term[0])
+    if len(terms) == 1:
+        return f"{terms[0][1]}*{terms[0][2]}"
+    return f"products({', '.join(f'{a}, {b}' for _, a, b in terms)})"
+
+
+def _weight(alpha: str, j: int, k: int) -> str:
+    """Factor alpha j - (k - j) of a power's recurrence, as a number where alpha is one."""
+    try:
+        return f"({float(alpha) * j - (k - j)!r})"
+    except ValueError:
+        return f"({alpha}*{float(j)!r} - {float(k - j)!r})"
+
+
+def _convolution(a: str, b: str, k: int) -> str:
+    """Coefficient k of a product; of a square, each pair once."""
+    if a != b:
+        return _products([(max(j, k - j), f"{a}_{j}", f"{b}_{k - j}") for j in range(k + 1)])
+    if k == 0:
+        return f"{a}_0*{a}_0"
+    pairs = _products([(k - j, f"{a}_{j}", f"{a}_{k - j}") for j in range((k + 1) // 2)])
+    return f"2.0*({pairs})" + (f" + {a}_{k // 2}*{a}_{k // 2}" if k % 2 == 0 else "")
+
+
+def _slope(function: str, a: str, factor: str, k: int, sign: str = "") -> str:
+    """Coefficient k of a function whose derivative is sign * factor times that of its argument."""
+    if k == 0:
+        return f"math.{function}({a}_0)"
+    terms = [(max(j, k - j), f"{float(j)!r}*{a}_{j}", f"{factor}_{k - j}") for j in range(1, k + 1)]
+    return f"{sign}{1.0 / k!r}*({_products(terms)})"

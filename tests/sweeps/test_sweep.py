@@ -1,0 +1,337 @@
+"""Sweeps against closed forms, orbits and maps; the same result however it is computed; files; the paper's labels."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import tracemalloc
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+import saltus
+import systems
+from oracles.closed_forms import DELAYED, HENON, LOGISTIC, ImpactOrbit, TableJump
+from saltus import Criteria, HybridSystem, Mode, Section, Sweep, find_orbit, run_sweep
+
+AMPLITUDES = np.linspace(0.05, 0.4, 15)
+SHORT = {"discard": 300, "keep": 40}
+JUMPS = {"x0": TableJump(0.5).after_impact(1.2)} | SHORT
+"""A ball that jumps once each period of its table, an attractor at a = 1.2 for e = 0.5."""
+
+HYSTERESIS = {"parameters": {"w": 1.1}} | SHORT
+"""With w = 1.1 the motion without impacts ends at GR, A = 0.237, that with impacts at SN, A = 0.116."""
+
+
+@pytest.fixture(scope="module")
+def logistic():
+    return systems.carried_map(("x",), {"a": 3.2}, LOGISTIC)
+
+
+@pytest.fixture(scope="module")
+def escape():
+    """A state that decays where a < 0 and grows beyond all bounds where a > 0."""
+    return HybridSystem(("x",), {"a": -1.0}, {"free": Mode({"x": "a*x"})}, phase=("s", "1"), name="escape")
+
+
+@pytest.fixture(scope="module")
+def both(impact_oscillator) -> Sweep:
+    return run_sweep(impact_oscillator, "A", AMPLITUDES, follow="both", observables=["max(x)"], **HYSTERESIS)
+
+
+# what is found
+
+
+@pytest.mark.parametrize(
+    ("a", "label"),
+    [(2.9, "period-1"), (3.2, "period-2"), (3.5, "period-4"), (3.55, "period-8"), (3.83, "period-3"), (4.0, "chaotic")],
+)
+def test_logistic_map_is_what_it_is_known_to_be(logistic, a, label):
+    assert run_sweep(logistic, "a", [a], x0=[0.3, 0.0], section="map", **SHORT).labels.tolist() == [[label]]
+
+
+def test_henon_map_is_chaotic_with_its_exponents():
+    henon = systems.carried_map(("x", "y"), {"a": 1.4, "b": 0.3}, HENON)
+    sweep = run_sweep(henon, "a", [1.4], x0=[0.1, 0.1, 0.0], section="map", exponents=3, discard=100, keep=1000)
+    assert sweep.labels[0, 0] == "chaotic"
+    assert sweep.exponents[0, 0, 1] == pytest.approx(0.0, abs=1e-9)  # that of the clock
+    assert sweep.exponents[0, 0, 0] == pytest.approx(0.4192, abs=max(0.03, sweep.errors[0, 0, 0]))
+    assert sweep.exponents[0, 0].sum() == pytest.approx(math.log(0.3), abs=1e-9)
+
+
+def test_delayed_logistic_map_is_quasi_periodic_beyond_its_torus_bifurcation():
+    """At a = 2 + c, with the angle arccos((1 - c) / 2)."""
+    c = 0.5
+    system = systems.carried_map(("x", "y"), {"a": 2.5, "c": c}, DELAYED)
+    start = {"x0": [0.55, 0.5, 0.0], "section": "map"}
+    sweep = run_sweep(system, "a", [2.0 + c - 0.05, 2.0 + c + 0.005], discard=3000, **start)
+    assert sweep.labels.tolist() == [["period-1", "quasi-periodic"]]
+    assert sweep.rotations[0, 1] == pytest.approx(math.acos((1.0 - c) / 2.0) / (2.0 * math.pi), abs=1e-3)
+    assert abs(sweep.exponents[0, 1, 0]) < 0.01
+
+
+def test_points_and_exponents_are_those_of_the_orbit(impact_oscillator):
+    """Next to PD at A = 4.27, where the multipliers are real; other attractors are near."""
+    sweep = run_sweep(
+        impact_oscillator, "A", [4.275, 4.3], parameters={"w": 2.2}, follow="down", exponents=2, rtol=1e-11, atol=1e-13,
+    )  # fmt: skip
+    orbit = find_orbit(impact_oscillator, {"w": 2.2, "A": 4.275}, sweep.at(4.275).state[:2])
+    assert np.all(np.isreal(orbit.multipliers))
+    assert sweep.labels[0, 0] == "period-1"
+    np.testing.assert_allclose(sweep.points[0, 0], np.tile(orbit.x0, (100, 1)), rtol=1e-8)
+    np.testing.assert_allclose(sweep.exponents[0, 0], np.log(np.abs(orbit.multipliers)) / orbit.period, atol=1e-6)
+
+
+def test_points_before_impacts_have_the_speed_in_closed_form(impact_oscillator):
+    sweep = run_sweep(impact_oscillator, "A", [1.0], section="impact", quantities=["v", "x - d"], **SHORT)
+    np.testing.assert_allclose(sweep.column("v"), ImpactOrbit(w=1.0).speeds(1.0)[1], rtol=1e-6)
+    np.testing.assert_allclose(sweep.column("x - d"), 0.0, atol=1e-9)
+    assert sweep.return_times[0, 0] == pytest.approx(2.0 * math.pi, rel=1e-9)
+
+
+@pytest.mark.parametrize(("direction", "sign"), [(1, 1.0), (-1, -1.0)])
+def test_points_on_a_section_of_one_s_own_lie_on_it_and_pass_it_its_way(ball_on_table, direction, sign):
+    system = HybridSystem.from_definition(ball_on_table.definition() | {"outputs": {"h": "z - a*sin(theta)"}})
+    section = Section("h - 0.5", direction=direction)
+    quantities = ["h", "v - a*w*cos(theta)"]
+    sweep = run_sweep(system, "a", [1.2], section=section, quantities=quantities, **JUMPS)
+    np.testing.assert_allclose(sweep.column("h"), 0.5, atol=1e-9)
+    assert np.all(sign * sweep.column("v - a*w*cos(theta)") > 0.0)
+
+
+def test_both_sides_of_a_section_make_two_returns_of_one(ball_on_table):
+    sections = (Section("z - 1.8", direction=side) for side in (1, 0))
+    one, two = (run_sweep(ball_on_table, "a", [1.2], section=section, **JUMPS) for section in sections)
+    assert (one.periods[0, 0], two.periods[0, 0]) == (1, 2)
+
+
+def test_observables_are_those_of_the_orbit(impact_oscillator):
+    names = ["max(x)", "mean(v**2)", "amplitude(x, 1)", "velocity(impact)"]
+    sweep = run_sweep(impact_oscillator, "A", [1.0], observables=names, rtol=1e-11, atol=1e-13, **SHORT)
+    orbit = find_orbit(impact_oscillator, {"A": 1.0}, [0.0, 0.0])
+    expected = orbit.observe(*names)
+    for name in names:
+        assert sweep.column(name)[0, 0] == pytest.approx(expected[name], rel=1e-7)
+
+
+# hysteresis
+
+
+def test_each_direction_keeps_its_attractor_as_far_as_it_reaches(both):
+    closed = ImpactOrbit(w=1.1)
+    fold, grazing = closed.amplitude(closed.U_fold), closed.A_grazing
+    impacts = both.column("max(x)") > 1.0 - 1e-9
+    up, down = impacts
+    assert both.directions == ("up", "down")
+    assert not np.any(up[grazing > AMPLITUDES])
+    assert np.all(up[grazing < AMPLITUDES])
+    assert np.all(down[fold < AMPLITUDES])
+    assert not np.any(down[fold > AMPLITUDES])
+
+
+def test_both_is_up_and_down_each_on_its_own(impact_oscillator, both):
+    for row, direction in enumerate(both.directions):
+        alone = run_sweep(impact_oscillator, "A", AMPLITUDES, follow=direction, **HYSTERESIS)
+        np.testing.assert_array_equal(alone.points[0], both.points[row])
+        assert alone.labels[0].tolist() == both.labels[row].tolist()
+
+
+def test_restart_begins_every_value_at_the_start(impact_oscillator):
+    whole = run_sweep(impact_oscillator, "A", AMPLITUDES, follow="restart", **HYSTERESIS)
+    for k in (0, 7):
+        alone = run_sweep(impact_oscillator, "A", AMPLITUDES[k : k + 1], **HYSTERESIS)
+        np.testing.assert_array_equal(alone.points[0, 0], whole.points[0, k])
+
+
+def test_chunks_are_sweeps_of_their_own(impact_oscillator):
+    whole = run_sweep(impact_oscillator, "A", AMPLITUDES, chunks=3, **HYSTERESIS)
+    parts = [run_sweep(impact_oscillator, "A", part, **HYSTERESIS) for part in np.split(AMPLITUDES, 3)]
+    np.testing.assert_array_equal(whole.points, np.concatenate([part.points for part in parts], axis=1))
+
+
+def test_an_unstable_orbit_on_which_the_motion_rests_is_left(logistic):
+    """0 is a fixed point of the map, and unstable above 1; the attractor has the period 2."""
+    sweep = run_sweep(logistic, "a", [3.2], x0=[0.0, 0.0], section="map", **SHORT)
+    assert sweep.labels[0, 0] == "period-2"
+    a = 3.2
+    root = math.sqrt((a - 3.0) * (a + 1.0))
+    expected = [(a + 1.0 - root) / (2.0 * a), (a + 1.0 + root) / (2.0 * a)]
+    np.testing.assert_allclose(np.sort(sweep.points[0, 0, -2:, 0]), expected, rtol=1e-9)
+
+
+# no motion
+
+
+def test_a_value_that_diverges_is_a_row_and_the_others_go_on(escape):
+    sweep = run_sweep(escape, "a", [-1.0, -0.5, 0.5, 1.0], x0=[1.0], follow="down", discard=10, keep=5)
+    assert sweep.labels.tolist() == [["period-1", "period-1", "diverged", "diverged"]]
+    assert np.all(np.isnan(sweep.points[0, 2:]))
+    assert np.all(np.isfinite(sweep.points[0, :2]))
+    assert sweep.reasons[0, 3].startswith("the trajectory diverges at t = ")
+    assert sweep.stopped == "all 4 values done"
+    assert sweep.at(1.0).mode == ""
+
+
+def test_a_chattering_value_is_a_row_with_its_reason(ball):
+    sweep = run_sweep(ball, "e", [0.5, 1.0], x0=[1.0, 0.0], section="impact", discard=10, keep=30, follow="restart")
+    assert sweep.labels.tolist() == [["diverged", "period-1"]]
+    assert sweep.reasons[0, 0].startswith("chattering: ")
+
+
+def test_a_motion_that_stays_away_from_the_section_is_told(impact_oscillator):
+    """Below GR nothing is hit."""
+    sweep = run_sweep(impact_oscillator, "A", [0.1, 1.0], section="impact", discard=5, keep=4, parameters={"w": 1.1})
+    assert sweep.labels[0, 0] == "no return"
+    assert sweep.labels[0, 1] == "period-1"
+
+
+# how it is computed
+
+
+def test_threads_compute_the_same(impact_oscillator, both):
+    one = run_sweep(impact_oscillator, "A", AMPLITUDES, follow="both", observables=["max(x)"], workers=1, **HYSTERESIS)
+    assert one == both
+
+
+def test_a_dask_cluster_computes_the_same(impact_oscillator, both):
+    distributed = pytest.importorskip("distributed")
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None)
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
+        found = run_sweep(
+            impact_oscillator, "A", AMPLITUDES, follow="both", observables=["max(x)"], client=client, **HYSTERESIS
+        )
+    assert found == both
+
+
+def test_what_is_dropped_takes_no_memory(impact_oscillator):
+    peaks = []
+    run_sweep(impact_oscillator, "A", [1.0], discard=10, keep=10)
+    for discard in (100, 10_000):
+        tracemalloc.start()
+        run_sweep(impact_oscillator, "A", [1.0], discard=discard, keep=10, workers=1)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.5 * peaks[0]
+
+
+def test_progress_counts_the_values_and_tells_what_is_left(impact_oscillator):
+    told = []
+    run_sweep(impact_oscillator, "A", [0.8, 0.9], workers=1, progress=lambda *args: told.append(args), **SHORT)
+    assert [(done, total) for done, total, _ in told] == [(1, 2), (2, 2)]
+    assert told[0][2].startswith("A = 0.8 up: period-1, ")
+    assert told[1][2] == "A = 0.9 up: period-1, 0 s left"
+
+
+# interrupts and files
+
+
+class Interrupt:
+    """Presses Ctrl-C after so many values."""
+
+    def __init__(self, after: int) -> None:
+        self.after = after
+
+    def __call__(self, done: int, total: int, text: str) -> None:
+        if done >= self.after:
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on_from_its_file(impact_oscillator, both, tmp_path, workers):
+    options = {"follow": "both", "observables": ["max(x)"], "workers": workers, "path": tmp_path / "a.nc"}
+    part = run_sweep(impact_oscillator, "A", AMPLITUDES, progress=Interrupt(7), **options, **HYSTERESIS)
+    assert part.stopped == "interrupted: 7 of 30 values done"
+    assert part.done.sum() == 7
+    np.testing.assert_array_equal(part.points[part.done], both.points[part.done])
+    assert np.all(np.isnan(part.points[~part.done]))
+    assert saltus.load(tmp_path / "a.nc") == part
+    told = []
+    whole = run_sweep(
+        impact_oscillator, "A", AMPLITUDES, progress=lambda *args: told.append(args), **options, **HYSTERESIS
+    )
+    assert whole == both
+    assert len(told) == 23
+    assert [path.name for path in tmp_path.iterdir()] == ["a.nc"]
+
+
+def test_a_finished_file_is_given_back_without_computing(impact_oscillator, tmp_path):
+    path = tmp_path / "a.nc"
+    first = run_sweep(impact_oscillator, "A", [0.8, 0.9], path=path, **SHORT)
+    written = path.stat().st_mtime_ns
+    assert run_sweep(impact_oscillator, "A", [0.8, 0.9], path=path, progress=Interrupt(0), **SHORT) == first
+    assert path.stat().st_mtime_ns == written
+
+
+def test_a_cluster_that_is_interrupted_keeps_what_is_done(impact_oscillator, both):
+    distributed = pytest.importorskip("distributed")
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
+        part = run_sweep(impact_oscillator, "A", AMPLITUDES, client=client, progress=Interrupt(3), **HYSTERESIS)
+    assert part.done[0].tolist() == [True] * 3 + [False] * 12
+    np.testing.assert_array_equal(part.points[0, :3], both.points[0, :3])
+
+
+def test_threads_are_gone_after_an_interrupt(impact_oscillator):
+    run_sweep(impact_oscillator, "A", AMPLITUDES, follow="restart", workers=2, progress=Interrupt(2), **HYSTERESIS)
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("sweep")]
+
+
+def test_a_saved_sweep_is_read_back_equal(both, tmp_path):
+    again = saltus.load(both.save(tmp_path / "both.nc"))
+    assert isinstance(again, Sweep)
+    assert again == both
+    assert again.settings == both.settings
+
+
+def test_the_dataset_names_its_dimensions_and_thresholds(both):
+    dataset = both.to_xarray()
+    assert dict(dataset.sizes) == {
+        "direction": 2, "value": 15, "kept": 40, "quantity": 2, "exponent": 1, "observable": 1, "state": 3,
+    }  # fmt: skip
+    chosen = dataset.sel(direction="down", quantity="v").sel(value=0.2, method="nearest")
+    np.testing.assert_array_equal(chosen["points"], both.at(0.2, "down").points["v"])
+    assert {name: dataset.attrs[f"criteria_{name}"] for name in asdict(Criteria())} == asdict(Criteria())
+    assert json.loads(dataset.attrs["settings"])["discard"] == 300
+
+
+# the result
+
+
+def test_a_value_tells_what_to_go_on_with(impact_oscillator, both):
+    found = both.at(0.4, "up")
+    assert found.parameters["A"] == 0.4
+    assert (found.label, found.mode) == ("period-1", "free")
+    later = saltus.simulate(impact_oscillator, found.parameters, found.state, mode=found.mode, periods=3)
+    np.testing.assert_allclose(later.x_end[:2], found.state[:2], atol=1e-5)
+
+
+def test_the_text_of_a_sweep_names_runs_of_labels(logistic):
+    sweep = run_sweep(logistic, "a", [2.9, 3.2, 3.3, 3.5], x0=[0.3, 0.0], section="map", quantities=["x"], **SHORT)
+    assert repr(sweep).splitlines() == [
+        "Sweep of carried map: a from 2.9 to 3.5, 4 values, up",
+        "  300 returns to map dropped, 40 kept: x",
+        "  up      2.9                      period-1",
+        "  up      3.2 to 3.3               period-2",
+        "  up      3.5                      period-4",
+        "  all 4 values done",
+    ]
+
+
+# the paper
+
+
+PAPER = {1.0: "period-2", 1.02: "period-4", 1.023: "chaotic", 1.046: "quasi-periodic"}
+"""ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Figs. 7(b) to 7(e) and section 4.2."""
+
+
+@pytest.mark.slow
+def test_labels_of_figure_7b_are_the_paper_s(afm2):
+    sweep = run_sweep(afm2, "Omega", np.linspace(0.995, 1.05, 300), discard=600, keep=100)
+    assert {omega: sweep.at(omega).label for omega in PAPER} == PAPER
+
+
+def test_labels_of_figures_7c_to_7e_are_the_paper_s_from_rest(afm2):
+    sweep = run_sweep(afm2, "Omega", list(PAPER), discard=600, keep=100, follow="restart")
+    assert dict(zip(PAPER, sweep.labels[0].tolist(), strict=True)) == PAPER

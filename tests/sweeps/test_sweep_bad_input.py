@@ -1,0 +1,164 @@
+"""Every input that a sweep refuses, by the text of its refusal."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import systems
+from oracles.closed_forms import LOGISTIC
+from saltus import Criteria, InputError, Section, run_sweep
+from saltus.flow.poincare import iterate
+
+SHORT = {"discard": 1, "keep": 2}
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([], r"^values = \[\]: must be a sequence of numbers, at least one$"),
+        ("many", r"^values = 'many': must be a sequence of numbers, at least one$"),
+        ([[1.0, 2.0]], r"^values = \[\[1\.0, 2\.0\]\]: must be a sequence of numbers, at least one$"),
+        ([1.0, np.nan], r"^values = nan: must be finite$"),
+        ([1.0, 3.0, 2.0], r"^values = '3, 2': must be ascending, each once; follow='down' goes from the last to the "),
+        ([1.0, 1.0], r"^values = '1, 1': must be ascending, each once; "),
+    ],
+)
+def test_values_that_cannot_be_followed(impact_oscillator, values, message):
+    with pytest.raises(InputError, match=message):
+        run_sweep(impact_oscillator, "A", values)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"discard": -1}, r"^discard = -1: must be an integer >= 0$"),
+        ({"keep": 0}, r"^keep = 0: must be an integer >= 1$"),
+        ({"keep": 2.5}, r"^keep = 2\.5: must be an integer >= 1$"),
+        ({"follow": "upp"}, r"^follow = 'upp': must be one of up, down, both, restart; did you mean 'up'\?$"),
+        ({"chunks": 3}, r"^chunks = 3: must be an integer between 1 and 2, the number of values$"),
+        ({"chunks": 2, "follow": "restart"}, r"^chunks = 2: must be 1 where every value starts anew$"),
+        ({"quantities": "v"}, r"^quantities = 'v': must be a sequence of texts, as \['v1'\]$"),
+        ({"quantities": []}, r"^quantities = \(\): must be a sequence of texts, at least one$"),
+        ({"quantities": ["x", "x"]}, r"^quantities = 'x': must be named once$"),
+        (
+            {"quantities": ["x + vv"]},
+            r"^expression = 'x \+ vv': must be in .* but 'vv' is unknown; did you mean 'v'\?$",
+        ),
+        ({"observables": ["maks(x)"]}, r"^observable = 'maks\(x\)': must be one of .*; did you mean 'max'\?$"),
+        ({"exponents": 3}, r"^exponents = 3: must be an integer between 1 and 2, the states$"),
+        ({"criteria": {"longest": 4}}, r"^criteria = \{'longest': 4\}: must be a Criteria$"),
+        ({"section": "impakt"}, r"^section = 'impakt': must be one of the transitions impact, a Section, or None for "),
+        (
+            {"section": Section("x - dd")},
+            r"^expression = 'x - dd': must be in .* but 'dd' is unknown; did you mean 'd'",
+        ),
+        ({"rtol": 1.0}, r"^rtol = 1\.0: must be a number between 1e-14 and 0\.1$"),
+        ({"parameters": {"e": "much"}}, r"^e = 'much': must be a number$"),
+        ({"x0": [0.0]}, r"^x0 = \[0\.0\]: must be of shape \(2,\), one number for each of x, v$"),
+        ({"mode": "fre"}, r"^mode = 'fre': must be one of free; did you mean 'free'\?$"),
+        ({"workers": 0}, r"^workers = 0: must be an integer >= 1$"),
+        ({"client": "here"}, r"^client = 'here': must be a dask\.distributed\.Client$"),
+        ({"client": "here", "workers": 2}, r"^workers = 2: must be left out where a client is given$"),
+        ({"path": "nowhere/a.nc"}, r"^path = 'nowhere/a\.nc': must be in a folder that exists and can be written$"),
+    ],
+)
+def test_an_option_that_cannot_be_used(impact_oscillator, options, message):
+    with pytest.raises(InputError, match=message):
+        run_sweep(impact_oscillator, "A", [0.5, 0.6], **(SHORT | options))
+
+
+def test_a_parameter_of_another_name(impact_oscillator):
+    with pytest.raises(InputError, match=r"^parameter = 'omega': must be one of k, c, d, e, w, A$"):
+        run_sweep(impact_oscillator, "omega", [1.0])
+
+
+def test_a_value_that_the_parameter_must_not_have(ball):
+    with pytest.raises(InputError, match=r"^g = -1\.0: must be > 0$"):
+        run_sweep(ball, "g", [-1.0, 1.0], section="impact")
+
+
+def test_a_system_without_a_phase_needs_a_section():
+    system = systems.carried_map(("x",), {"a": 3.2}, LOGISTIC)
+    with pytest.raises(InputError, match=r"^section = None: must be the name of a transition, map, or a Section; the "):
+        run_sweep(system, "a", [3.2])
+    with pytest.raises(InputError, match=r"^section = None: must be a transition for a system without a phase$"):
+        iterate(system, system.parameter_vector({}), [0.3, 0.0], 0, discard=0, keep=1)
+
+
+def test_a_start_must_be_given_where_no_mode_holds_at_zero(relay):
+    definition = relay.definition()
+    for mode in definition["modes"].values():
+        mode["domain"] = "x1 - 1"
+    system = type(relay).from_definition(definition)
+    with pytest.raises(InputError, match=r"^x0 = None: must be given for this system: no mode holds where all states"):
+        run_sweep(system, "gain", [1.0], section="switch_up")
+
+
+def test_a_section_with_a_direction_that_is_none():
+    with pytest.raises(InputError, match=r"^direction = 2: must be -1 \(falling\), 0 \(either\) or 1 \(rising\)$"):
+        Section("x", direction=2)
+
+
+CHANGES = {
+    "discard": {"discard": 2},
+    "keep": {"keep": 3},
+    "values": {"values": [0.5, 0.7]},
+    "parameters": {"parameters": {"e": 0.7}},
+    "quantities": {"quantities": ["v"]},
+    "x0": {"x0": [0.1, 0.0]},
+    "criteria": {"criteria": Criteria(longest=4)},
+    "follow": {"follow": "down"},
+    "section": {"section": "impact"},
+    "rtol": {"rtol": 1e-9},
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_file_of_other_input_is_refused_by_the_name_of_what_differs(impact_oscillator, tmp_path, name):
+    path = tmp_path / "a.nc"
+    options = {"values": [0.5, 0.6], "path": path} | SHORT
+    run_sweep(impact_oscillator, "A", **options)
+    with pytest.raises(InputError, match=rf"^path = .*: must be the file of a sweep of the same input; its {name} is "):
+        run_sweep(impact_oscillator, "A", **(options | CHANGES[name]))
+
+
+def test_a_file_of_another_system_or_kind_is_refused(impact_oscillator, ball_on_table, tmp_path):
+    path = tmp_path / "a.nc"
+    run_sweep(impact_oscillator, "w", [1.0], path=path, **SHORT)
+    with pytest.raises(InputError, match=r"; its system is \{'name': 'impact oscillator'"):
+        run_sweep(ball_on_table, "w", [1.0], x0=[2.0, 0.0], path=path, **SHORT)
+    path.write_text("something else")
+    with pytest.raises(InputError, match=r"^path = .*: must be a NetCDF file"):
+        run_sweep(impact_oscillator, "w", [1.0], path=path, **SHORT)
+
+
+@pytest.fixture(scope="module")
+def sweep(impact_oscillator):
+    return run_sweep(impact_oscillator, "A", [0.5, 0.6], observables=["max(x)"], **SHORT)
+
+
+def test_a_value_outside_the_sweep(sweep):
+    with pytest.raises(InputError, match=r"^value = 0\.7: must be between 0\.5 and 0\.6$"):
+        sweep.at(0.7)
+
+
+def test_a_direction_that_was_not_followed(sweep):
+    with pytest.raises(InputError, match=r"^direction = 'down': must be one of up$"):
+        sweep.at(0.5, "down")
+
+
+def test_a_value_that_was_not_computed(impact_oscillator):
+    def interrupt(*told):
+        raise KeyboardInterrupt
+
+    part = run_sweep(impact_oscillator, "A", [0.5, 0.6], progress=interrupt, **SHORT)
+    with pytest.raises(InputError, match=r"^value = 0\.6: must be one that was computed; interrupted: 1 of 2 values "):
+        part.at(0.6)
+
+
+def test_a_quantity_that_was_not_kept(sweep):
+    with pytest.raises(
+        InputError, match=r"^quantity = 'max\(v\)': must be one of x, v, max\(x\); did you mean 'max\(x\)'"
+    ):
+        sweep.column("max(v)")
