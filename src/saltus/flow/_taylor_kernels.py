@@ -47,6 +47,9 @@ CROWD = 1e-3
 
 LONGEST_STEP = 4.0
 ONE_BITS = 1023.0 * 2.0**52
+WORTH = 0.5
+"""A step by the exact flow is worth taking where it is this part of the last one by series, at the least."""
+
 PATIENCE = 64
 """After so many refusals in a row a step by the exact flow is tried only once in as many steps."""
 
@@ -326,6 +329,9 @@ def _goes_far(
     if not dt > 0.0:
         counts[NOT_FAR] += 1
         numbers[FAR_STEP] = 2.0 * after[1]
+        return False
+    if dt < WORTH * numbers[STEP]:
+        counts[NOT_FAR] += 1
         return False
     wraps = phase > 0.0 and x[n - 1] + phase * dt >= TWO_PI
     if wraps and at_wrap and counts[RETURNS] + 1 >= min(skip + 1, last_return):

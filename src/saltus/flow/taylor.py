@@ -23,6 +23,8 @@ ORDER = 16
 """Order of the series: for tolerances from 1e-6 to 1e-13 within a fifth of the best (docs/decisions)."""
 
 _BUDGET = 1 << 16
+_FAR_FROM = 64
+"""Fewest returns dropped for which the tables of the exact flow are made: they take as long as some fifty periods."""
 
 
 @cache
@@ -78,9 +80,8 @@ class TaylorRun:
         # what a motion is, and what is refused, is the Runge-Kutta flow's to say
         first = _Run(system, p, x.copy(), mode, rtol, atol)
         self.transitions, self.rate = first.transitions, first.rate
-        period = 2.0 * math.pi / self.rate if self.rate > 0.0 else math.inf
-        self.extended, self.extended_series = system.compiled.extended(p), tables(series, p, period)
-        self.splits = np.array([layout is not None for layout in series.splits], dtype=np.int64)
+        self.extended, self.extended_series = system.compiled.extended(p), series.constants(p)
+        self.splits = np.zeros(len(system.modes), np.int64)
         self.section = np.zeros(len(system.transitions), np.int64)
         self.section[list(section or ())] = 1
         self.at_wrap = section is None
@@ -100,6 +101,8 @@ class TaylorRun:
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
         """Return states, modes and times of the returns after the first `discard`; see `poincare.iterate`."""
         kernels, n = self.kernels, self.x.size - 1
+        if discard >= _FAR_FROM and not self.splits.any():
+            self._go_far()
         kept = np.empty((keep, n)), np.empty(keep, np.int64), np.empty(keep)
         wanted = discard + keep
         self.counts[kernels.RETURNS] = 0
@@ -115,6 +118,13 @@ class TaylorRun:
                 self._be_helped(discard, kept, longest)
         found = max(int(self.counts[kernels.RETURNS]) - discard, 0)
         return kept[0][:found], kept[1][:found], kept[2][:found]
+
+    def _go_far(self) -> None:
+        """Allow steps by the exact flow of the linear part, in the modes that have one."""
+        self.splits[:] = [layout is not None for layout in self.series.splits]
+        if self.splits.any():
+            period = 2.0 * math.pi / self.rate if self.rate > 0.0 else math.inf
+            self.extended_series = tables(self.series, self.p, period)
 
     def _be_helped(
         self, discard: int, kept: tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]], longest: float
