@@ -134,7 +134,7 @@ def series_in_sigma(system, x, w):
     function = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, numbers, numbers, numbers)
     p, out = series.constants(system.parameter_vector({})), np.zeros((series.order + 1, series.stride))
     start = np.append(system.full_state(x), w)
-    function(int(series.addresses[1]))(1, 0, *(a.ctypes.data_as(numbers) for a in (start, p, out)))
+    function(int(series.addresses[1]))(len(system.modes) + 1, 0, *(a.ctypes.data_as(numbers) for a in (start, p, out)))
     return out.T
 
 

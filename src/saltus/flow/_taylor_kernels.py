@@ -30,11 +30,11 @@ FIELD, EVENT, EVENT_X, RESET, GUARD = (
 DONE, AGAIN, HELP = range(3)
 """What `follow_kernel` returns; AGAIN when the budget of steps is spent."""
 
-T, T_LOW, DURATION, RETURNED, STEP, FAR_STEP, N_NUMBERS = range(7)
+T, T_LOW, DURATION, RETURNED, STEP, FAR_STEP, SIGMA_STEP, N_NUMBERS = range(8)
 """Places in `numbers`: time and its rounding, time since the last event, time of the last return to the section, the last
-step in time, how long it must be for a step by the exact flow to be tried again."""
+step in time, how long it must be for a step by the exact flow to be tried again, the last step in sigma, in time."""
 
-MODE, STARTING, FIRED, MODE_BEFORE, RETURNS, SMALL_RUN, STEPS, NOT_FAR, SHORTER, N_COUNTS = range(10)
+MODE, STARTING, FIRED, MODE_BEFORE, RETURNS, SMALL_RUN, STEPS, NOT_FAR, SHORTER, SIGMA_STEPS, N_COUNTS = range(11)
 """Places in `counts`."""
 
 BOUND = 1e12
@@ -50,6 +50,11 @@ ONE_BITS = 1023.0 * 2.0**52
 WORTH = 0.5
 """A step by the exact flow is worth taking where it is this part of the last one by series, at the least."""
 
+TIME_WORTH = 0.75
+PAUSE = 2
+"""Where a mode is regularised, series in time, which cost less, are tried after so many steps in sigma, and are taken
+where they reach this part of the last of those, at the least."""
+
 PATIENCE = 64
 """After so many refusals in a row a step by the exact flow is tried only once in as many steps."""
 
@@ -58,6 +63,7 @@ SHORTER_MOST = 40
 LANDING = 1e3
 SAME = 1e-6
 EPSILON = 2.220446049250313e-16
+SQUARE_ROOT = 1e-8
 ROUNDING = 64.0 * EPSILON
 TWO_PI = 2.0 * math.pi
 
@@ -175,8 +181,11 @@ def _reached(c, order, stride, column, target, low, high, guess):
 
 @njit(**SUMS)
 def _terms(c, order, stride, column, h, first, b):
-    """Write the coefficients of a column over h^first into b, in fractions of h: (sums of sizes from 1 on, from 4 on,
-    weighted sum of sizes from 2 on, value at 1 without the coefficient 0)."""
+    """Write the coefficients of a column over h^first into b, in fractions of h.
+
+    Returns the sums of sizes from 1 on and from 4 on, the sum of sizes times orders from 2 on, and the value at 1
+    without the coefficient 0.
+    """
     power = h if first == 1 else 1.0
     size = tail = weighted = end = 0.0
     for i in range(order + 1 - first):
@@ -206,13 +215,16 @@ def _to_bernstein(b, degree, table, width):
 
 
 @njit(**INNER)
-def _roots(c, order, stride, column, h, on, side, binomials, b, pieces, work, found):
+def _roots(c, order, stride, column, h, on, side, direction, binomials, b, pieces, work, found):
     """Roots of an event column in (0, h], as fractions of h, in order: (count, side before the first).
 
     on: the column is zero at 0, and that root is divided out. side: sign of the function before, 0 where it is not
     known. The count is -1 where the motion cannot be told from one that stays on the surface, or there are too many.
+    Where the first root is an event by its direction and easily told, the others are not sought, and the last place in
+    `found` is 1.
     """
     outlined()
+    found[ROOTS - 1] = 0.0
     first = 1 if on else 0
     degree = order - first
     size, tail, weighted, end = _terms(c, order, stride, column, h, first, b)
@@ -239,9 +251,19 @@ def _roots(c, order, stride, column, h, on, side, binomials, b, pieces, work, fo
     if abs(b1) > weighted:
         # monotone: one root or none
         if b0 * end <= 0.0 and b0 != 0.0:
-            found[count] = _passed(b, degree, b0 / (b0 - end))
+            found[count] = _passed(b, degree, end)
             count += 1
         return count, side
+    if b0 * end < 0.0 and count == 0 and (direction == 0 or direction == -side):
+        root = _passed(b, degree, end)
+        bent, power = 0.0, root
+        for i in range(2, degree + 1):
+            bent += i * abs(b[i]) * power
+            power *= root
+        if abs(b1) > bent:
+            # monotone as far as this root
+            found[0], found[ROOTS - 1] = root, 1.0
+            return 1, side
     # the cubic part lies within its Bernstein coefficients, all of it within the sizes of the others
     sign = 1.0 if b0 > 0.0 else -1.0
     least = min(min(b0 * sign, (b0 + b1 / 3.0) * sign),
@@ -255,16 +277,36 @@ def _roots(c, order, stride, column, h, on, side, binomials, b, pieces, work, fo
     if changes == 0:
         return count, side
     if changes == 1:
-        found[count] = _passed(work, degree, b0 / (b0 - end) if b0 * end < 0.0 else 0.5)
+        found[count] = _passed(work, degree, end)
         return count + 1, side
     count = bernstein_roots(b, degree, 1e-15 * (abs(b0) + size), 0.0, 1.0, pieces, work, found, count)
     return count, side
 
 
 @njit(**INNER)
-def _passed(b, degree, guess):
-    """The one place in (0, 1] where a polynomial, given by its coefficients of powers, changes sign."""
-    return _reached(b, degree, 1, 0, 0.0, 0.0, 1.0, guess)
+def _passed(b, degree, end):
+    """The one place in (0, 1) where a polynomial changes sign, from its coefficients of powers and its value at 1."""
+    outlined()
+    b0, b1, b2 = b[0], b[1], b[2]
+    inside = b1 * b1 - 4.0 * b0 * b2
+    s = -2.0 * b0 / (b1 + math.copysign(math.sqrt(inside), b1)) if inside >= 0.0 else 0.5
+    if not 0.0 < s < 1.0:
+        s = b0 / (b0 - end) if b0 * end < 0.0 else 0.5
+    low, high = 0.0, 1.0
+    for _ in range(100):
+        value, slope = _column(b, degree, 1, 0, s)
+        if value * b0 > 0.0:
+            low = s
+        else:
+            high = s
+        new = s - value / slope
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        elif abs(new - s) <= SQUARE_ROOT * new:
+            # Newton's method doubles the digits
+            return new
+        s = new
+    return s
 
 
 @njit(**INNER)
@@ -280,6 +322,7 @@ def _begin(addresses, forms, transitions, n_transitions, mode, n, p, x, residual
     """Begin a segment: on which side of every event it starts, and w behind the state; whether it is a plain start."""
     outlined()
     x[n] = 0.0
+    counts[SIGMA_STEPS] = PAUSE
     for k in range(n_transitions):
         if transitions[3 * k] != mode:
             continue
@@ -422,14 +465,25 @@ def _follow(
                 return HELP
             continue
         form = forms[2 * mode]
-        series_in_sigma = form >= 0
-        call(series, mode, 0, x, 0, p_series, c, 0)
-        w = dt = 0.0
-        m = n_states + 1 if series_in_sigma else n_states
-        last_event = first_event
+        last_event = own_column = first_event
         for k in range(n_transitions):
-            last_event += 1 if transitions[3 * k] == mode else 0
-        h = _step_length(c, order, stride, m, first_event, last_event, rtol, atol)
+            if transitions[3 * k] == mode:
+                if k == form:
+                    own_column = last_event
+                last_event += 1
+        w = dt = h = 0.0
+        series_in_sigma = form >= 0
+        if form < 0 or counts[SIGMA_STEPS] <= 0:
+            call(series, mode, 0, x, 0, p_series, c, 0)
+            h = _step_length(c, order, stride, n_states, first_event, last_event, rtol, atol)
+            series_in_sigma = form >= 0 and not h > TIME_WORTH * numbers[SIGMA_STEP]
+            if series_in_sigma:
+                counts[SIGMA_STEPS] = PAUSE
+                x[n] = math.sqrt(max(forms[2 * mode + 1] * c[own_column], 0.0))
+        if series_in_sigma:
+            call(series, n_modes + mode, 0, x, 0, p_series, c, 0)
+            h = _step_length(c, order, stride, n_states + 1, first_event, last_event, rtol, atol)
+            counts[SIGMA_STEPS] -= 1
         if not h > 0.0:
             return HELP
         h = h * 0.5 ** counts[SHORTER] if series_in_sigma else min(h, period)
@@ -442,8 +496,9 @@ def _follow(
                 continue
             column += 1
             n_found[k], before[k] = _roots(
-                c, order, stride, column, h, on[k] == 1, side[k], binomials, b, pieces, work, pointer(found, ROOTS * k)
-            )
+                c, order, stride, column, h, on[k] == 1, side[k], transitions[3 * k + 2], binomials, b, pieces, work,
+                pointer(found, ROOTS * k),
+            )  # fmt: skip
             if n_found[k] < 0:
                 return HELP
             passed[k] = 0
@@ -481,7 +536,7 @@ def _follow(
             call(addresses[GUARD], n_modes + fired, 0, y, 0, p, after, 0)
             if after[0] > 0.0:
                 break
-            if fired == form:
+            if fired == form or found[ROOTS * fired + ROOTS - 1] == 1.0:
                 return HELP
             passed[fired] += 1
         if not (0.0 < dt <= period) and (fired < 0 or dt != 0.0):
@@ -538,6 +593,8 @@ def _follow(
             x[n - 1] += phase * dt
         for e in range(n_states):
             x[e] = y[e]
+        if series_in_sigma:
+            numbers[SIGMA_STEP] = dt
         if fired < 0:
             x[n] = w
             for e in range(n_states):

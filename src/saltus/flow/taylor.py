@@ -112,7 +112,8 @@ class TaylorRun:
                 self.system.compiled.addresses, self.series.addresses[1:], self.series.order, self.series.stride,
                 self.series.forms.ravel(), self.splits, self.transitions.ravel(),
                 bernstein_table(self.series.order), self.rate, self.extended, self.extended_series, longest,
-                self.at_wrap, self.section, discard, _BUDGET, *self.tolerances, self.x, self.numbers, self.counts, self.side, self.on, *kept,
+                self.at_wrap, self.section, discard, _BUDGET, *self.tolerances, self.x, self.numbers, self.counts,
+                self.side, self.on, *kept,
             )  # fmt: skip
             if status == kernels.HELP and self.counts[kernels.RETURNS] < wanted:
                 self._be_helped(discard, kept, longest)

@@ -46,7 +46,7 @@ SECOND = ("derive", "field_2", "event_2", "reset_2")
 
 _INVERSE_ROOT = "inverse_root"
 
-_GENERATION = 5
+_GENERATION = 6
 """Raised when the text that this module writes changes, so that files of an older one are not used."""
 
 
@@ -97,8 +97,9 @@ class CompiledSeries:
     """Taylor series of a system's motions, one order.
 
     ``series`` writes, for mode `k` and at ``x`` (the full state and w behind it), the coefficients of the states
-    without the phase, of w and the time (where the mode is regularised; see `saltus.system.regularise`), and of the
-    mode's event functions: shape (order + 1, stride).
+    without the phase, of two more and of the mode's event functions: shape (order + 1, stride). For ``modes + k`` they
+    are those in sigma, where the mode is regularised (see `saltus.system.regularise`), and the two more are those of w
+    and the time.
 
     Attributes
     ----------
@@ -470,29 +471,30 @@ class _SeriesWriter(_Writer):
         self.order = order
 
     def functions(self) -> Iterator[str]:
+        from saltus.system.regularise import regularised
         from saltus.system.split import split_of_mode
         from saltus.system.taylor import series_of_mode
 
-        modes = [
-            series_of_mode(self.system, k, self.order, lambda e: self._text(self._hoist(e)))
-            for k in range(len(self.system.field))
-        ]
+        modes = range(len(self.system.field))
+        forms = [regularised(self.system, k) for k in modes]
+        wanted = {k: None for k in modes} | {len(modes) + k: form for k, form in enumerate(forms) if form is not None}
         first_event = len(self.system.system.states) + 2
-        stride = first_event + max(len(mode.events) for mode in modes)
+        stride = first_event + max(self.system.source.count(k) for k in modes)
         self.numbers = {
             "ORDER": self.order,
             "STRIDE": stride,
-            "FORMS": [(mode.regularised, mode.sign) for mode in modes],
+            "FORMS": [(-1, 1) if form is None else (form.transition, form.sign) for form in forms],
         }
         branches = {}
-        for k, mode in enumerate(modes):
-            places = [*range(first_event - (0 if mode.regularised >= 0 else 2)), *range(first_event, stride)]
-            branches[k] = mode.lines + [
+        for k, form in wanted.items():
+            series = series_of_mode(self.system, k % len(modes), self.order, lambda e: self._text(self._hoist(e)), form)
+            places = [*range(first_event - (2 if form is None else 0)), *range(first_event, stride)]
+            branches[k] = series.lines + [
                 f"out[{stride * i + place}] = {name}_{i}"
                 for i in range(self.order + 1)
-                for place, name in zip(places, mode.columns, strict=False)
+                for place, name in zip(places, series.columns, strict=False)
             ]
-        splits = [split_of_mode(self.system, k) if mode.regularised < 0 else None for k, mode in enumerate(modes)]
+        splits = [split_of_mode(self.system, k) if form is None else None for k, form in enumerate(forms)]
         linear, far = self._splits(splits)
         yield "\nfrom saltus.system._series_kernels import products\n"
         yield linear

@@ -13,18 +13,17 @@ Experimental Mathematics 14 (2005) 99-117, section 2.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import sympy
 
 from saltus.errors import SaltusError
-from saltus.system.regularise import regularised
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from saltus.system.derivatives import Symbolic
+    from saltus.system.regularise import Regularised
 
 __all__ = ["NotAnalyticError", "Series", "series_of_mode"]
 
@@ -40,33 +39,25 @@ class _Linear(NamedTuple):
     constant: sympy.Expr
 
 
-@dataclass
-class Series:
-    """The series of one mode: lines for each order, and the names of what is wanted.
+class Series(NamedTuple):
+    """The series of one mode.
 
     Attributes
     ----------
     lines : list of str
         Statements, in order; those of order 0 start from the state.
     columns : list of str
-        Names of the series that are returned: states without the phase, w and the time (where regularised), then the
-        event functions of the mode. Coefficient k of ``a`` is the local variable ``a_k``.
-    regularised : int
-        Transition about which the mode is regularised, or -1.
-    sign : int
-        Sign of its event function in the mode.
-    events : list of int
-        Transitions of the event columns.
+        Names of the series that are returned: states without the phase, w and the time (in sigma), then the event
+        functions of the mode. Coefficient k of ``a`` is the local variable ``a_k``.
     """
 
-    lines: list[str] = field(default_factory=list)
-    columns: list[str] = field(default_factory=list)
-    regularised: int = -1
-    sign: int = 1
-    events: list[int] = field(default_factory=list)
+    lines: list[str]
+    columns: list[str]
 
 
-def series_of_mode(system: Symbolic, mode: int, order: int, text: Callable[[sympy.Expr], str]) -> Series:
+def series_of_mode(
+    system: Symbolic, mode: int, order: int, text: Callable[[sympy.Expr], str], form: Regularised | None = None
+) -> Series:
     """Return the statements that compute the Taylor series of a mode.
 
     Parameters
@@ -79,81 +70,75 @@ def series_of_mode(system: Symbolic, mode: int, order: int, text: Callable[[symp
         Last coefficient.
     text : callable
         Writes an expression in parameters alone.
+    form : Regularised, optional
+        The mode's field in sigma; by default the series are in time.
 
     Raises
     ------
     NotAnalyticError
         The mode has no Taylor series.
     """
-    return _Tape(system, mode, order, text).written()
+    return _Tape(system, mode, order, text, form).written()
 
 
 class _Tape:
     """The operations of one mode, each once, in an order in which they can be computed."""
 
-    def __init__(self, system: Symbolic, mode: int, order: int, text: Callable[[sympy.Expr], str]) -> None:
+    def __init__(
+        self,
+        system: Symbolic,
+        mode: int,
+        order: int,
+        text: Callable[[sympy.Expr], str],
+        form: Regularised | None,
+    ) -> None:
+        self.form = form
         self.system, self.mode, self.order, self.text = system, mode, order, text
         self.parameters = set(system.p)
         has_phase = system.system.phase is not None
         self.theta = system.x[-1] if has_phase else None
         self.states = system.x[:-1] if has_phase else list(system.x)
         self.rate = system.field[mode][-1] if has_phase else sympy.Integer(0)
-        # no variable is assigned in two modes: the compiler would look at all lines again for each that is
-        self.prefix = f"m{mode}"
+        # no variable is assigned in two forms: the compiler would look at all lines again for each that is
+        self.prefix = f"m{mode}" if form is None else f"s{mode}"
         self.positions = [f"{self.prefix}x{i}" for i in range(len(self.states))]
         self.names: dict[sympy.Expr, str] = dict(zip(self.states, self.positions, strict=True))
         self.operations: list[tuple[str, ...]] = []
         self.known: dict[tuple[str, ...], str] = {}
         self.coefficients: dict[str, sympy.Expr] = {}
         self.starts: list[str] = [f"{name}_0 = x[{i}]" for i, name in enumerate(self.positions)]
+        self.w = f"{self.prefix}w" if form is not None else ""
+        if form is not None:
+            self.names[form.w] = self.w
+            self.starts += [f"{self.w}_0 = x[{len(system.x)}]", f"{self.prefix}t_0 = 0.0"]
         self.written_coefficients: dict[str, str] = {}
 
     def written(self) -> Series:
-        s = self.system
-        found = regularised(s, self.mode)
-        series = Series(events=[k for k, source in enumerate(s.source) if source == self.mode])
-        w = None
-        rates = s.field[self.mode][: len(self.states)]
-        if found is not None:
-            series.regularised, series.sign, w = found.transition, found.sign, f"{self.prefix}w"
-            self.names[found.w] = w
-            self.starts.append(f"{w}_0 = x[{len(s.x)}]")
-            rates = found.field[: len(self.states)]
-        self.w = w
-        slopes = [self.single(rate) for rate in rates]
-        if found is not None:
-            slope = sympy.Rational(found.sign, 2) * s.rate[found.transition]
-            slope_w = self.single(slope)
-            slopes = [self.operation("mul", str(w), name) for name in slopes]
-        events = []
-        for k in series.events:
-            if k == series.regularised:
-                events.append(self.single(series.sign * found.w) if found is not None else "")
-            else:
-                events.append(self.single(s.event[k]))
-        t = f"{self.prefix}t"
-        series.columns = list(self.positions)
-        if w:
-            series.columns += [w, t]
-        series.columns += events
+        s, form = self.system, self.form
+        field = s.field[self.mode] if form is None else form.field
+        slopes = [self.single(rate) for rate in field[: len(self.states)]]
+        events = [
+            form.sign * form.w if form is not None and k == form.transition else s.event[k]
+            for k, source in enumerate(s.source)
+            if source == self.mode
+        ]
+        moving = list(self.positions)
+        if form is not None:
+            gradient = [sympy.diff(s.event[form.transition], symbol) for symbol in s.x]
+            rate = sympy.Add(*(g * f for g, f in zip(gradient, field, strict=True)))
+            slopes = [self.operation("mul", self.w, name) for name in slopes]
+            slopes += [self.single(sympy.Rational(form.sign, 2) * rate), self.w]
+            moving += [self.w, f"{self.prefix}t"]
+        columns = [*moving, *(self.single(event) for event in events)]
         lines = list(self.starts)
-        if w:
-            lines.append(f"{t}_0 = 0.0")
         for k in range(self.order + 1):
             for operation in self.operations:
                 lines += self.emit(operation, k)
-            if k == self.order:
-                break
-            part = repr(1.0 / (k + 1))
-            lines += [
-                f"{x}_{k + 1} = {name}_{k}" + (f"*{part}" if k else "")
-                for x, name in zip(self.positions, slopes, strict=True)
-            ]
-            if w:
-                lines.append(f"{w}_{k + 1} = {slope_w}_{k}*{part}")
-                lines.append(f"{t}_{k + 1} = {w}_{k}*{part}")
-        series.lines = [f"{name} = {value}" for name, value in self.written_coefficients.items()] + lines
-        return series
+            if k < self.order:
+                part = f"*{1.0 / (k + 1)!r}" if k else ""
+                lines += [f"{x}_{k + 1} = {name}_{k}{part}" for x, name in zip(moving, slopes, strict=True)]
+        constants = [f"{name} = {value}" for name, value in self.written_coefficients.items()]
+        return Series(constants + lines, columns)
 
     def linear(self, expression: sympy.Expr) -> _Linear:
         """Take a linear combination apart; what is not linear becomes a series of its own."""
@@ -325,7 +310,7 @@ class _Tape:
             case "power":
                 a, alpha = arguments
                 if k == 0:
-                    yield f"{target} = {a}_0**{alpha}"
+                    yield f"{target} = {_first_power(f'{a}_0', alpha)}"
                     yield f"{name}_s = 1.0/{a}_0"
                 else:
                     terms = [
@@ -389,6 +374,17 @@ def _products(terms: list[tuple[int, str, str]]) -> str:
     if len(terms) == 1:
         return f"{terms[0][1]}*{terms[0][2]}"
     return f"products({', '.join(f'{a}, {b}' for _, a, b in terms)})"
+
+
+def _first_power(base: str, alpha: str) -> str:
+    """A power, by a root and products where it is half of a small odd number."""
+    try:
+        whole = float(alpha) - 0.5
+    except ValueError:
+        return f"{base}**{alpha}"
+    if not (whole.is_integer() and 0.0 <= whole <= 4.0):
+        return f"{base}**{alpha}"
+    return "*".join([*[base] * int(whole), f"math.sqrt({base})"])
 
 
 def _weight(alpha: str, j: int, k: int) -> str:
