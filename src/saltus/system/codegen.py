@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from saltus.system.derivatives import Symbolic
     from saltus.system.hybrid import HybridSystem
+    from saltus.system.regularise import Regularised
     from saltus.system.split import Split
 
 __all__ = ["FUNCTIONS", "SECOND", "Compiled", "CompiledSecond", "CompiledSeries", "cache_folder", "let_numba_cache",
@@ -477,7 +478,8 @@ class _SeriesWriter(_Writer):
 
         modes = range(len(self.system.field))
         forms = [regularised(self.system, k) for k in modes]
-        wanted = {k: None for k in modes} | {len(modes) + k: form for k, form in enumerate(forms) if form is not None}
+        wanted: dict[int, Regularised | None] = dict.fromkeys(modes)
+        wanted |= {len(modes) + k: form for k, form in enumerate(forms) if form is not None}
         first_event = len(self.system.system.states) + 2
         stride = first_event + max(self.system.source.count(k) for k in modes)
         self.numbers = {
