@@ -189,6 +189,24 @@ def test_switched_tanks_owe_their_exponent_to_saltation_alone():
 # two neighbouring motions, an independent way to the largest exponent
 
 
+def test_impacts_on_a_far_table_have_the_exponent_of_the_standard_map():
+    # P. J. Holmes, J. Sound Vib. 84 (1982) 173-189: impacts far above a table that shakes, here with e = 1; that is the
+    # standard map of K = 4 a w^2 / g, whose exponent is ln(K / 2) for large K: B. V. Chirikov, Phys. Rep. 52 (1979) 263
+    kick, impacts, high = 20.0, 1500, 2000.0
+    system = HybridSystem(
+        states=("z", "v", "s"),
+        parameters={"kick": kick},
+        modes={"flight": Mode({"z": "v", "v": "-1", "s": "1"})},
+        transitions=[Transition("flight", "flight", "z", -1, {"v": "-v + kick*cos(s)"}, name="impact")],
+    )
+    x, flight = [0.0, high * kick, 0.5], 2.0 * high * kick
+    per_impact = flight * spectrum(system, system.parameter_vector({}), x, 0, t=impacts * flight).exponents
+    # ln|cos| of an even angle spreads by 0.91 an impact, and flights by 2 % while the speed wanders
+    assert per_impact[0] == pytest.approx(math.log(kick), abs=4.0 * 0.91 / math.sqrt(impacts) + 0.06)
+    assert per_impact[1] == pytest.approx(0.0, abs=0.02)
+    assert per_impact.sum() == pytest.approx(0.0, abs=1e-4)
+
+
 def benettin(system, p, x, mode, periods: int, discard: int, size: float = 1e-8) -> float:
     """Mean rate at which two motions part that are brought back to a distance of `size` after each period."""
     n = len(system.states)
