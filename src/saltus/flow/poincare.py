@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import InputError
-from saltus.flow.simulate import _check_tolerances, _domain, _passed_event, _Run, _start
+from saltus.flow.run import Run, check_tolerances, domain_value, passed_event, start_state
 from saltus.flow.taylor import ORDER, TaylorRun
 from saltus.results import frozen
 
@@ -98,16 +98,16 @@ def iterate(
     >>> (found.times / (2 * np.pi)).round(12).tolist()
     [2.0, 3.0]
     """
-    _check_tolerances(rtol, atol)
+    check_tolerances(rtol, atol)
     if section is None and system.phase is None:
         raise InputError("section", section, "a transition for a system without a phase")
     series = system.series(ORDER)
     if series is not None:
-        motion = TaylorRun(system, series, p, _start(system, x), mode, section, rtol, atol)
+        motion = TaylorRun(system, series, p, start_state(system, x), mode, section, rtol, atol)
         states, modes, times = motion.follow(discard, keep, longest)
         x_end = frozen(motion.x[:-1])
         return Iterates(frozen(states), frozen(modes, np.int64), frozen(times), x_end, motion.mode)
-    run = _Run(system, p, _start(system, x), mode, rtol, atol)
+    run = Run(system, p, start_state(system, x), mode, rtol, atol)
     log = _to_phase_zero(run, discard, keep) if section is None else _to_events(run, section, discard, keep, longest)
     times, which, ends, _ = log
     states = ends[:, 1] if section is None else ends[:, 0]
@@ -116,14 +116,14 @@ def iterate(
 
 def admits(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> bool:
     """Return whether a motion may start at a full state in a mode: in its domain, and past none of its events."""
-    return _domain(system, mode, x, p) > 0.0 and not _passed_event(system, mode, x, p)
+    return domain_value(system, mode, x, p) > 0.0 and not passed_event(system, mode, x, p)
 
 
 _Log = tuple["NDArray[np.float64]", "NDArray[np.int64]", "NDArray[np.float64]", "NDArray[np.float64]"]
 """Times, transitions with modes, states on both sides, and rates of events."""
 
 
-def _to_phase_zero(run: _Run, discard: int, keep: int) -> _Log:
+def _to_phase_zero(run: Run, discard: int, keep: int) -> _Log:
     run.offset = 0.0  # periods are counted at the wraps, wherever the motion starts
     run.follow(math.inf, discard, None, keep=False)
     kept = []
@@ -133,7 +133,7 @@ def _to_phase_zero(run: _Run, discard: int, keep: int) -> _Log:
     return _joined(kept, run)
 
 
-def _to_events(run: _Run, section: tuple[int, ...], discard: int, keep: int, longest: float) -> _Log:
+def _to_events(run: Run, section: tuple[int, ...], discard: int, keep: int, longest: float) -> _Log:
     """Follow as many events as there are returns missing: so the motion ends at the last return, never past it."""
     kept: list[_Log] = []
     seen, last = 0, 0.0
@@ -154,7 +154,7 @@ def _to_events(run: _Run, section: tuple[int, ...], discard: int, keep: int, lon
     return _joined(kept, run)
 
 
-def _take(run: _Run, section: tuple[int, ...]) -> _Log:
+def _take(run: Run, section: tuple[int, ...]) -> _Log:
     """Return the returns among the events kept so far, and forget them all."""
     times, which, ends, rates = run.events()
     run.kept_events.clear()
@@ -163,7 +163,7 @@ def _take(run: _Run, section: tuple[int, ...]) -> _Log:
     return times[chosen], which[chosen], ends[chosen], rates[chosen]
 
 
-def _joined(parts: list[_Log], run: _Run) -> _Log:
+def _joined(parts: list[_Log], run: Run) -> _Log:
     nothing = (np.empty(0), np.empty((0, 3), np.int64), np.empty((0, 2, run.x.size)), np.empty(0))
     times, which, ends, rates = (np.concatenate(part) for part in zip(nothing, *parts, strict=True))
     return times, which, ends, rates

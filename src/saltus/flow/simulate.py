@@ -19,12 +19,13 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Self, TypeGuard
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from saltus.errors import ChatteringError, DivergenceError, InputError
+from saltus.errors import InputError
 from saltus.flow.observables import Motion, dense_states, observe
+from saltus.flow.run import Run, check_tolerances, domain_value, how_long, is_number, start_state, starting_mode
 from saltus.results import Result, frozen
 from saltus.system.evaluate import evaluate
 from saltus.system.hybrid import HybridSystem
@@ -42,10 +43,7 @@ __all__ = ["GRAZING_SPEED", "EventLog", "Trajectory", "events_after", "settle", 
 GRAZING_SPEED = 1e-6
 """An event at which the event function changes more slowly than this, in its units per time, is marked as grazing."""
 
-_TWO_PI = 2.0 * math.pi
 _STEPS_KEPT = 1024
-_EVENTS_KEPT = 1024
-_BUDGET = 1 << 16
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -329,7 +327,7 @@ class Trajectory(Result):
     def _stretch(self, t_start: float | None, t_end: float | None) -> tuple[float, float]:
         begin, end = 0.0 if t_start is None else t_start, self.t_end if t_end is None else t_end
         for name, time in (("t_start", begin), ("t_end", end)):
-            if not (_is_number(time) and 0.0 <= time <= self.t_end):
+            if not (is_number(time) and 0.0 <= time <= self.t_end):
                 raise InputError(name, time, f"between 0 and {self.t_end:.12g}, where the trajectory ends")
         if begin >= end:
             raise InputError("t_start", begin, f"less than t_end = {end:.12g}")
@@ -449,12 +447,12 @@ def simulate(
     1.0 [0.275 0.3  ]
     """
     p = system.parameter_vector(parameters)
-    x = _start(system, x0)
-    _check_tolerances(rtol, atol)
+    x = start_state(system, x0)
+    check_tolerances(rtol, atol)
     if (t_end is None) == (periods is None):
         given = {"t_end": t_end, "periods": periods}
         raise InputError("t_end, periods", given, "exactly one of the two given")
-    if t_end is not None and not (_is_number(t_end) and 0.0 < t_end < math.inf):
+    if t_end is not None and not (is_number(t_end) and 0.0 < t_end < math.inf):
         raise InputError("t_end", t_end, "a finite number > 0")
     if periods is not None:
         if system.phase is None:
@@ -464,10 +462,10 @@ def simulate(
     if isinstance(max_events, bool) or not isinstance(max_events, int | np.integer) or max_events < 1:
         raise InputError("max_events", max_events, "an integer >= 1")
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
-    if mode is not None and not (value := _domain(system, start, x, p)) > 0.0:
+    if mode is not None and not (value := domain_value(system, start, x, p)) > 0.0:
         condition = f"{system.modes[mode].domain} > 0"
         raise InputError("x0", x.tolist(), f"in the domain of mode {mode!r}, {condition}", f"it is {value:.6g} there")
-    run = _Run(system, p, x, start, rtol, atol, steps_kept=_STEPS_KEPT)
+    run = Run(system, p, x, start, rtol, atol, steps_kept=_STEPS_KEPT)
     end = float(t_end) if t_end is not None else math.inf
     run.follow(end, periods, int(max_events))
     full = run.time
@@ -527,9 +525,9 @@ def settle(
     InputError, ChatteringError, DivergenceError
         As `simulate`.
     """
-    _check_tolerances(rtol, atol)
-    run = _Run(system, p, _start(system, x), mode, rtol, atol)
-    run.follow(*_how_long(system, periods, t), None, keep=False)
+    check_tolerances(rtol, atol)
+    run = Run(system, p, start_state(system, x), mode, rtol, atol)
+    run.follow(*how_long(system, periods, t), None, keep=False)
     return run.x.copy(), run.mode
 
 
@@ -561,9 +559,9 @@ def events_after(
     InputError, ChatteringError, DivergenceError
         As `simulate`.
     """
-    _check_tolerances(rtol, atol)
-    run = _Run(system, p, _start(system, x), mode, rtol, atol)
-    run.follow(*_how_long(system, periods, t), n_events)
+    check_tolerances(rtol, atol)
+    run = Run(system, p, start_state(system, x), mode, rtol, atol)
+    run.follow(*how_long(system, periods, t), n_events)
     times, which, ends, rates = run.events()
     return EventLog(
         time=frozen(times),
@@ -577,182 +575,6 @@ def events_after(
         x_end=frozen(run.x),
         mode_end=run.mode,
     )
-
-
-class _Run:
-    """A motion under way: the kernel's arrays, and what it has written so far."""
-
-    def __init__(
-        self,
-        system: HybridSystem,
-        p: NDArray[np.float64],
-        x: NDArray[np.float64],
-        mode: int,
-        rtol: float,
-        atol: float,
-        *,
-        steps_kept: int = 0,
-    ) -> None:
-        from saltus.flow import _event_kernels as kernels
-
-        compiled, n = system.compiled, x.size
-        self.kernels, self.system, self.rtol, self.atol = kernels, system, float(rtol), float(atol)
-        self.addresses = compiled.addresses
-        self.p = compiled.extended(np.ascontiguousarray(p, dtype=np.float64))
-        self.x = x
-        self.rate = 0.0
-        self.offset = 0.0
-        if system.phase is not None:
-            self.rate = float(compiled.field(mode, x, p)[-1])
-            if not 0.0 < self.rate < math.inf:
-                raise InputError(f"rate of the phase {system.phase[0]}", self.rate, "> 0 and finite")
-            self.offset = float(x[-1])
-        index = {name: i for i, name in enumerate(system.mode_names)}
-        rows = [[index[t.source], index[t.target], t.direction] for t in system.transitions]
-        self.transitions = np.array(rows, dtype=np.int64).reshape(len(rows), 3)
-        self.slopes, self.size = np.zeros(16 * n), np.abs(x)
-        self.numbers = np.zeros(kernels.N_NUMBERS)
-        self.counts = np.zeros(kernels.N_COUNTS, np.int64)
-        self.counts[[kernels.MODE, kernels.STARTING]] = mode, 1
-        self.counts[[kernels.FIRED, kernels.MODE_BEFORE]] = -1
-        self.side, self.on = np.zeros(len(rows), np.int64), np.zeros(len(rows), np.int64)
-        self.value, self.first_steps = np.zeros(len(rows)), np.zeros(len(index))
-        m = steps_kept
-        self.step_buffers = (np.empty((m, 2)), np.empty(m, np.int64), np.empty((m, n)), np.empty((m, 7, n)))
-        m = _EVENTS_KEPT
-        self.event_buffers = (np.empty(m), np.empty((m, 3), np.int64), np.empty((m, 2, n)), np.empty(m))
-        self.kept_steps: list[tuple[NDArray[Any], ...]] = []
-        self.kept_events: list[tuple[NDArray[Any], ...]] = []
-
-    @property
-    def time(self) -> float:
-        return float(self.numbers[self.kernels.T] + self.numbers[self.kernels.T_LOW])
-
-    @property
-    def mode(self) -> int:
-        return int(self.counts[self.kernels.MODE])
-
-    @property
-    def wraps(self) -> int:
-        return int(self.counts[self.kernels.WRAPS])
-
-    @property
-    def events_passed(self) -> int:
-        return int(self.counts[self.kernels.EVENTS])
-
-    def follow(self, t_end: float, periods: int | None, n_events: int | None, *, keep: bool = True) -> None:
-        """Go on until the time, the number of periods or that of transitions; `periods` end at the phase of the start.
-
-        `keep` False forgets the events.
-        """
-        most = np.iinfo(np.int64).max
-        self._follow(t_end, most if periods is None else periods, most if n_events is None else n_events, keep)
-        if periods is not None and self.offset > 0.0 and self.wraps >= periods:
-            self._follow(
-                min(t_end, self.time + self.offset / self.rate), most, most if n_events is None else n_events, keep
-            )
-
-    def _follow(self, t_end: float, wraps: int, n_events: int, keep: bool) -> None:
-        status = self.kernels.AGAIN
-        while status == self.kernels.AGAIN:
-            status = self.kernels.run_kernel(
-                self.addresses, self.transitions, self.rate, self.p, t_end, wraps, n_events, self.rtol, self.atol,
-                _BUDGET, self.x, self.slopes, self.size, self.numbers, self.counts, self.side, self.on, self.value,
-                self.first_steps, *self.step_buffers, *self.event_buffers,
-            )  # fmt: skip
-            if keep:
-                m, k = (int(self.counts[place]) for place in (self.kernels.N_STEPS, self.kernels.N_EVENTS))
-                self.kept_steps.append(tuple(buffer[:m].copy() for buffer in self.step_buffers))
-                self.kept_events.append(tuple(buffer[:k].copy() for buffer in self.event_buffers))
-        if status != self.kernels.DONE:
-            raise self._error(status)
-
-    def steps(self) -> tuple[NDArray[Any], ...]:
-        """Times and lengths, modes, starts and dense coefficients of the steps."""
-        return tuple(np.concatenate(parts) for parts in zip(*self.kept_steps, strict=True))
-
-    def events(self) -> tuple[NDArray[Any], ...]:
-        """Times, transitions with modes, states on both sides, and rates of the events."""
-        return tuple(np.concatenate(parts) for parts in zip(*self.kept_events, strict=True))
-
-    def _error(self, status: int) -> ChatteringError | DivergenceError:
-        kernels = self.kernels
-        t, mode = self.time, self.system.mode_names[self.mode]
-        if status == kernels.CHATTERING:
-            return ChatteringError(t, self.x, mode)
-        step = self.numbers[kernels.STEP]
-        reason = {
-            kernels.UNBOUNDED: f"a state passes {kernels.BOUND:g}",
-            kernels.STEP_UNDERFLOW: f"the step falls to {step:.3g}, as it does before a singularity",
-            kernels.LEFT_DOMAIN: f"it leaves the domain of the mode, {self.system.modes[mode].domain} > 0",
-            kernels.FIELD_NOT_FINITE: "the vector field is not finite",
-            kernels.RESET_NOT_FINITE: "a reset is not finite",
-        }[status]
-        return DivergenceError(t, self.x, mode, reason)
-
-
-def _start(system: HybridSystem, x0: ArrayLike) -> NDArray[np.float64]:
-    x = system.full_state(x0)
-    if system.phase is not None:
-        x[-1] %= _TWO_PI
-        if x[-1] >= _TWO_PI:
-            x[-1] = 0.0
-    return x
-
-
-def _check_tolerances(rtol: object, atol: object) -> None:
-    if not _is_number(rtol) or not 1e-14 <= rtol <= 0.1:
-        raise InputError("rtol", rtol, "a number between 1e-14 and 0.1")
-    if not _is_number(atol) or not 0.0 < atol < math.inf:
-        raise InputError("atol", atol, "a finite number > 0")
-
-
-def _is_number(value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-
-
-def _how_long(system: HybridSystem, periods: int | None, t: float | None) -> tuple[float, int | None]:
-    if (periods is None) == (t is None):
-        raise InputError("t, periods", {"t": t, "periods": periods}, "exactly one of the two given")
-    if periods is not None and system.phase is None:
-        raise InputError("periods", periods, "left out for a system without a phase", "give t")
-    if t is not None and not (_is_number(t) and 0.0 < t < math.inf):
-        raise InputError("t", t, "a finite number > 0")
-    return math.inf if t is None else t, periods
-
-
-def _domain(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> float:
-    out = np.empty(1)
-    system.compiled.call("guard", mode, 0, x, system.compiled.extended(p), out)
-    return float(out[0])
-
-
-def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> int:
-    """The first mode whose domain holds at x and none of whose events is passed there."""
-    reasons = []
-    for index, name in enumerate(system.mode_names):
-        if not (value := _domain(system, index, x, p)) > 0.0:
-            reasons.append(f"{name}: {system.modes[name].domain} is {value:.6g}, not positive")
-        elif passed := _passed_event(system, index, x, p):
-            reasons.append(f"{name}: past its event {passed!r}")
-        else:
-            return index
-    allowed = "in the domain of a mode and before its events"
-    raise InputError("x0", x.tolist(), allowed, "; ".join(reasons))
-
-
-def _passed_event(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> str:
-    compiled, event, when = system.compiled, np.empty(2), np.empty(1)
-    extended = compiled.extended(p)
-    for k, transition in enumerate(system.transitions):
-        if system.mode_names.index(transition.source) != mode or transition.target == transition.source:
-            continue
-        compiled.call("event", k, 0, x, extended, event)
-        side = event[0] if event[0] != 0.0 else event[1]
-        compiled.call("guard", len(system.modes) + k, 0, x, extended, when)
-        if side * transition.direction > 0.0 and when[0] > 0.0:
-            return transition.name
-    return ""
 
 
 def _event_table(

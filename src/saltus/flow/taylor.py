@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.flow.far import tables
-from saltus.flow.simulate import _Run
+from saltus.flow.run import Run
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -78,7 +78,7 @@ class TaylorRun:
         self.kernels, self.system, self.series = kernels, system, series
         self.p, self.tolerances = p, (float(rtol), float(atol))
         # what a motion is, and what is refused, is the Runge-Kutta flow's to say
-        first = _Run(system, p, x.copy(), mode, rtol, atol)
+        first = Run(system, p, x.copy(), mode, rtol, atol)
         self.transitions, self.rate = first.transitions, first.rate
         self.extended, self.extended_series = system.compiled.extended(p), series.constants(p)
         self.splits = np.zeros(len(system.modes), np.int64)
@@ -132,7 +132,7 @@ class TaylorRun:
     ) -> None:
         """Go on by Runge-Kutta steps to the next wrap or event, and past the crowd of others that follow it."""
         kernels, counts, numbers = self.kernels, self.counts, self.numbers
-        run = _Run(self.system, self.p, self.x[:-1].copy(), self.mode, *self.tolerances)
+        run = Run(self.system, self.p, self.x[:-1].copy(), self.mode, *self.tolerances)
         run.counts[[run.kernels.FIRED, run.kernels.MODE_BEFORE]] = counts[[kernels.FIRED, kernels.MODE_BEFORE]]
         run.numbers[[run.kernels.T, run.kernels.T_LOW]] = numbers[[kernels.T, kernels.T_LOW]]
         run.offset = 0.0
@@ -156,7 +156,7 @@ class TaylorRun:
         self.side[:] = run.side
 
     def _keep_returns(
-        self, run: _Run, discard: int, kept: tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
+        self, run: Run, discard: int, kept: tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
     ) -> None:
         """Count the returns that the run has passed since last asked, and keep those that are wanted."""
         counts, numbers = self.counts, self.numbers

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeGuard
 import numpy as np
 
 from saltus.errors import InputError
-from saltus.flow.simulate import _check_tolerances, _how_long, _is_number, _Run, _start
+from saltus.flow.run import Run, check_tolerances, how_long, is_number, start_state
 from saltus.results import frozen
 
 if TYPE_CHECKING:
@@ -144,13 +144,13 @@ def spectrum(
     systems and for Hamiltonian systems, Meccanica 15 (1980) 9-30; P. C. Müller, Calculation of Lyapunov exponents for
     dynamic systems with discontinuities, Chaos, Solitons & Fractals 5 (1995) 1671-1681.
     """
-    _check_tolerances(rtol, atol)
-    _how_long(system, periods, t)
+    check_tolerances(rtol, atol)
+    how_long(system, periods, t)
     n, most = len(system.states), np.iinfo(np.int64).max
     columns = n if exponents is None else exponents
     if not _is_count(columns) or not 1 <= columns <= n:
         raise InputError("exponents", exponents, f"an integer between 1 and {n}, the number of states")
-    run = _Run(system, p, _start(system, x), mode, rtol, atol, steps_kept=_STEPS_KEPT)
+    run = Run(system, p, start_state(system, x), mode, rtol, atol, steps_kept=_STEPS_KEPT)
     if periods is None:
         assert t is not None
         row_times = _checked_time(discard, 0.5 * t) + np.linspace(0.0, t, _ROWS + 1)
@@ -177,7 +177,7 @@ def _is_count(value: object) -> TypeGuard[int]:
 def _checked_time(discard: object, default: float) -> float:
     if discard is None:
         return default
-    if not _is_number(discard) or not 0.0 <= discard < math.inf:
+    if not is_number(discard) or not 0.0 <= discard < math.inf:
         raise InputError("discard", discard, "a finite number >= 0")
     return discard
 
@@ -191,7 +191,7 @@ def _checked_periods(discard: object, default: int) -> int:
 
 
 def _run_rows(
-    run: _Run, row_times: NDArray[np.float64], row_wraps: NDArray[np.int64], frame: NDArray[np.float64]
+    run: Run, row_times: NDArray[np.float64], row_wraps: NDArray[np.int64], frame: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Ends of the rows, logarithms of growth in each, and the count of events grazed."""
     from saltus.flow import _variational_kernels as kernels

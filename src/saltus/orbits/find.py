@@ -82,7 +82,7 @@ def find_orbit(
     >>> find_orbit(oscillator, x0=[0.0, 0.0]).signature
     (('free', 'impact'),)
     """
-    from saltus.flow.simulate import starting_mode
+    from saltus.flow.run import starting_mode
 
     check_tol(tol)
     p = system.parameter_vector(parameters)
@@ -143,7 +143,8 @@ def _why_not(orbit: PeriodicOrbit) -> str:
 
 def _shortest(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64]) -> PeriodicOrbit:
     """Return an orbit once round, where it was found as several turns of a shorter one (of slow transients)."""
-    from saltus.flow.simulate import events_after, starting_mode
+    from saltus.flow.run import starting_mode
+    from saltus.flow.simulate import events_after
 
     turns = orbit.form.turns
     if turns == 1 or not orbit.admissible:

@@ -30,7 +30,8 @@ import numpy as np
 
 from saltus.errors import ChatteringError, DivergenceError, InputError, nearest
 from saltus.flow.poincare import Iterates, admits, iterate
-from saltus.flow.simulate import simulate, starting_mode
+from saltus.flow.run import starting_mode
+from saltus.flow.simulate import simulate
 from saltus.flow.variational import Growth, spectrum
 from saltus.sweeps.classify import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
 from saltus.sweeps.section import Section, on_section

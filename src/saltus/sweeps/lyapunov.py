@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import InputError
-from saltus.flow.simulate import starting_mode
+from saltus.flow.run import starting_mode
 from saltus.flow.variational import BATCHES, CONFIDENCE, spectrum
 from saltus.results import Result, frozen
 from saltus.system.hybrid import HybridSystem

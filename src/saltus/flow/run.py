@@ -1,0 +1,229 @@
+"""A motion under way by Runge-Kutta steps: where it may start, how long it lasts, what ends it early."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, TypeGuard
+
+import numpy as np
+
+from saltus.errors import ChatteringError, DivergenceError, InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["Run", "check_tolerances", "domain_value", "how_long", "is_number", "passed_event", "start_state",
+           "starting_mode"]  # fmt: skip
+
+_TWO_PI = 2.0 * math.pi
+_EVENTS_KEPT = 1024
+_BUDGET = 1 << 16
+
+
+class Run:
+    """A motion under way: the kernel's arrays, and what it has written so far.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    p : ndarray, shape (parameters,)
+        `HybridSystem.parameter_vector`.
+    x : ndarray, shape (all states,)
+        Start; the run's own from here on.
+    mode : int
+        Index of the mode there.
+    rtol, atol : float
+        Tolerances of a step.
+    steps_kept : int, optional
+        Steps of dense output between two clearances of the buffer; none is kept for 0.
+
+    Raises
+    ------
+    InputError
+        The phase's rate is not positive.
+    """
+
+    def __init__(
+        self,
+        system: HybridSystem,
+        p: NDArray[np.float64],
+        x: NDArray[np.float64],
+        mode: int,
+        rtol: float,
+        atol: float,
+        *,
+        steps_kept: int = 0,
+    ) -> None:
+        from saltus.flow import _event_kernels as kernels
+
+        compiled, n = system.compiled, x.size
+        self.kernels, self.system, self.rtol, self.atol = kernels, system, float(rtol), float(atol)
+        self.addresses = compiled.addresses
+        self.p = compiled.extended(np.ascontiguousarray(p, dtype=np.float64))
+        self.x = x
+        self.rate = 0.0
+        self.offset = 0.0
+        if system.phase is not None:
+            self.rate = float(compiled.field(mode, x, p)[-1])
+            if not 0.0 < self.rate < math.inf:
+                raise InputError(f"rate of the phase {system.phase[0]}", self.rate, "> 0 and finite")
+            self.offset = float(x[-1])
+        index = {name: i for i, name in enumerate(system.mode_names)}
+        rows = [[index[t.source], index[t.target], t.direction] for t in system.transitions]
+        self.transitions = np.array(rows, dtype=np.int64).reshape(len(rows), 3)
+        self.slopes, self.size = np.zeros(16 * n), np.abs(x)
+        self.numbers = np.zeros(kernels.N_NUMBERS)
+        self.counts = np.zeros(kernels.N_COUNTS, np.int64)
+        self.counts[[kernels.MODE, kernels.STARTING]] = mode, 1
+        self.counts[[kernels.FIRED, kernels.MODE_BEFORE]] = -1
+        self.side, self.on = np.zeros(len(rows), np.int64), np.zeros(len(rows), np.int64)
+        self.value, self.first_steps = np.zeros(len(rows)), np.zeros(len(index))
+        m = steps_kept
+        self.step_buffers = (np.empty((m, 2)), np.empty(m, np.int64), np.empty((m, n)), np.empty((m, 7, n)))
+        m = _EVENTS_KEPT
+        self.event_buffers = (np.empty(m), np.empty((m, 3), np.int64), np.empty((m, 2, n)), np.empty(m))
+        self.kept_steps: list[tuple[NDArray[Any], ...]] = []
+        self.kept_events: list[tuple[NDArray[Any], ...]] = []
+
+    @property
+    def time(self) -> float:
+        """Time since the start."""
+        return float(self.numbers[self.kernels.T] + self.numbers[self.kernels.T_LOW])
+
+    @property
+    def mode(self) -> int:
+        """Index of the mode now."""
+        return int(self.counts[self.kernels.MODE])
+
+    @property
+    def wraps(self) -> int:
+        """Wraps of the phase passed so far."""
+        return int(self.counts[self.kernels.WRAPS])
+
+    @property
+    def events_passed(self) -> int:
+        """Transitions passed so far."""
+        return int(self.counts[self.kernels.EVENTS])
+
+    def follow(self, t_end: float, periods: int | None, n_events: int | None, *, keep: bool = True) -> None:
+        """Go on until the time, the number of periods or that of transitions; `periods` end at the phase of the start.
+
+        `keep` False forgets the events.
+        """
+        most = np.iinfo(np.int64).max
+        self._follow(t_end, most if periods is None else periods, most if n_events is None else n_events, keep)
+        if periods is not None and self.offset > 0.0 and self.wraps >= periods:
+            self._follow(
+                min(t_end, self.time + self.offset / self.rate), most, most if n_events is None else n_events, keep
+            )
+
+    def _follow(self, t_end: float, wraps: int, n_events: int, keep: bool) -> None:
+        status = self.kernels.AGAIN
+        while status == self.kernels.AGAIN:
+            status = self.kernels.run_kernel(
+                self.addresses, self.transitions, self.rate, self.p, t_end, wraps, n_events, self.rtol, self.atol,
+                _BUDGET, self.x, self.slopes, self.size, self.numbers, self.counts, self.side, self.on, self.value,
+                self.first_steps, *self.step_buffers, *self.event_buffers,
+            )  # fmt: skip
+            if keep:
+                m, k = (int(self.counts[place]) for place in (self.kernels.N_STEPS, self.kernels.N_EVENTS))
+                self.kept_steps.append(tuple(buffer[:m].copy() for buffer in self.step_buffers))
+                self.kept_events.append(tuple(buffer[:k].copy() for buffer in self.event_buffers))
+        if status != self.kernels.DONE:
+            raise self._error(status)
+
+    def steps(self) -> tuple[NDArray[Any], ...]:
+        """Times and lengths, modes, starts and dense coefficients of the steps."""
+        return tuple(np.concatenate(parts) for parts in zip(*self.kept_steps, strict=True))
+
+    def events(self) -> tuple[NDArray[Any], ...]:
+        """Times, transitions with modes, states on both sides, and rates of the events."""
+        return tuple(np.concatenate(parts) for parts in zip(*self.kept_events, strict=True))
+
+    def _error(self, status: int) -> ChatteringError | DivergenceError:
+        kernels = self.kernels
+        t, mode = self.time, self.system.mode_names[self.mode]
+        if status == kernels.CHATTERING:
+            return ChatteringError(t, self.x, mode)
+        step = self.numbers[kernels.STEP]
+        reason = {
+            kernels.UNBOUNDED: f"a state passes {kernels.BOUND:g}",
+            kernels.STEP_UNDERFLOW: f"the step falls to {step:.3g}, as it does before a singularity",
+            kernels.LEFT_DOMAIN: f"it leaves the domain of the mode, {self.system.modes[mode].domain} > 0",
+            kernels.FIELD_NOT_FINITE: "the vector field is not finite",
+            kernels.RESET_NOT_FINITE: "a reset is not finite",
+        }[status]
+        return DivergenceError(t, self.x, mode, reason)
+
+
+def start_state(system: HybridSystem, x0: ArrayLike) -> NDArray[np.float64]:
+    """Return a full state at which a motion may be started, its phase on [0, 2 pi)."""
+    x = system.full_state(x0)
+    if system.phase is not None:
+        x[-1] %= _TWO_PI
+        if x[-1] >= _TWO_PI:
+            x[-1] = 0.0
+    return x
+
+
+def check_tolerances(rtol: object, atol: object) -> None:
+    """Raise `InputError` where a tolerance cannot be used."""
+    if not is_number(rtol) or not 1e-14 <= rtol <= 0.1:
+        raise InputError("rtol", rtol, "a number between 1e-14 and 0.1")
+    if not is_number(atol) or not 0.0 < atol < math.inf:
+        raise InputError("atol", atol, "a finite number > 0")
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Return whether a value is a number, and no boolean."""
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def how_long(system: HybridSystem, periods: int | None, t: float | None) -> tuple[float, int | None]:
+    """Return the time and the number of periods after which a motion ends; exactly one of the two is given."""
+    if (periods is None) == (t is None):
+        raise InputError("t, periods", {"t": t, "periods": periods}, "exactly one of the two given")
+    if periods is not None and system.phase is None:
+        raise InputError("periods", periods, "left out for a system without a phase", "give t")
+    if t is not None and not (is_number(t) and 0.0 < t < math.inf):
+        raise InputError("t", t, "a finite number > 0")
+    return math.inf if t is None else t, periods
+
+
+def domain_value(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> float:
+    """Return the domain function of a mode, positive where its field is defined."""
+    out = np.empty(1)
+    system.compiled.call("guard", mode, 0, x, system.compiled.extended(p), out)
+    return float(out[0])
+
+
+def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> int:
+    """The first mode whose domain holds at x and none of whose events is passed there."""
+    reasons = []
+    for index, name in enumerate(system.mode_names):
+        if not (value := domain_value(system, index, x, p)) > 0.0:
+            reasons.append(f"{name}: {system.modes[name].domain} is {value:.6g}, not positive")
+        elif passed := passed_event(system, index, x, p):
+            reasons.append(f"{name}: past its event {passed!r}")
+        else:
+            return index
+    allowed = "in the domain of a mode and before its events"
+    raise InputError("x0", x.tolist(), allowed, "; ".join(reasons))
+
+
+def passed_event(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> str:
+    """Return the name of a transition to another mode whose event is passed already; nothing where none is."""
+    compiled, event, when = system.compiled, np.empty(2), np.empty(1)
+    extended = compiled.extended(p)
+    for k, transition in enumerate(system.transitions):
+        if system.mode_names.index(transition.source) != mode or transition.target == transition.source:
+            continue
+        compiled.call("event", k, 0, x, extended, event)
+        side = event[0] if event[0] != 0.0 else event[1]
+        compiled.call("guard", len(system.modes) + k, 0, x, extended, when)
+        if side * transition.direction > 0.0 and when[0] > 0.0:
+            return transition.name
+    return ""
