@@ -538,8 +538,8 @@ def test_buffers_do_not_change_the_motion(afm1, monkeypatch):
     whole = simulate(afm1, None, [0.0, 0.0], periods=20)
     assert np.array_equal(settle(afm1, p, [0.0, 0.0], 0, periods=20)[0], whole.x_end)
     monkeypatch.setattr(module, "_STEPS_KEPT", 7)
-    monkeypatch.setattr(module, "_EVENTS_KEPT", 3)
-    monkeypatch.setattr(module, "_BUDGET", 11)
+    monkeypatch.setattr("saltus.flow.run._EVENTS_KEPT", 3)
+    monkeypatch.setattr("saltus.flow.run._BUDGET", 11)
     assert simulate(afm1, None, [0.0, 0.0], periods=20) == whole
 
 
