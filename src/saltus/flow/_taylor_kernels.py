@@ -19,6 +19,7 @@ from llvmlite import ir
 from numba import float64, int64, njit, types
 from numba.extending import intrinsic
 
+from saltus.flow._event_kernels import BOUND, EPSILON, ROUNDING, TWO_PI
 from saltus.flow._kernels import INNER, call, keep, outlined, pointer
 from saltus.flow._polynomial_kernels import DEPTH, ROOTS, bernstein_roots, variations
 from saltus.system.codegen import FUNCTIONS
@@ -37,7 +38,6 @@ step in time, how long it must be for a step by the exact flow to be tried again
 MODE, STARTING, FIRED, MODE_BEFORE, RETURNS, SMALL_RUN, STEPS, NOT_FAR, SHORTER, SIGMA_STEPS, N_COUNTS = range(11)
 """Places in `counts`."""
 
-BOUND = 1e12
 SMALL_DURATION = 1e-6
 SMALL_RUN_MOST = 5
 """HELP is asked for after so many events in a row, each of which follows after less than this part of the period."""
@@ -46,7 +46,11 @@ CROWD = 1e-3
 """Help goes on while events follow each other after less than this part of the period."""
 
 LONGEST_STEP = 4.0
+"""A step goes no farther than so many sizes of the state, and 1, at the speed of its start."""
+
 ONE_BITS = 1023.0 * 2.0**52
+"""The bits of 1.0, read as an integer."""
+
 WORTH = 0.5
 """A step by the exact flow is worth taking where it is this part of the last one by series, at the least."""
 
@@ -55,18 +59,20 @@ PAUSE = 2
 """Where a mode is regularised, series in time, which cost less, are tried after so many steps in sigma, and are taken
 where they reach this part of the last of those, at the least."""
 
-PATIENCE = 64
+REFUSALS = 64
 """After so many refusals in a row a step by the exact flow is tried only once in as many steps."""
 
 SHORTER_MOST = 40
+"""Most halvings in a row of a step in sigma at whose end time runs back."""
 
 LANDING = 1e3
-SAME = 1e-6
-EPSILON = 2.220446049250313e-16
-SQUARE_ROOT = 1e-8
-ROUNDING = 64.0 * EPSILON
-TWO_PI = 2.0 * math.pi
+"""HELP is asked for where an event function is farther from zero than so many tolerances at its landing."""
 
+SAME = 1e-6
+"""HELP is asked for where two events are closer than this part of a step, or one is as close to the step's ends."""
+
+SQUARE_ROOT = 1e-8
+"""A correction below this is the last of Newton's method, which doubles the digits."""
 
 SUMS: dict[str, Any] = {**INNER, "fastmath": {"contract", "reassoc", "nsz", "arcp"}}
 """Options of functions whose sums may be taken in any order."""
@@ -359,7 +365,7 @@ def _goes_far(
     for k in range(n_transitions):
         if transitions[3 * k] == mode and on[k] == 1:
             return False
-    if counts[NOT_FAR] > PATIENCE and counts[NOT_FAR] % PATIENCE != 0:
+    if counts[NOT_FAR] > REFUSALS and counts[NOT_FAR] % REFUSALS != 0:
         counts[NOT_FAR] += 1
         return False
     for e in range(n_states):
@@ -405,12 +411,13 @@ def follow_kernel(
 ):  # fmt: skip
     """Follow a motion from return to return to a section; keep those after the first `skip`.
 
-    addresses: `Compiled.addresses`; series: `CompiledSeries.addresses` of ``series`` and ``far``; forms: (2 * modes,); splits: (modes,), which have a ``far``; transitions: (3 *
-    n_transitions,) of source, target, direction; binomials: see `taylor.bernstein_table`; phase: its rate, 0 without
-    one; p, p_series: parameters with the constants of either module, those of the series with `far.tables` behind; longest: time without a return after which it
-    ends; at_wrap: whether the wraps of the phase are returns; section: (n_transitions,), which transitions are; x: full
-    state and w, (n + 1,); numbers, counts: see above; side, on: (n_transitions,); kept_states: (m, n), kept_modes and
-    kept_times: (m,).
+    addresses: `Compiled.addresses`; series: `CompiledSeries.addresses` of ``series`` and ``far``; forms: (2 * modes,);
+    splits: (modes,), which have a ``far``; transitions: (3 * n_transitions,) of source, target, direction; binomials:
+    see `taylor.bernstein_table`; phase: its rate, 0 without one; p, p_series: parameters with the constants of either
+    module, those of the series with `far.tables` behind; longest: time without a return after which it ends; at_wrap:
+    whether the wraps of the phase are returns; section: (n_transitions,), which transitions are; x: full state and w,
+    (n + 1,); numbers, counts: see above; side, on: (n_transitions,); kept_states: (m, n), kept_modes and kept_times:
+    (m,).
     """
     n, n_transitions = x.size - 1, side.size
     block = np.empty((order + 1) * (stride + 2) + DEPTH * (order + 3) + n_transitions * ROOTS + 6 * n + 12)
