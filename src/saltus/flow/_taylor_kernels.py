@@ -68,6 +68,14 @@ SHORTER_MOST = 40
 LANDING = 1e3
 """HELP is asked for where an event function is farther from zero than so many tolerances at its landing."""
 
+GROWTH, MOST_GROWTH = 2.0, 4.0
+"""A step more than so many times longer than the last is checked; and how many times longer it may be."""
+
+DEFECT = 100.0
+CUTS = 40
+"""A step that is checked solves the equations to so many tolerances, or is cut to a quarter; so many times at the
+most."""
+
 SAME = 1e-6
 """HELP is asked for where two events are closer than this part of a step, or one is as close to the step's ends."""
 
@@ -183,6 +191,42 @@ def _reached(c, order, stride, column, target, low, high, guess):
             return new
         s = new
     return s
+
+
+@njit(**INNER)
+def _checked(
+    addresses, mode, n, n_states, transitions, n_transitions, phase, p, c, order, stride, first_event, h, rtol, atol, x,
+    y, slopes, event,
+):  # fmt: skip
+    """Shorten a step until its series solve the equations inside and at its end, and tell the event functions there.
+
+    The last two terms say little of a series whose terms come and go: a pulse lies ahead, or most terms vanish here.
+    """
+    outlined()
+    for _ in range(CUTS):
+        worst = 0.0
+        for fraction in (0.37, 0.71, 1.0):
+            at = fraction * h
+            _evaluate(c, order, stride, n_states, at, y)
+            if phase > 0.0:
+                y[n_states] = x[n_states] + phase * at
+            call(addresses[FIELD], mode, 0, y, 0, p, slopes, 0)
+            size = 0.0
+            for e in range(n_states):
+                slope = _column(c, order, stride, e, at)[1]
+                worst = max(worst, abs(slopes[e] - slope) * h / (atol + rtol * max(abs(y[e]), abs(c[e]))))
+                size = max(size, abs(y[e]))
+            column = first_event - 1
+            for k in range(n_transitions):
+                if transitions[3 * k] == mode:
+                    column += 1
+                    call(addresses[EVENT], k, 0, y, 0, p, event, 0)
+                    value = _column(c, order, stride, column, at)[0]
+                    worst = max(worst, abs(event[0] - value) / (atol + rtol * max(size, abs(value))))
+        if worst <= DEFECT:
+            return h
+        h *= 0.25
+    return h
 
 
 @njit(**SUMS)
@@ -360,7 +404,7 @@ def _goes_far(
 ):  # fmt: skip
     """Take a step by the exact flow of the linear part, where one is possible; no return that counts lies in it."""
     outlined()
-    if numbers[STEP] < numbers[FAR_STEP]:
+    if numbers[STEP] < numbers[FAR_STEP] or numbers[STEP] == 0.0:
         return False
     for k in range(n_transitions):
         if transitions[3 * k] == mode and on[k] == 1:
@@ -493,7 +537,17 @@ def _follow(
             counts[SIGMA_STEPS] -= 1
         if not h > 0.0:
             return HELP
-        h = h * 0.5 ** counts[SHORTER] if series_in_sigma else min(h, period)
+        if series_in_sigma:
+            h *= 0.5 ** counts[SHORTER]
+        else:
+            h = min(h, period)
+            if numbers[STEP] > 0.0:
+                h = min(h, MOST_GROWTH * numbers[STEP])
+            if h > GROWTH * numbers[STEP]:
+                h = _checked(
+                    addresses, mode, n, n_states, transitions, n_transitions, phase, p, c, order, stride, first_event, h,
+                    rtol, atol, x, y, after, event,
+                )  # fmt: skip
 
         # zeros of the event functions, and the first that counts
         fraction, fired = 2.0, -1

@@ -36,6 +36,8 @@ def tables(series: CompiledSeries, p: NDArray[np.float64], period: float) -> NDA
     period : float
         Period of the phase; infinite without one.
     """
+    from scipy.linalg import matrix_balance
+
     from saltus.flow._far_kernels import exponentials
 
     parts = [series.constants(p)]
@@ -44,15 +46,21 @@ def tables(series: CompiledSeries, p: NDArray[np.float64], period: float) -> NDA
             continue
         generator, events = series.linear(mode, parts[0])
         n, entries, kicks = layout["states"], layout["entries"], layout["kicks"]
-        size = float(np.abs(generator[:n, :n]).max())
-        speed = max(float(np.abs(np.linalg.eigvals(generator[:n, :n])).max()), 1e-3 * size)
-        longest = min(_REACH / speed, 0.5 * period)
+        balanced, (scale, _) = matrix_balance(generator, permute=False, separate=True)
+        size = float(np.abs(balanced[:n, :n]).max())
+        speed = max(float(np.abs(np.linalg.eigvals(balanced[:n, :n])).max()), 1e-3 * size)
+        longest = min(_REACH / speed if speed > 0.0 else math.inf, 0.5 * period)
+        if not longest < math.inf:
+            # nothing moves: a shortest step that is never reached
+            parts.append(np.full(layout["table_size"], math.inf))
+            continue
         lengths = longest * 2.0 ** (np.arange(1 - RUNGS, 1) / RUNGS_AN_OCTAVE)
         fractions = np.array([*NODES, 1.0])
-        flows = exponentials(generator, np.outer(lengths, fractions).ravel())
-        rest = exponentials(generator, np.outer(lengths, 1.0 - fractions[:3]).ravel())
-        size = layout["size"]
-        flows, rest = flows.reshape(RUNGS, 4, size, size), rest.reshape(RUNGS, 3, size, size)
+        back = scale[:, None] / scale[None, :]
+        flows = exponentials(balanced, np.outer(lengths, fractions).ravel()) * back
+        rest = exponentials(balanced, np.outer(lengths, 1.0 - fractions[:3]).ravel()) * back
+        m = layout["size"]
+        flows, rest = flows.reshape(RUNGS, 4, m, m), rest.reshape(RUNGS, 3, m, m)
         rate = events @ generator
         curvature = np.abs(rate @ generator @ flows).max(axis=(0, 1)) if len(events) else rate
         curvature = _MARGIN * np.maximum(curvature, np.abs(rate @ generator))

@@ -47,7 +47,7 @@ SECOND = ("derive", "field_2", "event_2", "reset_2")
 
 _INVERSE_ROOT = "inverse_root"
 
-_GENERATION = 6
+_GENERATION = 7
 """Raised when the text that this module writes changes, so that files of an older one are not used."""
 
 
