@@ -68,7 +68,7 @@ SHORTER_MOST = 40
 LANDING = 1e3
 """HELP is asked for where an event function is farther from zero than so many tolerances at its landing."""
 
-GROWTH, MOST_GROWTH = 2.0, 4.0
+GROWTH, MOST_GROWTH = 1.6, 4.0
 """A step more than so many times longer than the last is checked; and how many times longer it may be."""
 
 DEFECT = 100.0
@@ -368,8 +368,12 @@ def _scale(gradient, n, x):
 
 
 @njit(**INNER)
-def _begin(addresses, forms, transitions, n_transitions, mode, n, p, x, residual, counts, side, on, event):
-    """Begin a segment: on which side of every event it starts, and w behind the state; whether it is a plain start."""
+def _begin(addresses, forms, transitions, n_transitions, mode, n, p, x, residual, dt, counts, side, on, event):
+    """Begin a segment: on which side of every event it starts, and w behind the state; whether it is a plain start.
+
+    residual: what the event function was at the landing; dt: the step that led there, 0 without one. Both tell what
+    rounding is.
+    """
     outlined()
     x[n] = 0.0
     counts[SIGMA_STEPS] = PAUSE
@@ -377,7 +381,7 @@ def _begin(addresses, forms, transitions, n_transitions, mode, n, p, x, residual
         if transitions[3 * k] != mode:
             continue
         call(addresses[EVENT_X], k, 0, x, 0, p, event, 0)
-        reach = ROUNDING * _scale(pointer(event, 2), n, x) + 4.0 * residual
+        reach = ROUNDING * (_scale(pointer(event, 2), n, x) + abs(event[1]) * dt) + 4.0 * residual
         on[k] = 1 if abs(event[0]) <= reach else 0
         known = side[k]
         side[k] = 1 if event[0] > 0.0 else -1
@@ -504,7 +508,7 @@ def _follow(
         budget -= 1
         mode = counts[MODE]
         if counts[STARTING] == 1 and not _begin(
-            addresses, forms, transitions, n_transitions, mode, n, p, x, 0.0, counts, side, on, event
+            addresses, forms, transitions, n_transitions, mode, n, p, x, 0.0, 0.0, counts, side, on, event
         ):
             return HELP
         if splits[mode] == 1 and _goes_far(
@@ -707,7 +711,20 @@ def _follow(
         numbers[DURATION] = 0.0
         if (
             not _begin(
-                addresses, forms, transitions, n_transitions, counts[MODE], n, p, x, residual, counts, side, on, event
+                addresses,
+                forms,
+                transitions,
+                n_transitions,
+                counts[MODE],
+                n,
+                p,
+                x,
+                residual,
+                dt,
+                counts,
+                side,
+                on,
+                event,
             )
             or counts[SMALL_RUN] > SMALL_RUN_MOST
         ):
