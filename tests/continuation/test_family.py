@@ -194,7 +194,7 @@ def test_processes_compute_the_same_family(orbit, mixed):
 
 def test_a_dask_cluster_computes_the_same_family(orbit, family):
     distributed = pytest.importorskip("distributed")
-    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None)
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0")
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
         assert continue_family(orbit, "A", {"d": GAPS}, BOUNDS, client=client) == family
 
@@ -206,7 +206,7 @@ def test_an_interrupted_dask_cluster_keeps_what_is_done(orbit):
         if done == 1:
             raise KeyboardInterrupt
 
-    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0")
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
         short = StepControl(largest=5e-3)
         family = continue_family(orbit, "A", {"d": GAPS}, BOUNDS, steps=short, client=client, progress=interrupt)

@@ -14,7 +14,7 @@ from oracles.closed_forms import HENON, LOGISTIC, ImpactOrbit, TableJump, two_fi
 from saltus.errors import ChatteringError, DivergenceError, InputError
 from saltus.flow.saltation import saltation_matrix
 from saltus.flow.simulate import events_after, settle, simulate
-from saltus.flow.variational import spectrum
+from saltus.flow.variational import growth_along
 from saltus.orbits.find import find_orbit
 from saltus.sweeps.lyapunov import LyapunovSpectrum, lyapunov_spectrum
 from saltus.system.hybrid import HybridSystem, Mode, Transition
@@ -121,12 +121,67 @@ def test_tapping_orbits_exponents_are_its_multipliers(afm1, afm2, modes):
         assert np.sum(found.exponents[paired]) == pytest.approx(np.sum(expected[paired]), abs=1e-7)
 
 
+# motions whose own error bounds no step: at rest, or hardly bent
+
+
+@pytest.mark.parametrize("rtol", [1e-12, 1e-8, 1e-3])
+@pytest.mark.parametrize("c", [0.0, 1.0])
+@pytest.mark.parametrize("k", [4.0, -4.0])
+def test_forced_system_at_an_equilibrium_has_its_eigenvalues_real_parts(k, c, rtol):
+    field = {"x": "y", "y": "-y - k*(x - c) - (x - c)**3 + A*cos(s)"}
+    system = HybridSystem(("x", "y"), {"k": k, "c": c, "A": 0.0}, {"rest": Mode(field)}, phase=("s", "1"))
+    found = lyapunov_spectrum(system, None, [c, 0.0], periods=200, discard=20, rtol=rtol, atol=1e-2 * rtol)
+    expected = np.sort(np.roots([1.0, 1.0, k]).real)[::-1]
+    # the frame's own tolerance in each part of a step, of which there are fewer than two in a unit of time
+    per_time = 2.0 * min(1e3 * rtol, 1e-4)
+    assert found.sum == pytest.approx(-1.0, abs=2.0 * per_time)
+    # the lengths in a rotating frame are bounded by the condition of the eigenvectors, here below e
+    rotation = 1.0 / found.times[-1] if k > 0.0 else 0.0
+    assert found.exponents == pytest.approx(expected, abs=per_time + rotation)
+
+
+def test_motion_that_comes_to_rest_shrinks_at_its_slowest_rate():
+    field = {"x": "y", "y": "-y - 4*x - x**3 + A*cos(s)"}
+    system = HybridSystem(("x", "y"), {"A": 0.0}, {"rest": Mode(field)}, phase=("s", "1"))
+    found = lyapunov_spectrum(system, None, [0.5, 0.0], periods=100, discard=100, rtol=1e-8, atol=1e-10)
+    assert found.exponents == pytest.approx([-0.5, -0.5], abs=1.0 / found.times[-1])
+
+
+def test_cantilever_that_is_not_driven_loses_half_its_damping(afm1):
+    found = lyapunov_spectrum(afm1, {"ybar": 0.0}, [0.0, 0.0], periods=100, rtol=1e-8, atol=1e-10)
+    assert found.sum == pytest.approx(-0.025, abs=1e-5)
+    assert found.exponents == pytest.approx([-0.0125, -0.0125], abs=0.1 / found.times[-1])
+
+
+def test_fast_contraction_at_rest_is_measured_beside_a_slow_one():
+    system = HybridSystem(("x", "y"), {}, {"rest": Mode({"x": "-x + y", "y": "-50*y"})})
+    found = lyapunov_spectrum(system, None, [0.0, 0.0], t=200.0, discard=20.0, rtol=1e-2, atol=1e-4)
+    # 1e-4 in each part of a step, of which there are fewer than 100 in a unit of time
+    assert found.exponents == pytest.approx([-1.0, -50.0], abs=1e-2)
+
+
+def test_straight_motion_past_a_varying_rate_has_its_mean():
+    # x = t is without error in steps of any length; perturbations of y shrink by exp(-2 t - sin t)
+    system = HybridSystem(("x", "y"), {}, {"flow": Mode({"x": "1", "y": "-(2 + cos(x))*y"})})
+    t = 1000.0 * math.pi
+    found = lyapunov_spectrum(system, None, [0.0, 0.0], t=t, discard=20.0 * math.pi, rtol=1e-8, atol=1e-10)
+    # 1e-5 in each part of a step, of which there are fewer than five in a unit of time
+    assert found.exponents == pytest.approx([0.0, -2.0], abs=5e-5)
+    assert found.logs[:, 1] == pytest.approx(-2.0 * np.diff(np.append(0.0, found.times)), abs=5e-5 * t / 500)
+
+
+def test_rest_where_the_jacobian_is_not_finite_has_no_exponent():
+    system = HybridSystem(("x", "y"), {}, {"rest": Mode({"x": "-y", "y": "-sqrt(x)"})})
+    found = lyapunov_spectrum(system, None, [0.0, 0.0], t=10.0)
+    assert np.isnan(found.exponents).any()
+
+
 # rates of volumes
 
 
 def test_volumes_of_the_tapping_cantilever_shrink_at_the_mean_damping(afm2, afm2_chaos):
     p, x, mode = afm2_chaos
-    found = spectrum(afm2, p, x, mode, periods=40, discard=0)
+    found = growth_along(afm2, p, x, mode, periods=40, discard=0)
     log = events_after(afm2, p, x, mode, periods=40)
     contact, at, now = 0.0, 0.0, mode
     for time, after in zip(log.time, log.mode_after, strict=True):
@@ -140,7 +195,7 @@ def test_volumes_of_the_tapping_cantilever_shrink_at_the_mean_damping(afm2, afm2
 def test_volumes_follow_divergence_and_saltation_in_impacting_chaos(impact_oscillator):
     p, mode = impact_oscillator.parameter_vector(CHAOS), 0
     x, _ = settle(impact_oscillator, p, [0.0, 0.0], mode, periods=200)
-    found = spectrum(impact_oscillator, p, x, mode, periods=30, discard=0)
+    found = growth_along(impact_oscillator, p, x, mode, periods=30, discard=0)
     log = events_after(impact_oscillator, p, x, mode, periods=30)
     jumps = [
         saltation_matrix(impact_oscillator, CHAOS, "impact", before) for before in log.x_before[log.transition >= 0]
@@ -200,7 +255,7 @@ def test_impacts_on_a_far_table_have_the_exponent_of_the_standard_map():
         transitions=[Transition("flight", "flight", "z", -1, {"v": "-v + kick*cos(s)"}, name="impact")],
     )
     x, flight = [0.0, high * kick, 0.5], 2.0 * high * kick
-    per_impact = flight * spectrum(system, system.parameter_vector({}), x, 0, t=impacts * flight).exponents
+    per_impact = flight * growth_along(system, system.parameter_vector({}), x, 0, t=impacts * flight).exponents
     # ln|cos| of an even angle spreads by 0.91 an impact, and flights by 2 % while the speed wanders
     assert per_impact[0] == pytest.approx(math.log(kick), abs=4.0 * 0.91 / math.sqrt(impacts) + 0.06)
     assert per_impact[1] == pytest.approx(0.0, abs=0.02)
@@ -229,19 +284,19 @@ def benettin(system, p, x, mode, periods: int, discard: int, size: float = 1e-8)
 def test_impacting_chaos_parts_neighbours_at_its_exponent(impact_oscillator, parameters, tolerance):
     p = impact_oscillator.parameter_vector(parameters)
     x, mode = settle(impact_oscillator, p, [0.0, 0.0], 0, periods=300)
-    found = spectrum(impact_oscillator, p, x, mode, periods=16, discard=10, exponents=1, rtol=1e-13, atol=1e-15)
+    found = growth_along(impact_oscillator, p, x, mode, periods=16, discard=10, exponents=1, rtol=1e-13, atol=1e-15)
     assert found.exponents[0] == pytest.approx(benettin(impact_oscillator, p, x, mode, 16, 10), abs=tolerance)
 
 
 def test_tapping_chaos_parts_neighbours_at_its_exponent(afm2, afm2_chaos):
     p, x, mode = afm2_chaos
-    found = spectrum(afm2, p, x, mode, periods=40, discard=30, exponents=1, rtol=1e-13, atol=1e-15)
+    found = growth_along(afm2, p, x, mode, periods=40, discard=30, exponents=1, rtol=1e-13, atol=1e-15)
     assert found.exponents[0] == pytest.approx(benettin(afm2, p, x, mode, 40, 30), abs=1e-4)
 
 
 def test_chaos_of_the_tapping_cantilever_is_certain(afm2, afm2_chaos):
     p, x, mode = afm2_chaos
-    found = spectrum(afm2, p, x, mode, periods=1000, discard=100, rtol=1e-8, atol=1e-10)
+    found = growth_along(afm2, p, x, mode, periods=1000, discard=100, rtol=1e-8, atol=1e-10)
     assert found.exponents[0] > 5.0 * found.errors[0] > 0.0
     assert found.exponents[1] < -5.0 * found.errors[1]
 
@@ -307,8 +362,8 @@ def test_event_without_normal_velocity_is_counted_and_passed_unchanged():
 
 def test_fewer_exponents_are_the_largest_of_all(afm2, afm2_chaos):
     p, x, mode = afm2_chaos
-    everything = spectrum(afm2, p, x, mode, periods=60, discard=60)
-    two = spectrum(afm2, p, x, mode, periods=60, discard=60, exponents=2)
+    everything = growth_along(afm2, p, x, mode, periods=60, discard=60)
+    two = growth_along(afm2, p, x, mode, periods=60, discard=60, exponents=2)
     assert two.exponents == pytest.approx(everything.exponents[:2], abs=1e-6)
 
 
@@ -359,7 +414,7 @@ def test_threads_find_what_one_finds(afm2, afm2_chaos):
     p, x, mode = afm2_chaos
 
     def leading(_: int) -> float:
-        return float(spectrum(afm2, p, x, mode, periods=30, discard=0, exponents=1).exponents[0])
+        return float(growth_along(afm2, p, x, mode, periods=30, discard=0, exponents=1).exponents[0])
 
     with ThreadPoolExecutor(2) as pool:
         assert set(pool.map(leading, range(4))) == {leading(0)}
@@ -370,7 +425,7 @@ def test_memory_does_not_grow_with_the_periods(afm1):
 
     def peak(periods: int) -> int:
         tracemalloc.start()
-        spectrum(afm1, p, [0.0, 0.0], 0, periods=periods, discard=0, rtol=1e-6, atol=1e-8)
+        growth_along(afm1, p, [0.0, 0.0], 0, periods=periods, discard=0, rtol=1e-6, atol=1e-8)
         top = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return top

@@ -1,9 +1,9 @@
 """Compiled variational equations of a hybrid motion: its steps taken again with a frame, saltation, orthonormalisation.
 
-`run_kernel` follows the motion and leaves its steps and events; each step is taken again with the same length, the
-columns of a frame beside the state, so that the stages of the state are those of the motion. At an event the frame
-passes through the saltation matrix. After every step and event it is made orthonormal, and the logarithms of the
-lengths that it had are summed.
+`run_kernel` follows the motion and leaves its steps and events; each step is taken again, the columns of a frame beside
+the state: whole, so that the stages of the state are those of the motion, or in parts where that is too far for the
+frame, as it is where the motion rests. At an event the frame passes through the saltation matrix. After every part and
+event it is made orthonormal, and the logarithms of the lengths that it had are summed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from saltus.flow._event_kernels import AGAIN, DONE, EPSILON, N_EVENTS, N_STEPS, T_LOW, T, run_kernel
-from saltus.flow._kernels import INNER, call, keep, outlined, pointer, stage
+from saltus.flow._kernels import INNER, call, error_norm, keep, outlined, pointer, stage
 from saltus.system.codegen import FUNCTIONS
 
 FIELD, VARY, EVENT_X, RESET_X = (FUNCTIONS.index(name) for name in ("field", "vary", "event_x", "reset_x"))
@@ -28,26 +28,78 @@ GRAZING = 1e-14
 COLLAPSED = 64.0 * EPSILON
 """Part of the terms below which a column after an event is rounding: the reset, or the field behind it, lost its rank."""
 
+LOOSER, LOOSEST = 1e3, 1e-4
+"""Tolerance of the frame: so many times that of the motion, but not above the second."""
+
+SHORTEST = 1e-12
+"""Part of a step of the motion below which the frame's error does not fall: the field's Jacobian is not finite."""
+
 CLEAR = 1e-4
 """Part of its terms above which a normal velocity is clear of a grazing, so that small columns are not made by it."""
 
 
 @njit(**INNER)
-def _carry(addresses, mode, n, columns, x, h, p, frame, slopes, y, trial):
-    """Carry a frame, (n, columns), over a step of the state from x. slopes: (13 * length,); y, trial: (length,)."""
+def _take(addresses, mode, n, columns, h, p, slopes, y, trial):
+    """Take a step of state and frame from y to trial; the error of the frame, whose columns have length 1 in y."""
     outlined()
     length = n * (1 + columns)
-    for e in range(n):
-        y[e] = x[e]
-    for e in range(n, length):
-        y[e] = frame[e - n]
     call(addresses[VARY], mode, columns, y, 0, p, slopes, 0)
     for i in range(1, 13):
         stage(i, slopes, length, h, y, trial)
         if i < 12:
             call(addresses[VARY], mode, columns, trial, 0, p, slopes, i * length)
-    for e in range(n, length):
-        frame[e - n] = trial[e]
+    return error_norm(slopes, length, n, n * columns, h, y, trial, 0.0, 1.0)
+
+
+@njit(**INNER)
+def _carry(
+    addresses, mode, n, columns, live, x, h, p, tolerance, longest, frame, terms, growth, gains, slopes, y, trial
+):  # fmt: skip
+    """Carry a frame over a step of the state from x, orthonormal at its end; how many columns live, and `longest`.
+
+    The step is taken in parts not longer than `longest`, and shorter until the frame's error is below `tolerance` of
+    the least that an orthonormal column shrinks to. terms, growth, gains: (columns,); slopes: (13 * length,); y, trial:
+    (length,) with length = n (1 + columns).
+    """
+    outlined()
+    for c in range(columns):
+        terms[c] = 0.0
+    for e in range(n):
+        y[e] = x[e]
+    for e in range(n * columns):
+        y[n + e] = frame[e]
+    left = h
+    while left > 0.0:
+        part = left if left <= longest else left / math.ceil(left / longest)
+        error = _take(addresses, mode, n, columns, part, p, slopes, y, trial) / tolerance
+        remaining = live
+        if error <= 1.0:
+            for c in range(columns):
+                gains[c] = 0.0
+            remaining = _orthonormalise(pointer(trial, n), n, columns, live, terms, gains)
+            least = 0.0
+            for c in range(remaining):
+                least = min(least, gains[c])
+            error *= math.exp(-least)
+        if not error <= 1.0:
+            longest = part * (max(0.2, 0.9 * error**-0.125) if error < math.inf else 0.2)
+            if longest < SHORTEST * h:
+                growth[0] = math.nan
+                return live, math.inf
+            continue
+        live = remaining
+        for c in range(columns):
+            growth[c] += gains[c]
+        for e in range(n * (1 + columns)):
+            y[e] = trial[e]
+        if part < h:
+            longest = part * (min(5.0, 0.9 * error**-0.125) if error > 0.0 else 5.0)
+        else:
+            longest = math.inf
+        left = left - part if part < left else 0.0
+    for e in range(n * columns):
+        frame[e] = y[n + e]
+    return live, longest
 
 
 @njit(**INNER)
@@ -156,12 +208,14 @@ def growth_kernel(
     """
     n, columns = frame.shape
     length, start = n * (1 + columns), (n + 2) * (n + 3) + 3 * columns
-    block = np.empty(start + 15 * length)
+    block = np.empty(start + 15 * length + columns)
     terms, work, stages = pointer(block, 0), pointer(block, columns), pointer(block, start)
     y, trial = pointer(block, start + 13 * length), pointer(block, start + 14 * length)
+    gains = pointer(block, start + 15 * length)
     codes, constants, columns_of, sums = pointer(addresses, 0), pointer(p, 0), pointer(frame, 0), pointer(growth, 0)
     steps, starts, before = pointer(step_times, 0), pointer(step_starts, 0), pointer(event_ends, 0)
     last_event, live = np.iinfo(np.int64).max, places[LIVE]
+    tolerance, longest = min(LOOSER * rtol, LOOSEST), math.inf
     status = DONE
     while places[ROW] < row_times.size:
         row = places[ROW]
@@ -188,14 +242,15 @@ def growth_kernel(
                         live = _orthonormalise(columns_of, n, columns, live, terms, into)
                     else:
                         places[GRAZED] += 1
+                    longest = math.inf
                 event += 1
             if step < counts[N_STEPS]:
                 x_step = pointer(starts, step * n)
                 h = steps[2 * step + 1]
-                _carry(codes, step_modes[step], n, columns, x_step, h, constants, columns_of, stages, y, trial)
-                for c in range(columns):
-                    terms[c] = 0.0
-                live = _orthonormalise(columns_of, n, columns, live, terms, into)
+                live, longest = _carry(
+                    codes, step_modes[step], n, columns, live, x_step, h, constants, tolerance, longest, columns_of,
+                    terms, into, gains, stages, y, trial,
+                )  # fmt: skip
         if status == DONE:
             ends[row] = numbers[T] + numbers[T_LOW]
             for c in range(live, columns):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["BATCHES", "CONFIDENCE", "Growth", "spectrum"]
+__all__ = ["BATCHES", "CONFIDENCE", "Growth", "growth_along"]
 
 BATCHES = 20
 """Into how many batches a stretch is cut for the errors of its exponents."""
@@ -32,7 +32,7 @@ _BUDGET = 1 << 16
 
 @dataclass(frozen=True)
 class Growth:
-    """How perturbations grew along a motion; made by `spectrum`.
+    """How perturbations grew along a motion; made by `growth_along`.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class Growth:
         return errors
 
 
-def spectrum(
+def growth_along(
     system: HybridSystem,
     p: NDArray[np.float64],
     x: ArrayLike,
@@ -103,9 +103,9 @@ def spectrum(
 ) -> Growth:
     """Return the growth of perturbations along a motion, from which its Lyapunov exponents follow.
 
-    An orthonormal frame is carried by the variational equations in the steps of the motion and by the saltation matrix
-    over its events, and made orthonormal after each of them. The system's phase is not perturbed. No more than some
-    hundred steps are in memory at a time.
+    An orthonormal frame is carried by the variational equations in the steps of the motion, or in parts of a step that
+    is too long for it, and by the saltation matrix over events, and made orthonormal after each of them. The system's
+    phase is not perturbed. No more than some hundred steps are in memory at a time.
 
     Parameters
     ----------
@@ -125,11 +125,12 @@ def spectrum(
         How long before, in the same unit, the motion settles and the frame turns into the directions that grow; by
         default half of what is measured.
     rtol, atol : float, optional
-        Tolerances of a step of the motion.
+        Tolerances of a step of the motion; that of the frame is ``1000 rtol``, at most 1e-4, relative.
 
     Returns
     -------
     Growth
+        With logarithms of ``nan`` where a Jacobian is not finite.
 
     Raises
     ------

@@ -12,7 +12,7 @@ import numpy as np
 
 from saltus.errors import InputError
 from saltus.flow.run import starting_mode
-from saltus.flow.variational import BATCHES, CONFIDENCE, spectrum
+from saltus.flow.variational import BATCHES, CONFIDENCE, growth_along
 from saltus.results import Result, frozen
 from saltus.system.hybrid import HybridSystem
 
@@ -41,7 +41,8 @@ class LyapunovSpectrum(Result):
     parameters : mapping of str to float
         All its parameters.
     exponents : ndarray, shape (exponent,)
-        Largest first; ``-inf`` where a reset of lower rank, or a sliding motion, takes a direction away.
+        Largest first; ``-inf`` where a reset of lower rank, or a sliding motion, takes a direction away, and ``nan``
+        where a Jacobian is not finite.
     errors : ndarray, shape (exponent,)
         Half widths of their 95 % confidence intervals, from the spread of batch means.
     times : ndarray, shape (row,)
@@ -226,7 +227,7 @@ def lyapunov_spectrum(
     exponents : int, optional
         How many, the largest; by default all.
     rtol, atol : float, optional
-        Relative and absolute tolerance of a step of the motion.
+        Relative and absolute tolerance of a step of the motion; that of the frame is ``1000 rtol``, at most 1e-4.
 
     Returns
     -------
@@ -273,7 +274,7 @@ def lyapunov_spectrum(
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
-    growth = spectrum(
+    growth = growth_along(
         system, p, x, start, periods=periods, t=t, exponents=exponents, discard=discard, rtol=rtol, atol=atol
     )
     return LyapunovSpectrum(
