@@ -122,7 +122,7 @@ def load(path: str | os.PathLike[str]) -> Result:
     import xarray as xr
 
     if not Path(path).is_file():
-        raise InputError("path", str(path), "a file that exists")
+        raise InputError("path", str(path), "a file that exists", "it is a folder" if Path(path).is_dir() else "")
     try:
         with xr.open_dataset(path, engine="h5netcdf") as dataset:
             dataset.load()

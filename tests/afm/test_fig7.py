@@ -10,7 +10,9 @@ matplotlib.use("Agg")
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
+from saltus import Sweep
 from saltus.afm.figures import fig7, fig7a, runner
 from saltus.afm.figures.files import read_results
 
@@ -124,3 +126,24 @@ def test_an_interrupted_sweep_is_kept(tmp_path, monkeypatch):
     assert [row["label"] for row in rows] == ["period-1"] * len(rows)
     assert 2 <= len(rows) < 4
     assert int(read_results(found["files"][0])["sweep"].done.sum()) == len(rows)
+    assert int(Sweep.load(tmp_path / "fig7-sweep.nc").done.sum()) == len(rows)
+
+
+def test_an_interrupted_sweep_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    monkeypatch.setattr(fig7, "COUNT", 3)
+    monkeypatch.setattr(fig7a, "SWEPT", (0.996, 0.999))
+    monkeypatch.setattr(fig7, "PORTRAITS", {})
+    monkeypatch.setattr(fig7a, "compute", lambda say: iter(()))
+    monkeypatch.setattr(fig7, "draw", lambda results: Figure())
+
+    def interrupt(line):
+        if line.startswith("sweep, 2 of 3"):
+            raise KeyboardInterrupt
+
+    assert fig7.run(tmp_path, interrupt)["interrupted"]
+    said = []
+    found = fig7.run(tmp_path, said.append)
+    assert not found["interrupted"]
+    assert [line[:12] for line in said if line.startswith("sweep, ")] == ["sweep, 3 of "]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["fig7.json", "fig7.nc", "fig7.pdf", "fig7.png"]
+    assert found["results"]["sweep"] == fig7.sweep_of(3)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -57,6 +59,26 @@ def test_a_motion_still_settling_beside_a_doubling_has_the_period_it_settles_to(
     period, multiplier = (1, 2.0 - r) if r < 3.0 else (2, 4.0 + 2.0 * r - r**2)
     assert np.max(np.abs(points[period:] - points[:-period])) > 1e-5 * points.max()  # it has not settled
     assert classify(points, math.log(abs(multiplier)) / period, 1e-5).period == period
+
+
+def test_a_motion_that_settles_slowly_to_a_point_has_the_period_one():
+    """Beside a period doubling at a multiplier of -0.9995, two returns later it is as good as where it was."""
+    points = 1.0 + 1e-3 * (-0.9995) ** np.arange(KEPT)[:, None]
+    assert np.max(np.abs(points[2:] - points[:-2])) < 1e-5
+    assert classify(points, math.log(0.9995), 1e-6).label == "period-1"
+
+
+def test_a_doubled_motion_whose_halves_still_draw_together_has_the_period_two():
+    n = np.arange(KEPT)[:, None]
+    points = 1.0 + 0.1 * (-1.0) ** n * (1.0 + 0.3 * np.exp(-0.01 * n))
+    assert np.all(np.diff(np.abs(np.diff(points, axis=0)), axis=0) < 0.0)
+    assert classify(points, -0.01, 1e-6).label == "period-2"
+
+
+def test_differences_within_rounding_are_none():
+    points = 1e-12 * np.random.default_rng(2).standard_normal((KEPT, 2))
+    assert classify(points, -0.1, 0.01, rounding=[1e-9, 1e-9]).label == "period-1"
+    assert classify(points, -0.1, 0.01, rounding=[1e-9, 1e-14]).period == 0
 
 
 def test_logistic_map_at_four_is_chaotic():
@@ -152,8 +174,58 @@ def test_the_label_of_one_point_is_period_one_only_if_it_rests():
         ({"exponent": -0.1}, r"^Criteria\.exponent = -0\.1: must be a number between 0 and 1$"),
         ({"longest": 0}, r"^Criteria\.longest = 0: must be an integer >= 1$"),
         ({"patience": 1.5}, r"^Criteria\.patience = 1\.5: must be an integer >= 1$"),
+        ({"fewest": 8}, r"^Criteria\.fewest = 8: must be an integer >= 16$"),
+        ({"push": 1.0}, r"^Criteria\.push = 1\.0: must be a number between 0 and 1$"),
+        ({"noise": 0.0}, r"^Criteria\.noise = 0\.0: must be a finite number > 0$"),
+        ({"absence": math.inf}, r"^Criteria\.absence = inf: must be a finite number > 0$"),
     ],
 )
 def test_a_threshold_that_cannot_be_used_is_told(option, message):
     with pytest.raises(InputError, match=message):
         Criteria(**option)
+
+
+def test_thresholds_of_numpy_are_plain_numbers():
+    criteria = Criteria(longest=np.int64(8), settling=np.float32(0.25))
+    assert json.loads(json.dumps(asdict(criteria))) == asdict(Criteria(settling=0.25))
+
+
+@pytest.mark.parametrize(("keep", "longest", "looked_at"), [(1, 8, 100), (300, 8, 300), (100, 50, 200)])
+def test_a_label_is_founded_on_enough_returns(keep, longest, looked_at):
+    assert Criteria(longest=longest).looked_at(keep) == looked_at
+
+
+@pytest.mark.parametrize("count", range(1, 9))
+def test_every_closed_curve_is_counted(count):
+    returns = np.arange(400)
+    middles = np.exp(2j * math.pi * returns * ROUND[count] / count) if count > 1 else 0.0
+    points = middles + 0.05 * np.exp(2j * math.pi * 0.381966 * (returns // count))
+    rotation, curves = rotation_number(np.column_stack([points.real, points.imag]))
+    assert curves == count
+    assert rotation == pytest.approx(0.381966, abs=1e-6)
+
+
+ROUND = {1: 1, 2: 1, 3: 1, 4: 1, 5: 2, 6: 1, 7: 3, 8: 3}
+"""How many places round the ring of curves a return goes on."""
+
+
+@pytest.mark.parametrize("turns", [0.40001, 0.250001, 0.1234567])
+def test_one_closed_curve_near_a_fraction_is_one(turns):
+    points = np.exp(2j * math.pi * turns * np.arange(400))
+    rotation, curves = rotation_number(np.column_stack([points.real, points.imag]))
+    assert (curves, rotation) == (1, pytest.approx(turns, abs=1e-6))
+
+
+@pytest.mark.parametrize("period", [9, 12, 16, 24])
+def test_a_long_period_off_a_closed_curve_is_mostly_seen_as_a_period(period):
+    rng = np.random.default_rng(period)
+    clouds = [np.tile(rng.normal(size=(period, 2)), (200 // period + 1, 1)) for _ in range(100)]
+    assert sum(classify(points, -0.3, 0.01).label == f"period-{period}" for points in clouds) >= 70
+
+
+@pytest.mark.parametrize(("period", "places"), [(9, 2), (10, 1), (13, 5), (20, 3)])
+def test_a_long_period_locked_on_a_closed_curve_is_quasi_periodic(period, places):
+    angle = 2.0 * math.pi * places * np.arange(200) / period
+    radius = 1.0 + 0.1 * np.cos(angle)
+    kind = classify(np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]), -0.01, 0.001)
+    assert (kind.label, kind.period) == ("quasi-periodic", period)

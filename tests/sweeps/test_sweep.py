@@ -14,7 +14,7 @@ import pytest
 import saltus
 import systems
 from oracles.closed_forms import DELAYED, HENON, LOGISTIC, ImpactOrbit, TableJump
-from saltus import Criteria, HybridSystem, Mode, Section, Sweep, find_orbit, run_sweep
+from saltus import Criteria, HybridSystem, Mode, Section, Sweep, Transition, find_orbit, run_sweep
 
 AMPLITUDES = np.linspace(0.05, 0.4, 15)
 SHORT = {"discard": 300, "keep": 40}
@@ -36,6 +36,11 @@ def escape():
     return HybridSystem(("x",), {"a": -1.0}, {"free": Mode({"x": "a*x"})}, phase=("s", "1"), name="escape")
 
 
+def bounded():
+    """Return a decay in a mode that reaches down to x = 2 - b."""
+    return HybridSystem(("x",), {"b": 3.0}, {"low": Mode({"x": "-x"}, domain="x - 2 + b")}, phase=("s", "1"))
+
+
 @pytest.fixture(scope="module")
 def both(impact_oscillator) -> Sweep:
     return run_sweep(impact_oscillator, "A", AMPLITUDES, follow="both", observables=["max(x)"], **HYSTERESIS)
@@ -50,6 +55,30 @@ def both(impact_oscillator) -> Sweep:
 )
 def test_logistic_map_is_what_it_is_known_to_be(logistic, a, label):
     assert run_sweep(logistic, "a", [a], x0=[0.3, 0.0], section="map", **SHORT).labels.tolist() == [[label]]
+
+
+@pytest.mark.parametrize("keep", [1, 4, 10])
+def test_a_label_does_not_depend_on_how_few_returns_are_kept(logistic, keep):
+    values, options = [2.9, 2.998, 3.2, 3.5, 3.55, 3.566, 3.7, 3.83], {"x0": [0.3, 0.0], "section": "map"}
+    few = run_sweep(logistic, "a", values, keep=keep, **options)
+    many = run_sweep(logistic, "a", values, keep=100, **options)
+    assert few.labels.tolist() == many.labels.tolist()
+    assert few.labels[0].tolist() == [f"period-{n}" for n in (1, 1, 2, 4, 8, 16)] + ["chaotic", "period-3"]
+    np.testing.assert_array_equal(few.points, many.points[:, :, -keep:])
+
+
+@pytest.mark.parametrize("follow", ["up", "restart"])
+def test_a_motion_that_comes_to_rest_where_all_states_are_zero_has_the_period_one(follow):
+    system = HybridSystem(("x",), {"a": -1.0}, {"free": Mode({"x": "a*x + x**3"})}, phase=("s", "1"))
+    sweep = run_sweep(system, "a", [-3.0, -2.0], x0=[1.1], follow=follow, discard=60, keep=20)
+    assert sweep.labels.tolist() == [["period-1", "period-1"]]
+
+
+def test_rounding_is_measured_by_the_size_along_the_motion():
+    """x = sin s passes zero at phase 0, where its error is that of a state of size 1."""
+    system = HybridSystem(("x",), {"a": 1.0}, {"free": Mode({"x": "-a*x + a*sin(s) + cos(s)"})}, phase=("s", "1"))
+    sweep = run_sweep(system, "a", [1.0, 2.0], rtol=1e-6, atol=1e-12, **SHORT)
+    assert sweep.labels.tolist() == [["period-1", "period-1"]]
 
 
 def test_henon_map_is_chaotic_with_its_exponents():
@@ -75,7 +104,8 @@ def test_delayed_logistic_map_is_quasi_periodic_beyond_its_torus_bifurcation():
 def test_points_and_exponents_are_those_of_the_orbit(impact_oscillator):
     """Next to PD at A = 4.27, where the multipliers are real; other attractors are near."""
     sweep = run_sweep(
-        impact_oscillator, "A", [4.275, 4.3], parameters={"w": 2.2}, follow="down", exponents=2, rtol=1e-11, atol=1e-13,
+        impact_oscillator, "A", [4.275, 4.3], parameters={"w": 2.2}, x0=[-1.92, 0.21], follow="down", exponents=2,
+        rtol=1e-11, atol=1e-13,
     )  # fmt: skip
     orbit = find_orbit(impact_oscillator, {"w": 2.2, "A": 4.275}, sweep.at(4.275).state[:2])
     assert np.all(np.isreal(orbit.multipliers))
@@ -187,17 +217,58 @@ def test_a_motion_that_stays_away_from_the_section_is_told(impact_oscillator):
     assert sweep.labels[0, 1] == "period-1"
 
 
+def test_returns_that_stay_away_are_waited_for_in_units_of_the_mean_one():
+    """One each thousandth, until t = 0.05; then none."""
+    fields = {"carry": Mode({"s": "a", "t": "1"}), "rest": Mode({"s": "0", "t": "1"})}
+    transitions = [
+        Transition("carry", "carry", "s - 1", 1, {"s": "0"}, name="map"),
+        Transition("carry", "rest", "t - 0.0505", 1, name="stop"),
+    ]
+    system = HybridSystem(("s", "t"), {"a": 1000.0}, fields, transitions)
+    sweep = run_sweep(system, "a", [1000.0], section="map", **SHORT)
+    assert sweep.labels.tolist() == [["no return"]]
+    assert 1e-3 < (sweep.states[0, 0, 1] - 0.05) / Criteria().absence < 1e-2
+
+
+@pytest.mark.parametrize("follow", ["up", "down", "restart"])
+@pytest.mark.parametrize("mode", [None, "low"])
+def test_a_value_at_which_nothing_can_start_is_a_row_with_its_reason(follow, mode):
+    sweep = run_sweep(bounded(), "b", [1.0, 3.0], x0=[0.0], mode=mode, follow=follow, **SHORT)
+    assert sweep.labels.tolist() == [["diverged", "period-1"]]
+    assert sweep.reasons[0, 0].startswith("x0 = [0.0, 0.0]: must be in the domain of ")
+
+
+def test_a_start_on_the_section_is_a_start(logistic):
+    sweep = run_sweep(logistic, "a", [3.2], x0=[0.3, 1.0], section="map", discard=0, keep=1)
+    assert sweep.labels.tolist() == [["period-2"]]
+    assert sweep.return_times[0, 0] == pytest.approx(1.0)
+
+
 # how it is computed
 
 
-def test_threads_compute_the_same(impact_oscillator, both):
-    one = run_sweep(impact_oscillator, "A", AMPLITUDES, follow="both", observables=["max(x)"], workers=1, **HYSTERESIS)
-    assert one == both
+def test_threads_compute_the_same(impact_oscillator):
+    one, two = (
+        run_sweep(impact_oscillator, "A", AMPLITUDES, follow="both", workers=workers, **HYSTERESIS)
+        for workers in (1, 2)
+    )
+    assert one == two
 
 
 def test_a_dask_cluster_computes_the_same(impact_oscillator, both):
     distributed = pytest.importorskip("distributed")
-    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None)
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0")
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
+        found = run_sweep(
+            impact_oscillator, "A", AMPLITUDES, follow="both", observables=["max(x)"], client=client, **HYSTERESIS
+        )
+    assert found == both
+
+
+@pytest.mark.slow
+def test_other_processes_compute_the_same(impact_oscillator, both):
+    distributed = pytest.importorskip("distributed")
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0")
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
         found = run_sweep(
             impact_oscillator, "A", AMPLITUDES, follow="both", observables=["max(x)"], client=client, **HYSTERESIS
@@ -256,6 +327,31 @@ def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on_from_its_file(impac
     assert [path.name for path in tmp_path.iterdir()] == ["a.nc"]
 
 
+def test_whatever_ends_a_sweep_early_what_is_done_is_saved(impact_oscillator, both, tmp_path):
+    def fail(done, total, text):
+        if done == 3:
+            raise RuntimeError("the lamp went out")
+
+    options = {"follow": "both", "observables": ["max(x)"], "path": tmp_path / "a.nc"} | HYSTERESIS
+    with pytest.raises(RuntimeError, match=r"^the lamp went out$"):
+        run_sweep(impact_oscillator, "A", AMPLITUDES, progress=fail, **options)
+    assert saltus.load(tmp_path / "a.nc").done.sum() == 3
+    told = []
+    assert run_sweep(impact_oscillator, "A", AMPLITUDES, progress=lambda *args: told.append(args), **options) == both
+    assert len(told) == 27
+
+
+def test_numbers_of_numpy_are_saved_as_plain_ones(impact_oscillator, tmp_path):
+    plain = {"discard": 60, "keep": 20, "exponents": 1, "chunks": 1, "rtol": 0.5**20, "atol": 0.5**30}
+    given = {name: np.int64(value) if isinstance(value, int) else np.float32(value) for name, value in plain.items()}
+    sections = (Section("x", direction=side) for side in (-1, np.int64(-1)))
+    one, two = (
+        run_sweep(impact_oscillator, "A", [0.5], workers=np.int64(1), section=section, **options)
+        for section, options in zip(sections, (plain, given), strict=True)
+    )
+    assert saltus.load(two.save(tmp_path / "a.nc")) == one
+
+
 def test_a_finished_file_is_given_back_without_computing(impact_oscillator, tmp_path):
     path = tmp_path / "a.nc"
     first = run_sweep(impact_oscillator, "A", [0.8, 0.9], path=path, **SHORT)
@@ -266,7 +362,7 @@ def test_a_finished_file_is_given_back_without_computing(impact_oscillator, tmp_
 
 def test_a_cluster_that_is_interrupted_keeps_what_is_done(impact_oscillator, both):
     distributed = pytest.importorskip("distributed")
-    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0")
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
         part = run_sweep(impact_oscillator, "A", AMPLITUDES, client=client, progress=Interrupt(3), **HYSTERESIS)
     assert part.done[0].tolist() == [True] * 3 + [False] * 12

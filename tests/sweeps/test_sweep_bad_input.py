@@ -7,7 +7,7 @@ import pytest
 
 import systems
 from oracles.closed_forms import LOGISTIC
-from saltus import Criteria, InputError, Section, run_sweep
+from saltus import Criteria, HybridSystem, InputError, Mode, Section, run_sweep, simulate
 from saltus.flow.poincare import iterate
 
 SHORT = {"discard": 1, "keep": 2}
@@ -37,7 +37,9 @@ def test_values_that_cannot_be_followed(impact_oscillator, values, message):
         ({"keep": 2.5}, r"^keep = 2\.5: must be an integer >= 1$"),
         ({"follow": "upp"}, r"^follow = 'upp': must be one of up, down, both, restart; did you mean 'up'\?$"),
         ({"chunks": 3}, r"^chunks = 3: must be an integer between 1 and 2, the number of values$"),
-        ({"chunks": 2, "follow": "restart"}, r"^chunks = 2: must be 1 where every value starts anew$"),
+        ({"chunks": 2, "follow": "restart"}, r"^chunks = 2: must be 1, as every value starts anew$"),
+        ({"values": [0.5], "chunks": 2}, r"^chunks = 2: must be 1, the number of values$"),
+        ({"progress": "loud"}, r"^progress = 'loud': must be a function of two counts and a text$"),
         ({"quantities": "v"}, r"^quantities = 'v': must be a sequence of texts, as \['v1'\]$"),
         ({"quantities": []}, r"^quantities = \(\): must be a sequence of texts, at least one$"),
         ({"quantities": ["x", "x"]}, r"^quantities = 'x': must be named once$"),
@@ -49,6 +51,10 @@ def test_values_that_cannot_be_followed(impact_oscillator, values, message):
         ({"exponents": 3}, r"^exponents = 3: must be an integer between 1 and 2, the states$"),
         ({"criteria": {"longest": 4}}, r"^criteria = \{'longest': 4\}: must be a Criteria$"),
         ({"section": "impakt"}, r"^section = 'impakt': must be one of the transitions impact, a Section, or None for "),
+        (
+            {"section": "x - 0.5"},
+            r"^section = 'x - 0\.5': must be one of .*; a surface of one's own is Section\('x - 0\.5'\)$",
+        ),
         (
             {"section": Section("x - dd")},
             r"^expression = 'x - dd': must be in .* but 'dd' is unknown; did you mean 'd'",
@@ -65,7 +71,20 @@ def test_values_that_cannot_be_followed(impact_oscillator, values, message):
 )
 def test_an_option_that_cannot_be_used(impact_oscillator, options, message):
     with pytest.raises(InputError, match=message):
-        run_sweep(impact_oscillator, "A", [0.5, 0.6], **(SHORT | options))
+        run_sweep(impact_oscillator, "A", **({"values": [0.5, 0.6]} | SHORT | options))
+
+
+def test_a_file_that_is_a_folder(impact_oscillator, tmp_path):
+    with pytest.raises(InputError, match=r"^path = .*: must be a file that exists; it is a folder$"):
+        run_sweep(impact_oscillator, "A", [0.5], path=tmp_path, **SHORT)
+
+
+def test_a_harmonic_of_a_part_of_a_motion_without_a_phase():
+    system = systems.carried_map(("x",), {"a": 3.2}, LOGISTIC)
+    with pytest.raises(
+        InputError, match=r"^observable = 'amplitude\(x, 1/2\)': must be of a whole order for a system without a phase$"
+    ):
+        run_sweep(system, "a", [3.2], section="map", observables=["amplitude(x, 1/2)"], **SHORT)
 
 
 def test_a_parameter_of_another_name(impact_oscillator):
@@ -93,6 +112,15 @@ def test_a_start_must_be_given_where_no_mode_holds_at_zero(relay):
     system = type(relay).from_definition(definition)
     with pytest.raises(InputError, match=r"^x0 = None: must be given for this system: no mode holds where all states"):
         run_sweep(system, "gain", [1.0], section="switch_up")
+
+
+def test_a_start_outside_the_domain_of_its_mode_at_every_value():
+    system = HybridSystem(("x",), {"b": 0.0}, {"low": Mode({"x": "-x"}, domain="x - 2 + b")}, phase=("s", "1"))
+    message = r"^x0 = \[0\.0, 0\.0\]: must be in the domain of mode 'low', x - 2 \+ b > 0; it is -1 there$"
+    with pytest.raises(InputError, match=message):
+        run_sweep(system, "b", [1.0, 1.5], x0=[0.0], mode="low", **SHORT)
+    with pytest.raises(InputError, match=message):
+        simulate(system, {"b": 1.0}, [0.0], mode="low", periods=1)
 
 
 def test_a_section_with_a_direction_that_is_none():
@@ -141,6 +169,8 @@ def sweep(impact_oscillator):
 def test_a_value_outside_the_sweep(sweep):
     with pytest.raises(InputError, match=r"^value = 0\.7: must be between 0\.5 and 0\.6$"):
         sweep.at(0.7)
+    with pytest.raises(InputError, match=r"^value = 'a': must be between 0\.5 and 0\.6$"):
+        sweep.at("a")
 
 
 def test_a_direction_that_was_not_followed(sweep):

@@ -4,13 +4,16 @@ Rules
 -----
 * At each value the motion goes on from the state where it ended at the value before. Where it cannot (its mode has
   ended at the new value) it starts in the mode that the state allows; where there was no motion to go on from, at `x0`.
-* A value at which the motion leaves every bound, or chatters, is labelled ``diverged``, with the reason; the others go
-  on, from `x0`.
+* A value at which the motion leaves every bound, or chatters, or cannot start, is labelled ``diverged``, with the
+  reason; the others go on, from `x0`.
+* What a motion is follows from `Criteria.looked_at` returns, of which the last are kept.
 * A motion that recurs although its leading exponent is positive rests on an unstable orbit, as one does that started
-  there: it is pushed by `PUSH` of its size, and settles once more.
+  there: it is pushed by `Criteria.push` of its size, and settles once more.
+* A motion is taken not to return to a section after `Criteria.absence` of its mean returns, measured over the first of
+  those that are dropped.
 * A motion that is neither chaotic by its exponent, nor periodic, nor on a closed curve has not settled: it is followed
   as long again, `Criteria.patience` times at most.
-* The exponents are measured after the returns kept, over as many again; of a motion that does not recur, over
+* The exponents are measured after the returns looked at, over as many again; of a motion that does not recur, over
   `Criteria.patience` times as many where their error leaves it open whether it is chaotic.
 * The observables are those of a periodic motion's period, or else of as much time as the returns kept take.
 """
@@ -30,10 +33,11 @@ import numpy as np
 
 from saltus.errors import ChatteringError, DivergenceError, InputError, nearest
 from saltus.flow.poincare import Iterates, admits, iterate
-from saltus.flow.run import starting_mode
+from saltus.flow.run import Run, check_tolerances, domain_value, starting_mode
 from saltus.flow.simulate import simulate
-from saltus.flow.variational import Growth, spectrum
+from saltus.flow.variational import Growth, growth_along
 from saltus.sweeps.classify import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
+from saltus.sweeps.counts import checked_count
 from saltus.sweeps.section import Section, on_section
 from saltus.sweeps.sweep import Sweep
 from saltus.sweeps.workers import Piece, rows_of
@@ -42,16 +46,12 @@ from saltus.system import HybridSystem
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["PATIENCE", "PUSH", "run_sweep"]
+__all__ = ["run_sweep"]
 
-PATIENCE = 3000.0
-"""Periods of the phase, or units of time without one, after which a motion is taken not to return to a section."""
+_FIRST = 16
+"""Returns from which the mean one is known, if so many are dropped."""
 
-PUSH = 1e-6
-"""Part of the size of its state by which a motion that rests on an unstable orbit is pushed."""
-
-_FEWEST = 20
-"""Returns over which exponents are measured at the least."""
+_STEPS_KEPT = 256
 
 _SAVED_EVERY = 3.0
 """Seconds between two savings, or more where one takes long."""
@@ -85,8 +85,8 @@ def run_sweep(
 ) -> Sweep:
     """Return the attractors along a parameter, found by simulation: a brute-force diagram.
 
-    At each value the motion is followed until it has returned `discard` times to a section, then `keep` times more, of
-    which the points are kept. What has been dropped takes no memory.
+    At each value the motion is followed until it has returned `discard` times to a section, then as many times more as
+    are needed to say what it is; the last `keep` points are kept. What has been dropped takes no memory.
 
     Parameters
     ----------
@@ -100,11 +100,12 @@ def run_sweep(
         Other values that differ from the defaults.
     x0 : array_like, shape (states,) or (all states,), optional
         Where the motion starts; by default all states are 0, at phase 0. An orbit that rests there is found only if it
-        is an attractor.
+        is an attractor. A value at which no motion can start there is labelled ``diverged``.
     mode : str, optional
         Mode there; by default the first that the state allows.
     discard, keep : int, optional
-        Returns to the section that are dropped, then kept.
+        Returns to the section that are dropped at the least, and those that are kept. What the motion is follows from
+        `keep` returns, but no fewer than ``Criteria.looked_at``.
     follow : {"up", "down", "both", "restart"}, optional
         Whether the attractor is followed from the first value to the last, from the last to the first, or both, each on
         its own from `x0`; or whether every value starts at `x0`.
@@ -141,7 +142,11 @@ def run_sweep(
     Raises
     ------
     InputError
-        An argument that cannot be used, or a file with a sweep of other input.
+        An argument that cannot be used, a start that no value admits, or a file with a sweep of other input.
+
+    Notes
+    -----
+    Whatever ends a sweep early, what is done is saved where `path` is given.
 
     Examples
     --------
@@ -162,19 +167,23 @@ def run_sweep(
         quantities=quantities, observables=observables, exponents=exponents, criteria=criteria, rtol=rtol, atol=atol,
     )  # fmt: skip
     directions = _directions(follow)
-    if chunks != 1 and follow == "restart":
-        raise InputError("chunks", chunks, "1 where every value starts anew")
-    if not _is_count(chunks) or not 1 <= chunks <= grid.size:
-        raise InputError("chunks", chunks, f"an integer between 1 and {grid.size}, the number of values")
-    task.load()
+    most, what = (1, "as every value starts anew") if follow == "restart" else (grid.size, "the number of values")
+    chunks = checked_count("chunks", chunks, 1, most, what)
+    if progress is not None and not callable(progress):
+        raise InputError("progress", progress, "a function of two counts and a text")
+    task.load(float(grid[0]))
     settings = {**task.settings, "follow": follow, "chunks": chunks}
     record = _Record.begun(task, grid, directions, settings, path, progress)
     pieces = record.left(_pieces(directions, grid.size, grid.size if follow == "restart" else chunks))
-    with suppress(KeyboardInterrupt), closing(rows_of(task.row, grid, pieces, workers, client)) as rows:
-        record.started = monotonic()
-        for place, row in rows:
-            record.keep(place, row)
-    return record.finished()
+    try:
+        with suppress(KeyboardInterrupt), closing(rows_of(task.row, grid, pieces, workers, client)) as rows:
+            record.started = monotonic()
+            for place, row in rows:
+                record.keep(place, row)
+    finally:
+        if record.fresh:
+            record.save()
+    return record.as_sweep()
 
 
 @dataclass(frozen=True)
@@ -248,24 +257,21 @@ class _Task:
         for value in values.tolist():
             system.resolve({**base, parameter: value})
         steady, places = on_section(system, options["section"])
-        discard, keep, exponents = options["discard"], options["keep"], options["exponents"]
-        if not _is_count(discard) or discard < 0:
-            raise InputError("discard", discard, "an integer >= 0")
-        if not _is_count(keep) or keep < 1:
-            raise InputError("keep", keep, "an integer >= 1")
-        if not _is_count(exponents) or not 1 <= exponents <= len(system.states):
-            raise InputError("exponents", exponents, f"an integer between 1 and {len(system.states)}, the states")
+        discard = checked_count("discard", options["discard"], 0)
+        keep = checked_count("keep", options["keep"], 1)
+        exponents = checked_count("exponents", options["exponents"], 1, len(system.states), "the states")
+        check_tolerances(options["rtol"], options["atol"])
         criteria = Criteria() if options["criteria"] is None else options["criteria"]
         if not isinstance(criteria, Criteria):
             raise InputError("criteria", criteria, "a Criteria")
-        p = system.parameter_vector({**base, parameter: float(values[0])})
         start = system.full_state(np.zeros(len(system.states)) if x0 is None else x0)
-        _check_start(system, p, start, mode, given=x0 is not None)
         task = cls(
             system, steady, places, parameter, base, start, mode, discard, keep,
             _texts("quantities", system.states if options["quantities"] is None else options["quantities"]),
-            _texts("observables", options["observables"]), exponents, criteria, options["rtol"], options["atol"], {},
+            _texts("observables", options["observables"]), exponents, criteria,
+            float(options["rtol"]), float(options["atol"]), {},
         )  # fmt: skip
+        _check_start(task, values, given=x0 is not None)
         _check_expressions(task)
         return replace(task, settings=task._described(options["section"]))
 
@@ -282,23 +288,18 @@ class _Task:
             "atol": self.atol,
         }
 
-    def load(self) -> None:
-        """Load the compiled functions, before threads ask for them; look at the tolerances."""
-        p = self.system.parameter_vector(self.parameters)
-        tolerances = {"rtol": self.rtol, "atol": self.atol}
-        iterate(self.steady, p, self.x0, 0, discard=0, keep=0, section=self.section, **tolerances)
+    def load(self, value: float) -> None:
+        """Load the compiled functions, before threads ask for them."""
+        p = self.system.parameter_vector({**self.parameters, self.parameter: value})
+        iterate(self.steady, p, self.x0, 0, discard=0, keep=0, section=self.section, rtol=self.rtol, atol=self.atol)
 
     def row(self, value: float, end: tuple[NDArray[np.float64], int] | None) -> Row:
         """Return what is found at a value, from where the motion ended at the value before."""
         parameters = {**self.parameters, self.parameter: value}
         p = self.system.parameter_vector(parameters)
         try:
-            start = self._start(p, end)
-        except InputError as error:  # x0 is in no mode at this value
-            return Row(DIVERGED, str(error))
-        try:
-            return self._found(parameters, p, *start)
-        except (ChatteringError, DivergenceError) as error:
+            return self._found(parameters, p, *self._start(p, end))
+        except (ChatteringError, DivergenceError, InputError) as error:  # the last where x0 is in no mode at this value
             return Row(DIVERGED, str(error))
 
     def _start(
@@ -310,13 +311,23 @@ class _Task:
                 return end
             with suppress(InputError):
                 return x, starting_mode(self.system, x, p)
-        mode = self.system.mode_index(self.mode) if self.mode is not None else starting_mode(self.system, self.x0, p)
-        return self.x0, mode
+        return self.x0, self.mode_at_start(p)
+
+    def mode_at_start(self, p: NDArray[np.float64]) -> int:
+        """Return the index of the mode at `x0`; raise `InputError` where no motion may start there."""
+        if self.mode is None:
+            return starting_mode(self.system, self.x0, p)
+        index = self.system.mode_index(self.mode)
+        if not (value := domain_value(self.system, index, self.x0, p)) > 0.0:
+            allowed = f"in the domain of mode {self.mode!r}, {self.system.modes[self.mode].domain} > 0"
+            raise InputError("x0", self.x0.tolist(), allowed, f"it is {value:.6g} there")
+        return index
 
     def _found(self, parameters: Mapping[str, float], p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> Row:
         seen = self._seen(p, x, mode)
         if self._rests(seen):
-            seen = self._seen(p, _pushed(seen.found.x_end, self.system), seen.found.mode_end)
+            pushed = _pushed(seen.found.x_end, self.system, self.criteria.push)
+            seen = self._seen(p, pushed, seen.found.mode_end)
         for _ in range(self.criteria.patience):
             if seen.growth is None or seen.kind.label != QUASI_PERIODIC or seen.kind.curves:
                 break
@@ -338,9 +349,9 @@ class _Task:
         )
 
     def _seen(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> _Seen:
-        """Follow the motion, keep its returns, and say what it is."""
+        """Follow the motion, look at its returns, and say what it is."""
         found = self._settled(p, x, mode)
-        if len(found.times) < self.keep:
+        if len(found.times) < self._looked_at:
             return _Seen(found, None, Kind(NO_RETURN, 0, math.nan, 0))
         return _Seen(found, *self._measured(p, found))
 
@@ -351,56 +362,77 @@ class _Task:
         exponent, error = float(seen.growth.exponents[0]), float(seen.growth.errors[0])
         return exponent > max(self.criteria.exponent / self._return_time(seen.found), error)
 
+    @property
+    def _looked_at(self) -> int:
+        return self.criteria.looked_at(self.keep)
+
     def _settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> Iterates:
-        longest = PATIENCE * self._period(p) if self.system.phase is not None else PATIENCE
-        return iterate(
-            self.steady, p, x, mode, discard=self.discard, keep=self.keep, section=self.section, longest=longest,
-            rtol=self.rtol, atol=self.atol,
-        )  # fmt: skip
+        """The returns that are looked at, fewer where the motion does not return."""
+        options: dict[str, Any] = {"section": self.section, "rtol": self.rtol, "atol": self.atol}
+        dropped, unit = self.discard, 1.0 if self.system.phase is None else self._period(p)
+        if self.section is not None and dropped >= _FIRST:
+            options["longest"] = self.criteria.absence * unit
+            first = iterate(self.steady, p, x, mode, discard=_FIRST - 1, keep=1, **options)
+            if not first.times.size:
+                return first
+            x, mode, dropped = first.x_end, first.mode_end, dropped - _FIRST
+            mean = float(first.times[0]) / _FIRST
+            unit = mean if self.system.phase is None else max(mean, unit)
+        options["longest"] = self.criteria.absence * unit
+        return iterate(self.steady, p, x, mode, discard=dropped, keep=self._looked_at, **options)
 
     def _period(self, p: NDArray[np.float64]) -> float:
         """Period of the phase."""
         return 2.0 * math.pi / float(self.system.compiled.field(0, self.x0, p)[-1])
 
     def _return_time(self, found: Iterates) -> float:
-        if len(found.times) > 1:
-            return float((found.times[-1] - found.times[0]) / (len(found.times) - 1))
-        return float(found.times[-1] / (self.discard + self.keep))
+        return float((found.times[-1] - found.times[0]) / (len(found.times) - 1))
 
     def _points(self, found: Iterates, parameters: Mapping[str, float]) -> NDArray[np.float64]:
         from saltus.system.evaluate import evaluate
 
         points = np.full((self.keep, len(self.quantities)), np.nan)
+        states, modes = found.states[-self.keep :], found.modes[-self.keep :]
         for column, text in enumerate(self.quantities):
-            points[: len(found.times), column] = evaluate(self.system, text, found.states, found.modes, parameters)
+            points[: len(states), column] = evaluate(self.system, text, states, modes, parameters)
         return points
 
     def _measured(self, p: NDArray[np.float64], found: Iterates) -> tuple[Growth, Kind]:
         """Exponents, and what the motion is."""
-        returns = max(self.keep, _FEWEST)
+        returns = self._looked_at
         time = self._return_time(found)
+        rounding = self._rounding(p, found, time)
         growth = self._growth(p, found.x_end, found.mode_end, returns, time)
-        kind = self._kind(found, growth, time)
+        kind = self._kind(found, growth, time, rounding)
         near = abs(growth.exponents[0] - self.criteria.exponent / time) < growth.errors[0]
         if not kind.period and near and self.criteria.patience > 1:
             growth = self._growth(p, growth.x_end, growth.mode_end, returns * self.criteria.patience, time)
-            kind = self._kind(found, growth, time)
+            kind = self._kind(found, growth, time, rounding)
         return growth, kind
+
+    def _rounding(self, p: NDArray[np.float64], found: Iterates, time: float) -> NDArray[np.float64]:
+        """Differences of full states that are none, by their sizes along the motion over a return."""
+        run = Run(self.system, p, found.x_end.copy(), found.mode_end, self.rtol, self.atol, steps_kept=_STEPS_KEPT)
+        run.follow(time, None, None)
+        sizes = np.abs(run.steps()[2]).max(axis=0)
+        return np.asarray(self.criteria.noise * (self.atol + self.rtol * sizes))
 
     def _growth(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, returns: int, time: float) -> Growth:
         aligned = max(returns // 4, 1)
         tolerances: dict[str, Any] = {"rtol": self.rtol, "atol": self.atol, "exponents": self.exponents}
         if self.section is None:
-            return spectrum(self.system, p, x, mode, periods=returns, discard=aligned, **tolerances)
-        return spectrum(self.system, p, x, mode, t=returns * time, discard=aligned * time, **tolerances)
+            return growth_along(self.system, p, x, mode, periods=returns, discard=aligned, **tolerances)
+        return growth_along(self.system, p, x, mode, t=returns * time, discard=aligned * time, **tolerances)
 
-    def _kind(self, found: Iterates, growth: Growth, time: float) -> Kind:
+    def _kind(self, found: Iterates, growth: Growth, time: float, rounding: NDArray[np.float64]) -> Kind:
         states = found.states
         if self.system.phase is not None:
             angle = states[:, -1:]
             round_ = () if self.section is None else (np.cos(angle), np.sin(angle))
             states = np.hstack([states[:, :-1], *round_])
-        return classify(states, float(growth.exponents[0]) * time, float(growth.errors[0]) * time, self.criteria)
+            rounding = np.append(rounding[:-1], [self.criteria.noise * (self.atol + self.rtol)] * len(round_))
+        exponent, error = float(growth.exponents[0]) * time, float(growth.errors[0]) * time
+        return classify(states, exponent, error, self.criteria, rounding)
 
     def _observed(self, parameters: Mapping[str, float], found: Iterates, kind: Kind) -> list[float]:
         if not self.observables:
@@ -420,19 +452,15 @@ class _Task:
         return list(observe(motion, self.observables).values())
 
 
-def _pushed(x: NDArray[np.float64], system: HybridSystem) -> NDArray[np.float64]:
+def _pushed(x: NDArray[np.float64], system: HybridSystem, push: float) -> NDArray[np.float64]:
     n = len(system.states)
     pushed = x.copy()
-    size = np.maximum(np.abs(x[:n]), max(float(np.abs(x[:n]).max()), 1.0) * PUSH)
-    pushed[:n] += PUSH * size * np.cos(np.arange(n))  # no symmetry is likely to keep this direction
+    size = np.maximum(np.abs(x[:n]), max(float(np.abs(x[:n]).max()), 1.0) * push)
+    pushed[:n] += push * size * np.cos(np.arange(n))  # no symmetry is likely to keep this direction
     return pushed
 
 
 # input
-
-
-def _is_count(value: object) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def _ascending(values: ArrayLike) -> NDArray[np.float64]:
@@ -474,23 +502,27 @@ def _check_expressions(task: _Task) -> None:
     for text in task.quantities:
         check_expression(task.system, text)
     if task.observables:
-        from saltus.flow.observables import check_observables
+        from saltus.flow.observables import read_observable
 
-        check_observables(task.system, task.observables)
+        for name in task.observables:
+            order = read_observable(task.system, name).order
+            if order is not None and order.denominator > 1 and task.system.phase is None:
+                raise InputError("observable", name, "of a whole order for a system without a phase")
 
 
-def _check_start(
-    system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: str | None, *, given: bool
-) -> None:
-    if mode is not None:
-        system.mode_index(mode)
-        return
-    try:
-        starting_mode(system, x, p)
-    except InputError as error:
-        if given:
-            raise
-        raise InputError("x0", None, "given for this system: no mode holds where all states are 0") from error
+def _check_start(task: _Task, values: NDArray[np.float64], *, given: bool) -> None:
+    """Raise what the first value has against the start, if no value admits it."""
+    refusals = []
+    for value in values.tolist():
+        try:
+            task.mode_at_start(task.system.parameter_vector({**task.parameters, task.parameter: value}))
+        except InputError as error:
+            refusals.append(error)
+        else:
+            return
+    if given or task.mode is not None:
+        raise refusals[0]
+    raise InputError("x0", None, "given for this system: no mode holds where all states are 0") from refusals[0]
 
 
 # the values, in the order in which they are computed
@@ -621,12 +653,6 @@ class _Record:
         done, total = self.done, self.total
         stopped = f"all {total} values done" if done == total else f"interrupted: {done} of {total} values done"
         return Sweep(**self.sweep, stopped=stopped)
-
-    def finished(self) -> Sweep:
-        """Return the sweep, saved."""
-        if self.fresh:
-            self.save()
-        return self.as_sweep()
 
 
 def _resume(sweep: dict[str, Any], before: Sweep, path: Path) -> None:

@@ -4,12 +4,13 @@ In this order, thresholds being those of `Criteria`:
 
 1. ``diverged``: the motion leaves every bound or the domain of its mode, or chatters.
 2. ``no return``: it stays away from the section, a transition that no longer happens.
-3. ``period-N``: it recurs after N returns, the fewest that do: in the second half of those kept, no state differs from
-   that N returns later by more than `recurrence` of its size. Or it is on its way there: the leading exponent is
-   negative, and from the first half to the second the differences shrink at least half as fast as it says, and by a
-   tenth; for N > 1 they are below `settling` of the points' extent, too. Or, if the exponent is not above `exponent`
-   and the points do not lie on a closed curve, that alone. N is at most a quarter of the returns kept, so that it is
-   seen four times.
+3. ``period-N``: it recurs after N returns, the fewest that do: in the second half of those looked at, no state differs
+   from that N returns later by more than `recurrence` of its size, or by more than rounding, as `noise` has it. Or it
+   is on its way there: the leading exponent is negative, and from the first half to the second the differences shrink
+   at least half as fast as it says. For N > 1 they do so by a tenth, too, and are below `settling` of the points'
+   extent; for N = 1 this extent shrinks with them, and they do so by a tenth, or in each return. Or, if the exponent is
+   not above `exponent` and the points do not lie on a closed curve, they are below `settling` of the extent, however
+   they go. N is at most a quarter of the returns looked at, so that it is seen four times.
 4. ``chaotic``: the leading exponent is above `exponent` by more than its error; or it may be, and the points do not lie
    on a closed curve.
 5. ``quasi-periodic``: none of these. Where a torus attracts, the motion on it locks to a long period in many small
@@ -31,6 +32,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.errors import InputError
+from saltus.flow.run import is_number
+from saltus.sweeps.counts import checked_count
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -61,6 +64,9 @@ class Criteria:
     ----------
     recurrence : float
         Part of a state's size within which it recurs.
+    noise : float
+        A state that differs by less than so many tolerances of a step does not: ``atol`` and ``rtol`` of its size along
+        the motion. So a motion that rests where all states are 0 is seen to do so.
     settling : float
         Part of the points' extent within which a motion recurs that is still settling.
     exponent : float
@@ -73,29 +79,46 @@ class Criteria:
         Largest part of a turn between neighbouring points that lie on a closed curve, seen from its middle.
     disorder : float
         Largest part of the way of the points' images, from one point to the next round the curve, that goes backwards.
+    fewest : int
+        Returns that are looked at, at the least, however few are kept; four times `longest` if those are more.
     patience : int
         A motion whose exponent is nearer to `exponent` than its error, or that has not settled, is followed this many
         times as long, at most.
+    absence : float
+        A motion that has been away from a section for so many of its mean returns, or of the phase's periods if they
+        are longer, is taken not to return. Before returns are known, periods alone, or units of time without a phase.
+    push : float
+        Part of the size of its state by which a motion that rests on an unstable orbit is pushed.
     """
 
     recurrence: float = 1e-5
+    noise: float = 10.0
     settling: float = 0.01
     exponent: float = 0.02
     longest: int = 8
     doubling: float = 0.25
     gap: float = 0.3
-    disorder: float = 0.35
+    disorder: float = 0.2
+    fewest: int = 100
     patience: int = 4
+    absence: float = 3000.0
+    push: float = 1e-6
 
     def __post_init__(self) -> None:
-        for name in ("recurrence", "settling", "exponent", "doubling", "gap", "disorder"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1.0:
+        for name in ("recurrence", "settling", "exponent", "doubling", "gap", "disorder", "push"):
+            if not is_number(value := getattr(self, name)) or not 0.0 < value < 1.0:
                 raise InputError(f"Criteria.{name}", value, "a number between 0 and 1")
-        for name in ("longest", "patience"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise InputError(f"Criteria.{name}", value, "an integer >= 1")
+            object.__setattr__(self, name, float(value))
+        for name in ("noise", "absence"):
+            if not is_number(value := getattr(self, name)) or not 0.0 < value < math.inf:
+                raise InputError(f"Criteria.{name}", value, "a finite number > 0")
+            object.__setattr__(self, name, float(value))
+        for name, least in (("longest", 1), ("fewest", _ENOUGH), ("patience", 1)):
+            object.__setattr__(self, name, checked_count(f"Criteria.{name}", getattr(self, name), least))
+
+    def looked_at(self, keep: int) -> int:
+        """Return how many returns a label is founded on where `keep` are kept."""
+        return max(keep, 4 * self.longest, self.fewest)
 
 
 class Kind(NamedTuple):
@@ -121,7 +144,9 @@ class Kind(NamedTuple):
     curves: int
 
 
-def classify(points: ArrayLike, exponent: float, error: float, criteria: Criteria | None = None) -> Kind:
+def classify(
+    points: ArrayLike, exponent: float, error: float, criteria: Criteria | None = None, rounding: ArrayLike = 0.0
+) -> Kind:
     """Return what a motion is.
 
     Parameters
@@ -132,6 +157,8 @@ def classify(points: ArrayLike, exponent: float, error: float, criteria: Criteri
         Leading Lyapunov exponent per return, and its error.
     criteria : Criteria, optional
         The thresholds.
+    rounding : array_like, shape () or (state,), optional
+        Differences of states that are none.
 
     Examples
     --------
@@ -145,7 +172,7 @@ def classify(points: ArrayLike, exponent: float, error: float, criteria: Criteri
     """
     limits = Criteria() if criteria is None else criteria
     cloud = np.asarray(points, dtype=np.float64)
-    apart = _Apart(cloud)
+    apart = _Apart(cloud, np.asarray(rounding, dtype=np.float64) / limits.recurrence)
     periods = (apart.settled(limits), apart.settling(exponent, limits))
     period = min((found for found in periods if found), default=0)
     rotation, curves = math.nan, 0
@@ -162,12 +189,16 @@ def classify(points: ArrayLike, exponent: float, error: float, criteria: Criteri
 
 
 class _Apart:
-    """How far points are from those some returns later, in parts of each state's size."""
+    """How far points are from those some returns later, in parts of each state's size, which is its least or more."""
 
-    def __init__(self, cloud: NDArray[np.float64]) -> None:
+    def __init__(self, cloud: NDArray[np.float64], least: NDArray[np.float64]) -> None:
         size = np.maximum(np.max(np.abs(cloud), axis=0), np.ptp(cloud, axis=0))
-        scaled = cloud / np.maximum(size, max(_SMALLEST * float(size.max()), 1e-300))
-        self.extent = float(np.ptp(scaled, axis=0).max())
+        scaled = cloud / np.maximum(size, np.maximum(least, max(_SMALLEST * float(size.max()), 1e-300)))
+        self.extent = _extent(scaled)
+        half = len(scaled) // 2
+        self.extents = (_extent(scaled[:half]) if half else 0.0, _extent(scaled[half:]))
+        steps = np.max(np.abs(np.diff(scaled, axis=0)), axis=1)
+        self.falling = bool(np.all(np.diff(steps) < 0.0))
         self.halves: list[tuple[float, float, int]] = []  # largest in the first half and the second, and their length
         for later in range(1, max(len(cloud) // 4, min(len(cloud) - 1, 1)) + 1):  # seen four times
             apart = np.max(np.abs(scaled[later:] - scaled[:-later]), axis=1)
@@ -183,8 +214,11 @@ class _Apart:
         if not exponent < 0.0:
             return 0
         for i, (early, late, half) in enumerate(self.halves, 1):
-            near = i == 1 or late <= limits.settling * self.extent
-            if near and half and late <= early * min(math.exp(0.5 * exponent * half), _SHRUNK):
+            shrunk = math.exp(0.5 * exponent * half)
+            if not (i == 1 and self.falling):
+                shrunk = min(shrunk, _SHRUNK)
+            near = late <= limits.settling * self.extent if i > 1 else self.extents[1] <= self.extents[0] * shrunk
+            if near and half and late <= early * shrunk:
                 return i
         return 0
 
@@ -193,10 +227,14 @@ class _Apart:
         return next((i for i, (_, late, _) in enumerate(self.halves, 1) if late <= limits.settling * self.extent), 0)
 
 
+def _extent(cloud: NDArray[np.float64]) -> float:
+    return float(np.ptp(cloud, axis=0).max())
+
+
 def _base(cloud: NDArray[np.float64], period: int, limits: Criteria) -> int:
     """The period before its doublings."""
     points = cloud[-period:]
-    extent = max(float(np.ptp(points, axis=0).max()), 1e-300)
+    extent = max(_extent(points), 1e-300)
     base = period
     while base % 2 == 0 and base > limits.longest:
         turned = np.roll(points, base // 2, axis=0)
@@ -236,18 +274,25 @@ def rotation_number(points: ArrayLike, criteria: Criteria | None = None, period:
     limits = Criteria() if criteria is None else criteria
     cloud = np.asarray(points, dtype=np.float64)
     first: tuple[float, int] = (math.nan, 0)
-    for curves in range(1, limits.longest + 1):
-        distinct = period // math.gcd(period, curves)
+    wanted = list(range(1, limits.longest + 1))
+    while wanted:
+        curves = wanted.pop(0)
+        if period and (period % curves or period // curves <= limits.longest):
+            continue  # too few points on each curve to tell one
+        distinct = period // curves
         found = [turns for i in range(curves) if (turns := _turns(cloud[i::curves], limits, distinct)) is not None]
-        if len(found) < curves:
-            continue
-        rotation = float(np.mean(found))
-        # as good as a fraction: several curves, seen from the middle of them all
-        parts = rotation * np.arange(1, limits.longest // curves + 1)
-        if not np.any(np.abs(parts - np.round(parts)) < _FRACTION):
-            return rotation, curves
-        if not first[1]:
-            first = (rotation, curves)
+        if len(found) == curves:
+            rotation = float(np.mean(found))
+            parts = rotation * np.arange(1, limits.longest + 1)
+            as_good_as = np.flatnonzero(np.abs(parts - np.round(parts)) < _FRACTION)
+            if not as_good_as.size:
+                return rotation, curves
+            if not first[1]:
+                first = (rotation, curves)
+            # as good as a fraction: every curve, or every second, third ..., seen from the middle of them all
+            parts_seen = int(as_good_as[0] + 1)
+            counts = {parts_seen * i for i in range(1, curves + 1) if curves % i == 0}
+            wanted = sorted(count for count in counts if count != curves and count <= limits.longest)
     return first
 
 
@@ -263,7 +308,7 @@ def _turns(points: NDArray[np.float64], limits: Criteria, distinct: int) -> floa
     ordered = np.sort(angles[-distinct:])
     if max(float(np.diff(ordered).max(initial=0.0)), ordered[0] + 1.0 - ordered[-1]) > limits.gap:
         return None
-    if ordered.size >= _ENOUGH and _disorder(angles[-distinct:]) > limits.disorder:
+    if _disorder(angles[-distinct:]) > limits.disorder:
         return None
     increments = np.diff(angles)
     # each increment is known up to whole turns: all are taken from the one turn about their mean direction

@@ -41,6 +41,7 @@ class Section:
         object.__setattr__(self, "event", text_of(self.event, "section"))
         if isinstance(self.direction, bool) or self.direction not in (-1, 0, 1):
             raise InputError("direction", self.direction, "-1 (falling), 0 (either) or 1 (rising)")
+        object.__setattr__(self, "direction", int(self.direction))
 
 
 def on_section(system: HybridSystem, section: object) -> tuple[HybridSystem, tuple[int, ...] | None]:
@@ -71,7 +72,10 @@ def on_section(system: HybridSystem, section: object) -> tuple[HybridSystem, tup
         return _with(system, own), tuple(range(len(names), len(names) + len(own)))
     if not isinstance(section, str) or section not in names:
         known = f"one of the transitions {', '.join(names)}, " if names else ""
-        raise InputError("section", section, f"{known}a Section, or None for phase 0", nearest(str(section), names))
+        hint = nearest(str(section), names)
+        if isinstance(section, str) and not section.isidentifier():
+            hint = f"a surface of one's own is Section({section!r})"
+        raise InputError("section", section, f"{known}a Section, or None for phase 0", hint)
     return system, (names.index(section),)
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus.errors import InputError, nearest
+from saltus.flow.run import is_number
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 
@@ -169,7 +170,7 @@ class Sweep(Result):
         """
         i = self._row(direction)
         low, high = float(self.values[0]), float(self.values[-1])
-        if not low <= value <= high:
+        if not is_number(value) or not low <= value <= high:
             raise InputError("value", value, f"between {low:g} and {high:g}")
         k = int(np.argmin(np.abs(self.values - value)))
         if not self.labels[i, k]:

@@ -12,6 +12,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from saltus.errors import InputError
+from saltus.sweeps.counts import checked_count
 
 if TYPE_CHECKING:
     import numpy as np
@@ -84,11 +85,8 @@ def rows_of(
         return _on_cluster(compute, values, pieces, client)
     if workers is None:
         workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise InputError("workers", workers, "an integer >= 1")
-    if min(workers, len(pieces)) <= 1:
-        return _here(compute, values, pieces)
-    return _in_threads(compute, values, pieces, min(workers, len(pieces)))
+    threads = min(checked_count("workers", workers, 1), len(pieces))
+    return _here(compute, values, pieces) if threads <= 1 else _in_threads(compute, values, pieces, threads)
 
 
 def _here(compute: Callable[[float, End], Any], values: NDArray[np.float64], pieces: Sequence[Piece]) -> _Rows:

@@ -73,14 +73,24 @@ def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, A
         An existing folder, for ``fig7.nc``, ``fig7.json`` (`summary`), ``fig7.png`` and ``fig7.pdf``.
     progress : callable, optional
         Called with a line of text whenever there is something new to say.
+
+    Notes
+    -----
+    While the work goes on, ``fig7-sweep.nc`` is in the folder as well: after an interrupt the sweep goes on from there.
     """
-    say = progress or (lambda _: None)
-    return write_figure(out, "fig7", compute(say), summary, draw, say)
+    say, part = progress or (lambda _: None), out / "fig7-sweep.nc"
+    found = write_figure(out, "fig7", compute(say, part), summary, draw, say)
+    if not found["interrupted"]:
+        part.unlink(missing_ok=True)
+    return found
 
 
-def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, Result]]:
-    """Go through the results of Fig. 7, with their names, computing each when it is asked for."""
-    sweep = sweep_of(COUNT, say)
+def compute(say: Callable[[str], None] = lambda _: None, part: Path | None = None) -> Iterator[tuple[str, Result]]:
+    """Go through the results of Fig. 7, with their names, computing each when it is asked for.
+
+    The sweep is saved in the file `part`, if one is given, and goes on from there.
+    """
+    sweep = sweep_of(COUNT, say, part)
     yield "sweep", sweep
     for letter, (omega, periods) in PORTRAITS.items():
         say(f"phase portrait ({letter})")
@@ -88,8 +98,11 @@ def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, 
     yield from fig7a.compute(say)
 
 
-def sweep_of(count: int, say: Callable[[str], None] = lambda _: None) -> Sweep:
-    """Return the sweep of panel (b), followed upwards from an orbit of period one, with `count` values."""
+def sweep_of(count: int, say: Callable[[str], None] = lambda _: None, part: Path | None = None) -> Sweep:
+    """Return the sweep of panel (b), followed upwards from an orbit of period one, with `count` values.
+
+    It is saved in the file `part`, if one is given, and goes on from there.
+    """
     from saltus.afm.regimes import settled_orbit
     from saltus.afm.table1 import table1
     from saltus.afm.tapping import tapping_mode
@@ -106,6 +119,7 @@ def sweep_of(count: int, say: Callable[[str], None] = lambda _: None) -> Sweep:
         discard=DISCARDED,
         keep=KEPT,
         quantities=[_VELOCITY],
+        path=part,
         progress=lambda done, total, what: say(f"sweep, {done} of {total}: {what}"),
     )
 
