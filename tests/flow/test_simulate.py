@@ -659,3 +659,19 @@ def test_the_repr_tells_steps_events_and_end(ball):
     assert "1 impact" in text
     assert "ends in mode 'flight' at z = 0.125, v = " in text
     assert text.endswith("t_end = 1.5 reached")
+
+
+def test_a_text_is_no_system():
+    with pytest.raises(InputError, match="^system = 'osc': must be a HybridSystem$"):
+        simulate("osc", None, [0.0])
+
+
+def test_the_sign_of_a_state_may_be_in_an_event():
+    system = HybridSystem(
+        states=("x", "v"),
+        parameters={},
+        modes={"free": Mode({"x": "v", "v": "-x"})},
+        transitions=[Transition("free", "free", "x - 0.3*sign(v)", 0, name="passed")],
+    )
+    seen = simulate(system, None, [0.0, 1.0], t_end=3.0).events
+    assert seen["time"][0] == pytest.approx(math.asin(0.3), abs=1e-10)

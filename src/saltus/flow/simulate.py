@@ -446,6 +446,8 @@ def simulate(
     >>> print(round(fall.events["time"][0], 12), fall(1.5).round(12))
     1.0 [0.275 0.3  ]
     """
+    if not isinstance(system, HybridSystem):
+        raise InputError("system", system, "a HybridSystem")
     p = system.parameter_vector(parameters)
     x = start_state(system, x0)
     check_tolerances(rtol, atol)

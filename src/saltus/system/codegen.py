@@ -47,9 +47,6 @@ SECOND = ("derive", "field_2", "event_2", "reset_2")
 
 _INVERSE_ROOT = "inverse_root"
 
-_GENERATION = 7
-"""Raised when the text that this module writes changes, so that files of an older one are not used."""
-
 
 class Compiled:
     """The compiled functions of one system.
@@ -248,7 +245,7 @@ def _source_file(system: HybridSystem, writer: Callable[[Symbolic], _Writer], *v
     mathematics["parameters"] = list(system.parameters)
     for key in ("positive", "parameter_bounds"):
         mathematics.pop(key)
-    versions = [_GENERATION, version("numba"), version("sympy"), sys.version_info[:2]]
+    versions = [_generator(), version("numba"), version("sympy"), sys.version_info[:2]]
     text = json.dumps([mathematics, *versions, *variant])
     digest = hashlib.sha256(text.encode()).hexdigest()[:20]
     file = cache_folder() / f"system_{digest}.py"
@@ -257,6 +254,15 @@ def _source_file(system: HybridSystem, writer: Callable[[Symbolic], _Writer], *v
 
         _write(file, "".join(_module_text(writer(Symbolic(system)))))
     return file
+
+
+@cache
+def _generator() -> str:
+    """A digest of the modules that write the text, so that files of an older text are not used."""
+    digest = hashlib.sha256()
+    for file in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def load(file: Path, system: HybridSystem) -> Compiled:

@@ -71,7 +71,7 @@ class Symbolic:
     def rate(self) -> list[sympy.Expr]:
         """Lie derivative of each event function along its source's field."""
         return [
-            sum(sympy.diff(h, symbol) * f for symbol, f in zip(self.x, self.field[mode], strict=True))
+            sum(_smooth_diff(h, symbol) * f for symbol, f in zip(self.x, self.field[mode], strict=True))
             for h, mode in zip(self.event, self.source, strict=True)
         ]
 
