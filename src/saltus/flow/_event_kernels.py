@@ -354,7 +354,7 @@ def _step_factor(error, h, numbers):
 
 
 @njit(**INNER)
-def _advance(numbers, dt):
+def advance(numbers, dt):
     """Add to the time, with the rounding kept apart."""
     t = numbers[T]
     new = t + dt
@@ -408,7 +408,7 @@ def _chatters(counts, numbers, phase):
         # the rest of the geometric series, two events at a time so that two modes may take turns
         if 0.0 < duration < numbers[LAST_BUT_ONE]:
             ratio = duration / numbers[LAST_BUT_ONE]
-            _advance(numbers, (duration + numbers[LAST]) * ratio / (1.0 - ratio))
+            advance(numbers, (duration + numbers[LAST]) * ratio / (1.0 - ratio))
         return True
     numbers[LONGEST] = max(numbers[LONGEST], duration)
     numbers[LAST_BUT_ONE] = numbers[LAST]
@@ -674,7 +674,7 @@ def run_kernel(
                 size[e] = max(abs(x[e]), abs(x_end[e]), h * abs(slopes[e]))
                 x[e] = x_end[e]
                 slopes[e] = slopes[12 * n + e]
-            _advance(numbers, h)
+            advance(numbers, h)
             if ends and last:
                 numbers[T], numbers[T_LOW] = t_end, 0.0
             call(addresses[GUARD], mode, 0, x, 0, p, guard, 0)
@@ -704,7 +704,7 @@ def run_kernel(
         if store and dt > 0.0:
             _dense(addresses, mode, n, p, dt, x, landing, trial, y, dense)
             _record_step(counts, numbers, n, dt, mode, x, dense, step_times, step_modes, step_starts, step_dense)
-        _advance(numbers, dt)
+        advance(numbers, dt)
         for k in range(n_transitions):
             if transitions[3 * k] == mode:
                 side[k] = before[k]

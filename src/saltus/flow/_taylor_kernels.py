@@ -19,7 +19,7 @@ from llvmlite import ir
 from numba import float64, int64, njit, types
 from numba.extending import intrinsic
 
-from saltus.flow._event_kernels import BOUND, EPSILON, ROUNDING, TWO_PI
+from saltus.flow._event_kernels import BOUND, DURATION, EPSILON, ROUNDING, T_LOW, TWO_PI, T, advance
 from saltus.flow._kernels import INNER, call, keep, outlined, pointer
 from saltus.flow._polynomial_kernels import DEPTH, ROOTS, bernstein_roots, variations
 from saltus.system.codegen import FUNCTIONS
@@ -31,9 +31,10 @@ FIELD, EVENT, EVENT_X, RESET, GUARD = (
 DONE, AGAIN, HELP = range(3)
 """What `follow_kernel` returns; AGAIN when the budget of steps is spent."""
 
-T, T_LOW, DURATION, RETURNED, STEP, FAR_STEP, SIGMA_STEP, N_NUMBERS = range(8)
-"""Places in `numbers`: time and its rounding, time since the last event, time of the last return to the section, the last
-step in time, how long it must be for a step by the exact flow to be tried again, the last step in sigma, in time."""
+RETURNED, STEP, FAR_STEP, SIGMA_STEP, N_NUMBERS = range(DURATION + 1, DURATION + 6)
+"""Places in `numbers`, after those of the event-driven flow that `advance` fills: time of the last return to the section,
+the last step in time, how long it must be for a step by the exact flow to be tried again, the last step in sigma, in
+time."""
 
 MODE, STARTING, FIRED, MODE_BEFORE, RETURNS, SMALL_RUN, STEPS, NOT_FAR, SHORTER, SIGMA_STEPS, N_COUNTS = range(11)
 """Places in `counts`."""
@@ -84,15 +85,6 @@ SQUARE_ROOT = 1e-8
 
 SUMS: dict[str, Any] = {**INNER, "fastmath": {"contract", "reassoc", "nsz", "arcp"}}
 """Options of functions whose sums may be taken in any order."""
-
-
-@njit(**INNER)
-def _advance(numbers, dt):
-    t = numbers[T]
-    new = t + dt
-    numbers[T_LOW] += (t - new) + dt if t >= dt else (dt - new) + t
-    numbers[T] = new
-    numbers[DURATION] += dt
 
 
 @intrinsic
@@ -448,7 +440,7 @@ def _goes_far(
     if phase > 0.0:
         x[n - 1] += phase * dt
     counts[STEPS] += 1
-    _advance(numbers, dt)
+    advance(numbers, dt)
     return True
 
 
@@ -645,7 +637,7 @@ def _follow(
                         for e in range(n_states):
                             x[e] = after[e]
                         x[n - 1] = 0.0
-                        _advance(numbers, to_wrap)
+                        advance(numbers, to_wrap)
                         counts[STARTING] = 1
                         counts[FIRED] = -1
                         return DONE
@@ -653,7 +645,7 @@ def _follow(
 
         counts[STEPS] += 1
         numbers[STEP] = dt
-        _advance(numbers, dt)
+        advance(numbers, dt)
         if phase > 0.0:
             x[n - 1] += phase * dt
         for e in range(n_states):
@@ -680,7 +672,7 @@ def _follow(
             call(addresses[FIELD], mode, 0, x, 0, p, after, 0)
             for e in range(n):
                 x[e] += correction * after[e]
-            _advance(numbers, correction)
+            advance(numbers, correction)
             residual = 0.0
         if section[fired] == 1:
             counts[RETURNS] += 1
