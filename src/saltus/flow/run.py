@@ -200,8 +200,18 @@ def domain_value(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDA
     return float(out[0])
 
 
-def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> int:
-    """The first mode whose domain holds at x and none of whose events is passed there."""
+def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64], mode: str | None = None) -> int:
+    """Return the index of the mode in which a motion starts at x.
+
+    That is `mode`, in whose domain x must lie; by default the first whose domain holds there and none of whose events
+    that lead to another mode is passed.
+    """
+    if mode is not None:
+        index = system.mode_index(mode)
+        if not (value := domain_value(system, index, x, p)) > 0.0:
+            allowed = f"in the domain of mode {mode!r}, {system.modes[mode].domain} > 0"
+            raise InputError("x0", x.tolist(), allowed, f"it is {value:.6g} there")
+        return index
     reasons = []
     for index, name in enumerate(system.mode_names):
         if not (value := domain_value(system, index, x, p)) > 0.0:

@@ -25,7 +25,7 @@ import numpy as np
 
 from saltus.errors import InputError
 from saltus.flow.observables import Motion, dense_states, observe
-from saltus.flow.run import Run, check_tolerances, domain_value, how_long, is_number, start_state, starting_mode
+from saltus.flow.run import Run, check_tolerances, how_long, is_number, start_state, starting_mode
 from saltus.results import Result, frozen
 from saltus.system.evaluate import evaluate
 from saltus.system.hybrid import HybridSystem
@@ -463,10 +463,7 @@ def simulate(
             raise InputError("periods", periods, "an integer >= 1")
     if isinstance(max_events, bool) or not isinstance(max_events, int | np.integer) or max_events < 1:
         raise InputError("max_events", max_events, "an integer >= 1")
-    start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
-    if mode is not None and not (value := domain_value(system, start, x, p)) > 0.0:
-        condition = f"{system.modes[mode].domain} > 0"
-        raise InputError("x0", x.tolist(), f"in the domain of mode {mode!r}, {condition}", f"it is {value:.6g} there")
+    start = starting_mode(system, x, p, mode)
     run = Run(system, p, x, start, rtol, atol, steps_kept=_STEPS_KEPT)
     end = float(t_end) if t_end is not None else math.inf
     run.follow(end, periods, int(max_events))

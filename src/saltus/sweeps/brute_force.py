@@ -33,7 +33,7 @@ import numpy as np
 
 from saltus.errors import ChatteringError, DivergenceError, InputError, nearest
 from saltus.flow.poincare import Iterates, admits, iterate
-from saltus.flow.run import Run, check_tolerances, domain_value, starting_mode
+from saltus.flow.run import Run, check_tolerances, starting_mode
 from saltus.flow.simulate import simulate
 from saltus.flow.variational import Growth, growth_along
 from saltus.sweeps.classify import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
@@ -315,13 +315,7 @@ class _Task:
 
     def mode_at_start(self, p: NDArray[np.float64]) -> int:
         """Return the index of the mode at `x0`; raise `InputError` where no motion may start there."""
-        if self.mode is None:
-            return starting_mode(self.system, self.x0, p)
-        index = self.system.mode_index(self.mode)
-        if not (value := domain_value(self.system, index, self.x0, p)) > 0.0:
-            allowed = f"in the domain of mode {self.mode!r}, {self.system.modes[self.mode].domain} > 0"
-            raise InputError("x0", self.x0.tolist(), allowed, f"it is {value:.6g} there")
-        return index
+        return starting_mode(self.system, self.x0, p, self.mode)
 
     def _found(self, parameters: Mapping[str, float], p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> Row:
         seen = self._seen(p, x, mode)

@@ -273,7 +273,7 @@ def lyapunov_spectrum(
     """
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)
-    start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
+    start = starting_mode(system, x, p, mode)
     growth = growth_along(
         system, p, x, start, periods=periods, t=t, exponents=exponents, discard=discard, rtol=rtol, atol=atol
     )
