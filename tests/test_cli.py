@@ -13,7 +13,7 @@ import pytest
 from saltus import cli
 from saltus.errors import ConvergenceError
 
-FIGURES = ["fig2", "fig3", "fig4", "fig5", "fig6", "fig7", "fig7a"]
+FIGURES = ["fig2", "fig3", "fig4", "fig5", "fig6", "fig7", "fig7a", "fig8", "fig9", "fig10"]
 POINT = {"type": "SN", "omega": 0.916055296824, "min_z": 0.0116, "signature": [["flight", "theta"]], "admissible": True}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import tempfile
@@ -11,11 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer.core import TyperGroup
 
-from saltus.errors import InputError, SaltusError
+from saltus.errors import InputError, SaltusError, nearest
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+    from saltus.basins import Basins
+    from saltus.basins.config import Config
+    from saltus.system import HybridSystem
 
 __all__ = ["main"]
 
@@ -35,6 +41,32 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+_MAP = "map"
+_WORKERS = (2, 4, 16, 64, 256)
+"""Machines for which `saltus basins --estimate` tells how long a grid takes."""
+
+
+class _BasinsGroup(TyperGroup):
+    """A group whose first argument is a configuration, unless it is the name of a command."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in (*self.commands, *ctx.help_option_names):
+            args = [_MAP, *args]
+        rest: list[str] = super().parse_args(ctx, args)
+        return rest
+
+    def format_usage(self, ctx: Any, formatter: Any) -> None:
+        formatter.write_usage(ctx.command_path, "CONFIG.toml -o STORE.zarr [OPTIONS]")
+        formatter.write_usage(ctx.command_path, "info STORE.zarr")
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        self.commands[_MAP].format_options(ctx, formatter)
+        self.format_commands(ctx, formatter)
+
+
+_basins = typer.Typer(cls=_BasinsGroup, no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(_basins, name="basins", help="Map basins of attraction into a store, or tell what is in one.")
 
 
 def main(args: list[str] | None = None) -> None:
@@ -78,6 +110,11 @@ def reproduce(
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for what is computed; made if absent.")
     ] = Path("results"),
+    resolution: Annotated[
+        int | None,
+        typer.Option(min=2, metavar="N", help="Cells along each axis of fig8, fig9 and fig10; 400 if left out."),
+    ] = None,
+    animate: Annotated[bool, typer.Option("--animate", help="Film fig8 turning, as well.")] = False,
 ) -> None:
     """Compute a figure of the paper, with its data and special points."""
     from saltus.afm.figures import FIGURES, runner
@@ -87,12 +124,24 @@ def reproduce(
             typer.echo(f"{name}  {line}")
         return
     run = runner(figure)
+    chosen = {"resolution": resolution, "animate": animate or None}
+    options = _taken(figure, run, {name: value for name, value in chosen.items() if value is not None})
     folder = _writable_folder(out)
     with _interruptible(), _status() as say:
-        found = run(folder, say)
+        found = run(folder, say, **options)
     _report(found)
     if found["interrupted"]:
         raise SystemExit(_INTERRUPTED)
+
+
+def _taken(figure: str, run: Callable[..., Any], options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options, all of which a figure takes; raise `InputError` if not."""
+    from inspect import signature
+
+    for name, value in options.items():
+        if name not in signature(run).parameters:
+            raise InputError(f"--{name}", value, f"left out for {figure}")
+    return options
 
 
 @app.command()
@@ -125,6 +174,136 @@ def animate(
         path = film(found, out, setup=setup, fps=fps, seconds=seconds, width=width, progress=told)
     typer.echo(repr(found))
     typer.echo(f"written  {path}  ({path.stat().st_size / 1e6:.2f} MB)")
+
+
+@_basins.command(_MAP, hidden=True)
+def map_(
+    config: Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="System, parameters, grid and options.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="STORE.zarr", help="The store that is written.")
+    ] = None,
+    engine: Annotated[
+        str | None, typer.Option(metavar="NAME", help="cpu, cuda or dask; in place of the configuration's.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of a Dask cluster, for the engine dask: tcp://host:8786.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a store, if it exists.")] = False,
+    estimate: Annotated[
+        bool, typer.Option("--estimate", help="Measure a sample of the cells, tell time and size, and leave.")
+    ] = False,
+    preview: Annotated[
+        bool, typer.Option("--preview", help="Refine only where labels differ: quick, with some cells wrong.")
+    ] = False,
+) -> None:
+    """Map the basins of a configuration."""
+    engine = _checked(out, engine, scheduler, resume=resume, estimate=estimate, preview=preview)
+    from saltus.basins.config import read_config, system_of
+
+    read = read_config(config)
+    engine = engine or read.engine.name
+    if (engine == "dask") != (scheduler is not None) and not estimate:
+        raise InputError("--scheduler", scheduler, "given for the engine dask, and for no other")
+    with _interruptible():
+        from saltus.afm.material import tapping_mode_with
+
+        system = system_of(read, {"tapping_mode": tapping_mode_with}, config.absolute().parent)
+        if estimate:
+            _tell_cost(read, system, engine)
+            return
+        assert out is not None
+        found = _mapped(read, system, out, engine=engine, client=scheduler, preview=preview)
+    _tell_basins(found)
+    typer.echo(f"{'kept' if 'interrupted' in found.stopped else 'written'}  {out}  ({_bytes(_size(out))})")
+    if "interrupted" in found.stopped:
+        typer.echo(f"saltus: {found.stopped}; the same command with --resume goes on", err=True)
+        raise SystemExit(_INTERRUPTED)
+
+
+def _checked(
+    out: Path | None, engine: str | None, scheduler: str | None, *, resume: bool, estimate: bool, preview: bool
+) -> str | None:
+    """Return the engine, raising `InputError` where options do not belong together, before anything is imported."""
+    engines = ("cpu", "cuda", "dask")
+    if engine is not None and engine not in engines:
+        raise InputError("--engine", engine, f"one of {', '.join(engines)}", nearest(engine, engines))
+    if estimate:
+        if preview:
+            raise InputError(
+                "--preview", True, "left out with --estimate", "its cost follows from the basins' boundary"
+            )
+        return engine
+    if out is None:
+        raise InputError("--out", None, "given: the store that is written", "add -o STORE.zarr, or --estimate alone")
+    if not out.absolute().parent.is_dir():
+        raise InputError("--out", str(out), "in a folder that exists")
+    if out.exists() and not resume:
+        raise InputError("--out", str(out), "new", "it exists: --resume goes on with it")
+    if scheduler is not None and engine not in ("dask", None):
+        raise InputError("--scheduler", scheduler, "given for the engine dask, and for no other")
+    return engine
+
+
+def _mapped(read: Config, system: HybridSystem, out: Path, *, engine: str, client: str | None, preview: bool) -> Basins:
+    """Find the attractors, unless a store has them, and map the basins."""
+    from saltus.basins import map_basins
+
+    attractors = None if out.exists() else _attractors(read, system)
+    with _bar() as progress:
+        return map_basins(
+            system, read.parameters, read.cells, attractors, store=out, client=client, preview=preview,
+            engine=engine, progress=progress, **_engine_options(read),
+        )  # fmt: skip
+
+
+def _engine_options(read: Config) -> dict[str, Any]:
+    return read.engine.model_dump(exclude={"name"}, exclude_none=True)
+
+
+def _attractors(read: Config, system: HybridSystem) -> Any:
+    from saltus.basins import Grid
+    from saltus.basins.attractors import find_attractors
+    from saltus.basins.config import called
+    from saltus.basins.recurrence import Search
+
+    options = read.attractors.model_dump(exclude_none=True, exclude={"search"})
+    if read.attractors.search is not None:
+        options["search"] = called(Search, read.attractors.search, "attractors.search")
+    options.setdefault("region", dict(Grid(system.states, read.cells).box))
+    if read.interval is not None:
+        options["interval"] = read.interval
+    with _status() as say:
+        if say is not None:
+            say("looking for attractors")
+        return find_attractors(system, read.parameters, **options)
+
+
+def _tell_cost(read: Config, system: HybridSystem, engine: str) -> None:
+    """Print what the basins of a configuration cost, measured on a sample."""
+    from saltus.basins.cost import estimate_cost
+
+    found, options = _attractors(read, system), _engine_options(read)
+    with _status() as say:
+        if say is not None:
+            say("measuring a sample of the cells")
+        cost = estimate_cost(system, read.parameters, read.cells, found, engine=engine, **options)
+    where = "the graphics cards here" if engine == "cuda" else "this machine"
+    table = _table({"what": "left", "value": "left"})
+    table.add_row("cells", f"{cost.cells:,}")
+    table.add_row("measured", f"{cost.orbits_per_second:,.0f} orbits/s on {where} ({cost.sampled:,} cells)")
+    table.add_row("time", f"{_duration(cost.seconds())} on {where}")
+    for count in _WORKERS:
+        table.add_row("", f"{_duration(cost.seconds(count))} on {count} such machines")
+    table.add_row("store", f"at most {_bytes(cost.cells)}, about {_bytes(cost.size)} compressed")
+    _print(table)
+
+
+@_basins.command()
+def info(store: Annotated[Path, typer.Argument(metavar="STORE.zarr", help="What `saltus basins` wrote.")]) -> None:
+    """Tell what is in a store: grid, attractors, fractions, how much is done, all inputs."""
+    from saltus.basins import Basins
+
+    _tell_basins(Basins.open(store), inputs=True)
 
 
 @contextmanager
@@ -170,11 +349,7 @@ def _report(found: dict[str, Any]) -> None:
     content = found["content"]
     table = _special_points(content["special_points"]) if "special_points" in content else _numbers(content)
     if table.row_count:
-        from rich.console import Console
-
-        console = Console(highlight=False)
-        console.width = max(console.width, _TABLE_WIDTH)
-        console.print(table)
+        _print(table)
     if found["interrupted"]:
         typer.echo("saltus: interrupted; kept", err=True)
         for result in found["results"].values():
@@ -208,10 +383,100 @@ def _numbers(content: dict[str, Any]) -> Table:
 
 
 def _written(value: object) -> str:
-    """Return a number or a word as the table has it; nothing for what has parts."""
+    """Return a number, a word, or numbers by name as the table has them; nothing for what has other parts."""
     if isinstance(value, str):
         return value
+    if isinstance(value, dict) and value and all(isinstance(x, int | float) for x in value.values()):
+        return ", ".join(f"{key} {x:.10g}" for key, x in value.items())
     return f"{value:.10g}" if isinstance(value, int | float) else ""
+
+
+def _tell_basins(basins: Basins, *, inputs: bool = False) -> None:
+    """Print what basins hold: how the grid is, its attractors and their parts, and how much is done."""
+    grid, outcomes, given = basins.grid, basins.attractors, basins.inputs
+    with _status() as say:
+        if say is not None:
+            say("counting cells")
+        shares = basins.fractions()
+    table = _table({"what": "left", "value": "left"})
+    if inputs:
+        table.add_row("system", given.get("system", {}).get("name") or "unknown")
+        for name, (low, high, count) in zip(grid.names, grid.ranges, strict=True):
+            table.add_row(name, f"{low:g} to {high:g}, {count} cells")
+        for name, value in grid.fixed.items():
+            table.add_row(name, f"{value:.10g}")
+    for name, share in shares.items():
+        told = [f"{100.0 * share:.4f} % of the cells"]
+        if name in outcomes.points:
+            told.append(getattr(outcomes, "kinds", {}).get(name, "attractor"))
+            told += [f"label {outcomes.labels[name]}"] if inputs else []
+        if share or name in outcomes.points:
+            table.add_row(name, ", ".join(told))
+    for name, note in getattr(outcomes, "notes", {}).items() if inputs else ():
+        table.add_row(f"trap of {name}", note)
+    table.add_row("done", basins.stopped)
+    if math.isfinite(basins.orbits_per_second):
+        table.add_row("speed", f"{basins.orbits_per_second:,.0f} orbits/s")
+    if inputs:
+        for name in ("engine", "tolerance", "longest", "preview", "saltus_version"):
+            if name in given:
+                table.add_row(name, f"{given[name]}")
+        for name, value in given.get("parameters", {}).items():
+            table.add_row(name, f"{value:.10g}")
+    _print(table)
+
+
+def _print(table: Table) -> None:
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    console.width = max(console.width, _TABLE_WIDTH)
+    console.print(table)
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[int, int, float], None] | None]:
+    """Show a bar with orbits a second and the time left; nothing where stdout is no terminal."""
+    if not (sys.stdout is not None and sys.stdout.isatty()):
+        yield None
+        return
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    with Progress(BarColumn(), TextColumn("{task.percentage:5.1f} %  {task.fields[told]}")) as bar:
+        task = bar.add_task("", total=None, told="starting")
+
+        def show(done: int, total: int, rate: float) -> None:
+            left = _duration((total - done) / rate) if rate > 0.0 else "?"
+            bar.update(task, completed=done, total=total, told=f"{rate:,.0f} orbits/s  {left} left")
+
+        yield show
+
+
+def _duration(seconds: float) -> str:
+    """Return a time in two units at most."""
+    if seconds < 59.5:
+        return f"{seconds:.2g} s"
+    if seconds < 599.5:
+        return f"{round(seconds) // 60} min {round(seconds) % 60} s"
+    minutes = round(seconds / 60.0)
+    if minutes < 60:
+        return f"{minutes} min"
+    if minutes < 24 * 60:
+        return f"{minutes // 60} h {minutes % 60} min"
+    return f"{minutes // 1440} d {minutes % 1440 // 60} h"
+
+
+def _bytes(count: float) -> str:
+    """Return an amount of data with its unit."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000.0:
+            return f"{count:.3g} {unit}"
+        count /= 1000.0
+    return f"{count:.3g} TB"
+
+
+def _size(store: Path) -> int:
+    return sum(path.stat().st_size for path in store.rglob("*") if path.is_file())
 
 
 def _table(columns: Mapping[str, Literal["left", "right"]]) -> Table:

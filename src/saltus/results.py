@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -24,9 +25,15 @@ _HOMES = {
     "Branch": "saltus.continuation.branch",
     "Locus": "saltus.continuation.locus",
     "Family": "saltus.continuation.family",
+    "Attractors": "saltus.basins.attractors",
+    "Basins": "saltus.basins.basins",
+    "ErosionProfile": "saltus.basins.erosion",
     "Sweep": "saltus.sweeps.sweep",
     "LyapunovSpectrum": "saltus.sweeps.lyapunov",
 }
+
+_STORE = "zarr.json"
+"""The file by which a folder is known as a Zarr store."""
 
 
 def frozen(array: Any, dtype: Any = np.float64) -> Any:
@@ -105,12 +112,12 @@ def load(path: str | os.PathLike[str]) -> Result:
     Parameters
     ----------
     path : path-like
-        A NetCDF file written by `Result.save`.
+        A NetCDF file written by `Result.save`, or a Zarr store of basins, whose labels are read when asked for.
 
     Raises
     ------
     InputError
-        There is no such file, or it was not written by saltus.
+        There is no such file or store, or it was not written by saltus.
 
     Examples
     --------
@@ -121,6 +128,8 @@ def load(path: str | os.PathLike[str]) -> Result:
     """
     import xarray as xr
 
+    if (Path(path) / _STORE).is_file():
+        return _opened(Path(path))
     if not Path(path).is_file():
         raise InputError("path", str(path), "a file that exists", "it is a folder" if Path(path).is_dir() else "")
     try:
@@ -130,7 +139,22 @@ def load(path: str | os.PathLike[str]) -> Result:
         raise InputError("path", str(path), "a NetCDF file", str(error)) from error
     kind = dataset.attrs.pop("saltus_result", None)
     dataset.attrs.pop("saltus_version", None)
+    home: type[Result] = _home(kind, path)
+    return home.from_xarray(dataset)
+
+
+def _opened(path: Path) -> Result:
+    """Return the result in a Zarr store."""
+    try:
+        kind = json.loads((path / _STORE).read_text(encoding="utf-8"))["attributes"]["saltus_result"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError("path", str(path), "a store written by saltus", f"{type(error).__name__} {error}") from error
+    opened: Result = _home(kind, path).open(path)
+    return opened
+
+
+def _home(kind: Any, path: str | os.PathLike[str]) -> Any:
+    """Return the class of a kind of result."""
     if kind not in _HOMES:
         raise InputError("path", str(path), "a file written by saltus")
-    home: type[Result] = getattr(importlib.import_module(_HOMES[kind]), kind)
-    return home.from_xarray(dataset)
+    return getattr(importlib.import_module(_HOMES[kind]), kind)

@@ -108,6 +108,9 @@ def transition(**changes):
         ({"groups": ["g"]}, r"groups = \['g'\]: must be a mapping of names to sequences"),
         ({"groups": {"all": 3}}, "group 'all' = 3: must be a sequence of parameters"),
         ({"groups": {"all": "ga"}}, "group 'all' = 'ga': must be a sequence of parameters"),
+        ({"regimes": {"up": ("flght",)}}, "regime 'up' = 'flght': must be a mode: flight; did you mean 'flight'"),
+        ({"regimes": {"up": "flight"}}, "regime 'up' = 'flight': must be a sequence of modes"),
+        ({"regimes": ["up"]}, r"regimes = \['up'\]: must be a mapping of names to sequences"),
     ],
 )
 def test_each_fault_of_a_definition_is_named(changes, message):
@@ -166,6 +169,14 @@ def test_state_without_the_phase_is_at_phase_zero():
 def test_a_group_sets_its_members():
     system = make(groups={"amplitudes": ("a", "w")})
     assert system.resolve({"amplitudes": 3.0})["w"] == 3.0
+
+
+def test_regimes_name_motions_and_leave_the_generated_code_as_it_is():
+    system = make(regimes={"up": ("flight",)})
+    assert system.regimes == {"up": ("flight",)}
+    assert pickle.loads(pickle.dumps(system)) == system
+    assert system != make()
+    assert system._source == make()._source
 
 
 def test_definition_survives_pickling_and_plain_data():

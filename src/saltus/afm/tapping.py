@@ -77,7 +77,8 @@ def tapping_mode(
     States are the modes' displacements and velocities at the tip, ``(q1, ..., qn, v1, ..., vn)``, in units of the rest
     gap `eta` and of time ``1 / omega_1``; the phase `theta` is the drive's. Hybrid modes are ``"flight"`` (gap above
     `a0`) and ``"contact"``; transitions ``"touch"`` and ``"release"``; outputs ``z``, the gap in units of `eta`, ``v``,
-    the gap's rate, and ``force``, the force on the tip in units of ``k eta``, positive where it repels.
+    the gap's rate, and ``force``, the force on the tip in units of ``k eta``, positive where it repels. Motions that
+    never touch are called ``"attractive"``, those that do ``"repulsive"``.
 
     Parameters
     ----------
@@ -194,6 +195,7 @@ def _definition(setup: Setup, n: int, static_term: StaticTerm) -> dict[str, Any]
             "E_star": (0.0, float("inf")),
             "H": (0.0, float("inf")),
         },
+        "regimes": {"attractive": ("flight",), "repulsive": ("flight", "contact")},
         "name": f"tapping-mode AFM, {n} {'mode' if n == 1 else 'modes'}",
     }
 

@@ -12,7 +12,7 @@ from saltus.system.split import NODES, RUNGS, RUNGS_AN_OCTAVE, WEIGHTS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.system.codegen import CompiledSeries
+    from saltus.system.codegen import CompiledLinear, CompiledSeries
 
 __all__ = ["tables"]
 
@@ -20,7 +20,9 @@ _REACH = 8.0
 _MARGIN = 1.1
 
 
-def tables(series: CompiledSeries, p: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+def tables(
+    linear: CompiledLinear, series: CompiledSeries, p: NDArray[np.float64], period: float
+) -> NDArray[np.float64]:
     """Return parameters, constants and behind them the tables of every mode whose field splits.
 
     For each such mode: the shortest and the longest step; for each event function its row against the state and the
@@ -29,8 +31,10 @@ def tables(series: CompiledSeries, p: NDArray[np.float64], period: float) -> NDA
 
     Parameters
     ----------
+    linear : CompiledLinear
+        The linear parts of the system's modes.
     series : CompiledSeries
-        The system's series.
+        Its series.
     p : ndarray, shape (parameters,)
         `HybridSystem.parameter_vector`.
     period : float
@@ -41,10 +45,10 @@ def tables(series: CompiledSeries, p: NDArray[np.float64], period: float) -> NDA
     from saltus.flow._far_kernels import exponentials
 
     parts = [series.constants(p)]
-    for mode, layout in enumerate(series.splits):
+    for mode, layout in enumerate(linear.splits):
         if layout is None:
             continue
-        generator, events = series.linear(mode, parts[0])
+        generator, events = linear.at(mode, p)
         n, entries, kicks = layout["states"], layout["entries"], layout["kicks"]
         balanced, (scale, _) = matrix_balance(generator, permute=False, separate=True)
         size = float(np.abs(balanced[:n, :n]).max())

@@ -122,10 +122,10 @@ class TaylorRun:
 
     def _go_far(self) -> None:
         """Allow steps by the exact flow of the linear part, in the modes that have one."""
-        self.splits[:] = [layout is not None for layout in self.series.splits]
+        self.splits[:] = [layout is not None for layout in self.system.linear.splits]
         if self.splits.any():
             period = 2.0 * math.pi / self.rate if self.rate > 0.0 else math.inf
-            self.extended_series = tables(self.series, self.p, period)
+            self.extended_series = tables(self.system.linear, self.series, self.p, period)
 
     def _be_helped(
         self, discard: int, kept: tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]], longest: float

@@ -22,6 +22,7 @@ _HOMES = {
     "saltus.continuation.locus.Locus": "saltus.plotting.locus",
     "saltus.sweeps.sweep.Sweep": "saltus.plotting.sweep",
     "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
+    "saltus.basins.basins.Basins": "saltus.plotting.basin",
 }
 
 
@@ -31,9 +32,9 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
 
     Parameters
     ----------
-    result : Branch, Locus, Family, PeriodicOrbit, Trajectory, Sweep or LyapunovSpectrum
-        What is drawn; `saltus.plotting.branch`, `.locus`, `.family`, `.orbit`, `.trajectory`, `.sweep` and `.lyapunov`
-        say how, and with which options.
+    result : Branch, Locus, Family, PeriodicOrbit, Trajectory, Sweep, LyapunovSpectrum or Basins
+        What is drawn; `saltus.plotting.branch`, `.locus`, `.family`, `.orbit`, `.trajectory`, `.sweep`, `.lyapunov` and
+        `.basin` say how, and with which options.
     *args, **options
         Names of the quantities on the axes, and ``ax``, the Axes to draw into; by default in a new figure.
 

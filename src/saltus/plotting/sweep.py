@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import InputError, nearest
+from saltus.flow.classify import CHAOTIC, DIVERGED, NO_RETURN, QUASI_PERIODIC
 from saltus.plotting import plot, style
-from saltus.sweeps.classify import CHAOTIC, DIVERGED, NO_RETURN, QUASI_PERIODIC
 from saltus.sweeps.sweep import Sweep
 
 if TYPE_CHECKING:

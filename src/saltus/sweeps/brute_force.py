@@ -32,12 +32,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus.errors import ChatteringError, DivergenceError, InputError, nearest
+from saltus.flow.classify import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
+from saltus.flow.counts import checked_count
 from saltus.flow.poincare import Iterates, admits, iterate
 from saltus.flow.run import Run, check_tolerances, starting_mode
 from saltus.flow.simulate import simulate
 from saltus.flow.variational import Growth, growth_along
-from saltus.sweeps.classify import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
-from saltus.sweeps.counts import checked_count
 from saltus.sweeps.section import Section, on_section
 from saltus.sweeps.sweep import Sweep
 from saltus.sweeps.workers import Piece, rows_of

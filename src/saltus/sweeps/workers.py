@@ -12,7 +12,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from saltus.errors import InputError
-from saltus.sweeps.counts import checked_count
+from saltus.flow.counts import checked_count
 
 if TYPE_CHECKING:
     import numpy as np

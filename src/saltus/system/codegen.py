@@ -35,8 +35,9 @@ if TYPE_CHECKING:
     from saltus.system.regularise import Regularised
     from saltus.system.split import Split
 
-__all__ = ["FUNCTIONS", "SECOND", "Compiled", "CompiledSecond", "CompiledSeries", "cache_folder", "let_numba_cache",
-           "load", "load_second", "load_series", "source_file"]  # fmt: skip
+__all__ = ["FUNCTIONS", "SECOND", "Compiled", "CompiledLanes", "CompiledLinear", "CompiledSecond", "CompiledSeries",
+           "Writer", "cache_folder", "let_numba_cache", "load", "load_lanes", "load_linear", "load_second",
+           "load_series", "source_file"]  # fmt: skip
 
 FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p", "reset", "reset_x", "reset_p",
              "outputs", "guard")  # fmt: skip
@@ -103,8 +104,6 @@ class CompiledSeries:
     ----------
     addresses : ndarray of int64, shape (3,)
         Where ``derive``, ``series`` and ``far`` begin; valid in this process only.
-    splits : list of dict or None
-        For each mode what `saltus.system.split.Split.layout` says of its linear part, None where it has none.
     order, stride : int
         Last coefficient; columns.
     forms : ndarray of int64, shape (modes, 2)
@@ -115,28 +114,64 @@ class CompiledSeries:
         self.addresses = np.array(
             [getattr(module, name).address for name in ("derive", "series", "far")], dtype=np.int64
         )
-        self.splits: list[dict[str, Any] | None] = module.SPLITS
         self.order, self.stride = int(module.ORDER), int(module.STRIDE)
         self.forms = np.array(module.FORMS, dtype=np.int64).reshape(len(system.modes), 2)
         self._n_constants = int(module.CONSTANTS)
         self._derive: Any = module.derive.ctypes
-        self._linear: Any = module.linear.ctypes
 
     def constants(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return parameters with the constants of these functions behind them."""
         return _with_constants(self._derive, p, self._n_constants)
 
-    def linear(self, mode: int, p: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the generator of a mode's linear part and its event functions, (size, size) and (events, size).
 
-        `p` has the constants behind it.
-        """
+class CompiledLinear:
+    """Linear parts of a system's modes.
+
+    Attributes
+    ----------
+    splits : list of dict or None
+        For each mode what `saltus.system.split.Split.layout` says of its linear part, None where it has none.
+    """
+
+    def __init__(self, module: Any) -> None:
+        self.splits: list[dict[str, Any] | None] = module.SPLITS
+        self._n_constants = int(module.CONSTANTS)
+        self._derive: Any = module.derive.ctypes
+        self._linear: Any = module.linear.ctypes
+
+    def at(self, mode: int, p: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the generator of a mode's linear part and its event functions, (size, size) and (events, size)."""
         layout = self.splits[mode]
         assert layout is not None
         size = layout["size"]
         out = np.empty((size + layout["events"], size))
-        _call(self._linear, mode, 0, out, p, out)
+        _call(self._linear, mode, 0, out, _with_constants(self._derive, p, self._n_constants), out)
         return out[:size], out[size:]
+
+
+class CompiledLanes:
+    """Steps of many motions at once, compiled for one system.
+
+    Attributes
+    ----------
+    module : module
+        The generated module, from which a graphics card's kernels take the same functions.
+    run : callable
+        Follows motions until each has met its fate; see `saltus.system.lanes`.
+    quantities : tuple of str
+        Names of the numbers that `run` reads from its argument ``q``.
+    """
+
+    def __init__(self, module: Any) -> None:
+        self.module = module
+        self.run: Callable[..., None] = module.run
+        self.quantities: tuple[str, ...] = module.QUANTITIES
+        self._n_constants = int(module.CONSTANTS)
+        self._derive: Any = module.derive.ctypes
+
+    def constants(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return parameters with the constants of these functions behind them."""
+        return _with_constants(self._derive, p, self._n_constants)
 
 
 class CompiledSecond:
@@ -234,14 +269,14 @@ def source_file(system: HybridSystem) -> Path:
     DefinitionError
         An expression of the definition cannot be read.
     """
-    return _source_file(system, _Writer)
+    return _source_file(system, Writer)
 
 
-def _source_file(system: HybridSystem, writer: Callable[[Symbolic], _Writer], *variant: object) -> Path:
+def _source_file(system: HybridSystem, writer: Callable[[Symbolic], Writer], *variant: object) -> Path:
     """Write the file of the functions, or of a variant of them, with the text of `writer`, unless it exists."""
     from importlib.metadata import version
 
-    mathematics = {key: value for key, value in system.definition().items() if key not in ("name", "groups")}
+    mathematics = {key: value for key, value in system.definition().items() if key not in ("name", "groups", "regimes")}
     mathematics["parameters"] = list(system.parameters)
     for key in ("positive", "parameter_bounds"):
         mathematics.pop(key)
@@ -285,6 +320,26 @@ def load_series(system: HybridSystem, order: int) -> CompiledSeries | None:
     except NotAnalyticError:
         return None
     return CompiledSeries(_module(file), system)
+
+
+def load_linear(system: HybridSystem) -> CompiledLinear:
+    """Return the linear parts of a system's modes."""
+    return CompiledLinear(_module(_source_file(system, _LinearWriter, "linear")))
+
+
+def load_lanes(system: HybridSystem, order: int, exact: dict[int, int]) -> CompiledLanes | None:
+    """Return the steps of many motions at once, see `saltus.system.lanes`; None where the definition has no series."""
+    from saltus.system.taylor import NotAnalyticError
+
+    def writer(symbolic: Symbolic) -> Writer:
+        from saltus.system.lanes import LaneWriter
+
+        return LaneWriter(symbolic, order, exact)
+
+    try:
+        return CompiledLanes(_module(_source_file(system, writer, "lanes", order, sorted(exact.items()))))
+    except NotAnalyticError:
+        return None
 
 
 _LOADING = threading.RLock()
@@ -334,7 +389,7 @@ FAST = {"contract", "nsz"}
 '''
 
 
-def _module_text(writer: _Writer) -> Iterator[str]:
+def _module_text(writer: Writer) -> Iterator[str]:
     body = list(writer.functions())
     yield _HEAD
     yield f"CONSTANTS = {len(writer.constants)}\n"
@@ -343,7 +398,7 @@ def _module_text(writer: _Writer) -> Iterator[str]:
     yield from body
 
 
-class _Writer:
+class Writer:
     """Texts of the generated functions; gathers the constants that depend on parameters alone."""
 
     def __init__(self, system: Symbolic) -> None:
@@ -358,6 +413,7 @@ class _Writer:
         self._names |= {symbol: f"p[{i}]" for i, symbol in enumerate(system.p)}
 
     def functions(self) -> Iterator[str]:
+        """Texts of the module's functions."""
         s = self.system
         modes, transitions = range(len(s.field)), range(len(s.event))
         yield self._function("field", {k: self._assign(s.field[k]) for k in modes})
@@ -377,6 +433,7 @@ class _Writer:
         yield self._function("guard", {k: self._assign([guard]) for k, guard in enumerate(guards)})
 
     def derive(self) -> str:
+        """Text of the function that computes the constants."""
         lines = self._lines(list(self.constants), len(self.constants), len(self.system.p), "", True)
         return self._function("derive", {0: lines})
 
@@ -470,7 +527,7 @@ class _Writer:
         return symbol
 
 
-class _SeriesWriter(_Writer):
+class _SeriesWriter(Writer):
     """Text of the Taylor series of every mode."""
 
     def __init__(self, system: Symbolic, order: int) -> None:
@@ -479,7 +536,6 @@ class _SeriesWriter(_Writer):
 
     def functions(self) -> Iterator[str]:
         from saltus.system.regularise import regularised
-        from saltus.system.split import split_of_mode
         from saltus.system.taylor import series_of_mode
 
         modes = range(len(self.system.field))
@@ -497,38 +553,59 @@ class _SeriesWriter(_Writer):
         for k, form in wanted.items():
             series = series_of_mode(self.system, k % len(modes), self.order, lambda e: self._text(self._hoist(e)), form)
             places = [*range(first_event - (2 if form is None else 0)), *range(first_event, stride)]
-            branches[k] = series.lines + [
-                f"out[{stride * i + place}] = {name}_{i}"
-                for i in range(self.order + 1)
-                for place, name in zip(places, series.columns, strict=False)
-            ]
-        splits = [split_of_mode(self.system, k) if form is None else None for k, form in enumerate(forms)]
-        linear, far = self._splits(splits)
+            branches[k] = (
+                series.constants
+                + series.lines
+                + [
+                    f"out[{stride * i + place}] = {name}_{i}"
+                    for i in range(self.order + 1)
+                    for place, name in zip(places, series.columns, strict=False)
+                ]
+            )
         yield "\nfrom saltus.system._series_kernels import products\n"
-        yield linear
-        yield far
+        yield self._far(_splits(self.system))
         yield self._function("series", branches).replace("**OPTIONS", "**OPTIONS, fastmath=FAST")
 
-    def _splits(self, splits: list[Split | None]) -> tuple[str, str]:
-        """Texts of ``linear`` and ``far``, and where each mode's tables begin behind the constants."""
-        linear, far, layouts = {}, {}, []
-        for k, split in enumerate(splits):
-            layouts.append(None if split is None else split.layout())
-            if split is not None:
-                rows = [entry for row in (*split.matrix, *split.events) for entry in row]
-                linear[k] = self._assign(rows)
-                far[k] = split.lines(f"TABLES_{k}", lambda e: self._text(self._hoist(e)))
-        texts = self._function("linear", linear), self._function("far", far)
+    def _far(self, splits: list[Split | None]) -> str:
+        """Text of ``far``, and where each mode's tables begin behind the constants."""
+        far = {
+            k: split.lines(f"TABLES_{k}", lambda e: self._text(self._hoist(e)))
+            for k, split in enumerate(splits)
+            if split is not None
+        }
+        text = self._function("far", far)
         place = len(self.system.p) + len(self.constants)
         for k, split in enumerate(splits):
             if split is not None:
                 self.numbers[f"TABLES_{k}"] = place
                 place += split.table_size
-        self.numbers["SPLITS"] = layouts
-        return texts
+        return text
 
 
-class _SecondWriter(_Writer):
+class _LinearWriter(Writer):
+    """Text of the linear parts of the modes."""
+
+    def functions(self) -> Iterator[str]:
+        splits = _splits(self.system)
+        self.numbers["SPLITS"] = [None if split is None else split.layout() for split in splits]
+        entries = {
+            k: [entry for row in (*split.matrix, *split.events) for entry in row]
+            for k, split in enumerate(splits)
+            if split is not None
+        }
+        yield self._function("linear", {k: self._assign(rows) for k, rows in entries.items()})
+
+
+def _splits(system: Symbolic) -> list[Split | None]:
+    """The linear part of each mode that is not regularised and has one."""
+    from saltus.system.regularise import regularised
+    from saltus.system.split import split_of_mode
+
+    modes = range(len(system.field))
+    return [split_of_mode(system, k) if regularised(system, k) is None else None for k in modes]
+
+
+class _SecondWriter(Writer):
     """Texts of the second derivatives in the state and in some parameters, once along a direction."""
 
     def __init__(self, system: Symbolic, active: tuple[int, ...]) -> None:

@@ -18,7 +18,7 @@ from saltus.system.expressions import check_name, text_of
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from saltus.system.codegen import Compiled, CompiledSecond, CompiledSeries
+    from saltus.system.codegen import Compiled, CompiledLinear, CompiledSecond, CompiledSeries
 
 __all__ = ["HybridSystem", "Mode", "Transition"]
 
@@ -124,6 +124,8 @@ class HybridSystem:
         Parameters that must be positive.
     parameter_bounds : mapping of str to (float, float), optional
         Closed interval in which a parameter must lie.
+    regimes : mapping of str to sequence of str, optional
+        Names for kinds of motion, each with the modes that a motion so named visits, exactly these.
     name : str, optional
         What the system is called in its `repr` and in files.
 
@@ -163,6 +165,7 @@ class HybridSystem:
         groups: Mapping[str, Sequence[str]] | None = None,
         positive: Iterable[str] = (),
         parameter_bounds: Mapping[str, tuple[float, float]] | None = None,
+        regimes: Mapping[str, Sequence[str]] | None = None,
         name: str = "",
     ) -> None:
         self.name = str(name)
@@ -181,6 +184,8 @@ class HybridSystem:
         self.positive = _sequence(positive, "positive", "of parameters")
         bounds = _mapping(parameter_bounds, "parameter_bounds", "of parameters to intervals")
         self.parameter_bounds = {key: _clean_bounds(key, interval) for key, interval in bounds.items()}
+        regimes = _mapping(regimes, "regimes", "of names to sequences of modes")
+        self.regimes = {str(key): _sequence(visited, f"regime {key!r}", "of modes") for key, visited in regimes.items()}
         self._check_structure()
         from saltus.system import codegen
 
@@ -237,6 +242,13 @@ class HybridSystem:
             self._series[order] = codegen.load_series(self, order)
         return self._series[order]
 
+    @cached_property
+    def linear(self) -> CompiledLinear:
+        """The compiled linear parts of the modes."""
+        from saltus.system import codegen
+
+        return codegen.load_linear(self)
+
     def definition(self) -> dict[str, Any]:
         """Return the definition as plain data, from which `from_definition` makes an equal system."""
         return {
@@ -256,6 +268,7 @@ class HybridSystem:
             "groups": {key: list(value) for key, value in self.groups.items()},
             "positive": list(self.positive),
             "parameter_bounds": {key: list(value) for key, value in self.parameter_bounds.items()},
+            "regimes": {key: list(value) for key, value in self.regimes.items()},
         }  # fmt: skip
 
     @classmethod
@@ -393,6 +406,10 @@ class HybridSystem:
         for key, members in self.groups.items():
             if unknown := [member for member in members if member not in self.parameters]:
                 raise DefinitionError(f"group {key!r}", unknown[0], f"one of {', '.join(self.parameters)}")
+        for key, visited in self.regimes.items():
+            if unknown := [mode for mode in visited if mode not in self.modes]:
+                hint = nearest(str(unknown[0]), self.modes)
+                raise DefinitionError(f"regime {key!r}", unknown[0], f"a mode: {', '.join(self.modes)}", hint)
         for key in (*self.positive, *self.parameter_bounds):
             if key not in self.parameters:
                 raise DefinitionError("positive, parameter_bounds", key, f"one of {', '.join(self.parameters)}")

@@ -44,19 +44,27 @@ class Series(NamedTuple):
 
     Attributes
     ----------
+    constants : list of str
+        Statements that make local variables of what depends on parameters alone.
     lines : list of str
-        Statements, in order; those of order 0 start from the state.
+        Statements behind them, in order; those of order 0 start from the state.
     columns : list of str
         Names of the series that are returned: states without the phase, w and the time (in sigma), then the event
         functions of the mode. Coefficient k of ``a`` is the local variable ``a_k``.
     """
 
+    constants: list[str]
     lines: list[str]
     columns: list[str]
 
 
 def series_of_mode(
-    system: Symbolic, mode: int, order: int, text: Callable[[sympy.Expr], str], form: Regularised | None = None
+    system: Symbolic,
+    mode: int,
+    order: int,
+    text: Callable[[sympy.Expr], str],
+    form: Regularised | None = None,
+    read: Callable[[int], str] = "x[{}]".format,
 ) -> Series:
     """Return the statements that compute the Taylor series of a mode.
 
@@ -72,13 +80,15 @@ def series_of_mode(
         Writes an expression in parameters alone.
     form : Regularised, optional
         The mode's field in sigma; by default the series are in time.
+    read : callable, optional
+        Writes component i of the full state, with w behind it.
 
     Raises
     ------
     NotAnalyticError
         The mode has no Taylor series.
     """
-    return _Tape(system, mode, order, text, form).written()
+    return _Tape(system, mode, order, text, form, read).written()
 
 
 class _Tape:
@@ -91,8 +101,9 @@ class _Tape:
         order: int,
         text: Callable[[sympy.Expr], str],
         form: Regularised | None,
+        read: Callable[[int], str],
     ) -> None:
-        self.form = form
+        self.form, self.read = form, read
         self.system, self.mode, self.order, self.text = system, mode, order, text
         self.parameters = set(system.p)
         has_phase = system.system.phase is not None
@@ -106,11 +117,11 @@ class _Tape:
         self.operations: list[tuple[str, ...]] = []
         self.known: dict[tuple[str, ...], str] = {}
         self.coefficients: dict[str, sympy.Expr] = {}
-        self.starts: list[str] = [f"{name}_0 = x[{i}]" for i, name in enumerate(self.positions)]
+        self.starts: list[str] = [f"{name}_0 = {read(i)}" for i, name in enumerate(self.positions)]
         self.w = f"{self.prefix}w" if form is not None else ""
         if form is not None:
             self.names[form.w] = self.w
-            self.starts += [f"{self.w}_0 = x[{len(system.x)}]", f"{self.prefix}t_0 = 0.0"]
+            self.starts += [f"{self.w}_0 = {read(len(system.x))}", f"{self.prefix}t_0 = 0.0"]
         self.written_coefficients: dict[str, str] = {}
 
     def written(self) -> Series:
@@ -138,7 +149,7 @@ class _Tape:
                 part = f"*{1.0 / (k + 1)!r}" if k else ""
                 lines += [f"{x}_{k + 1} = {name}_{k}{part}" for x, name in zip(moving, slopes, strict=True)]
         constants = [f"{name} = {value}" for name, value in self.written_coefficients.items()]
-        return Series(constants + lines, columns)
+        return Series(constants, lines, columns)
 
     def linear(self, expression: sympy.Expr) -> _Linear:
         """Take a linear combination apart; what is not linear becomes a series of its own."""
@@ -320,13 +331,13 @@ class _Tape:
             case "phase":
                 (speed,) = arguments
                 later = f"{speed}*{self.prefix}t_{k}" if self.w else (speed if k == 1 else "0.0")
-                yield f"{target} = x[{len(self.states)}]" if k == 0 else f"{target} = {later}"
+                yield f"{target} = {self.read(len(self.states))}" if k == 0 else f"{target} = {later}"
             case "turn_sin" | "turn_cos":
                 speed, turns, offset = arguments
                 sine, cosine = (self.known[(which, *arguments)] for which in ("turn_sin", "turn_cos"))
                 function, other, sign = ("sin", cosine, "") if kind == "turn_sin" else ("cos", sine, "-")
                 if k == 0:
-                    angle = f"{turns}*x[{len(self.states)}] + {offset}"
+                    angle = f"{turns}*{self.read(len(self.states))} + {offset}"
                     yield f"{target} = math.{function}({angle})"
                 else:
                     rest = _convolution(self.w, other, k - 1) if self.w else f"{other}_{k - 1}"

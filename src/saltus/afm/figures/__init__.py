@@ -23,6 +23,9 @@ FIGURES: Mapping[str, str] = MappingProxyType(
         "fig6": "saddle-node against the damping in air and in contact: isolines, and the cusp",
         "fig7": "brute-force diagram and phase portraits with two modes, with the responses of fig7a",
         "fig7a": "frequency responses with one mode and with two",
+        "fig8": "basin of the repulsive motion in space, two modes: sections of 400^3 cells, with PyVista",
+        "fig9": "basins of the repulsive motion with one mode and with two, in the plane of the first",
+        "fig10": "six sections of the basins with two modes",
     }
 )
 """The figures that can be reproduced, each in a line."""

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from saltus.errors import InputError
-from saltus.sweeps import Criteria
-from saltus.sweeps.classify import classify, rotation_number
+from saltus.flow.classify import Criteria, classify, rotation_number
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 KEPT = 100

@@ -32,8 +32,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.errors import InputError
+from saltus.flow.counts import checked_count
 from saltus.flow.run import is_number
-from saltus.sweeps.counts import checked_count
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -1,0 +1,186 @@
+"""Fig. 8: the basin of the repulsive motion with two modes, in the space of q1, q1' and q2.
+
+The labels are in the store ``fig8.zarr``, which `saltus.load` opens; the attractors' orbits in ``fig8.nc``, which
+`read_results` reads.
+
+References
+----------
+ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 8 and section 4.2. The basin fills nine tenths of
+the box. Panel (a) is the paper's body, cut off at the highlighted section, which print shows above the box; panel (b)
+is added: what is empty in (a), the basin of the attractive motion, as a body in the whole box.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from saltus.afm.figures.sections import (
+    LABELS,
+    PARAMETERS,
+    RANGE,
+    RESOLUTION,
+    attractors_of,
+    checked_resolution,
+    mapped,
+    model,
+    summary_of,
+    write_sections,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
+    from saltus.basins import Basins
+
+__all__ = ["V2", "compute", "draw", "film", "run", "summary"]
+
+V2 = 0.485640
+"""The second mode's velocity: that of the paper's repulsive attractor at phase 0."""
+
+_REPULSIVE, _ATTRACTIVE = "#d1495b", "#77aadd"
+_BALLS: Mapping[str, str] = MappingProxyType({"repulsive": "#5a0a18", "attractive": "#1450a3"})
+"""Colours of the basins, and of the attractors, which are seen on both; blue is the paper's for the attractive one."""
+
+_TURNS, _RATE, _START, _DPI = 72, 10, -58.0, 100.0
+"""Of the film: frames in a whole turn, frames a second, azimuth in degrees of the first, pixels an inch."""
+
+
+def run(
+    out: Path,
+    progress: Callable[[str], None] | None = None,
+    *,
+    resolution: int = RESOLUTION,
+    animate: bool = False,
+) -> dict[str, Any]:
+    """Compute and draw the figure, and return what was written, as `write_figure` does.
+
+    Parameters
+    ----------
+    out : Path
+        An existing folder, for ``fig8.zarr``, ``fig8.nc``, ``fig8.json`` (`summary`), ``fig8.png`` and ``fig8.pdf``.
+        Where ``fig8.zarr`` is there, the run goes on from it.
+    progress : callable, optional
+        Called with a line of text whenever there is something new to say.
+    resolution : int, optional
+        Cells along each axis.
+    animate : bool, optional
+        Whether ``fig8.gif`` is written too, in which the box turns once.
+
+    Raises
+    ------
+    InputError
+        The resolution is no whole number of 2 or more, or the store there is of another one.
+    SaltusError
+        PyVista is not installed, or has nothing to render with.
+    """
+    from saltus.plotting.volume import check_renderer
+
+    say = progress or (lambda _: None)
+    check_renderer()
+    found = compute(out / "fig8.zarr", checked_resolution(resolution), say)
+    written = write_sections(out, "fig8", found, summary, draw, say)
+    if animate and not written["interrupted"]:
+        try:
+            written["files"].append(film(written["results"]["basins"], out / "fig8.gif", say))
+        except KeyboardInterrupt:
+            written["interrupted"] = True
+    return written
+
+
+def compute(
+    store: Path, resolution: int = RESOLUTION, say: Callable[[str], None] = lambda _: None
+) -> Iterator[tuple[str, Basins]]:
+    """Go through the one result, ``basins``, computing it when it is asked for."""
+    say("preparing the model")
+    system, axis = model(2), (*RANGE, resolution)
+    grid = {"q1": axis, "v1": axis, "q2": axis, "v2": V2}
+    yield "basins", mapped(system, grid, attractors_of(system, store, say), store, say, "labels")
+
+
+def summary(basins: Mapping[str, Basins]) -> dict[str, Any]:
+    """Return the content of ``fig8.json``.
+
+    It is as `summary_of` has it; ``section`` is the one that is highlighted, at the cells nearest to the repulsive
+    attractor: its ``q2``, and the parts of its cells by label.
+    """
+    found = basins["basins"]
+    section = found.section(q2=_height(found))
+    told = {"q2": section.grid.fixed["q2"], "fractions": section.fractions()}
+    return {"figure": "fig8", "parameters": dict(PARAMETERS), **summary_of(found), "section": told}
+
+
+def _height(basins: Basins) -> float:
+    """Return the repulsive attractor's q2 at phase 0."""
+    return float(basins.attractors.points["repulsive"][0][basins.grid.states.index("q2")])
+
+
+def draw(basins: Mapping[str, Basins]) -> Figure:
+    """Return the figure: (a) the repulsive basin below the highlighted section, (b) the attractive basin."""
+    figure, show = _stage(basins["basins"], pixels=1400)
+    show(_START)
+    return figure
+
+
+def film(basins: Basins, path: Path, say: Callable[[str], None] = lambda _: None) -> Path:
+    """Write the film in which the box turns once, and return its path."""
+    from saltus.afm.movies import write_movie
+
+    figure, show = _stage(basins, pixels=520, turning=True)
+    frames = [partial(show, _START + 360.0 * i / _TURNS) for i in range(_TURNS)]
+    write_movie(figure, path, frames, fps=_RATE, dpi=_DPI, progress=lambda done, total: say(f"frame {done} of {total}"))
+    return path
+
+
+def _stage(basins: Basins, pixels: int, *, turning: bool = False) -> tuple[Figure, Callable[[float], None]]:
+    """Return the figure without bodies, and what draws them as they are seen from an azimuth."""
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    from saltus.plotting import style
+    from saltus.plotting.basin import percent
+    from saltus.plotting.volume import Volume
+
+    repulsive = Volume(
+        basins, "repulsive", cut=("q2", _height(basins)), marks=_BALLS,
+        colours={"repulsive": _REPULSIVE, "attractive": "white"},
+    )  # fmt: skip
+    attractive = Volume(basins, "attractive", hollow=True, colours={"attractive": _ATTRACTIVE}, marks=_BALLS)
+    parts = basins.fractions()
+    with style.publication():
+        figure = Figure(figsize=(7.2, 4.0), layout=ConstrainedLayoutEngine(h_pad=0.08))
+        axes = figure.subplots(1, 2)
+        _draw_legend(figure, basins)
+
+    def show(azimuth: float) -> None:
+        with style.publication():
+            for ax, volume, letter in zip(axes, (repulsive, attractive), "ab", strict=True):
+                volume.draw(ax, azimuth=azimuth, pixels=pixels, turning=turning, names=LABELS)
+                ax.set_title(f"({letter})", loc="left", fontweight="bold")
+                ax.set_title(f"{volume.name} basin: {percent(parts[volume.name])} of the box", loc="center")
+
+    return figure, show
+
+
+def _draw_legend(figure: Figure, basins: Basins) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    height = basins.section(q2=_height(basins)).grid.fixed["q2"]
+    handles: list[Any] = [
+        Patch(
+            facecolor=_REPULSIVE,
+            edgecolor="0.4",
+            linewidth=0.4,
+            label=f"repulsive, cut at {LABELS['q2']} = {height:.4g}".replace("-", "\N{MINUS SIGN}"),
+        ),
+        Patch(facecolor=_ATTRACTIVE, edgecolor="0.4", linewidth=0.4, label="attractive, empty in (a)"),
+    ]
+    for name, colour in _BALLS.items():
+        mark: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 5.5, "color": colour}
+        handles.append(Line2D([], [], label=f"{name} orbit", **mark))
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, columnspacing=1.8, handletextpad=0.5)

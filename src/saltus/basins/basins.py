@@ -1,0 +1,395 @@
+"""Basins of attraction over a grid of initial conditions: the label of each cell, in memory or in a store."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.basins.grid import Grid, tiles
+from saltus.basins.store import Store, Window, flags
+from saltus.errors import InputError
+from saltus.flow.traps import DIVERGED, NOT_DONE, UNDECIDED
+from saltus.results import Result, frozen, load
+
+if TYPE_CHECKING:
+    import os
+
+    import xarray as xr
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Basins", "Outcomes"]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """What the labels of an array from elsewhere stand for.
+
+    Attributes
+    ----------
+    labels : mapping of str to int
+        The byte of each outcome.
+    points : mapping of str to ndarray, shape (k, n)
+        Points of the attractors, where they are known.
+    kinds, notes : mapping of str to str
+        What kind of attractor each is, and what is known of its trapping region.
+    measured_error : float or None
+        Bound on the part of a trapping region that belongs elsewhere, where it was measured.
+    """
+
+    labels: Mapping[str, int]
+    points: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    kinds: Mapping[str, str] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)
+    measured_error: float | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The attractors: outcomes other than divergence and indecision."""
+        return tuple(name for name, label in self.labels.items() if label < DIVERGED)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Basins(Result):
+    """The attractor of each cell of a grid of initial conditions; made by `map_basins`.
+
+    Attributes
+    ----------
+    labels : array of uint8, shape of the grid
+        A byte a cell, `attractors.labels` says of what; 255 where a cell is not done. In memory an ndarray; in a store
+        it is sliced as one is, and read where it is.
+    grid : Grid
+        The cells; a label belongs to its cell's centre.
+    attractors : Attractors or Outcomes
+        What the labels stand for.
+    inputs : mapping
+        All inputs but the grid as plain data: the system's definition, parameters, tolerance, trapping regions, ...
+    stopped : str
+        Whether all cells are done, in words; of a section, those of the whole grid.
+    path : Path or None
+        The store.
+    orbits_per_second : float
+        Motions followed a second when the basins were computed; NaN where it is not known.
+
+    Examples
+    --------
+    >>> x = np.linspace(-0.95, 0.95, 20)
+    >>> disc = Basins.from_array(x[:, None] ** 2 + x**2 < 0.36, {"x": x, "y": x}, {"outside": 0, "inside": 1})
+    >>> disc.fractions()
+    {'outside': 0.72, 'inside': 0.28, 'diverged': 0.0, 'undecided': 0.0}
+    >>> disc.section(y=0.42).labels.tolist()
+    [0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0]
+    """
+
+    labels: NDArray[np.uint8] | Window
+    grid: Grid
+    attractors: Any
+    inputs: Mapping[str, Any] = field(default_factory=dict)
+    stopped: str = ""
+    path: Path | None = None
+    orbits_per_second: float = float("nan")
+
+    def __post_init__(self) -> None:
+        if isinstance(self.labels, np.ndarray):
+            self.labels.setflags(write=False)
+        object.__setattr__(self, "inputs", MappingProxyType(dict(self.inputs)))
+
+    @classmethod
+    def from_array(
+        cls,
+        labels: ArrayLike,
+        axes: Mapping[str, ArrayLike],
+        names: Mapping[str, int],
+        points: Mapping[str, ArrayLike] | None = None,
+    ) -> Basins:
+        """Return the basins that an array of labels from elsewhere shows.
+
+        Parameters
+        ----------
+        labels : array_like, shape (len(axes[0]), len(axes[1]), ...)
+            The label of each cell, between 0 and 254.
+        axes : mapping of str to array_like, shape (count,)
+            Centres of the cells along each coordinate, evenly spaced, at least two.
+        names : mapping of str to int
+            The label of each outcome; ``diverged`` is 253 and ``undecided`` 254.
+        points : mapping of str to array_like, shape (k, coordinates), optional
+            Points of the attractors.
+
+        Raises
+        ------
+        InputError
+            Centres that are not evenly spaced, another shape, or a label without a name.
+        """
+        ranges = {name: _range(name, np.asarray(centres, dtype=np.float64)) for name, centres in axes.items()}
+        grid = Grid(tuple(ranges), ranges)
+        array = np.array(labels, dtype=np.uint8)
+        if array.shape != grid.shape:
+            raise InputError("labels' shape", array.shape, f"that of the axes, {grid.shape}")
+        named = {**names, "diverged": DIVERGED, "undecided": UNDECIDED}
+        if unnamed := sorted(set(np.unique(array).tolist()) - set(named.values())):
+            raise InputError("labels", unnamed[0], f"labels that are named: {', '.join(map(str, named.values()))}")
+        held = {name: frozen(np.atleast_2d(np.asarray(at))) for name, at in (points or {}).items()}
+        return cls(array, grid, Outcomes(named, held), stopped=told(array.size, array.size))
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> Basins:
+        """Return the basins in a store, of which nothing is read until it is asked for; `saltus.load` comes here.
+
+        Raises
+        ------
+        InputError
+            It is no store of basins.
+        """
+        store = Store.open(Path(path))
+        return cls.of_store(store, outcomes_from(store.attractors, store.attributes["attractors"]))
+
+    @classmethod
+    def of_store(cls, store: Store, attractors: Any) -> Basins:
+        """Return the basins in an open store, whose attractors are known."""
+        run, done = store.attributes.get("run", {}), store.done()
+        rate = run["orbits"] / run["seconds"] if run.get("seconds") else float("nan")
+        said = store.attributes.get("stopped") or told(done, store.grid.size)
+        return cls(store.labels, store.grid, attractors, store.attributes["inputs"], said, store.path, rate)
+
+    @cached_property
+    def names(self) -> Mapping[int, str]:
+        """The name of each label."""
+        return MappingProxyType(
+            {label: name for name, label in self.attractors.labels.items()} | {NOT_DONE: "not done"}
+        )
+
+    def section(self, **values: float) -> Basins:
+        """Return the section at the cells nearest to given values of some coordinates; nothing is read yet.
+
+        Its `grid.fixed` says at which values, the centres of these cells, the section is.
+
+        Parameters
+        ----------
+        **values : float
+            Coordinates by name.
+
+        Raises
+        ------
+        InputError
+            A coordinate that is not free, a value outside the grid, or no coordinate left free.
+        """
+        cells = self.grid.nearest(values)
+        grid = self.grid.section(cells)
+        at = {self.grid.names.index(name): index for name, index in cells.items()}
+        if isinstance(self.labels, np.ndarray):
+            labels: Any = self.labels[tuple(at.get(k, slice(None)) for k in range(self.labels.ndim))]
+        else:
+            labels = self.labels.section(at)
+        return Basins(labels, grid, self.attractors, self.inputs, self.stopped, self.path, self.orbits_per_second)
+
+    def blocks(self) -> Iterator[tuple[tuple[slice, ...], NDArray[np.uint8]]]:
+        """Go through the array in blocks of at most half a million cells: where each lies, and its labels.
+
+        This is the way to work on a grid that is larger than memory.
+        """
+        unit = self.grid.layout[1] if isinstance(self.labels, np.ndarray) else self.labels.unit
+        for cells in tiles(self.grid.shape, unit):
+            yield cells, self.labels[cells]
+
+    def fractions(self) -> dict[str, float]:
+        """Return the share of the cells that each outcome has, by name; ``not done`` too where cells are not done."""
+        counts = np.zeros(256, dtype=np.int64)
+        for _, labels in self.blocks():
+            counts += np.bincount(labels.ravel(), minlength=256)
+        shares = (counts / self.grid.size).tolist()
+        found = {name: shares[label] for name, label in self.attractors.labels.items()}
+        return found | ({"not done": shares[NOT_DONE]} if counts[NOT_DONE] else {})
+
+    def classify(self, points: ArrayLike) -> NDArray[np.uint8]:
+        """Return the labels of the motions that start at any points, on the grid or off it.
+
+        They are computed as those of the cells are, by the engine of the grid; `names` has the name of each.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., n)
+            States in the system's order, at phase 0.
+
+        Returns
+        -------
+        ndarray of uint8, shape (...)
+
+        Raises
+        ------
+        InputError
+            Another shape, a point that is not finite, or basins of an array from elsewhere, which have no system.
+        """
+        if self._labelling is None:
+            raise InputError("basins", "from an array", "computed by map_basins", "there is no system to follow")
+        n = len(self.grid.states)
+        try:
+            x = np.asarray(points, dtype=np.float64)
+        except (TypeError, ValueError):
+            x = np.empty(())
+        if not x.ndim or x.shape[-1] != n:
+            wanted = f"an array of shape (..., {n}): {', '.join(self.grid.states)}"
+            raise InputError("points", np.shape(x), wanted)
+        if not np.isfinite(x).all():
+            raise InputError("points", float(x[~np.isfinite(x)][0]), "finite")
+        return np.asarray(self._labelling.of(x.reshape(-1, n)).reshape(x.shape[:-1]))
+
+    @cached_property
+    def _labelling(self) -> Any:
+        from saltus.basins.labelling import Labelling
+
+        return Labelling.from_definition(self.inputs) if self.inputs else None
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return everything as a Dataset: ``labels`` over the free coordinates, the attractors, all inputs.
+
+        The labels of a store are read when they are asked for.
+        """
+        import xarray as xr
+
+        attributes = flags(self.attractors.labels)
+        coords: dict[str, Any] = {
+            name: np.array(axis) for name, axis in zip(self.grid.names, self.grid.axes, strict=True)
+        }
+        coords |= {name: value for name, value in self.grid.fixed.items() if name not in coords}
+        held = np.frombuffer(attractors_bytes(self.attractors), np.uint8)
+        dataset = xr.Dataset(
+            {"labels": (self.grid.names, self._lazy(), attributes), "attractors": ("byte", held)},
+            coords=coords,
+            attrs={
+                "grid": json.dumps(self.grid.definition()),
+                "outcomes": json.dumps(summary(self.attractors)),
+                "inputs": json.dumps(dict(self.inputs)),
+                "stopped": self.stopped,
+            },
+        )
+        dataset["labels"].encoding["_FillValue"] = None
+        return dataset
+
+    def _lazy(self) -> Any:
+        """The labels, those of a store as a variable of xarray that reads them when they are asked for."""
+        if isinstance(self.labels, np.ndarray):
+            return self.labels
+        import xarray as xr
+
+        whole = xr.open_zarr(self.path, chunks=None, consolidated=False, mask_and_scale=False)["labels"]
+        fixed = {name: index for name, index in zip(whole.dims, self.labels.fixed, strict=True) if index is not None}
+        return whole.isel(fixed).variable
+
+    @classmethod
+    def from_xarray(cls, dataset: xr.Dataset) -> Basins:
+        """Return the basins that `to_xarray` described, in memory."""
+        attrs = dataset.attrs
+        outcomes = outcomes_from(dataset["attractors"].to_numpy().tobytes(), json.loads(attrs["outcomes"]))
+        labels = np.array(dataset["labels"].to_numpy(), dtype=np.uint8)
+        grid = Grid.from_definition(json.loads(attrs["grid"]))
+        return cls(labels, grid, outcomes, json.loads(attrs["inputs"]), str(attrs["stopped"]))
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the basins to a Zarr store, if `path` ends in ``.zarr``, or else to a NetCDF file; return its path.
+
+        Raises
+        ------
+        InputError
+            It cannot be written, or the store exists.
+        """
+        path = Path(path)
+        if path.suffix != ".zarr":
+            return super().save(path)
+        if path.exists():
+            raise InputError("path", str(path), "a new folder", "a store is never written over")
+        attributes = attributes_of(self.inputs, self.grid, self.attractors)
+        store = Store.create(path, self.grid, attributes, attractors_bytes(self.attractors))
+        for cells in self.grid.units():
+            store.write(cells, np.asarray(self.labels[cells]))
+        if self.stopped != told(store.done(), self.grid.size):
+            store.note(stopped=self.stopped)
+        return path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        values = (self.labels, self.grid, self.attractors, dict(self.inputs), self.stopped, self.path)
+        return Basins, (*values, self.orbits_per_second)
+
+    def __repr__(self) -> str:
+        system = self.inputs.get("system", {}).get("name") or "a hybrid system"
+        lines = [f"Basins of {system}: {' x '.join(map(str, self.grid.shape))} cells"]
+        for name, (low, high, count) in zip(self.grid.names, self.grid.ranges, strict=True):
+            lines.append(f"  {name:6s} {low:g} to {high:g}, {count} cells")
+        lines += [f"  {name:6s} {value:.6g}" for name, value in self.grid.fixed.items()]
+        if isinstance(self.labels, np.ndarray):
+            shares = (
+                (name, share) for name, share in self.fractions().items() if share or name in self.attractors.names
+            )
+            lines.append("  " + ", ".join(f"{name} {share:.4%}" for name, share in shares))
+        else:
+            lines.append(f"  of {', '.join(self.attractors.names)}; in {self.path}")
+        return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
+
+
+def told(done: int, total: int) -> str:
+    """Say how many cells are done."""
+    return f"all {total} cells done" if done == total else f"interrupted: {done} of {total} cells done"
+
+
+# attractors in a store
+
+
+def attributes_of(inputs: Mapping[str, Any], grid: Grid, attractors: Any) -> dict[str, Any]:
+    """Return the metadata of a store."""
+    from importlib.metadata import version
+
+    return {
+        "saltus_result": "Basins",
+        "saltus_version": version("saltus"),
+        "inputs": dict(inputs),
+        "grid": grid.definition(),
+        "attractors": summary(attractors),
+    }
+
+
+def summary(attractors: Any) -> dict[str, Any]:
+    """Return what a reader wants to know of the attractors, as plain data."""
+    told = {
+        "labels": dict(attractors.labels),
+        "points": {name: np.asarray(points).tolist() for name, points in attractors.points.items()},
+        "kinds": dict(attractors.kinds),
+        "notes": dict(attractors.notes),
+        "measured_error": attractors.measured_error,
+    }
+    return dict(json.loads(json.dumps(told, default=str)))
+
+
+def attractors_bytes(attractors: Any) -> bytes:
+    """Return the attractors' file; nothing for those of an array from elsewhere, which their summary holds."""
+    if not isinstance(attractors, Result):
+        return b""
+    with tempfile.TemporaryDirectory() as folder:
+        return attractors.save(Path(folder) / "attractors.nc").read_bytes()
+
+
+def outcomes_from(held: bytes, said: Mapping[str, Any]) -> Any:
+    """Return the attractors of a store."""
+    if not held:
+        points = {name: frozen(points) for name, points in said["points"].items()}
+        return Outcomes(dict(said["labels"]), points, said["kinds"], said["notes"], said["measured_error"])
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "attractors.nc"
+        file.write_bytes(held)
+        return load(file)
+
+
+def _range(name: str, centres: NDArray[np.float64]) -> tuple[float, float, int]:
+    where = f"axes[{name!r}]"
+    if centres.ndim != 1 or centres.size < 2:
+        raise InputError(where, np.shape(centres), "centres of cells, at least two")
+    step = (centres[-1] - centres[0]) / (centres.size - 1)
+    even = centres[0] + step * np.arange(centres.size)
+    if not step > 0.0 or np.abs(centres - even).max() > 1e-6 * step:
+        raise InputError(where, centres.tolist()[:3], "ascending centres of cells, evenly spaced")
+    return float(centres[0] - step / 2.0), float(centres[-1] + step / 2.0), centres.size

@@ -1,0 +1,237 @@
+"""What gives a cell its label: the flow, the attractors' traps and the settings, as plain data and as a computation."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.errors import InputError
+from saltus.flow.traps import Cages, Cells, Ellipsoids, Traps
+from saltus.system import HybridSystem
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.basins.grid import Grid
+
+__all__ = ["Labelling"]
+
+_STRIDE = 4
+"""Cells from one to the next that a preview computes at first, along each coordinate."""
+
+_BATCH = {"cpu": 1, "cuda": 2**22}
+"""Cells that an engine is handed at once, if the units are not larger."""
+
+_AHEAD = 1
+"""Batches that wait while one is computed."""
+
+_KINDS: Mapping[str, type[Any]] = {"ellipsoids": Ellipsoids, "cages": Cages, "cells": Cells}
+
+
+@dataclass(frozen=True, eq=False)
+class Labelling:
+    """How a motion's label is found.
+
+    Attributes
+    ----------
+    system : HybridSystem
+        What moves.
+    parameters : mapping of str to float
+        All parameters.
+    traps : Traps
+        Where a motion's fate is certain.
+    interval : float or None
+        Time between two looks at a system without a phase.
+    tolerance : float
+        Of a step.
+    longest : int
+        Periods after which a motion is undecided.
+    engine : {"cpu", "cuda"}
+        Whose arithmetic.
+    preview : bool
+        Whether only the cells beside others of another label are computed.
+    threads : int or None
+        Threads that compute; by default as many as there are processors.
+    """
+
+    system: HybridSystem
+    parameters: Mapping[str, float]
+    traps: Traps
+    interval: float | None
+    tolerance: float
+    longest: int
+    engine: str = "cpu"
+    preview: bool = False
+    threads: int | None = None
+
+    def definition(self) -> dict[str, Any]:
+        """Return all that decides a label as plain data, from which `from_definition` makes an equal labelling."""
+        return {
+            "system": self.system.definition(),
+            "parameters": dict(self.parameters),
+            "tolerance": self.tolerance,
+            "longest": self.longest,
+            "interval": self.interval,
+            "engine": self.engine,
+            "preview": self.preview,
+            "traps": _plain(self.traps),
+        }
+
+    @classmethod
+    def from_definition(cls, definition: Mapping[str, Any], threads: int | None = None) -> Labelling:
+        """Return the labelling that `definition` describes."""
+        options = {name: definition[name] for name in ("tolerance", "longest", "interval", "engine", "preview")}
+        system = HybridSystem.from_definition(definition["system"])
+        return cls(system, dict(definition["parameters"]), _traps(definition["traps"]), threads=threads, **options)
+
+    @cached_property
+    def ensemble(self) -> Any:
+        """The engine that follows motions."""
+        options: dict[str, Any] = {"tolerance": self.tolerance, "interval": self.interval}
+        if self.engine == "cuda":
+            from saltus.flow.cuda import CudaEnsemble
+
+            return CudaEnsemble(self.system, self.parameters, **options)
+        from saltus.flow.ensemble import Ensemble
+
+        return Ensemble(self.system, self.parameters, threads=self.threads, **options)
+
+    def of(self, points: ArrayLike) -> NDArray[np.uint8]:
+        """Return the labels, shape (m,), of motions that start at points, shape (m, n)."""
+        labels, _ = self.ensemble.settle(points, self.traps, self.longest)
+        return np.asarray(labels, dtype=np.uint8)
+
+    def units(
+        self, grid: Grid, units: Sequence[tuple[slice, ...]]
+    ) -> Iterator[tuple[tuple[slice, ...], NDArray[np.uint8], int]]:
+        """Go through units of a grid: the cells, their labels, and how many motions were followed for them."""
+        if self.preview:
+            for cells in units:
+                yield cells, *self._refined(grid, cells)
+            return
+        with ThreadPoolExecutor(1) as maker, ThreadPoolExecutor(1) as follower:  # ahead of who takes the labels
+            under_way: deque[tuple[list[tuple[slice, ...]], Future[NDArray[np.uint8]]]] = deque()
+            try:
+                for batch in _batches(units, _BATCH[self.engine]):
+                    points = maker.submit(_points, grid, batch)
+                    under_way.append((batch, follower.submit(self._of_made, points)))
+                    if len(under_way) > _AHEAD:
+                        yield from _parted(*under_way.popleft())
+                while under_way:
+                    yield from _parted(*under_way.popleft())
+            finally:
+                maker.shutdown(wait=False, cancel_futures=True)
+                follower.shutdown(wait=False, cancel_futures=True)
+
+    def _of_made(self, points: Future[NDArray[np.float64]]) -> NDArray[np.uint8]:
+        return self.of(points.result())
+
+    def _refined(self, grid: Grid, cells: tuple[slice, ...]) -> tuple[NDArray[np.uint8], int]:
+        """Label a lattice of the cells, then again and again that of half its stride where neighbours differ."""
+        from scipy.ndimage import binary_dilation
+
+        counts, starts = _shape(cells), [part.start for part in cells]
+        lattice = [_lattice(count, _STRIDE) for count in counts]
+        chosen = [start + indices for start, indices in zip(starts, lattice, strict=True)]
+        labels = self.of(grid.points(chosen)).reshape([len(indices) for indices in lattice])
+        followed, stride = labels.size, _STRIDE
+        while stride > 1:
+            stride //= 2
+            finer = [_lattice(count, stride) for count in counts]
+            least, greatest = labels, labels
+            for axis, (coarse, fine) in enumerate(zip(lattice, finer, strict=True)):
+                below = np.searchsorted(coarse, fine, "right") - 1
+                above = np.searchsorted(coarse, fine, "left")
+                least = np.minimum(least.take(below, axis), least.take(above, axis))
+                greatest = np.maximum(greatest.take(below, axis), greatest.take(above, axis))
+            wanted = binary_dilation(least != greatest, np.ones((3,) * len(counts), dtype=bool))
+            wanted[np.ix_(*(np.isin(fine, coarse) for fine, coarse in zip(finer, lattice, strict=True)))] = False
+            lattice, labels = finer, least
+            places = np.argwhere(wanted)
+            if len(places):
+                at = np.stack([s + f[places[:, k]] for k, (s, f) in enumerate(zip(starts, finer, strict=True))], axis=1)
+                labels[tuple(places.T)] = self.of(grid.at(at))
+                followed += len(places)
+        return labels, followed
+
+
+def _lattice(count: int, stride: int) -> NDArray[np.int64]:
+    """Every `stride`-th index, and the last."""
+    return np.unique(np.append(np.arange(0, count, stride), count - 1))
+
+
+def _shape(cells: Sequence[slice]) -> tuple[int, ...]:
+    return tuple(part.stop - part.start for part in cells)
+
+
+def _points(grid: Grid, batch: Sequence[tuple[slice, ...]]) -> NDArray[np.float64]:
+    return np.concatenate([grid.points(cells) for cells in batch])
+
+
+def _parted(
+    batch: Sequence[tuple[slice, ...]], followed: Future[NDArray[np.uint8]]
+) -> Iterator[tuple[tuple[slice, ...], NDArray[np.uint8], int]]:
+    """Go through the units of a batch once its labels are there."""
+    labels, first = followed.result(), 0
+    for cells in batch:
+        shape = _shape(cells)
+        count = math.prod(shape)
+        yield cells, labels[first : first + count].reshape(shape), count
+        first += count
+
+
+def _batches(units: Sequence[tuple[slice, ...]], most: int) -> Iterator[list[tuple[slice, ...]]]:
+    batch: list[tuple[slice, ...]] = []
+    held = 0
+    for cells in units:
+        count = math.prod(_shape(cells))
+        if batch and held + count > most:
+            yield batch
+            batch, held = [], 0
+        batch.append(cells)
+        held += count
+    if batch:
+        yield batch
+
+
+# traps as plain data
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        numbers = value.view(np.float64).ravel() if np.iscomplexobj(value) else value.ravel()
+        return {"dtype": value.dtype.name, "shape": list(value.shape), "values": numbers.tolist()}
+    if isinstance(value, Traps | Ellipsoids | Cages | Cells):
+        return {part.name: _plain(getattr(value, part.name)) for part in fields(value)}
+    return value
+
+
+def _array(data: Mapping[str, Any]) -> NDArray[Any]:
+    dtype = np.dtype(data["dtype"])
+    numbers = np.array(data["values"], dtype=np.float64 if dtype.kind == "c" else dtype)
+    array: NDArray[Any] = numbers.view(dtype).reshape(data["shape"])
+    return array
+
+
+def _traps(data: Mapping[str, Any]) -> Traps:
+    parts = dict(data)
+    for name, kind in _KINDS.items():
+        if parts[name] is not None:
+            parts[name] = kind(
+                **{key: _array(value) if isinstance(value, dict) else value for key, value in parts[name].items()}
+            )
+    return Traps(**parts)
+
+
+def checked_engine(engine: object) -> str:
+    """Return the arithmetic of an engine; `InputError` where there is no such engine."""
+    if engine not in ("cpu", "cuda", "dask"):
+        raise InputError("engine", engine, "one of cpu, cuda, dask")
+    return "cuda" if engine == "cuda" else "cpu"

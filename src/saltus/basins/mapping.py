@@ -1,0 +1,253 @@
+"""Basins over a grid: each cell's motion followed until its fate is certain, unit by unit, resumable.
+
+Rules
+-----
+* The label belongs to the motion that starts at the cell's centre at phase 0.
+* It is the label of the attractor in whose trapping region the motion is first seen at a strobe, ``diverged`` beyond
+  every bound, or ``undecided`` after `longest` periods.
+* Cells are labelled in units that follow from the grid alone, each written once and as a whole; how many threads,
+  workers or runs there are changes nothing.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import ExitStack, closing, suppress
+from importlib.metadata import version
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from saltus.basins.basins import Basins, attractors_bytes, attributes_of, outcomes_from, told
+from saltus.basins.grid import Grid, Plane
+from saltus.basins.labelling import Labelling, checked_engine
+from saltus.basins.store import Store, check_same
+from saltus.errors import InputError
+from saltus.flow.counts import checked_count
+from saltus.flow.traps import NOT_DONE, UNDECIDED, Traps
+from saltus.system import HybridSystem
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["map_basins"]
+
+_IN_MEMORY = 10**9
+"""Cells that are held in memory at most."""
+
+_SHOWN = 16
+"""Points of each attractor that are followed to see whether it is one."""
+
+_Labelled: TypeAlias = "Generator[tuple[tuple[slice, ...], NDArray[np.uint8] | None, int], None, None]"
+
+
+def map_basins(
+    system: HybridSystem,
+    parameters: Mapping[str, float] | None,
+    grid: Mapping[str, Any] | Plane | Grid,
+    attractors: Any = None,
+    *,
+    engine: str = "cpu",
+    store: str | os.PathLike[str] | None = None,
+    client: Any = None,
+    longest: int = 200,
+    tolerance: float = 1e-8,
+    preview: bool = False,
+    progress: Callable[[int, int, float], None] | None = None,
+) -> Basins:
+    """Return the basins of attraction over a grid of initial conditions.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    parameters : mapping of str to float or None
+        Parameters that differ from the system's defaults.
+    grid : mapping of str to (float, float, int) or float, Plane or Grid
+        For each state a range ``(low, high, count)`` or the value it is frozen at; or a plane of any direction. See
+        `Grid`. All motions start at phase 0.
+    attractors : Attractors, optional
+        Where motions end; by default what `find_attractors` finds in the box of the grid.
+    engine : {"cpu", "cuda", "dask"}, optional
+        This machine's processors, its graphics cards, or the workers of a Dask cluster.
+    store : path-like, optional
+        A folder in which labels are written as they are found. Where it exists, the run goes on from its finished
+        units, and ends with the same array as one that was not interrupted. Without it labels are held in memory.
+    client : dask.distributed.Client or str, optional
+        The cluster, or the address of its scheduler, for ``engine="dask"``.
+    longest : int, optional
+        Periods after which a motion that is in no trapping region is undecided.
+    tolerance : float, optional
+        Of a step.
+    preview : bool, optional
+        Whether only every fourth cell along each coordinate is computed at first, then again and again those beside
+        cells of different labels, at half the distance; the others take the label that surrounds them. A third of the
+        motions or fewer are followed, and where basins are fractal 0.5 to 2 per cent of the cells come out wrong.
+    progress : callable, optional
+        Called with the count of cells that are done, the count of all, and the motions followed a second.
+
+    Returns
+    -------
+    Basins
+        An interrupt (Ctrl-C) keeps the units that are done; `Basins.stopped` says so.
+
+    Raises
+    ------
+    InputError
+        An argument that cannot be used, an attractor that is none, a store that belongs to other inputs, cannot be
+        written, or whose disk is full.
+
+    Notes
+    -----
+    Whatever ends a run, a store stays readable: a unit is written aside and then renamed. Units that were cut off all
+    the same are found by their checksums, and computed again. `docs/basins.md` is a guide.
+
+    Examples
+    --------
+    A double well; its attractors are found in the grid's box:
+
+    >>> from saltus import Mode
+    >>> wells = HybridSystem(
+    ...     ("x", "v"), {"w": 1.0}, {"free": Mode({"x": "v", "v": "x - x**3 - 0.25*v + 0.2*cos(s)"})}, phase=("s", "w")
+    ... )
+    >>> basins = map_basins(wells, {}, {"x": (-2.2, 2.2, 60), "v": 0.5})
+    >>> {name: round(share, 2) for name, share in basins.fractions().items()}
+    {'period-1 A': 0.43, 'period-1 B': 0.57, 'diverged': 0.0, 'undecided': 0.0}
+    """
+    if not isinstance(system, HybridSystem):
+        raise InputError("system", system, "a HybridSystem")
+    arithmetic = checked_engine(engine)
+    if (client is not None) != (engine == "dask"):
+        raise InputError("client", client, "given for engine='dask', and for no other")
+    if progress is not None and not callable(progress):
+        raise InputError("progress", progress, "a function of two counts and a rate")
+    if not isinstance(preview, bool):
+        raise InputError("preview", preview, "True or False")
+    values = system.resolve(parameters)
+    cells = _grid(system, grid)
+    path = None if store is None else Path(store)
+    if path is None and cells.size > _IN_MEMORY:
+        raise InputError("store", None, f"given for a grid of more than {_IN_MEMORY:.0e} cells", f"it has {cells.size}")
+    kept = Store.open(path, writable=True) if path is not None and path.exists() else None
+    if attractors is None and kept is not None:
+        attractors = outcomes_from(kept.attractors, kept.attributes["attractors"])
+    elif attractors is None:
+        attractors = _found(system, values, cells)
+    if not isinstance(getattr(attractors, "traps", None), Traps):
+        raise InputError("attractors", attractors, "an Attractors, as find_attractors returns")
+    labelling = Labelling(
+        system, values, attractors.traps, attractors.interval, _tolerance(tolerance),
+        checked_count("longest", longest, 1), arithmetic, preview,
+    )  # fmt: skip
+    inputs = {**labelling.definition(), "labels": dict(attractors.labels), "saltus_version": version("saltus")}
+    if kept is not None:
+        there = {"grid": kept.grid.definition(), **kept.attributes["inputs"]}
+        check_same(kept.path, {"grid": cells.definition(), **inputs}, there)
+        if kept.attributes.get("stopped"):
+            kept.note(stopped="")
+    else:
+        _check_attractors(labelling, attractors)
+        if path is not None:
+            kept = Store.create(path, cells, attributes_of(inputs, cells, attractors), attractors_bytes(attractors))
+    with ExitStack() as stack:
+        if engine == "dask":
+            from saltus.basins.cluster import labelled_by, scheduler
+
+            cluster = stack.enter_context(scheduler(client))
+            run = _Run(cells, kept, progress)
+            return run.through(labelled_by(cluster, cells, inputs, path, run.units), attractors, inputs)
+        run = _Run(cells, kept, progress)
+        return run.through(labelling.units(cells, run.units), attractors, inputs)
+
+
+class _Run:
+    """Units of a grid on their way into a store or an array."""
+
+    def __init__(self, grid: Grid, store: Store | None, progress: Callable[[int, int, float], None] | None) -> None:
+        self.grid, self.store, self.progress = grid, store, progress
+        self.array = np.full(grid.shape if store is None else 0, NOT_DONE, np.uint8)
+        self.units = list(grid.units()) if store is None else store.missing()
+        self.done = grid.size - sum(map(_count, self.units))
+        self.followed, self.started = 0, monotonic()
+
+    @property
+    def rate(self) -> float:
+        """Motions followed a second."""
+        return self.followed / max(monotonic() - self.started, 1e-9)
+
+    def through(self, labelled: Any, attractors: Any, inputs: Mapping[str, Any]) -> Basins:
+        """Keep all units as they come, and return the basins."""
+        with suppress(KeyboardInterrupt), closing(labelled):
+            for cells, labels, followed in labelled:
+                self.keep(cells, labels, followed)
+        if self.store is None:
+            said = told(self.done, self.grid.size)
+            return Basins(self.array, self.grid, attractors, inputs, said, None, self.rate)
+        if self.followed:
+            before = self.store.attributes.get("run", {"orbits": 0, "seconds": 0.0})
+            seconds = before["seconds"] + monotonic() - self.started
+            self.store.note(run={"orbits": before["orbits"] + self.followed, "seconds": seconds})
+        return Basins.of_store(self.store, attractors)
+
+    def keep(self, cells: tuple[slice, ...], labels: NDArray[np.uint8] | None, followed: int) -> None:
+        """Keep a unit, unless the one who labelled it did, and tell."""
+        if labels is not None and self.store is not None:
+            self.store.write(cells, labels)
+        elif labels is not None:
+            self.array[cells] = labels
+        self.done += _count(cells)
+        self.followed += followed
+        if self.progress is not None:
+            self.progress(self.done, self.grid.size, self.rate)
+
+
+def _count(cells: Sequence[slice]) -> int:
+    return math.prod(part.stop - part.start for part in cells)
+
+
+def _grid(system: HybridSystem, grid: Any) -> Grid:
+    if isinstance(grid, Mapping) and system.phase is not None and system.phase[0] in grid:
+        raise InputError("grid", system.phase[0], "a state other than the phase", "all motions start at phase 0")
+    if isinstance(grid, Grid):
+        if grid.states != system.states:
+            raise InputError("grid's states", grid.states, f"those of the system: {', '.join(system.states)}")
+        return grid
+    return Grid(system.states, grid)
+
+
+def _tolerance(tolerance: object) -> float:
+    try:
+        value = float(tolerance)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        value = math.nan
+    if isinstance(tolerance, str | bool) or not 1e-14 <= value <= 1e-2:
+        raise InputError("tolerance", tolerance, "a number between 1e-14 and 0.01")
+    return value
+
+
+def _found(system: HybridSystem, parameters: Mapping[str, float], grid: Grid) -> Any:
+    """Return the attractors on which motions from the grid's box end."""
+    from saltus.basins.attractors import find_attractors
+
+    region = {name: low if low == high else (low, high) for name, (low, high) in grid.box.items()}
+    return find_attractors(system, parameters, region)
+
+
+def _check_attractors(labelling: Labelling, attractors: Any) -> None:
+    """Raise `InputError` where attractors belong to something else, or one of them is none."""
+    if attractors.system != labelling.system:
+        raise InputError("attractors", attractors.system.name, f"of this system, {labelling.system.name!r}")
+    theirs = attractors.system.resolve(attractors.parameters)
+    for name, value in labelling.parameters.items():
+        if theirs[name] != value:
+            raise InputError("attractors", f"{name} = {theirs[name]!r}", f"of these parameters: {name} = {value!r}")
+    for name in attractors.names:
+        points, label = np.atleast_2d(attractors.points[name]), attractors.labels[name]
+        ends = labelling.of(points[:: max(len(points) // _SHOWN, 1)])
+        if (wrong := ends[(ends != label) & (ends != UNDECIDED)]).size:
+            told = {value: key for key, value in attractors.labels.items()}
+            raise InputError("attractor", name, "one", f"a motion that starts on it ends as {told[int(wrong[0])]!r}")

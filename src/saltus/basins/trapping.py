@@ -1,0 +1,235 @@
+"""Trapping regions that are measured: ellipsoids about periodic orbits, boxes along all other attractors.
+
+``docs/theory/basins.md`` tells how they are built, and what of it is proven.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.errors import ConvergenceError, InputError
+from saltus.flow.run import starting_mode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from saltus.flow.ensemble import Ensemble
+
+__all__ = ["Ellipsoid", "admits_start", "contracting", "enlarged", "metric_of", "orbit_jacobians"]
+
+_RATE = 0.8
+"""Least rate, over a period of the orbit, at which distances from it shall shrink in its metric."""
+
+_STEP = 1e-4
+"""Difference of states, as a part of their scale, from which Jacobians are taken."""
+
+_CONTRACTING, _LEVELS, _RUNGS = 400, 4.0, 22
+"""Samples in each ellipsoid that shall contract; the ratio of the radii tried, squared; and their count."""
+
+_GROWING, _GROWTHS, _SHARE = 2.0, 60, 20
+"""Ratio of the radii, squared, by which an ellipsoid is enlarged; how often at most; part of the samples on a rung."""
+
+_CLEAR = 1e-3
+"""Part of a level below which the engine's errors hide whether a sample contracts."""
+
+_LEAST = 1e-3
+"""Part of the level at which samples contract below which none that leave can be."""
+
+
+@dataclass(frozen=True)
+class Ellipsoid:
+    """Ellipsoids about the points of one periodic orbit, ``|metric (x - centre)|^2 < level``.
+
+    Attributes
+    ----------
+    centres : ndarray, shape (period, n)
+        The points, in the order in which they are visited.
+    metrics : ndarray, shape (period, n, n)
+        Upper triangular; distances shrink from each point's metric to the next one's.
+    level : float
+        Square of the radius.
+    """
+
+    centres: NDArray[np.float64]
+    metrics: NDArray[np.float64]
+    level: float
+
+    def at(self, level: float) -> Ellipsoid:
+        """Return the same ellipsoids at another level."""
+        return Ellipsoid(self.centres, self.metrics, level)
+
+    def sizes(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return ``|metric (x - centre)|^2`` about each point, shape (m, period), of states, shape (m, n)."""
+        apart = np.einsum("kij,mkj->mki", self.metrics, x[:, None, :] - self.centres)
+        return np.asarray((apart**2).sum(axis=2))
+
+    def holds(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether each state lies in one of the ellipsoids."""
+        return np.asarray((self.sizes(x) < self.level).any(axis=1))
+
+    def samples(self, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Return states uniform in each ellipsoid, `count` in all, shape (count, n); those of a point together."""
+        period, n = self.centres.shape
+        which = np.arange(count) * period // count
+        ball = rng.standard_normal((count, n))
+        ball *= (rng.random(count) ** (1.0 / n) / np.linalg.norm(ball, axis=1))[:, None]
+        inverse = np.linalg.inv(self.metrics)
+        return np.asarray(self.centres[which] + math.sqrt(self.level) * np.einsum("mij,mj->mi", inverse[which], ball))
+
+    def half_widths(self) -> NDArray[np.float64]:
+        """Return the half widths of the boxes about the ellipsoids, shape (period, n)."""
+        return np.asarray(np.sqrt(self.level * (np.linalg.inv(self.metrics) ** 2).sum(axis=2)))
+
+    def shapes(self) -> NDArray[np.float64]:
+        """Return matrices with ``|shape (x - centre)| < 1`` in the ellipsoids, shape (period, n, n)."""
+        return np.asarray(self.metrics / math.sqrt(self.level))
+
+
+def orbit_jacobians(ensemble: Ensemble, points: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Jacobians of the one-period map at points, by central differences, shape (m, n, n).
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        Best of a tight tolerance.
+    points : ndarray, shape (m, n)
+    scale : ndarray, shape (n,)
+        Size of each state.
+    """
+    m, n = points.shape
+    pushes = np.concatenate([np.diag(_STEP * scale), np.diag(-_STEP * scale)])
+    images, _ = ensemble.strobe((points[:, None, :] + pushes).reshape(-1, n))
+    ahead, behind = np.split(images.reshape(m, 2 * n, n), 2, axis=1)
+    return np.asarray(((ahead - behind) / (2.0 * _STEP * scale)[:, None]).transpose(0, 2, 1))
+
+
+def metric_of(
+    points: NDArray[np.float64], jacobians: NDArray[np.float64], scale: NDArray[np.float64]
+) -> Ellipsoid | None:
+    """Return the ellipsoids in whose metric the linearised map contracts, at level 1; None for an unstable orbit.
+
+    With the Jacobians A_k along an orbit of N points, P_k solves ``P_k = S + A_k^T P_(k+1) A_k / rho^2``, S being the
+    inverse square of `scale` and rho^N halfway between the largest multiplier and 1, `_RATE` at the least. So the
+    linearised map takes ``x^T P_k x`` to less than rho^2 of itself at the next point.
+
+    References
+    ----------
+    J. P. Hespanha, Linear Systems Theory, Princeton 2009, section 8.5, the discrete Lyapunov equation.
+    """
+    from scipy.linalg import solve_discrete_lyapunov
+
+    period, n = points.shape
+    weight = np.diag(scale**-2.0)
+    once_round = np.eye(n)
+    for jacobian in jacobians:
+        once_round = jacobian @ once_round
+    largest = float(np.abs(np.linalg.eigvals(once_round)).max())
+    if not largest < 1.0:
+        return None
+    rate = max(_RATE, 0.5 * (1.0 + largest)) ** (1.0 / period)
+    scaled = jacobians / rate
+    total, passed = np.zeros((n, n)), np.eye(n)
+    for jacobian in scaled:
+        total += passed.T @ weight @ passed
+        passed = jacobian @ passed
+    metric = solve_discrete_lyapunov(passed.T, total)
+    metrics = [metric]
+    for jacobian in scaled[:0:-1]:
+        metrics.append(weight + jacobian.T @ metrics[-1] @ jacobian)
+    inorder = np.array([metrics[0], *metrics[:0:-1]])
+    return Ellipsoid(points, np.array([np.linalg.cholesky(0.5 * (P + P.T)).T for P in inorder]), 1.0)
+
+
+def contracting(ensemble: Ensemble, ellipsoid: Ellipsoid, rng: np.random.Generator) -> Ellipsoid | None:
+    """Return the largest of a ladder of levels at which samples contract, None where they do at none.
+
+    The next strobe of each of `_CONTRACTING` states, uniform in every ellipsoid, is nearer to the next point, in that
+    point's metric; so it is at the level and on the next rung, a quarter of it.
+    """
+    contracts = False
+    for rung in range(_RUNGS):
+        trial = ellipsoid.at(_LEVELS**-rung)
+        before, contracts = contracts, _contracts(ensemble, trial, rng)
+        if before and contracts:
+            return ellipsoid.at(_LEVELS ** (1 - rung))
+    return None
+
+
+def _contracts(ensemble: Ensemble, ellipsoid: Ellipsoid, rng: np.random.Generator) -> bool:
+    period = len(ellipsoid.centres)
+    x = ellipsoid.samples(period * _CONTRACTING, rng)
+    which = np.repeat(np.arange(period), _CONTRACTING)
+    rows = np.arange(len(x))
+    before = ellipsoid.sizes(x)[rows, which]
+    after = ellipsoid.sizes(ensemble.strobe(x)[0])[rows, (which + 1) % period]
+    clear = before > _CLEAR * ellipsoid.level
+    # NaN, where a motion diverges, is not less
+    contracts = (after < ellipsoid.level) & (~clear | (after < before))
+    return not any(admits_start(ensemble, row) for row in x[~contracts])
+
+
+def enlarged(
+    ensemble: Ensemble,
+    inner: Ellipsoid,
+    returns: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
+    widest: NDArray[np.float64],
+    rng: np.random.Generator,
+    *,
+    samples: int,
+    safety: float,
+) -> Ellipsoid:
+    """Return the ellipsoids enlarged as far as all samples in them end in `inner`.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        Follows the samples.
+    inner : Ellipsoid
+        Where motions converge.
+    returns : callable
+        Which of some states, shape (m, n), end there.
+    widest : ndarray, shape (n,)
+        Half widths beyond which an ellipsoid is not enlarged.
+    rng : numpy.random.Generator
+    samples : int
+        How many are followed in the end, at the level that is returned.
+    safety : float
+        Part of the largest level at which no sample on the ladder ended elsewhere that is tried then.
+
+    Raises
+    ------
+    ConvergenceError
+        Samples end elsewhere from inside `inner`, however small.
+    """
+
+    def all_return(trial: Ellipsoid, count: int) -> bool:
+        x = trial.samples(count, rng)
+        return not any(admits_start(ensemble, row) for row in x[~returns(x)])
+
+    level = inner.level
+    for _ in range(_GROWTHS):
+        larger = inner.at(_GROWING * level)
+        if np.all(larger.half_widths() > widest) or not all_return(larger, max(samples // _SHARE, 100)):
+            break
+        level *= _GROWING
+    level = max(safety * level, inner.level)
+    while not all_return(inner.at(level), samples):
+        level *= 0.5
+        if level < _LEAST * inner.level:
+            raise ConvergenceError("trapping region", math.sqrt(level), samples, "motions leave it", unit="samples")
+    return inner.at(level)
+
+
+def admits_start(ensemble: Ensemble, x: NDArray[np.float64]) -> bool:
+    """Return whether a motion can start from a state: in a mode's domain, and before its events."""
+    try:
+        starting_mode(ensemble.system, ensemble.system.full_state(x), ensemble.p)
+    except InputError:
+        return False
+    return True

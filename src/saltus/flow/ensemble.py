@@ -1,0 +1,295 @@
+"""Many motions of one system at once."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.errors import InputError
+from saltus.flow.alone import follow_alone
+from saltus.flow.linear_part import LinearPart, linear_parts
+from saltus.flow.run import is_number
+from saltus.flow.traps import Traps
+from saltus.system.pools import DIVERGED, LEFT_OVER, NOT_DONE
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.system.codegen import CompiledLanes
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["Ensemble"]
+
+_ORDER = 10
+_GROWTH, _LARGEST_TOLERANCE = 3.3, 1e-4
+"""A motion's tolerance grows by this a period, since a late error equals a smaller one at the start, up to that."""
+
+_ALIVE = 256
+"""Motions that a thread has under way."""
+
+_PIECE = 4000
+_LONGEST_STEP = 0.25
+_BOUND = 1e8
+
+
+class Ensemble:
+    """Many motions of one system at once, all from phase 0, looked at once a period.
+
+    Motions are followed by Taylor steps of order 10, generated for the system and made for many motions side by side
+    (see `saltus.system.lanes`); those that they cannot follow, by the event-driven flow.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    parameters : mapping of str to float, optional
+        Parameters that differ from the system's defaults.
+    tolerance : float, optional
+        Of a step, against `scale`.
+    interval : float, optional
+        Time between two looks at a system without a phase.
+    scale : array_like, shape (n,), optional
+        Size of each state against which an error is measured; 1 by default.
+    threads : int, optional
+        Threads that share the motions; by default one for each processor that this process may use.
+
+    Attributes
+    ----------
+    period : float
+        Time between two looks.
+    work : ndarray of int64
+        Steps made so far in each pool of lanes.
+
+    Raises
+    ------
+    InputError
+        An `interval` where there is a phase, or none where there is not; a number out of its range.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem, Mode
+    >>> field = {"x": "v", "v": "x - x**3 - 0.15*v + 0.2*cos(s)"}
+    >>> duffing = HybridSystem(("x", "v"), {"w": 1.0}, {"free": Mode(field)}, phase=("s", "w"))
+    >>> ends, modes = Ensemble(duffing).strobe([[1.0, 0.0], [-1.0, 0.0]], count=3)
+    >>> ends.round(4)
+    array([[ 1.2597, -0.0341],
+           [-0.7664, -0.0387]])
+    """
+
+    def __init__(
+        self,
+        system: HybridSystem,
+        parameters: Mapping[str, float] | None = None,
+        *,
+        tolerance: float = 1e-8,
+        interval: float | None = None,
+        scale: ArrayLike | None = None,
+        threads: int | None = None,
+    ) -> None:
+        if (interval is None) == (system.phase is None):
+            raise InputError("interval", interval, "given for a system without a phase, and for no other")
+        if not is_number(tolerance) or not 1e-14 <= tolerance <= 1e-2:
+            raise InputError("tolerance", tolerance, "a number between 1e-14 and 0.01")
+        if interval is not None and not (is_number(interval) and 0.0 < interval < math.inf):
+            raise InputError("interval", interval, "a finite number > 0")
+        self.system, self.parameters = system, dict(parameters or {})
+        self.p = system.parameter_vector(self.parameters)
+        self.tolerance = float(tolerance)
+        self.n = len(system.states)
+        self.scale = np.ones(self.n) if scale is None else np.array(scale, dtype=np.float64)
+        if self.scale.shape != (self.n,) or not ((self.scale > 0.0) & (self.scale < np.inf)).all():
+            raise InputError("scale", scale, f"a finite number > 0 for each of {', '.join(system.states)}")
+        self.threads = threads or _processors()
+        self.work = np.zeros(2 * len(system.modes), np.int64)
+        self.rate = 0.0
+        if interval is None:
+            self.rate = float(system.compiled.field(0, system.full_state(np.zeros(self.n)), self.p)[-1])
+            if not 0.0 < self.rate < math.inf:
+                raise InputError(f"rate of the phase {system.all_states[-1]}", self.rate, "> 0 and finite")
+        self.period = 2.0 * math.pi / self.rate if interval is None else float(interval)
+
+    def strobe(
+        self, points: ArrayLike, modes: ArrayLike | None = None, count: int = 1
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return where motions are after some periods: the iterated Poincare map.
+
+        Parameters
+        ----------
+        points : array_like, shape (m, n)
+            States at phase 0, in the order of `system.states`.
+        modes : array_like of int, shape (m,), optional
+            Indices of the modes there; by default the first that a state allows.
+        count : int, optional
+            Periods.
+
+        Returns
+        -------
+        points : ndarray, shape (m, n)
+            NaN where a motion diverges, or may not start.
+        modes : ndarray of int, shape (m,)
+
+        Raises
+        ------
+        InputError
+            Shapes that do not fit, or a count below 1.
+        """
+        x = self._points(points)
+        starts = np.full(len(x), -1, np.int64) if modes is None else np.array(modes, dtype=np.int64)
+        if starts.shape != (len(x),):
+            raise InputError("modes", starts.shape, f"as many as points, {len(x)}")
+        if count < 1:
+            raise InputError("count", count, "at least 1")
+        found = self._followed(x, starts, Traps(self.n, limit=_BOUND), count, growth=False)
+        found[2][found[0] == DIVERGED] = np.nan
+        return found[2], found[3]
+
+    def settle(
+        self, points: ArrayLike, traps: Traps, longest: int = 200
+    ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+        """Return the label of the trap that each motion falls into, and after how many periods.
+
+        The tolerance grows 3.3 times a period, up to 1e-4, unless motions must stay in the boxes of an attractor.
+
+        Parameters
+        ----------
+        points : array_like, shape (m, n)
+            States at phase 0, in the order of `system.states`.
+        traps : Traps
+            Trapping regions.
+        longest : int, optional
+            Periods after which a motion is undecided.
+
+        Returns
+        -------
+        labels : ndarray of uint8, shape (m,)
+        periods : ndarray of int32, shape (m,)
+
+        Raises
+        ------
+        InputError
+            Points of another shape.
+        """
+        x = self._points(points)
+        starts = np.full(len(x), -1, np.int64)
+        labels, strobes, _, _ = self._followed(x, starts, traps, longest, growth=traps.cells is None)
+        return labels, strobes
+
+    def _points(self, points: ArrayLike) -> NDArray[np.float64]:
+        x = np.array(points, dtype=np.float64)
+        if x.ndim != 2 or x.shape[1] != self.n:
+            names = ", ".join(self.system.states)
+            raise InputError("points", x.shape, f"of shape (m, {self.n})", f"a row holds {names}")
+        return x
+
+    def _followed(
+        self, x: NDArray[np.float64], modes: NDArray[np.int64], traps: Traps, longest: int, *, growth: bool
+    ) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.float64], NDArray[np.int64]]:
+        m = len(x)
+        labels, strobes = np.full(m, NOT_DONE, np.uint8), np.zeros(m, np.int32)
+        ends, end_modes = np.full((m, self.n), np.nan), np.zeros(m, np.int64)
+        if self._lanes is None:
+            labels[:] = LEFT_OVER
+        else:
+            *regions, visits = _trap_arrays(traps, self.n)
+            tables, itol = (self._constants, self._quantities, *regions), 1.0 / self.tolerance
+            settings = (
+                itol, 1.0 / _GROWTH if growth else 1.0, min(1.0 / _LARGEST_TOLERANCE, itol), float(traps.limit),
+                longest, visits,
+            )  # fmt: skip
+            self._run(x, modes, tables, settings, (labels, strobes, ends, end_modes))
+        for i in np.flatnonzero(labels == LEFT_OVER):
+            labels[i], strobes[i], ends[i], end_modes[i] = follow_alone(
+                self.system, self.parameters, x[i], int(modes[i]), traps, longest, self.period
+            )
+        return labels, strobes, ends, end_modes
+
+    def _run(
+        self,
+        x: NDArray[np.float64],
+        modes: NDArray[np.int64],
+        tables: tuple[NDArray[Any], ...],
+        settings: tuple[float | int, ...],
+        found: tuple[NDArray[Any], ...],
+    ) -> None:
+        """Follow motions by lanes into `found`: labels, strobes, ends and their modes."""
+        assert self._lanes is not None
+        run, (p, q, *regions) = self._lanes.run, tables
+        *tolerances, limit, longest, visits = settings
+
+        def follow(start: int) -> NDArray[np.int64]:
+            part, work = slice(start, start + _PIECE), np.zeros_like(self.work)
+            run(
+                x[part], modes[part], p, q, *tolerances, longest, _ALIVE, limit, *regions, visits,
+                *(array[part] for array in found), work,
+            )  # fmt: skip
+            return work
+
+        starts = range(0, len(x), _PIECE)
+        if len(starts) < 2 or self.threads < 2:
+            for start in starts:
+                self.work += follow(start)
+            return
+        pool = ThreadPoolExecutor(self.threads)
+        try:
+            for work in pool.map(follow, starts):
+                self.work += work
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    @cached_property
+    def _linear(self) -> dict[int, LinearPart]:
+        return linear_parts(self.system, self.p, self.rate, self.period)
+
+    @cached_property
+    def _lanes(self) -> CompiledLanes | None:
+        from saltus.system.codegen import load_lanes
+
+        return load_lanes(self.system, _ORDER, {mode: part.pairs for mode, part in self._linear.items()})
+
+    @cached_property
+    def _constants(self) -> NDArray[np.float64]:
+        assert self._lanes is not None
+        return self._lanes.constants(self.p)
+
+    @cached_property
+    def _quantities(self) -> NDArray[np.float64]:
+        assert self._lanes is not None
+        values = {"rate": self.rate, "period": self.period, "longest": _LONGEST_STEP * self.period, "limit": _BOUND}
+        values |= {f"iscale{i}": 1.0 / size for i, size in enumerate(self.scale)}
+        for mode, part in self._linear.items():
+            values |= {f"far{mode}_{key}": value for key, value in part.numbers(1.0 / self.scale).items()}
+        return np.array([values[name] for name in self._lanes.quantities])
+
+
+def _processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _trap_arrays(traps: Traps, n: int) -> tuple[Any, ...]:
+    """The trapping regions as `saltus.system._lane_kernels.fate` reads them."""
+    labels = []
+    cages = np.empty((0, 2 + n))
+    if (c := traps.cages) is not None:
+        rows = np.concatenate([c.floors[:, :, None], c.rows.real, c.rows.imag], axis=2)
+        flat = rows.reshape(len(rows), -1)
+        cages = np.concatenate([c.modes[:, None], c.bounds[:, None], c.centres, flat], axis=1)
+        labels.append(c.labels)
+    ellipsoids = np.empty((0, n + n * n))
+    if (e := traps.ellipsoids) is not None:
+        ellipsoids = np.concatenate([e.centres, e.shapes.reshape(len(e.shapes), -1)], axis=1)
+        labels.append(e.labels)
+    names = np.concatenate([np.empty(0, np.int64), *labels]).astype(np.int64)
+    if (boxes := traps.cells) is None:
+        return cages, ellipsoids, names, np.zeros(n), np.ones(n), np.empty((0, n), np.int64), np.empty(0, np.int64), 1
+    order = np.lexsort(boxes.boxes.T[::-1])
+    return (
+        cages, ellipsoids, names, boxes.origin, boxes.size, np.ascontiguousarray(boxes.boxes[order]),
+        boxes.labels[order].astype(np.int64), boxes.visits,
+    )  # fmt: skip

@@ -1,0 +1,125 @@
+"""Regions of state space, looked at once a period, from which the fate of a motion is certain: plain arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.system.pools import DIVERGED, NOT_DONE, UNDECIDED
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["DIVERGED", "NOT_DONE", "UNDECIDED", "Cages", "Cells", "Ellipsoids", "Traps"]
+
+
+@dataclass(frozen=True)
+class Ellipsoids:
+    """Ellipsoids ``|shape (x - centre)| < 1``.
+
+    Attributes
+    ----------
+    centres : ndarray, shape (count, n)
+    shapes : ndarray, shape (count, n, n)
+    labels : ndarray of uint8, shape (count,)
+    """
+
+    centres: NDArray[np.float64]
+    shapes: NDArray[np.float64]
+    labels: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Cages:
+    """Sets ``sum_i max(|row_i . (x - centre)|, floor_i) < bound`` of motions in one mode, with complex rows.
+
+    Attributes
+    ----------
+    centres : ndarray, shape (count, n)
+    rows : ndarray of complex128, shape (count, n_rows, n)
+    floors : ndarray, shape (count, n_rows)
+    bounds : ndarray, shape (count,)
+    modes : ndarray of int64, shape (count,)
+    labels : ndarray of uint8, shape (count,)
+    """
+
+    centres: NDArray[np.float64]
+    rows: NDArray[np.complex128]
+    floors: NDArray[np.float64]
+    bounds: NDArray[np.float64]
+    modes: NDArray[np.int64]
+    labels: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Boxes of a grid that attractors visit; a motion is theirs after `visits` strobes in a row within one's boxes.
+
+    Attributes
+    ----------
+    origin, size : ndarray, shape (n,)
+        Corner and size of the box of index 0.
+    boxes : ndarray of int64, shape (count, n)
+        Indices of the boxes, in lexicographic order: ``floor((x - origin) / size)``.
+    labels : ndarray of uint8, shape (count,)
+    visits : int
+    """
+
+    origin: NDArray[np.float64]
+    size: NDArray[np.float64]
+    boxes: NDArray[np.int64]
+    labels: NDArray[np.uint8]
+    visits: int
+
+
+@dataclass(frozen=True)
+class Traps:
+    """All trapping regions of a system's attractors, for states at phase 0 without the phase.
+
+    Attributes
+    ----------
+    n : int
+        Count of the states.
+    ellipsoids, cages, cells : optional
+        The regions; None where there are none of a kind.
+    limit : float
+        A state with a component beyond it has diverged.
+
+    Examples
+    --------
+    >>> ball = Ellipsoids(np.zeros((1, 2)), np.eye(2)[None], np.zeros(1, np.uint8))
+    >>> Traps(2, ball).of(np.array([0.3, 0.4]), 0), Traps(2, ball).of(np.array([3.0, 4.0]), 0)
+    (0, 254)
+    """
+
+    n: int
+    ellipsoids: Ellipsoids | None = None
+    cages: Cages | None = None
+    cells: Cells | None = field(default=None)
+    limit: float = 1e6
+
+    def of(self, x: NDArray[np.float64], mode: int) -> int:
+        """Return the label of a state's cage or ellipsoid, `DIVERGED`, or `UNDECIDED`; cells take longer."""
+        if not (np.abs(x) < self.limit).all():
+            return DIVERGED
+        if (c := self.cages) is not None:
+            for i in np.flatnonzero(c.modes == mode):
+                moduli = np.abs(c.rows[i] @ (x - c.centres[i]))
+                if np.maximum(moduli, c.floors[i]).sum() < c.bounds[i]:
+                    return int(c.labels[i])
+        if (e := self.ellipsoids) is not None:
+            sizes = (np.einsum("kij,kj->ki", e.shapes, x - e.centres) ** 2).sum(axis=1)
+            best = int(np.argmin(sizes))
+            if sizes[best] < 1.0:
+                return int(e.labels[best])
+        return UNDECIDED
+
+    def box_of(self, x: NDArray[np.float64]) -> int:
+        """Return the label of the box that a state lies in, or `UNDECIDED`."""
+        if (c := self.cells) is None:
+            return UNDECIDED
+        index = np.floor((x - c.origin) / c.size)
+        found = np.flatnonzero((c.boxes == index).all(axis=1))
+        return int(c.labels[found[0]]) if found.size else UNDECIDED

@@ -1,0 +1,210 @@
+"""The text of a step of many lanes by the exact flow of a mode's linear part, in its modal coordinates.
+
+The rest of the field acts as kicks at the three nodes of Gauss's rule, as in `saltus.system.split`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from saltus.system.pools import AT_STROBE, CHANGES, GOES_ON, HUGE
+from saltus.system.split import NODES, WEIGHTS
+
+if TYPE_CHECKING:
+    from saltus.system.lanes import LaneWriter
+    from saltus.system.pools import Pool
+    from saltus.system.split import Split
+
+__all__ = ["exact_step"]
+
+_QUADRATURE, _FIRST, _ROTATION = 0.0034, 0.375, 1.0 / 2016000.0
+"""The error of Gauss's rule from second differences at its nodes, as in `saltus.system.split`; and from the sixth power
+of the angle by which a modal coordinate turns (M. Abramowitz, I. Stegun, Handbook of Mathematical Functions, 25.4.29).
+"""
+
+
+def exact_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
+    """Return the statements of a step by the exact flow of a mode's linear part; none is in parameters alone."""
+    n, split, pairs = lane.n_states, pool.split, pool.pairs
+    assert split is not None
+    number, name = lane.number, f"far{pool.mode}_"
+    slots = [f"z{i}" for i in range(n)]
+    lines = [f"{z} = {lane.load(i)}" for i, z in enumerate(slots)]
+    lines += [f"t = {lane.load('t')}", f"itol = {lane.load('itol')}"]
+    phase = f"{number('rate')}*" if lane.has_phase else "0.0*"
+
+    def phasors(at: str, of: str = "", by: str = "", sense: str = "") -> list[str]:
+        """Phasors at a time after (or, where `sense` is a minus, before) that of others."""
+        found = []
+        for j in split.harmonics:
+            if not of:
+                found += [f"{at}cos{j} = math.cos({float(j)!r}*th)", f"{at}sin{j} = math.sin({float(j)!r}*th)"]
+                continue
+            c, s = f"{by}cos{j}", f"({sense}{by}sin{j})"
+            found += [
+                f"{at}cos{j} = {of}cos{j}*{c} - {of}sin{j}*{s}",
+                f"{at}sin{j} = {of}sin{j}*{c} + {of}cos{j}*{s}",
+            ]
+        return found
+
+    def turns(of: str, time: str) -> list[str]:
+        return [f"th = {phase}({time})", *phasors(of)] if split.harmonics else []
+
+    def row(key: str, at: str, z: str) -> str:
+        terms = [f"{number(f'{name}{key}_{i}')}, {z}{i}" for i in range(n)]
+        for j in split.harmonics:
+            terms += [f"{number(f'{name}{key}_c{j}')}, {at}cos{j}", f"{number(f'{name}{key}_s{j}')}, {at}sin{j}"]
+        return f"products({', '.join(terms)}) + {number(f'{name}{key}_constant')}"
+
+    rest = _Rest(lane, split)
+
+    def state(at: str, z: str) -> list[str]:
+        """States that the rest needs, and the rest there."""
+        return [f"{at}x{e} = {row(f'x{e}', at, z)}" for e in rest.needed] + rest.lines(at)
+
+    lines += turns("a", "t") + state("a", "z")
+    sizes = [f"math.sqrt(z{2 * i}*z{2 * i} + z{2 * i + 1}*z{2 * i + 1})" for i in range(pairs)]
+    sizes += [f"abs(z{i})" for i in range(2 * pairs, n)]
+    lines += [f"size{i} = {value}" for i, value in enumerate(sizes)]
+    lines += [
+        f"cap = {lane.load('cap')}",
+        f"h = min(cap, {number(f'{name}longest')})",
+        "leaves = False",
+        "nears = False",
+    ]
+    for j, transition in enumerate(lane.events[pool.mode]):
+        side = lane.side_of(j, transition)
+        pushed = [f"{number(f'{name}p{j}_{f}')}*ag{g}" for f, g in rest.source.items()]
+        bends = [f"{number(f'{name}m{j}_{i}')}*size{i}" for i in range(len(sizes))]
+        kicked = [f"2.0*abs({number(f'{name}b{j}_{f}')}*ag{g})" for f, g in rest.source.items()]
+        lines += [
+            f"b = {side}*({row(f'h{j}', 'a', 'z')})",
+            f"d = {side}*({' + '.join([row(f'd{j}', 'a', 'z'), *pushed])})",
+            f"m = {' + '.join([*bends, number(f'{name}m{j}'), *kicked])}",
+            f"reach = (d + math.sqrt(max(d*d + 2.0*m*(b - {number(f'{name}in')}), 0.0)))/m",
+            f"leaves = leaves | (b < {number(f'{name}in')}) | (reach < {number(f'{name}shortest')})",
+            f"nears = nears | (reach < min(h, {number(f'{name}close')}))",
+            "h = min(h, reach)",
+        ]
+        if rest.expressions:
+            lines.append(f"h = min(h, {number(f'{name}turn')}*b/(abs(d) + 1e-30))")
+    lines += [
+        f"left = {number('period')} - t",
+        "strobe = h >= left",
+        "h = left if strobe else h",
+        "half = 0.5*h",
+        f"near = {2.0 * (NODES[2] - 0.5)!r}*half",
+    ]
+    for i in range(pairs):
+        lr, li = number(f"{name}lr{i}"), number(f"{name}li{i}")
+        lines += [
+            f"e = grown({lr}*half)", f"c = math.cos({li}*half)", f"s = math.sin({li}*half)",
+            f"mc{i} = e*c", f"ms{i} = e*s",
+        ]  # fmt: skip
+        if rest.expressions:
+            lines += [
+                f"e = grown({lr}*near)", "i = 1.0/e", f"c = math.cos({li}*near)", f"s = math.sin({li}*near)",
+                f"fc{i} = e*c", f"fs{i} = e*s", f"bc{i} = i*c", f"bs{i} = -i*s",
+            ]  # fmt: skip
+    for i in range(2 * pairs, n):
+        lr = number(f"{name}lr{i}")
+        lines.append(f"mr{i} = grown({lr}*half)")
+        if rest.expressions:
+            lines += [f"fr{i} = grown({lr}*near)", f"br{i} = 1.0/fr{i}"]
+    lines += _turn(lane, "y", "z", "m", pool)
+    if rest.expressions:
+        lines += _turn(lane, "f", "y", "f", pool) + _turn(lane, "b", "y", "b", pool)
+        lines += turns("half", "half") + turns("near", "near") + phasors("m", "a", "half")
+        lines += phasors("b", "m", "near", "-") + phasors("f", "m", "near")
+        lines += state("b", "b") + state("m", "y") + state("f", "f")
+        lines += _kicks(lane, name, pool, rest)
+        lines += rest.error(number(f"{name}weight"), number(f"{name}swiftest"))
+    else:
+        lines += ["too_far = False", f"next = {HUGE}"]
+    lines += _turn(lane, "n", "y", "m", pool)
+    keep = "stays"
+    lines += [
+        "stays = leaves | too_far",
+        *(lane.store(i, f"z{i} if {keep} else n{i}") for i in range(n)),
+        lane.store("t", f"t if {keep} else t + h"),
+        lane.store("cap", f"{HUGE} if leaves | (strobe & (not too_far)) else next"),
+        f"leaves = leaves | (too_far & (next < {number(f'{name}shortest')}))",
+        "strobe = strobe & (not too_far)",
+        "leaves = leaves | (nears & (not stays) & (not strobe))",
+        lane.store(
+            "flag",
+            f"{CHANGES} if leaves else ({AT_STROBE} if strobe else {GOES_ON})",
+        ),
+        lane.store("count", f"{lane.load('count')} + 1.0"),
+    ]
+    return [], lines
+
+
+def _turn(lane: LaneWriter, to: str, of: str, by: str, pool: Pool) -> list[str]:
+    """Modal coordinates after a time."""
+    lines = []
+    for i in range(pool.pairs):
+        re, im = f"{of}{2 * i}", f"{of}{2 * i + 1}"
+        lines += [
+            f"{to}{2 * i} = {by}c{i}*{re} - {by}s{i}*{im}",
+            f"{to}{2 * i + 1} = {by}s{i}*{re} + {by}c{i}*{im}",
+        ]
+    return lines + [f"{to}{i} = {by}r{i}*{of}{i}" for i in range(2 * pool.pairs, lane.n_states)]
+
+
+def _kicks(lane: LaneWriter, name: str, pool: Pool, rest: _Rest) -> list[str]:
+    """The rest at the nodes, as kicks to the modal coordinates at the middle."""
+    lines = []
+    for i in range(lane.n_states):
+        for at, weight in zip("bmf", WEIGHTS, strict=True):
+            terms = [f"{lane.number(f'{name}l{i}_{f}')}*{at}g{g}" for f, g in rest.source.items()]
+            lines.append(f"k{at}{i} = {weight!r}*h*({' + '.join(terms)})")
+    for i in range(pool.pairs):
+        re, im = 2 * i, 2 * i + 1
+        lines += [
+            f"y{re} = y{re} + km{re} + fc{i}*kb{re} - fs{i}*kb{im} + bc{i}*kf{re} - bs{i}*kf{im}",
+            f"y{im} = y{im} + km{im} + fs{i}*kb{re} + fc{i}*kb{im} + bs{i}*kf{re} + bc{i}*kf{im}",
+        ]
+    for i in range(2 * pool.pairs, lane.n_states):
+        lines.append(f"y{i} = y{i} + km{i} + fr{i}*kb{i} + br{i}*kf{i}")
+    return lines
+
+
+class _Rest:
+    """What is not linear in a mode's field, and what its values at the nodes say of the error of a step."""
+
+    def __init__(self, writer: LaneWriter, split: Split) -> None:
+        self.writer, self.split = writer, split
+        self.expressions = list(dict.fromkeys(split.rest.values()))
+        self.source = {f: self.expressions.index(g) for f, g in split.rest.items()}
+        symbols = set().union(*(g.free_symbols for g in self.expressions)) if self.expressions else set()
+        self.needed = [e for e in range(split.n) if split.symbols[e] in symbols]
+
+    def lines(self, at: str) -> list[str]:
+        """The rest where the states are ``{at}x{e}`` and the phasors ``{at}cos{j}``, ``{at}sin{j}``."""
+        names = {self.split.symbols[e]: f"{at}x{e}" for e in self.needed}
+        for i, j in enumerate(self.split.harmonics):
+            place = self.split.n + 2 * i
+            names |= {self.split.symbols[place]: f"{at}cos{j}", self.split.symbols[place + 1]: f"{at}sin{j}"}
+        return [f"{at}g{i} = {self.writer.text_of(g, names)}" for i, g in enumerate(self.expressions)]
+
+    def error(self, weight: str, swiftest: str) -> list[str]:
+        """Whether a step was too long for the three nodes, and how long the next may be."""
+        moved = " + ".join(f"abs(fx{e} - bx{e})" for e in self.needed)
+        lines = [f"moved = 1.0/({moved} + 1e-30)", "error = 0.0", f"turned = {swiftest}*h"]
+        lines.append(f"turned = {_ROTATION!r}*(turned*turned*turned)*(turned*turned*turned)")
+        for i in range(len(self.expressions)):
+            a, b, c = (f"{at}g{i}" for at in "bmf")
+            lines += [
+                f"d = max(abs({a}), max(abs({b}), abs({c}))) + 1e-30",
+                "i = 1.0/d",
+                f"u = ({c} - {a})*i",
+                f"v = max(abs({a} - 2.0*{b} + {c})*i, {_FIRST!r}*u*u)",
+                f"error = max(error, ({_QUADRATURE!r}*v*v*v + turned)*d + 0.5*h*h*d*abs({c} - {a})*moved)",
+            ]
+        return [
+            *lines,
+            f"error = error*h*{weight}*itol + 1e-12",
+            "too_far = error > 4.0",
+            "next = h*max(0.9*root(error, 6.0), 0.2)",
+        ]

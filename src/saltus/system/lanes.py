@@ -1,0 +1,312 @@
+"""Many motions at once, as generated text: straight-line steps of one lane, which a loop or a GPU runs side by side.
+
+A lane is a motion under way: its state, the time since phase 0, and what its next step needs. Lanes that take the same
+kind of step stand together in a pool: a pool for each mode, with Taylor steps in time, or in sigma where the mode is
+regularised (see `saltus.system.regularise`), and another where steps by the exact flow of the mode's linear part serve
+(see `saltus.system.split`). Steps have no branches; what happens seldom (an event, phase 0, another kind of step) is
+flagged and done one lane at a time.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import sympy
+
+from saltus.system.codegen import Writer
+from saltus.system.lane_driver import DRIVER, HEAD
+from saltus.system.lane_exact import exact_step
+from saltus.system.lane_taylor import taylor_step
+from saltus.system.pools import CHANGES, EVENT, GONE, HARD, HUGE, MOST_STEPS, STUCK, Pool, pools_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from saltus.system.derivatives import Symbolic
+    from saltus.system.split import Split
+
+__all__ = ["LaneWriter"]
+
+
+class LaneWriter(Writer):
+    """Text of the steps of lanes, and of what is done between them.
+
+    Parameters
+    ----------
+    system : Symbolic
+        The definition.
+    order : int
+        Last coefficient of the Taylor series.
+    exact : dict of int to int
+        Modes with steps by the exact flow, and the pairs of complex eigenvalues of their linear parts.
+    """
+
+    def __init__(self, system: Symbolic, order: int, exact: dict[int, int]) -> None:
+        super().__init__(system)
+        self.order = order
+        self.has_phase = system.system.phase is not None
+        self.n_states = self.n - 1 if self.has_phase else self.n
+        self.pools = pools_of(system, exact)
+        self.events = [
+            [k for k, source in enumerate(system.source) if source == mode] for mode in range(len(system.field))
+        ]
+        self.n_events = max((len(events) for events in self.events), default=0)
+        n = self.n_states
+        self.fields = {"w": n, "t": n + 1, "cap": n + 2, "itol": n + 3, "count": n + 4, "flag": n + 5}
+        self.n_fields = n + 6 + 2 * self.n_events
+        self.lane_numbers: dict[str, int] = {}
+        self._hoisted: dict[str, str] = {}
+
+    # ---- fields, numbers ----
+
+    def on(self, j: int) -> int:
+        """Field that tells whether a motion starts on the surface of event j of its mode."""
+        return self.n_states + 6 + j
+
+    def side(self, j: int) -> int:
+        """Field with the side of the surface of event j, where it has no direction."""
+        return self.n_states + 6 + self.n_events + j
+
+    def side_of(self, j: int, transition: int) -> str:
+        """Sign of an event function in its mode: against its direction, or as the motion began."""
+        direction = self.system.system.transitions[transition].direction
+        return repr(-float(direction)) if direction else self.load(self.side(j))
+
+    def load(self, name: str | int) -> str:
+        """Text that reads a field of lane l."""
+        return f"ld(S, {self._field(name)}*NL, l)"
+
+    def store(self, name: str | int, value: str) -> str:
+        """Statement that writes a field of lane l."""
+        return f"st(S, {self._field(name)}*NL, l, {value})"
+
+    def _field(self, name: str | int) -> int:
+        return self.fields[name] if isinstance(name, str) else name
+
+    def number(self, name: str) -> str:
+        """Local variable that holds one of the numbers in ``q``, read before the loop over lanes."""
+        place = self.lane_numbers.setdefault(name, len(self.lane_numbers))
+        return self._hoisted.setdefault(name, f"q{place}")
+
+    def place(self, name: str) -> str:
+        """The same where it is read in place."""
+        return f"q[{self.lane_numbers.setdefault(name, len(self.lane_numbers))}]"
+
+    def _reads(self) -> list[str]:
+        """Statements that read the numbers asked for since last time."""
+        lines = [f"{local} = q[{self.lane_numbers[name]}]" for name, local in self._hoisted.items()]
+        self._hoisted = {}
+        return lines
+
+    def text_of(self, expression: sympy.Expr, names: dict[sympy.Expr, str] | None = None) -> str:
+        """An expression in parameters, and in a state whose components have the given names."""
+        kept = self._names
+        self._names = {**kept, **(names or {})}
+        try:
+            return self._text(self._hoist(expression))
+        finally:
+            self._names = kept
+
+    # ---- the module ----
+
+    def functions(self) -> Iterator[str]:
+        """Texts of the module: a step for each pool, what is done between steps, and the loop over all."""
+        texts = [self._step(k, pool) for k, pool in enumerate(self.pools)]
+        texts += [self._steps(), self._entries(), self._begin(), self._turned(), self._read()]
+        self.numbers |= {
+            "N": self.n_states,
+            "NF": self.n_fields,
+            "POOLS": len(self.pools),
+            "MODE_OF": tuple(pool.mode for pool in self.pools),
+            "T_, CAP, ITOL, COUNT, FLAG, ON": (
+                *(self.fields[f] for f in ("t", "cap", "itol", "count", "flag")),
+                self.on(0),
+            ),
+            "EVENTS": self.n_events,
+            "QUANTITIES": tuple(self.lane_numbers),
+        }
+        yield HEAD
+        yield from texts
+        yield DRIVER
+
+    def _step(self, k: int, pool: Pool) -> str:
+        """The text of a pool's steps: a loop over lanes around statements without branches."""
+        self._hoisted = {}
+        constants, body = exact_step(self, pool) if pool.split is not None else taylor_step(self, pool)
+        body = [line.replace("math.sin(", "circular_sin(").replace("math.cos(", "circular_cos(") for line in body]
+        parameters = sorted({int(place) for line in body for place in re.findall(r"\bp\[(\d+)\]", line)})
+        body = [re.sub(r"\bp\[(\d+)\]", r"p\1", line) for line in body]
+        head = [*constants, *(f"p{place} = p[{place}]" for place in parameters), *self._reads()]
+        return "\n".join(
+            [
+                "\n\n@lane",
+                f"def step_{k}(S, n, p, q):",
+                *(f"    {line}" for line in head),
+                "    for l in range(n):",
+                *(f"        {line}" for line in body),
+                "",
+            ]
+        )
+
+    # ---- one lane at a time ----
+
+    def _steps(self) -> str:
+        lines = ["\n\n@scalar", "def step(k, S, n, p, q):"]
+        for k in range(len(self.pools)):
+            lines += [f"    {'if' if k == 0 else 'elif'} k == {k}:", f"        step_{k}(S, n, p, q)"]
+        return "\n".join(lines) + "\n"
+
+    def _state_names(self) -> dict[sympy.Expr, str]:
+        return {symbol: ("theta" if i == self.n_states else f"x{i}") for i, symbol in enumerate(self.system.x)}
+
+    def _state_lines(self) -> list[str]:
+        lines = [f"x{i} = S[{i}*NL + l]" for i in range(self.n_states)]
+        if self.has_phase:
+            lines.append(f"theta = {self.place('rate')}*S[{self.fields['t']}*NL + l]")
+        return lines
+
+    def _entries(self) -> str:
+        """Functions that enter a mode: `on` is the bits of the events whose surface the motion starts on."""
+        s, names, texts = self.system, self._state_names(), []
+        for mode in range(len(s.field)):
+            pool = self.pools[mode]
+            lines = ["\n\n@scalar", f"def enter_{mode}(S, l, on, p, q):", *(f"    {x}" for x in self._state_lines())]
+            lines += [f"    S[{self.fields['w']}*NL + l] = 0.0", f"    S[{self.fields['cap']}*NL + l] = {HUGE}"]
+            lines += [f"    S[{self.on(j)}*NL + l] = 0.0" for j in range(self.n_events)]
+            for j, k in enumerate(self.events[mode]):
+                direction = s.system.transitions[k].direction
+                about = pool.form is not None and pool.form.transition == k
+                value, rate = self.text_of(s.event[k], names), self.text_of(s.rate[k], names)
+                lines += [f"    if on & {1 << j}:"]
+                if about:
+                    lines.append("        pass")
+                else:
+                    lines.append(f"        S[{self.on(j)}*NL + l] = 1.0")
+                    if not direction:
+                        lines.append(f"        S[{self.side(j)}*NL + l] = math.copysign(1.0, {rate})")
+                lines += ["    else:", f"        value = {value}"]
+                if direction:
+                    lines.append(f"        value = {-float(direction)!r}*value")
+                else:
+                    lines.append(f"        S[{self.side(j)}*NL + l] = math.copysign(1.0, value)")
+                    lines.append("        value = abs(value)")
+                lines += ["        if not value > 0.0:", f"            return {HARD}"]
+                if about:
+                    lines.append(f"        S[{self.fields['w']}*NL + l] = math.sqrt(value)")
+            lines.append(f"    return {mode}")
+            texts.append("\n".join(lines) + "\n")
+        return "".join(texts)
+
+    def _begin(self) -> str:
+        """The pool of a motion at phase 0: its mode's, by default the first that its state allows.
+
+        What starts on a surface is left to `saltus.flow.run.starting_mode`.
+        """
+        s, names = self.system, self._state_names()
+        lines = ["\n\n@scalar", "def begin(mode, S, l, p, q):", *(f"    {x}" for x in self._state_lines())]
+        for mode in range(len(s.field)):
+            surfaces: list[str] = []
+            conditions = [f"{self.text_of(s.domain[mode], names)} > 0.0"] if s.domain[mode] != 1 else []
+            for k in self.events[mode]:
+                transition = s.system.transitions[k]
+                if transition.target == transition.source or not transition.direction:
+                    continue
+                value = self.text_of(s.event[k], names)
+                surfaces.append(f"({value}) == 0.0")
+                passed = f"{float(transition.direction)!r}*({value}) > 0.0"
+                if s.when[k] != 1:
+                    passed = f"({passed} and {self.text_of(s.when[k], names)} > 0.0)"
+                conditions.append(f"not {passed}")
+            if surfaces:
+                lines += [f"    if mode < 0 and ({' or '.join(surfaces)}):", f"        return {HARD}"]
+            lines += [
+                f"    if mode == {mode} or (mode < 0 and {' and '.join(conditions) or 'True'}):",
+                f"        return enter_{mode}(S, l, 0, p, q)",
+            ]
+        return "\n".join([*lines, f"    return {HARD}"]) + "\n"
+
+    def _turned(self) -> str:
+        """What follows a flagged step: the pool in which a lane goes on, or HARD, or GONE."""
+        flag, count = self.fields["flag"], self.fields["count"]
+        lines = [
+            "\n\n@scalar",
+            "def turned(k, S, l, p, q):",
+            f"    flag = S[{flag}*NL + l]",
+            f"    if flag == {STUCK!r}:",
+            "        for i in range(N):",
+            f"            if not abs(S[i*NL + l]) < 0.5*{self.place('limit')}:",
+            f"                return {GONE}",
+            f"        return k if S[{count}*NL + l] < {MOST_STEPS!r} else {HARD}",
+        ]
+        for k, pool in enumerate(self.pools):
+            body = self._exact_left(k, pool) if pool.split is not None else self._taylor_left(pool)
+            lines += [f"    {'if' if k == 0 else 'elif'} k == {k}:", *(f"        {line}" for line in body)]
+        return "\n".join([*lines, f"    return {HARD}"]) + "\n"
+
+    def _taylor_left(self, pool: Pool) -> list[str]:
+        s, names = self.system, self._state_names()
+        lines = self._state_lines()
+        k = next((k for k, p in enumerate(self.pools) if p.split is not None and p.mode == pool.mode), None)
+        if k is not None:
+            lines += [f"if flag == {CHANGES!r}:", *(f"    {line}" for line in self._to_modal(k))]
+        for j, transition in enumerate(self.events[pool.mode]):
+            lines.append(f"if flag == {EVENT + j!r}:")
+            if s.when[transition] != 1:
+                lines += [f"    if not {self.text_of(s.when[transition], names)} > 0.0:", f"        return {HARD}"]
+            resets = [
+                f"    S[{i}*NL + l] = {self.text_of(value, names)}"
+                for i, (value, symbol) in enumerate(zip(s.reset[transition][: self.n_states], s.x, strict=False))
+                if value != symbol
+            ]
+            target = list(s.system.modes).index(s.system.transitions[transition].target)
+            lines += [*resets, f"    return enter_{target}(S, l, {self._surfaces(transition, target)}, p, q)"]
+        return lines
+
+    def _surfaces(self, transition: int, target: int) -> int:
+        """Bits of the events of the target mode that vanish on the surface of a transition, after its reset."""
+        s = self.system
+        moved = dict(zip(s.x, s.reset[transition], strict=True))
+        bits = 0
+        for j, k in enumerate(self.events[target]):
+            event = s.event[k].xreplace(moved)
+            if any(sympy.expand(event + sign * s.event[transition]) == 0 for sign in (-1, 1)):
+                bits |= 1 << j
+        return bits
+
+    def _to_modal(self, k: int) -> list[str]:
+        n, split = self.n_states, self.pools[k].split
+        assert split is not None
+        name = f"far{self.pools[k].mode}_"
+        lines = [f"{part}{j} = circular_{part}({float(j)!r}*theta)" for j in split.harmonics for part in ("cos", "sin")]
+        for i in range(n):
+            terms = [f"{self.place(f'{name}z{i}_{e}')}*x{e}" for e in range(n)]
+            for j in split.harmonics:
+                terms += [f"{self.place(f'{name}z{i}_c{j}')}*cos{j}", f"{self.place(f'{name}z{i}_s{j}')}*sin{j}"]
+            lines.append(f"S[{i}*NL + l] = {' + '.join(terms)} + {self.place(f'{name}z{i}_constant')}")
+        return [*lines, f"S[{self.fields['cap']}*NL + l] = {HUGE}", f"return {k}"]
+
+    def _exact_left(self, k: int, pool: Pool) -> list[str]:
+        assert pool.split is not None
+        theta = [f"theta = {self.place('rate')}*S[{self.fields['t']}*NL + l]"] if self.has_phase else []
+        return [*theta, *self._from_modal(k, pool.split), f"return enter_{pool.mode}(S, l, 0, p, q)"]
+
+    def _from_modal(self, k: int, split: Split, to: str = "S[{}*NL + l]") -> list[str]:
+        n, name = self.n_states, f"far{self.pools[k].mode}_"
+        lines = [f"{part}{j} = circular_{part}({float(j)!r}*theta)" for j in split.harmonics for part in ("cos", "sin")]
+        lines += [f"z{i} = S[{i}*NL + l]" for i in range(n)]
+        for e in range(n):
+            terms = [f"{self.place(f'{name}x{e}_{i}')}*z{i}" for i in range(n)]
+            for j in split.harmonics:
+                terms += [f"{self.place(f'{name}x{e}_c{j}')}*cos{j}", f"{self.place(f'{name}x{e}_s{j}')}*sin{j}"]
+            lines.append(f"{to.format(e)} = {' + '.join(terms)} + {self.place(f'{name}x{e}_constant')}")
+        return lines
+
+    def _read(self) -> str:
+        """The state of a lane at phase 0, into x."""
+        lines = ["\n\n@scalar", "def read(k, S, l, x, q):"]
+        for k, pool in enumerate(self.pools):
+            if pool.split is not None:
+                body = ["theta = 0.0", *self._from_modal(k, pool.split, "x[{}]"), "return"]
+                lines += [f"    if k == {k}:", *(f"        {line}" for line in body)]
+        return "\n".join([*lines, "    for i in range(N):", "        x[i] = S[i*NL + l]"]) + "\n"

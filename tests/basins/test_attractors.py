@@ -1,0 +1,261 @@
+"""Attractors of systems whose attractors are known, whatever the motions that find them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from saltus import (
+    Attractors,
+    HybridSystem,
+    InputError,
+    Mode,
+    Transition,
+    afm,
+    find_attractors,
+    find_orbit,
+    simulate,
+    solve_orbit,
+)
+from saltus.basins.attractors import Search, attractors_from
+from saltus.basins.recurrence import Hunt
+from saltus.flow.ensemble import Ensemble
+
+QUICK = Search(samples=400)
+
+
+def duffing():
+    return HybridSystem(
+        ("x", "v"),
+        {"F": 0.2},
+        {"free": Mode({"x": "v", "v": "x - x**3 - 0.15*v + F*cos(s)"})},
+        phase=("s", "1"),
+        name="Duffing oscillator",
+    )
+
+
+def impact():
+    return HybridSystem(
+        ("x", "v"),
+        {"w": 1.1, "A": 0.2},
+        {"free": Mode({"x": "v", "v": "-x - 0.1*v + A*cos(s)"})},
+        [Transition("free", "free", "x - 1", 1, {"v": "-0.8*v"}, name="impact")],
+        phase=("s", "w"),
+        name="impact oscillator",
+    )
+
+
+def carried(states, parameters, image):
+    """A map as a hybrid system: states rest, and jump in the middle of each period of the phase."""
+    return HybridSystem(
+        states,
+        parameters,
+        {"rest": Mode(dict.fromkeys(states, "0"))},
+        [Transition("rest", "rest", "sin(s)", -1, image, name="map")],
+        phase=("s", "1"),
+    )
+
+
+BOX = {"x": (-2.2, 2.2), "v": (-2.2, 2.2)}
+
+
+@pytest.fixture(scope="module")
+def wells():
+    return find_attractors(duffing(), {}, BOX, seeds=64, search=QUICK)
+
+
+def test_two_wells_have_an_attractor_each(wells):
+    assert wells.names == ("period-1 A", "period-1 B")
+    assert wells.labels == {"period-1 A": 0, "period-1 B": 1, "diverged": 253, "undecided": 254}
+    assert sorted(float(np.sign(wells.points[name][0, 0])) for name in wells.names) == [-1.0, 1.0]
+    for name, orbit in wells.orbits.items():
+        assert orbit.stable
+        # Liouville: the area shrinks by exp(-0.15 * 2 pi)
+        assert float(np.prod(orbit.multipliers).real) == pytest.approx(math.exp(-0.3 * math.pi), rel=1e-8)
+        assert wells.points[name][0] == pytest.approx(orbit.x0, abs=1e-9)
+
+
+def test_all_motions_of_the_wells_are_accounted_for_about_half_in_each(wells):
+    assert sum(wells.fates.values()) == wells.fates["period-1 A"] + wells.fates["period-1 B"] == 64
+    assert 16 < wells.fates["period-1 A"] < 48
+
+
+def test_states_in_a_measured_trap_end_in_its_well(wells):
+    rng = np.random.default_rng(7)
+    ellipsoids = wells.traps.ellipsoids
+    for centre, shape, label in zip(ellipsoids.centres, ellipsoids.shapes, ellipsoids.labels, strict=True):
+        ball = rng.standard_normal((20, 2))
+        x = centre + (ball / np.linalg.norm(ball, axis=1)[:, None] * 0.95) @ np.linalg.inv(shape).T
+        for start in x:
+            end = simulate(duffing(), {}, start, periods=60).x_end[:2]
+            assert end == pytest.approx(wells.points[wells.names[label]][0], abs=1e-3)
+
+
+def test_the_sample_count_of_a_measured_trap_is_told(wells):
+    assert wells.measured_error == pytest.approx(1.0 - 0.05 ** (1.0 / 400), rel=1e-9)
+    assert all("measured: 400 samples, none elsewhere: < 0.0075 at 95 %" in note for note in wells.notes.values())
+
+
+def test_attractors_survive_a_file(wells, tmp_path):
+    again = Attractors.load(wells.save(tmp_path / "wells.nc"))
+    assert again == wells
+    assert again.names == wells.names
+    assert again.orbits["period-1 A"].period == wells.orbits["period-1 A"].period
+    assert np.array_equal(again.traps.ellipsoids.shapes, wells.traps.ellipsoids.shapes)
+
+
+def test_names_and_points_do_not_depend_on_which_motions_found_them(wells):
+    for seed in (1, 2):
+        again = find_attractors(duffing(), {}, BOX, seeds=16, search=Search(samples=100, random_seed=seed))
+        assert again.names == wells.names
+        for name in wells.names:
+            assert again.points[name] == pytest.approx(wells.points[name], abs=1e-9)
+
+
+def test_motions_that_creep_away_from_an_unstable_orbit_find_no_attractor_there():
+    # multiplier 1.01 at 0, and 0.98 at the attractors +-0.1
+    system = carried(("x",), {}, {"x": "1.01*x - x**3"})
+    hunt = Hunt(system, {}, np.array([-1.0]), np.array([1.0]), None, Search(samples=100))
+    beside = np.array([[1e-6], [-2e-6]])
+    path = np.array([hunt.ensemble.strobe(beside, count=count)[0] for count in (80, 100)])
+    assert np.abs(np.diff(path, axis=0)).max() < 1e-5  # it recurs as if it were settling
+    hunt.follow(beside)
+    assert sorted(float(found.points[0, 0]) for found in hunt.found) == pytest.approx([-0.1, 0.1], abs=1e-9)
+
+
+def test_an_orbit_that_is_no_attractor_is_refused():
+    system = duffing()
+    saddle = solve_orbit(system, {}, [("free", None, [-0.1, 0.0], 2.0 * math.pi)])
+    with pytest.raises(InputError, match="orbit 'top' = 'unstable': must be an attractor: a stable orbit"):
+        attractors_from({"top": saddle}, BOX, search=QUICK)
+    right, other = find_orbit(system, {}, [1.2, 0.0]), find_orbit(system, {"F": 0.1}, [1.2, 0.0])
+    with pytest.raises(InputError, match="orbit 'other' = .*must be of the same system and parameters as 'right'"):
+        attractors_from({"right": right, "other": other}, BOX, search=QUICK)
+
+
+def test_known_orbits_keep_their_names_and_order(wells):
+    right, left = (find_orbit(duffing(), {}, [x, 0.0]) for x in (1.2, -0.8))
+    known = attractors_from({"right": right, "left": left}, BOX, search=QUICK)
+    assert known.names == ("right", "left")
+    labels, _ = Ensemble(duffing(), {}).settle([[1.2, 0.0], [-0.8, 0.0]], known.traps)
+    assert labels.tolist() == [0, 1]
+
+
+def test_an_impact_oscillator_rests_before_its_stop_or_hits_it():
+    found = find_attractors(impact(), {}, {"x": (-2, 1), "v": (-3, 3)}, seeds=32, search=QUICK)
+    assert found.names == ("period-1 A", "period-1 B")  # what meets no event comes first
+    quiet, hitting = (found.orbits[name] for name in found.names)
+    assert quiet.signature == (("free", "s"),)
+    assert quiet.max["x"] == pytest.approx(0.2 / math.hypot(1.0 - 1.21, 0.11), rel=1e-9)
+    assert hitting.signature == (("free", "impact"),)
+    assert float(np.prod(hitting.multipliers).real) == pytest.approx(0.64 * math.exp(-0.1 * hitting.period), rel=1e-8)
+    assert "a theorem" in found.notes["period-1 A"]
+    assert "measured" in found.notes["period-1 B"]
+
+
+@pytest.mark.parametrize(("r", "period"), [(2.9, 1), (3.2, 2), (1.0 + math.sqrt(8.0) + 5e-3, 3), (3.5, 4)])
+def test_the_logistic_map_has_its_period(r, period):
+    system = carried(("x",), {"r": 3.0}, {"x": "r*x*(1 - x)"})
+    search = Search(samples=100, longest=1500)
+    found = find_attractors(system, {"r": r}, {"x": (-0.2, 1.2)}, seeds=8, search=search)
+    assert found.names == (f"period-{period}",)
+    points = found.points[f"period-{period}"][:, 0]
+    assert points[0] == points.min()
+    assert r * points * (1.0 - points) == pytest.approx(np.roll(points, -1), abs=1e-9)
+    multiplier = np.prod(r * (1.0 - 2.0 * points))
+    assert found.orbits[f"period-{period}"].multipliers[0].real == pytest.approx(multiplier, abs=1e-7)
+    assert found.fates["diverged"] > 0  # what starts outside [0, 1]
+
+
+@pytest.mark.slow
+def test_henon_map_is_chaotic_or_diverges():
+    system = carried(("x", "y"), {"a": 1.4, "b": 0.3}, {"x": "a - x**2 + b*y", "y": "x"})
+    search = Search(samples=100, longest=2000)
+    found = find_attractors(system, {}, {"x": (-2, 2), "y": (-2, 2)}, seeds=8, search=search)
+    assert found.names == ("chaotic",)
+    assert not found.orbits
+    assert np.abs(found.points["chaotic"]).max() < 1.8  # as it does for the classical parameters
+    labels, strobes = Ensemble(system, {}).settle([[0.0, 0.0], [2.5, 0.0]], found.traps)
+    assert labels.tolist() == [0, 253]
+    assert strobes[0] >= 16
+
+
+@pytest.mark.slow
+def test_delayed_logistic_map_is_quasi_periodic():
+    image = {"x": "y", "y": "a*y*(1 - x)"}
+    search = Search(samples=100, longest=2000)
+    system = carried(("x", "y"), {"a": 2.1}, image)
+    found = find_attractors(system, {}, {"x": (0.3, 0.7), "y": (0.3, 0.7)}, seeds=4, search=search)
+    assert found.names == ("quasi-periodic",)
+    centre = 1.0 - 1.0 / 2.1
+    assert np.linalg.norm(found.points["quasi-periodic"] - centre, axis=1).min() > 0.05  # round the fixed point
+
+
+def test_equilibria_of_a_system_without_a_phase_have_period_1():
+    system = HybridSystem(("x", "v"), {}, {"free": Mode({"x": "v", "v": "x - x**3 - 0.3*v"})})
+    found = find_attractors(system, {}, {"x": (-2, 2), "v": (-2, 2)}, seeds=16, interval=1.7, search=QUICK)
+    assert found.names == ("period-1 A", "period-1 B")
+    assert [float(found.points[name][0, 0]) for name in found.names] == pytest.approx([-1.0, 1.0], abs=1e-8)
+    assert found.interval == 1.7
+
+
+def test_a_limit_cycle_is_seen_as_a_closed_curve_unless_the_looks_lock_to_it():
+    system = HybridSystem(("x", "v"), {}, {"free": Mode({"x": "v", "v": "-x + (1 - x**2)*v"})})
+    region = {"x": (-3, 3), "v": (-3, 3)}
+    search = Search(samples=100, longest=1200)
+    found = find_attractors(system, {}, region, seeds=4, interval=1.0, search=search)
+    assert found.names == ("limit cycle",)
+    assert found.orbits["limit cycle"].period == pytest.approx(6.6632868593, abs=1e-8)
+    assert "boxes" in found.notes["limit cycle"]
+    with pytest.raises(InputError, match="interval = .*must be in no ratio of small integers to the period 6.66328686"):
+        find_attractors(system, {}, region, seeds=2, interval=6.6632868593 / 3.0, search=search)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"region": None}, "region = None: must be an interval or a number for each of x, v"),
+        ({"region": {"x": (-1, 1)}}, r"region = \['x'\]: must be given for each of x, v; 'v' is missing"),
+        ({"region": {"x": (-1, 1), "y": 0}}, "region = 'y': must be one of x, v"),
+        ({"region": {"x": (1, -1), "v": 0}}, r"region\['x'\] = \(1.0, -1.0\): must be finite, the lower end first"),
+        ({"region": {"x": (0, 1, 2), "v": 0}}, r"region\['x'\] = \(0, 1, 2\): must be the two ends of an interval"),
+        ({"seeds": 0}, "seeds = 0: must be an integer >= 1"),
+        ({"interval": 1.0}, "interval = 1.0: must be given for a system without a phase"),
+        ({"search": 3}, "search = 3: must be a Search"),
+    ],
+)
+def test_each_unusable_argument_is_named(change, message):
+    arguments = {"region": BOX, "search": QUICK} | change
+    with pytest.raises(InputError, match=message):
+        find_attractors(duffing(), {}, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"samples": 10}, "Search.samples = 10: must be an integer >= 100"),
+        ({"safety": 1.5}, "Search.safety = 1.5: must be a number between 0 and 1"),
+        ({"tolerance": 0.0}, "Search.tolerance = 0.0: must be a number between 0 and 0.01"),
+        ({"criteria": "strict"}, "Search.criteria = 'strict': must be a Criteria"),
+    ],
+)
+def test_each_unusable_option_of_a_search_is_named(options, message):
+    with pytest.raises(InputError, match=message):
+        Search(**options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [1, 2])
+def test_tapping_mode_has_an_attractive_and_a_repulsive_motion(n):
+    system = afm.tapping_mode(afm.table1(), modes=n, parameters={"Omega": 1.15, "D_att": 0.025, "D_rep": 4.0})
+    found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), search=Search(samples=5000))
+    assert found.names == ("attractive", "repulsive")
+    assert found.labels["attractive"] == 0
+    assert found.orbits["attractive"].signature == (("flight", "theta"),)
+    assert {mode for mode, _ in found.orbits["repulsive"].signature} == {"flight", "contact"}
+    assert "a theorem" in found.notes["attractive"]
+    assert found.fates["undecided"] == found.fates["diverged"] == 0
+    if n == 2:
+        assert found.points["repulsive"][0, [1, 3]] == pytest.approx([-0.02950, 0.48413], abs=5e-6)

@@ -1,0 +1,96 @@
+"""Grids on a Dask cluster: the same array, whoever computes it and whoever dies."""
+
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+import saltus.basins.cluster
+from saltus import InputError
+from saltus.basins import map_basins
+from saltus.flow.traps import NOT_DONE
+from wells import BOX, Interrupt
+
+dask = pytest.importorskip("dask")
+distributed = pytest.importorskip("distributed")
+LARGER = {"x": (-2.0, 2.0, 60), "v": (-2.0, 2.0, 40)}
+
+
+@pytest.fixture(scope="module")
+def threads():
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0")
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
+        yield client
+
+
+def test_workers_write_the_array_that_this_process_would(threads, well, both, basins, small_units, tmp_path):
+    seen = []
+    found = map_basins(
+        well, {}, BOX, both, engine="dask", client=threads, store=tmp_path / "a.zarr",
+        progress=lambda done, total, rate: seen.append((done, total)),
+    )  # fmt: skip
+    assert np.array_equal(np.asarray(found.labels), basins.labels)
+    assert seen[-1] == (600, 600)
+    assert len(seen) == len(list(found.grid.units())) > 10
+    assert map_basins(well, {}, BOX, both, store=tmp_path / "a.zarr") == found
+
+
+def test_workers_send_the_labels_of_a_grid_in_memory(threads, well, both, basins, small_units):
+    found = map_basins(well, {}, BOX, both, engine="dask", client=threads)
+    assert np.array_equal(found.labels, basins.labels)
+
+
+def test_a_cluster_that_is_interrupted_keeps_what_is_done(threads, well, both, basins, small_units, tmp_path):
+    path = tmp_path / "a.zarr"
+    part = map_basins(well, {}, BOX, both, engine="dask", client=threads, store=path, progress=Interrupt(4))
+    assert part.stopped.startswith("interrupted: ")
+    whole = map_basins(well, {}, BOX, both, engine="dask", client=threads, store=path)
+    assert np.array_equal(np.asarray(whole.labels), basins.labels)
+
+
+def test_what_a_worker_says_against_a_store_is_told(threads, well, both, small_units, tmp_path, monkeypatch):
+    monkeypatch.setattr(saltus.basins.cluster, "_digest", lambda text: str(time.monotonic_ns()))
+    with pytest.raises(InputError, match=r"^store = .*: must be the client's; all workers and the client must see "):
+        map_basins(well, {}, BOX, both, engine="dask", client=threads, store=tmp_path / "a.zarr")
+    assert saltus.load(tmp_path / "a.zarr").fractions()["not done"] == 1.0
+
+
+def test_an_address_without_a_scheduler_is_told(well, both):
+    with (
+        dask.config.set({"distributed.comm.timeouts.connect": "200ms"}),
+        pytest.raises(
+            InputError,
+            match=r"^client = 'tcp://127\.0\.0\.1:9': must be the address of a scheduler, as tcp://host:8786; ",
+        ),
+    ):
+        map_basins(well, {}, BOX, both, engine="dask", client="tcp://127.0.0.1:9")
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_at_work_loses_nothing(well, both, small_units, tmp_path):
+    whole = map_basins(well, {}, LARGER, both)
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
+    )
+    killed = []
+
+    def kill_one(done, total, rate):
+        if not killed and done > total // 4:
+            pids = client.run(os.getpid)
+            busy = client.processing()
+            victim = next(address for address in pids if busy[address])
+            os.kill(pids[victim], signal.SIGKILL)
+            killed.append(pids[victim])
+
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
+        address = cluster.scheduler_address
+        found = map_basins(
+            well, {}, LARGER, both, engine="dask", client=address, store=tmp_path / "a.zarr", progress=kill_one
+        )
+        assert killed
+        assert killed[0] not in client.run(os.getpid).values()
+    assert found.stopped == "all 2400 cells done"
+    assert NOT_DONE not in np.asarray(found.labels)
+    assert np.array_equal(np.asarray(found.labels), whole.labels)

@@ -1,0 +1,221 @@
+"""Labels of grids: what they are, and that nothing but the inputs decides them."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import saltus
+import saltus.basins.mapping
+from saltus import InputError
+from saltus.basins import Basins, Grid, Plane, map_basins
+from saltus.basins.labelling import Labelling
+from saltus.flow.traps import NOT_DONE
+from wells import BOX, Interrupt, double_well
+
+
+def test_a_cell_has_the_label_of_the_well_in_which_its_motion_ends(basins, well):
+    for i, j in np.random.default_rng(5).integers((30, 20), size=(12, 2)):
+        start = [basins.grid.axes[0][i], basins.grid.axes[1][j]]
+        end = saltus.simulate(well, {}, start, periods=30, rtol=1e-10, atol=1e-11).x_end
+        assert basins.names[basins.labels[i, j]] == ("right" if end[0] > 0.0 else "left")
+
+
+def test_both_wells_have_their_share_and_all_cells_are_done(basins):
+    shares = basins.fractions()
+    assert list(shares) == ["right", "left", "diverged", "undecided"]
+    assert math.isclose(sum(shares.values()), 1.0)
+    assert min(shares["right"], shares["left"]) > 0.4
+    assert basins.stopped == "all 600 cells done"
+    assert basins.orbits_per_second > 0.0
+
+
+def test_labels_do_not_depend_on_units_or_order_of_coordinates(well, both, basins, small_units):
+    cut = map_basins(well, {}, BOX, both)
+    assert len(list(cut.grid.units())) > 10
+    assert np.array_equal(cut.labels, basins.labels)
+    turned = map_basins(well, {}, {"v": BOX["v"], "x": BOX["x"]}, both)
+    assert np.array_equal(turned.labels.T, basins.labels)
+
+
+def test_points_are_classified_as_the_cells_are(basins):
+    assert np.array_equal(basins.classify(basins.grid.points()), basins.labels.ravel())
+    stacked = basins.grid.points().reshape(30, 20, 2)[:4, :5]
+    assert np.array_equal(basins.classify(stacked), basins.labels[:4, :5])
+    assert basins.names[int(basins.classify([1.0, 0.0]))] == "right"
+
+
+def test_a_plane_along_the_states_is_the_grid_of_them(well, both, basins):
+    plane = Plane({"x": 0.0, "v": 0.0}, {"x": 2.0}, {"v": 1.0}, ((-1, 1), (-2, 2)), (30, 20))
+    assert np.array_equal(map_basins(well, {}, plane, both).labels, basins.labels)
+
+
+def test_a_section_is_what_a_grid_frozen_there_gives(well, both, basins):
+    cut = basins.section(v=0.33)
+    assert cut.grid.fixed["v"] == pytest.approx(0.3)
+    again = map_basins(well, {}, {"x": BOX["x"], "v": cut.grid.fixed["v"]}, both)
+    assert np.array_equal(cut.labels, again.labels)
+    assert again.grid == cut.grid
+
+
+def test_a_motion_that_never_arrives_is_undecided(well, both):
+    found = map_basins(well, {}, {"x": (1.5, 2.0, 4), "v": 1.0}, both, longest=1)
+    assert "undecided" in {found.names[label] for label in found.labels.tolist()}
+
+
+def test_a_preview_follows_fewer_motions_and_errs_only_beside_boundaries(well, both):
+    ranges = {"x": (-2.0, 2.0, 60), "v": (-2.0, 2.0, 60)}
+    exact = map_basins(well, {}, ranges, both)
+    quick = map_basins(well, {}, ranges, both, preview=True)
+    assert quick.stopped == "all 3600 cells done"
+    assert quick.inputs["preview"] is True
+    wrong = quick.labels != exact.labels
+    assert wrong.mean() < 0.02
+    near = np.zeros_like(wrong)
+    for axis in range(2):
+        for shift in range(-4, 5):
+            near |= np.roll(exact.labels, shift, axis) != exact.labels
+    assert not (wrong & ~near).any()
+    labelling = Labelling.from_definition(quick.inputs)
+    assert sum(followed for _, _, followed in labelling.units(quick.grid, list(quick.grid.units()))) < 3600 / 2
+
+
+def test_a_preview_of_one_label_follows_its_first_lattice_only(well, both):
+    grid = Grid(("x", "v"), {"x": (0.9, 1.1, 17), "v": (-0.1, 0.1, 9)})
+    labelling = Labelling(well, well.resolve(None), both.traps, None, 1e-8, 200, preview=True)
+    ((_, labels, followed),) = labelling.units(grid, [(slice(0, 17), slice(0, 9))])
+    assert followed == 5 * 3
+    assert (labels == 0).all()
+
+
+def test_an_interrupted_grid_keeps_what_is_done(well, both, basins, small_units):
+    part = map_basins(well, {}, BOX, both, progress=Interrupt(3))
+    done = part.labels != NOT_DONE
+    assert 0 < done.sum() < 600
+    assert part.stopped == f"interrupted: {done.sum()} of 600 cells done"
+    assert np.array_equal(part.labels[done], basins.labels[done])
+    assert math.isclose(part.fractions()["not done"], 1.0 - done.mean())
+
+
+def test_basins_in_memory_are_saved_read_and_pickled_equal(basins, tmp_path):
+    assert saltus.load(basins.save(tmp_path / "a.nc")) == basins
+    assert Basins.load(basins.save(tmp_path / "a.zarr")) == basins
+    assert pickle.loads(pickle.dumps(basins)) == basins
+    with pytest.raises(InputError, match=r"^path = .*a\.zarr': must be a new folder; a store is never written over$"):
+        basins.save(tmp_path / "a.zarr")
+
+
+def test_a_dataset_names_its_labels_and_its_frozen_coordinates(basins):
+    dataset = basins.section(v=0.1).to_xarray()
+    assert dataset["labels"].dims == ("x",)
+    assert dataset["labels"].attrs["flag_meanings"] == "right left diverged undecided"
+    assert dataset["labels"].attrs["flag_values"] == [0, 1, 253, 254]
+    assert float(dataset["v"]) == basins.section(v=0.1).grid.fixed["v"]
+
+
+def test_basins_tell_what_they_are(basins):
+    lines = repr(basins).splitlines()
+    assert lines[:3] == [
+        "Basins of double well: 30 x 20 cells",
+        "  x      -2 to 2, 30 cells",
+        "  v      -2 to 2, 20 cells",
+    ]
+    assert lines[-1] == "  all 600 cells done"
+    assert "  v      0.1" in repr(basins.section(v=0.05))
+
+
+def test_labels_of_an_array_are_checked():
+    x = np.array([0.5, 1.5, 2.5])
+    assert Basins.from_array([0, 1, 254], {"x": x}, {"a": 0, "b": 1}).fractions()["undecided"] == pytest.approx(1 / 3)
+    for labels, centres, told in [
+        ([0, 1], x, r"^labels' shape = \(2,\): must be that of the axes, \(3,\)$"),
+        ([0, 1, 2], x, r"^labels = 2: must be labels that are named: 0, 1, 253, 254$"),
+        ([0, 1, 1], [0.0, 1.0, 3.0], r"^axes\['x'\] = .*: must be ascending centres of cells, evenly spaced$"),
+        ([0], [0.5], r"^axes\['x'\] = \(1,\): must be centres of cells, at least two$"),
+    ]:
+        with pytest.raises(InputError, match=told):
+            Basins.from_array(labels, {"x": centres}, {"a": 0, "b": 1})
+    with pytest.raises(InputError, match=r"^basins = 'from an array': must be computed by map_basins"):
+        Basins.from_array([0, 1, 1], {"x": x}, {"a": 0, "b": 1}).classify([[1.0]])
+
+
+@pytest.mark.parametrize(
+    ("points", "told"),
+    [
+        ([[1.0, 2.0, 3.0]], r"^points = \(1, 3\): must be an array of shape \(\.\.\., 2\): x, v$"),
+        (1.0, r"^points = \(\): must be an array of shape"),
+        ("here", r"^points = \(\): must be an array of shape"),
+        ([[1.0, math.nan]], r"^points = nan: must be finite$"),
+    ],
+)
+def test_points_that_cannot_be_classified_are_told(basins, points, told):
+    with pytest.raises(InputError, match=told):
+        basins.classify(points)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"grid": {"x": 0.0, "v": 0.0}}, r"^grid = .*: must be with a free coordinate"),
+        (
+            {"grid": {**BOX, "s": 0.0}},
+            r"^grid = 's': must be a state other than the phase; all motions start at phase 0$",
+        ),
+        ({"grid": "wide"}, r"^grid = 'wide': must be a mapping of each state to a range or a value, or a Plane$"),
+        ({"engine": "gpu"}, r"^engine = 'gpu': must be one of cpu, cuda, dask$"),
+        ({"engine": "dask"}, r"^client = None: must be given for engine='dask', and for no other$"),
+        ({"client": "tcp://here:1"}, r"^client = 'tcp://here:1': must be given for engine='dask', and for no other$"),
+        ({"engine": "dask", "client": 3}, r"^client = 3: must be a dask\.distributed\.Client, or the address"),
+        ({"longest": 0}, r"^longest = 0: must be an integer >= 1$"),
+        ({"tolerance": 0.0}, r"^tolerance = 0\.0: must be a number between 1e-14 and 0\.01$"),
+        ({"tolerance": "fine"}, r"^tolerance = 'fine': must be a number"),
+        ({"preview": 1}, r"^preview = 1: must be True or False$"),
+        ({"progress": 1}, r"^progress = 1: must be a function of two counts and a rate$"),
+        ({"attractors": [[1.0, 0.0]]}, r"^attractors = .*: must be an Attractors, as find_attractors returns$"),
+        ({"parameters": {"a": 1.0}}, r"^parameter = 'a': must be one of c, A, w"),
+        ({"parameters": {"A": 0.06}}, r"^attractors = 'A = 0\.05': must be of these parameters: A = 0\.06$"),
+        (
+            {"grid": {**BOX, "x": (-2, 2, 10**8)}},
+            r"^store = None: must be given for a grid of more than 1e\+09 cells; it has ",
+        ),
+        ({"store": "/nowhere/a.zarr"}, r"^store = '/nowhere/a\.zarr': must be in a folder that exists$"),
+    ],
+)
+def test_a_grid_that_cannot_be_mapped_is_told(well, both, change, told):
+    asked = {"parameters": {}, "grid": BOX, "attractors": both, **change}
+    with pytest.raises(InputError, match=told):
+        map_basins(well, **asked)
+
+
+def test_an_attractor_that_is_none_is_told(well, both):
+    elsewhere = both.but(points={"right": both.points["left"], "left": both.points["right"]}, traps_of=both)
+    with pytest.raises(
+        InputError, match=r"^attractor = 'right': must be one; a motion that starts on it ends as 'left'$"
+    ):
+        map_basins(well, {}, BOX, elsewhere)
+    with pytest.raises(InputError, match=r"^attractors = 'another': must be of this system, 'double well'$"):
+        map_basins(well, {}, BOX, both.but(system=double_well("another")))
+
+
+def test_attractors_are_found_in_the_box_of_the_grid_and_kept_in_the_store(well, both, basins, tmp_path):
+    found = map_basins(well, {}, BOX, store=tmp_path / "a.zarr")
+    assert sorted(found.attractors.kinds.values()) == ["period-1", "period-1"]
+    names = {name: "right" if points[0, 0] > 0.0 else "left" for name, points in found.attractors.points.items()}
+    for name, share in found.fractions().items():
+        assert share == basins.fractions()[names.get(name, name)]
+    assert found.attractors.region == {"x": (-2.0, 2.0), "v": (-2.0, 2.0)}
+    again = map_basins(well, {}, BOX, store=tmp_path / "a.zarr", progress=lambda *told: pytest.fail("computed"))
+    assert again == found
+    assert again.attractors == found.attractors
+    assert pickle.loads(pickle.dumps(found)) == found
+
+
+def test_a_grid_without_a_cuda_device_is_told_to_use_the_cpu(well, both, tmp_path):
+    from saltus.flow.cuda import cuda_devices
+
+    if cuda_devices():
+        pytest.skip("there is a CUDA device")
+    with pytest.raises(InputError, match=r'engine="cpu"'):
+        map_basins(well, {}, BOX, both, engine="cuda", store=tmp_path / "a.zarr")
+    assert not (tmp_path / "a.zarr").exists()

@@ -1,0 +1,161 @@
+"""Ellipsoids and boxes about attractors of maps whose basins are known in closed form."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from saltus import ConvergenceError, HybridSystem, Mode
+from saltus.basins.cells import boxes_along
+from saltus.basins.trapping import Ellipsoid, contracting, enlarged, metric_of, orbit_jacobians
+
+
+def strobed(image, states=("x",)):
+    """A map, to be followed as an ensemble is; motions may start anywhere."""
+    system = HybridSystem(states, {}, {"rest": Mode(dict.fromkeys(states, "0"))})
+
+    def strobe(points, modes=None, count=1):
+        x = np.array(points, dtype=float)
+        for _ in range(count):
+            x = image(x)
+        return x, np.zeros(len(x), np.int64)
+
+    return SimpleNamespace(strobe=strobe, system=system, p=system.parameter_vector({}))
+
+
+def round_about(point, radius):
+    point = np.atleast_1d(point).astype(float)
+    return Ellipsoid(point[None], np.eye(point.size)[None], radius**2)
+
+
+def ends_at_zero(image, inner):
+    def returns(x):
+        for _ in range(200):
+            x = image(x)
+        return inner.holds(x)
+
+    return returns
+
+
+@pytest.mark.parametrize("period", [1, 3])
+def test_the_metric_shrinks_distances_at_every_strobe_of_a_linear_map(period):
+    rng = np.random.default_rng(period)
+    jacobians = rng.standard_normal((period, 3, 3))
+    once_round = np.linalg.multi_dot([np.eye(3), *jacobians[::-1]])
+    jacobians *= (0.9 / np.abs(np.linalg.eigvals(once_round)).max()) ** (1.0 / period)
+    points = rng.standard_normal((period, 3))
+    ellipsoid = metric_of(points, jacobians, np.ones(3))
+    apart = rng.standard_normal((1000, 3))
+    for k in range(period):
+        following = (k + 1) % period
+        before = ellipsoid.sizes(points[k] + apart)[:, k]
+        after = ellipsoid.sizes(points[following] + apart @ jacobians[k].T)[:, following]
+        assert np.all(after < 0.95 ** (2.0 / period) * before)  # halfway between the multiplier and 1
+
+
+def test_an_unstable_orbit_has_no_metric():
+    assert metric_of(np.zeros((1, 2)), np.diag([0.5, 1.01])[None], np.ones(2)) is None
+
+
+def test_jacobians_are_those_of_the_map():
+    ensemble = strobed(lambda x: np.column_stack([1.4 - x[:, 0] ** 2 + 0.3 * x[:, 1], x[:, 0]]), ("x", "y"))
+    points = np.array([[0.7, -0.2], [-1.1, 0.4]])
+    found = orbit_jacobians(ensemble, points, np.array([2.0, 0.5]))
+    expected = [[[-2.0 * x, 0.3], [1.0, 0.0]] for x, _ in points]
+    assert found == pytest.approx(np.array(expected), abs=1e-9)
+
+
+def test_samples_fill_the_ellipsoid_evenly():
+    metrics = np.array([[[2.0, 1.0], [0.0, 0.5]], [[1.0, 0.0], [0.0, 3.0]]])
+    ellipsoid = Ellipsoid(np.array([[1.0, 2.0], [-4.0, 0.0]]), metrics, 0.25)
+    x = ellipsoid.samples(20_000, np.random.default_rng(0))
+    sizes = ellipsoid.sizes(x)
+    own = np.concatenate([sizes[:10_000, 0], sizes[10_000:, 1]])
+    assert own.max() < 0.25
+    assert np.mean(own < 0.25 / 4.0) == pytest.approx(0.25, abs=3.0 * np.sqrt(0.25 * 0.75 / 20_000))
+    assert np.abs(x[:10_000] - [1.0, 2.0]).max(axis=0) == pytest.approx(ellipsoid.half_widths()[0], rel=0.01)
+
+
+def test_samples_contract_up_to_where_the_map_does():
+    # |x/2 + 10 x^3| < |x| for x^2 < 1/20
+    ensemble = strobed(lambda x: 0.5 * x + 10.0 * x**3)
+    found = contracting(ensemble, round_about(0.0, 1.0), np.random.default_rng(0))
+    assert 0.05 / 4.0 <= found.level <= 0.05
+
+
+def test_a_map_that_contracts_nowhere_is_told():
+    ensemble = strobed(lambda x: np.where(np.abs(x) > 0.0, 1.5 * x, x))
+    assert contracting(ensemble, round_about(0.0, 1.0), np.random.default_rng(0)) is None
+
+
+def test_an_ellipsoid_grows_to_the_basins_edge_and_no_further():
+    # x^3 has the basin |x| < 1 of 0; rungs double the squared radius, half of the last good one is kept
+    inner, image = round_about(0.0, 0.01), lambda x: np.clip(x**3, -1e9, 1e9)
+    found = enlarged(
+        strobed(image), inner, ends_at_zero(image, inner), np.array([5.0]), np.random.default_rng(1),
+        samples=2000, safety=0.5,
+    )  # fmt: skip
+    assert 0.25 <= found.level <= 0.5
+
+
+def test_an_ellipsoid_that_is_all_basin_grows_to_the_width_asked_for():
+    inner, image = round_about(0.0, 0.01), lambda x: 0.5 * x
+    found = enlarged(
+        strobed(image), inner, ends_at_zero(image, inner), np.array([5.0]), np.random.default_rng(1),
+        samples=500, safety=1.0,
+    )  # fmt: skip
+    assert 5.0 / np.sqrt(2.0) <= found.half_widths()[0, 0] <= 5.0
+
+
+def test_an_ellipsoid_that_motions_leave_at_every_size_is_refused():
+    inner, image = round_about(0.0, 0.01), lambda x: x + 1.0
+    with pytest.raises(ConvergenceError, match="trapping region: .*motions leave it"):
+        enlarged(
+            strobed(image), inner, ends_at_zero(image, inner), np.array([5.0]), np.random.default_rng(1),
+            samples=200, safety=0.5,
+        )  # fmt: skip
+
+
+GOLDEN = 2.0 * np.pi * 0.3819660113
+
+
+def turned(x):
+    """A circle of radius 1 that attracts, turned by the golden angle."""
+    radius = np.linalg.norm(x, axis=1, keepdims=True)
+    c, s = np.cos(GOLDEN), np.sin(GOLDEN)
+    return (x @ np.array([[c, s], [-s, c]])) * (1.0 + 0.5 * (1.0 - radius))
+
+
+def test_boxes_hold_the_strobes_of_a_closed_curve_and_no_state_away_from_it():
+    angles = GOLDEN * np.arange(1024)
+    cloud = np.column_stack([np.cos(angles), np.sin(angles)])
+    boxes = boxes_along(
+        strobed(turned, ("x", "y")), {3: cloud}, np.zeros((1, 2)), np.ones(2), 16, np.random.default_rng(0)
+    )
+    assert boxes.covered[3] >= 0.99
+    cells = boxes.cells
+    assert cells.visits == 16
+    assert set(cells.labels.tolist()) == {3}
+    assert cells.boxes.tolist() == sorted(cells.boxes.tolist())
+    centres = cells.origin + (cells.boxes + 0.5) * cells.size
+    assert np.abs(np.linalg.norm(centres, axis=1) - 1.0).max() < np.linalg.norm(cells.size)
+
+
+def test_boxes_of_two_attractors_share_none():
+    angles = GOLDEN * np.arange(1024)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+
+    def image(x):
+        right = x[:, :1] > 0.0
+        middle = np.where(right, [1.1, 0.0], [-1.1, 0.0])
+        return middle + turned(x - middle)
+
+    shift = np.array([1.1, 0.0])
+    clouds = {0: circle - shift, 1: circle + shift}
+    cells = boxes_along(
+        strobed(image, ("x", "y")), clouds, np.empty((0, 2)), np.ones(2), 16, np.random.default_rng(0)
+    ).cells
+    assert len(np.unique(cells.boxes, axis=0)) == len(cells.boxes)
+    assert set(cells.labels.tolist()) == {0, 1}
