@@ -6,7 +6,7 @@ By SciPy, from equations written down here; by this package's event-driven flow,
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
@@ -87,7 +87,7 @@ def grids(resolution: int = sections.RESOLUTION) -> dict[str, tuple[int, Grid]]:
     return {name: (modes, Grid(sections.model(modes).states, ranges)) for name, (modes, ranges) in axes.items()}
 
 
-def cells_of(grid: Grid, count: int, seed: int) -> NDArray[np.float64]:
+def cells_of(grid: Grid, count: int, seed: int | Sequence[int]) -> NDArray[np.float64]:
     """Return the centres of random cells, shape (count, n)."""
     return grid.at(np.random.default_rng(seed).integers(0, grid.shape, (count, len(grid.shape))))
 

@@ -296,7 +296,7 @@ def test_progress_tells_orbits_a_second_and_the_time_left(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
     with cli._bar() as show:
         assert show is not None
-        show(25_000, 100_000, 12_500.0)
+        show(25_000, 100_000, 12_500.0, 6.0)
     out = capsys.readouterr().out
     assert "25.0 %" in out
     assert "12,500 orbits/s  6 s left" in out

@@ -67,7 +67,7 @@ class Interrupt:
     def __init__(self, calls: int) -> None:
         self.left = calls
 
-    def __call__(self, done: int, total: int, rate: float) -> None:
+    def __call__(self, done: int, total: int, rate: float, left: float) -> None:
         self.left -= 1
         if self.left <= 0:
             raise KeyboardInterrupt

@@ -252,7 +252,7 @@ def _mapped(read: Config, system: HybridSystem, out: Path, *, engine: str, clien
     with _bar() as progress:
         return map_basins(
             system, read.parameters, read.cells, attractors, store=out, client=client, preview=preview,
-            engine=engine, progress=progress, **_engine_options(read),
+            engine=engine, interval=read.interval, progress=progress, **_engine_options(read),
         )  # fmt: skip
 
 
@@ -435,7 +435,7 @@ def _print(table: Table) -> None:
 
 
 @contextmanager
-def _bar() -> Iterator[Callable[[int, int, float], None] | None]:
+def _bar() -> Iterator[Callable[[int, int, float, float], None] | None]:
     """Show a bar with orbits a second and the time left; nothing where stdout is no terminal."""
     if not (sys.stdout is not None and sys.stdout.isatty()):
         yield None
@@ -445,9 +445,8 @@ def _bar() -> Iterator[Callable[[int, int, float], None] | None]:
     with Progress(BarColumn(), TextColumn("{task.percentage:5.1f} %  {task.fields[told]}")) as bar:
         task = bar.add_task("", total=None, told="starting")
 
-        def show(done: int, total: int, rate: float) -> None:
-            left = _duration((total - done) / rate) if rate > 0.0 else "?"
-            bar.update(task, completed=done, total=total, told=f"{rate:,.0f} orbits/s  {left} left")
+        def show(done: int, total: int, rate: float, left: float) -> None:
+            bar.update(task, completed=done, total=total, told=f"{rate:,.0f} orbits/s  {_duration(left)} left")
 
         yield show
 

@@ -29,7 +29,7 @@ def test_workers_write_the_array_that_this_process_would(threads, well, both, ba
     seen = []
     found = map_basins(
         well, {}, BOX, both, engine="dask", client=threads, store=tmp_path / "a.zarr",
-        progress=lambda done, total, rate: seen.append((done, total)),
+        progress=lambda done, total, rate, left: seen.append((done, total)),
     )  # fmt: skip
     assert np.array_equal(np.asarray(found.labels), basins.labels)
     assert seen[-1] == (600, 600)
@@ -76,7 +76,7 @@ def test_a_worker_that_is_killed_at_work_loses_nothing(well, both, small_units, 
     )
     killed = []
 
-    def kill_one(done, total, rate):
+    def kill_one(done, total, rate, left):
         if not killed and done > total // 4:
             pids = client.run(os.getpid)
             busy = client.processing()

@@ -12,6 +12,7 @@ from saltus import InputError
 from saltus.basins import Basins, Grid, Plane, map_basins
 from saltus.basins.labelling import Labelling
 from saltus.flow.traps import NOT_DONE
+from saltus.system import HybridSystem, Mode
 from wells import BOX, Interrupt, double_well
 
 
@@ -98,6 +99,41 @@ def test_an_interrupted_grid_keeps_what_is_done(well, both, basins, small_units)
     assert math.isclose(part.fractions()["not done"], 1.0 - done.mean())
 
 
+def test_an_interrupt_after_the_last_unit_is_told(well, both, basins, small_units, tmp_path):
+    units = len(list(Grid(("x", "v"), BOX).units()))
+    for store in (None, tmp_path / "a.zarr"):
+        whole = map_basins(well, {}, BOX, both, store=store, progress=Interrupt(units))
+        assert whole.stopped == "interrupted: 600 of 600 cells done"
+        assert np.array_equal(whole.labels, basins.labels)
+    assert Basins.open(tmp_path / "a.zarr").stopped == "all 600 cells done"
+
+
+def test_the_time_left_goes_by_cells_even_where_few_motions_are_followed(well, both, small_units, monkeypatch):
+    clock = iter([0.0])
+    monkeypatch.setattr("saltus.basins.mapping.monotonic", lambda: next(clock, 10.0))
+    seen: list[tuple[int, int, float, float]] = []
+    map_basins(well, {}, BOX, both, preview=True, progress=lambda *told: seen.append(told))
+    assert [left for *_, left in seen] == pytest.approx([10.0 * (600 - done) / done for done, *_ in seen])
+    done, _, rate, _ = seen[-2]
+    assert 10.0 * rate < 0.8 * done
+
+
+def test_a_system_without_a_phase_is_looked_at_every_interval(tmp_path):
+    still = HybridSystem(("x", "v"), {"c": 0.5}, {"well": Mode({"x": "v", "v": "-c*v + x - x**3"})}, name="still")
+    grid, store = {"x": (-2.0, 2.0, 10), "v": (-2.0, 2.0, 8)}, tmp_path / "a.zarr"
+    found = map_basins(still, {}, grid, interval=0.7, store=store)
+    assert found.attractors.interval == 0.7
+    assert found.inputs["interval"] == 0.7
+    right = max(found.attractors.names, key=lambda name: found.attractors.points[name][0, 0])
+    assert found.names[int(found.classify([1.1, 0.0]))] == right
+    assert found.fractions()[right] == 0.5  # by symmetry
+    assert map_basins(still, {}, grid, store=store) == found
+    with pytest.raises(InputError, match=r"^interval = 0\.8: must be that of the attractors, 0\.7; leave it out$"):
+        map_basins(still, {}, grid, interval=0.8, store=store)
+    with pytest.raises(InputError, match=r"^interval = None: must be given for a system without a phase"):
+        map_basins(still, {}, grid)
+
+
 def test_basins_in_memory_are_saved_read_and_pickled_equal(basins, tmp_path):
     assert saltus.load(basins.save(tmp_path / "a.nc")) == basins
     assert Basins.load(basins.save(tmp_path / "a.zarr")) == basins
@@ -171,7 +207,7 @@ def test_points_that_cannot_be_classified_are_told(basins, points, told):
         ({"tolerance": 0.0}, r"^tolerance = 0\.0: must be a number between 1e-14 and 0\.01$"),
         ({"tolerance": "fine"}, r"^tolerance = 'fine': must be a number"),
         ({"preview": 1}, r"^preview = 1: must be True or False$"),
-        ({"progress": 1}, r"^progress = 1: must be a function of two counts and a rate$"),
+        ({"progress": 1}, r"^progress = 1: must be a function of two counts, a rate and a time$"),
         ({"attractors": [[1.0, 0.0]]}, r"^attractors = .*: must be an Attractors, as find_attractors returns$"),
         ({"parameters": {"a": 1.0}}, r"^parameter = 'a': must be one of c, A, w"),
         ({"parameters": {"A": 0.06}}, r"^attractors = 'A = 0\.05': must be of these parameters: A = 0\.06$"),

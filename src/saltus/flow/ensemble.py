@@ -218,15 +218,16 @@ class Ensemble:
         found: tuple[NDArray[Any], ...],
     ) -> None:
         """Follow motions by lanes into `found`: labels, strobes, ends and their modes."""
-        assert self._lanes is not None
-        run, (p, q, *regions) = self._lanes.run, tables
+        lanes = self._lanes
+        assert lanes is not None
+        run, (p, q, *regions) = lanes.run, tables
         *tolerances, limit, longest, visits = settings
 
         def follow(start: int) -> NDArray[np.int64]:
             part, work = slice(start, start + _PIECE), np.zeros_like(self.work)
             run(
                 x[part], modes[part], p, q, *tolerances, longest, _ALIVE, limit, *regions, visits,
-                *(array[part] for array in found), work,
+                *(array[part] for array in found), work, *lanes.scratch(_PIECE),
             )  # fmt: skip
             return work
 

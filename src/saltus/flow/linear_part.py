@@ -139,8 +139,8 @@ def linear_parts(system: HybridSystem, p: NDArray[np.float64], rate: float, peri
     """Return the linear part of each mode that has one, and a periodic response, for parameters `p`."""
     found = {}
     for mode, layout in enumerate(system.linear.splits):
-        if layout is None:
-            continue
+        if layout is None or (layout["kicks"] and not layout["events"]):
+            continue  # without a surface to keep away from, nothing says where the rest is weak
         generator, events = system.linear.at(mode, p)
         part = _linear_part(generator, events, layout, rate, period)
         if part is not None:

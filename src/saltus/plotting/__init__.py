@@ -23,6 +23,7 @@ _HOMES = {
     "saltus.sweeps.sweep.Sweep": "saltus.plotting.sweep",
     "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
     "saltus.basins.basins.Basins": "saltus.plotting.basin",
+    "saltus.basins.erosion.ErosionProfile": "saltus.plotting.erosion",
 }
 
 
@@ -32,9 +33,9 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
 
     Parameters
     ----------
-    result : Branch, Locus, Family, PeriodicOrbit, Trajectory, Sweep, LyapunovSpectrum or Basins
-        What is drawn; `saltus.plotting.branch`, `.locus`, `.family`, `.orbit`, `.trajectory`, `.sweep`, `.lyapunov` and
-        `.basin` say how, and with which options.
+    result : Branch, Locus, Family, PeriodicOrbit, Trajectory, Sweep, LyapunovSpectrum, Basins or ErosionProfile
+        What is drawn; `saltus.plotting.branch`, `.locus`, `.family`, `.orbit`, `.trajectory`, `.sweep`, `.lyapunov`,
+        `.basin` and `.erosion` say how, and with which options.
     *args, **options
         Names of the quantities on the axes, and ``ax``, the Axes to draw into; by default in a new figure.
 

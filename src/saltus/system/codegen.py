@@ -173,6 +173,12 @@ class CompiledLanes:
         """Return parameters with the constants of these functions behind them."""
         return _with_constants(self._derive, p, self._n_constants)
 
+    def scratch(self, motions: int) -> tuple[NDArray[Any], ...]:
+        """Return the arrays that one call of `run` works in, for so many motions at most."""
+        m = self.module
+        pools = np.ones((m.POOLS + 1, m.NF * m.NL)), np.zeros((m.POOLS, m.NL), np.int64), np.zeros(m.POOLS, np.int64)
+        return *pools, np.zeros(motions, np.int64), np.empty(m.N)
+
 
 class CompiledSecond:
     """Second derivatives of one system, in its state and in some of its parameters.

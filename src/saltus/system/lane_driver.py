@@ -7,7 +7,6 @@ from saltus.system.pools import AT_STROBE, DIVERGED, DONE, GOES_ON, GONE, HARD, 
 __all__ = ["DRIVER", "HEAD"]
 
 HEAD = f"""
-import numpy as np
 from numba import njit
 
 from saltus.system._lane_kernels import FAST, box_of, circular_cos, circular_sin, fate, grown, ld, products, root, st
@@ -24,12 +23,8 @@ DRIVER = """
 
 @njit(nogil=True, error_model="numpy", cache=True)
 def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, cages, ellipsoids, trap_labels,
-        origin, size, boxes, box_labels, visits, labels, strobes, ends, end_modes, work):
-    S = np.ones((POOLS + 1, NF*NL))
-    who = np.zeros((POOLS, NL), np.int64)
-    count = np.zeros(POOLS, np.int64)
-    new, x = S[POOLS], np.empty(N)
-    seen = np.zeros(points.shape[0], np.int64)
+        origin, size, boxes, box_labels, visits, labels, strobes, ends, end_modes, work, S, who, count, seen, x):
+    new = S[POOLS]
     at = 0
     while True:
         total = 0
@@ -40,7 +35,7 @@ def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, ca
             at += 1
             for e in range(N):
                 new[e*NL] = x[e] = points[i, e]
-            new[T_*NL] = new[COUNT*NL] = new[FLAG*NL] = 0.0
+            new[T_*NL] = new[COUNT*NL] = new[FLAG*NL] = new[WAIT*NL] = 0.0
             new[ITOL*NL] = itol
             to = begin(modes[i], new, 0, p, q)
             label = LEFT_OVER
@@ -48,7 +43,8 @@ def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, ca
                 label = fate(x, MODE_OF[to], limit, cages, ellipsoids, trap_labels)
             if label != UNDECIDED:
                 labels[i] = label
-                ends[i] = x
+                for e in range(N):
+                    ends[i, e] = x[e]
                 end_modes[i] = MODE_OF[to] if to >= 0 else modes[i]
                 continue
             for f in range(NF):
@@ -66,7 +62,8 @@ def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, ca
             if count[k] == 0 or (count[k] < few and count[k] < most):
                 continue
             R = S[k]
-            step(k, R, (count[k] + 7)//8*8, p, q)
+            n = (count[k] + 7)//8*8
+            MAKE_STEP
             work[k] += count[k]
             l = 0
             while l < count[k]:
@@ -92,7 +89,8 @@ def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, ca
                             seen[i] = 0
                     if label != UNDECIDED or strobes[i] >= longest:
                         labels[i] = label
-                        ends[i] = x
+                        for e in range(N):
+                            ends[i, e] = x[e]
                         end_modes[i] = MODE_OF[k]
                         to = DONE
                 elif flag == GOES_ON:
@@ -106,7 +104,8 @@ def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, ca
                     labels[i] = LEFT_OVER
                 elif to == GONE:
                     labels[i] = DIVERGED
-                    ends[i] = np.inf
+                    for e in range(N):
+                        ends[i, e] = math.inf
                 elif to >= 0:
                     for f in range(NF):
                         S[to, f*NL + count[to]] = R[f*NL + l]

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import sympy
+
 from saltus.system.pools import AT_STROBE, CHANGES, GOES_ON, HUGE
 from saltus.system.split import NODES, WEIGHTS
 
@@ -16,6 +18,9 @@ if TYPE_CHECKING:
     from saltus.system.split import Split
 
 __all__ = ["exact_step"]
+
+_WAIT = 40.0
+"""Taylor steps that a motion makes, where the rest was too strong, before this is tried again."""
 
 _QUADRATURE, _FIRST, _ROTATION = 0.0034, 0.375, 1.0 / 2016000.0
 """The error of Gauss's rule from second differences at its nodes, as in `saltus.system.split`; and from the sixth power
@@ -128,7 +133,9 @@ def exact_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
         *(lane.store(i, f"z{i} if {keep} else n{i}") for i in range(n)),
         lane.store("t", f"t if {keep} else t + h"),
         lane.store("cap", f"{HUGE} if leaves | (strobe & (not too_far)) else next"),
-        f"leaves = leaves | (too_far & (next < {number(f'{name}shortest')}))",
+        f"too_fast = too_far & (next < {number(f'{name}shortest')})",
+        lane.store("wait", f"{_WAIT} if too_fast else 0.0"),
+        "leaves = leaves | too_fast",
         "strobe = strobe & (not too_far)",
         "leaves = leaves | (nears & (not stays) & (not strobe))",
         lane.store(
@@ -182,29 +189,53 @@ class _Rest:
 
     def lines(self, at: str) -> list[str]:
         """The rest where the states are ``{at}x{e}`` and the phasors ``{at}cos{j}``, ``{at}sin{j}``."""
-        names = {self.split.symbols[e]: f"{at}x{e}" for e in self.needed}
-        for i, j in enumerate(self.split.harmonics):
-            place = self.split.n + 2 * i
-            names |= {self.split.symbols[place]: f"{at}cos{j}", self.split.symbols[place + 1]: f"{at}sin{j}"}
-        return [f"{at}g{i} = {self.writer.text_of(g, names)}" for i, g in enumerate(self.expressions)]
+        return [f"{at}g{i} = {self.writer.text_of(g, self._names(at))}" for i, g in enumerate(self.expressions)]
 
     def error(self, weight: str, swiftest: str) -> list[str]:
-        """Whether a step was too long for the three nodes, and how long the next may be."""
-        moved = " + ".join(f"abs(fx{e} - bx{e})" for e in self.needed)
-        lines = [f"moved = 1.0/({moved} + 1e-30)", "error = 0.0", f"turned = {swiftest}*h"]
-        lines.append(f"turned = {_ROTATION!r}*(turned*turned*turned)*(turned*turned*turned)")
+        """Whether a step was too long, and how long the next may be.
+
+        The three nodes miss what varies fast, or turns fast with the modal coordinates; and the rest is taken where the
+        linear flow leads, not where the kicks of the step itself move the states that it depends on.
+        """
+        lines = [f"turned = {swiftest}*h", f"turned = {_ROTATION!r}*(turned*turned*turned)*(turned*turned*turned)"]
+        lines.append("error = 0.0")
         for i in range(len(self.expressions)):
             a, b, c = (f"{at}g{i}" for at in "bmf")
             lines += [
-                f"d = max(abs({a}), max(abs({b}), abs({c}))) + 1e-30",
-                "i = 1.0/d",
+                f"d{i} = max(abs({a}), max(abs({b}), abs({c}))) + 1e-30",
+                f"i = 1.0/d{i}",
                 f"u = ({c} - {a})*i",
                 f"v = max(abs({a} - 2.0*{b} + {c})*i, {_FIRST!r}*u*u)",
-                f"error = max(error, ({_QUADRATURE!r}*v*v*v + turned)*d + 0.5*h*h*d*abs({c} - {a})*moved)",
+                f"error = max(error, ({_QUADRATURE!r}*v*v*v + turned)*d{i})",
             ]
+        lines += [f"moved{e} = {self._moved(e)}" for e in self.needed]
+        for g in self.expressions:
+            slopes = [" + ".join(f"abs({slope})*moved{e}" for e, slope in self._slopes(g, at)) or "0.0" for at in "bf"]
+            lines.append(f"error = error + max({slopes[0]}, {slopes[1]})")
         return [
             *lines,
             f"error = error*h*{weight}*itol + 1e-12",
             "too_far = error > 4.0",
             "next = h*max(0.9*root(error, 6.0), 0.2)",
         ]
+
+    def _moved(self, e: int) -> str:
+        """How far the kicks move a state within a step."""
+        terms = []
+        for f, i in self.source.items():
+            if e == f:
+                terms.append(f"h*d{i}")
+            elif (entry := self.split.matrix[e][f]) != 0:
+                terms.append(f"0.5*h*h*abs({self.writer.text_of(entry)})*d{i}")
+        return " + ".join(terms) or "0.0"
+
+    def _slopes(self, g: sympy.Expr, at: str) -> list[tuple[int, str]]:
+        slopes = [(e, sympy.diff(g, self.split.symbols[e])) for e in self.needed]
+        return [(e, self.writer.text_of(slope, self._names(at))) for e, slope in slopes if slope != 0]
+
+    def _names(self, at: str) -> dict[sympy.Expr, str]:
+        names = {self.split.symbols[e]: f"{at}x{e}" for e in self.needed}
+        for i, j in enumerate(self.split.harmonics):
+            place = self.split.n + 2 * i
+            names |= {self.split.symbols[place]: f"{at}cos{j}", self.split.symbols[place + 1]: f"{at}sin{j}"}
+        return names

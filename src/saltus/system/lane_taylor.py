@@ -180,7 +180,12 @@ def _checked(lane: LaneWriter, pool: Pool) -> list[str]:
         lines.append(f"is_stuck = is_stuck | (not ({lane.text_of(domain, names)} > 0.0))")
     if all(p.split is None or p.mode != pool.mode for p in lane.pools):
         return lines
-    name, tests = f"far{pool.mode}_", [f"away = flag == {GOES_ON}"]
+    name = f"far{pool.mode}_"
+    tests = [
+        f"wait = {lane.load('wait')}",
+        lane.store("wait", "wait - 1.0"),
+        f"away = (flag == {GOES_ON}) & (wait < 0.5)",
+    ]
     tests += [
         f"away = away & (v{j} > {lane.number(f'{name}out')})"
         f" & (v{j} + {lane.number(f'{name}ahead')}*r{j} > {lane.number(f'{name}in')})"

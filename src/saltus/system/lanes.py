@@ -53,8 +53,8 @@ class LaneWriter(Writer):
         ]
         self.n_events = max((len(events) for events in self.events), default=0)
         n = self.n_states
-        self.fields = {"w": n, "t": n + 1, "cap": n + 2, "itol": n + 3, "count": n + 4, "flag": n + 5}
-        self.n_fields = n + 6 + 2 * self.n_events
+        self.fields = {"w": n, "t": n + 1, "cap": n + 2, "itol": n + 3, "count": n + 4, "flag": n + 5, "wait": n + 6}
+        self.n_fields = n + 7 + 2 * self.n_events
         self.lane_numbers: dict[str, int] = {}
         self._hoisted: dict[str, str] = {}
 
@@ -62,11 +62,11 @@ class LaneWriter(Writer):
 
     def on(self, j: int) -> int:
         """Field that tells whether a motion starts on the surface of event j of its mode."""
-        return self.n_states + 6 + j
+        return self.n_states + 7 + j
 
     def side(self, j: int) -> int:
         """Field with the side of the surface of event j, where it has no direction."""
-        return self.n_states + 6 + self.n_events + j
+        return self.n_states + 7 + self.n_events + j
 
     def side_of(self, j: int, transition: int) -> str:
         """Sign of an event function in its mode: against its direction, or as the motion began."""
@@ -119,16 +119,12 @@ class LaneWriter(Writer):
             "NF": self.n_fields,
             "POOLS": len(self.pools),
             "MODE_OF": tuple(pool.mode for pool in self.pools),
-            "T_, CAP, ITOL, COUNT, FLAG, ON": (
-                *(self.fields[f] for f in ("t", "cap", "itol", "count", "flag")),
-                self.on(0),
-            ),
-            "EVENTS": self.n_events,
+            "T_, ITOL, COUNT, FLAG, WAIT": tuple(self.fields[f] for f in ("t", "itol", "count", "flag", "wait")),
             "QUANTITIES": tuple(self.lane_numbers),
         }
         yield HEAD
         yield from texts
-        yield DRIVER
+        yield DRIVER.replace("MAKE_STEP", self._chosen("step_{}(R, n, p, q)", 12))
 
     def _step(self, k: int, pool: Pool) -> str:
         """The text of a pool's steps: a loop over lanes around statements without branches."""
@@ -152,10 +148,14 @@ class LaneWriter(Writer):
     # ---- one lane at a time ----
 
     def _steps(self) -> str:
-        lines = ["\n\n@scalar", "def step(k, S, n, p, q):"]
-        for k in range(len(self.pools)):
-            lines += [f"    {'if' if k == 0 else 'elif'} k == {k}:", f"        step_{k}(S, n, p, q)"]
-        return "\n".join(lines) + "\n"
+        return f"\n\n@scalar\ndef step(k, S, n, p, q):\n    {self._chosen('step_{}(S, n, p, q)', 4)}\n"
+
+    def _chosen(self, call: str, indent: int) -> str:
+        """Statements that make the call of pool k."""
+        cases = [
+            f"{'elif' if k else 'if'} k == {k}:\n{' ' * (indent + 4)}{call.format(k)}" for k in range(len(self.pools))
+        ]
+        return f"\n{' ' * indent}".join(cases)
 
     def _state_names(self) -> dict[sympy.Expr, str]:
         return {symbol: ("theta" if i == self.n_states else f"x{i}") for i, symbol in enumerate(self.system.x)}

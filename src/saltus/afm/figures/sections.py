@@ -87,8 +87,7 @@ def mapped(
     """
     from saltus.basins import map_basins
 
-    def told(done: int, total: int, rate: float) -> None:
-        left = (total - done) / rate if rate > 0.0 else math.inf
+    def told(done: int, total: int, rate: float, left: float) -> None:
         say(f"{what}: {done / total:.0%} of {total} cells, {rate:,.0f} orbits/s, {left:.0f} s left")
 
     return map_basins(system, PARAMETERS, grid, attractors, store=store, progress=told)
