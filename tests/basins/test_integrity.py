@@ -15,12 +15,12 @@ from saltus.basins.blocks import blocks
 from saltus.basins.entropy import basin_entropy
 from saltus.basins.grid import Grid, Plane
 from saltus.basins.integrity import (
-    basin_stability,
     global_integrity,
     integrity_factor,
     local_integrity,
     minimal_fatal_perturbation,
 )
+from saltus.basins.stability import basin_stability
 from saltus.basins.uncertainty import uncertainty_by_neighbours
 from saltus.basins.wada import wada_by_merging
 from saltus.basins.wilson import wilson

@@ -208,7 +208,10 @@ def test_points_that_cannot_be_classified_are_told(basins, points, told):
         ({"tolerance": "fine"}, r"^tolerance = 'fine': must be a number"),
         ({"preview": 1}, r"^preview = 1: must be True or False$"),
         ({"progress": 1}, r"^progress = 1: must be a function of two counts, a rate and a time$"),
-        ({"attractors": [[1.0, 0.0]]}, r"^attractors = .*: must be an Attractors, as find_attractors returns$"),
+        (
+            {"attractors": [[1.0, 0.0]]},
+            r"^attractors = 'list': must be an Attractors, as find_attractors returns; attractors_from makes one",
+        ),
         ({"parameters": {"a": 1.0}}, r"^parameter = 'a': must be one of c, A, w"),
         ({"parameters": {"A": 0.06}}, r"^attractors = 'A = 0\.05': must be of these parameters: A = 0\.06$"),
         (

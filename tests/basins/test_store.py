@@ -18,7 +18,8 @@ from zarr.storage import LocalStore
 
 import saltus
 from saltus import InputError
-from saltus.basins import map_basins
+from saltus.basins import Basins, map_basins
+from saltus.basins.labelling import ACCURACY
 from saltus.flow.traps import NOT_DONE
 from wells import BOX, Interrupt, double_well
 
@@ -57,6 +58,24 @@ def test_any_reader_of_zarr_finds_labels_over_their_coordinates(stored, basins):
     found = dataset["labels"].sel(x=0.3, v=-1.1, method="nearest")
     assert int(found) == basins.section(x=0.3).labels[basins.grid.nearest({"v": -1.1})["v"]]
     assert dataset["labels"].attrs["flag_meanings"].split()[1] == "left"
+
+
+def test_a_store_and_the_docstring_tell_how_many_labels_were_wrong(stored):
+    accuracy = zarr.open_group(stored.path, mode="r").attrs["accuracy"]
+    assert accuracy == dict(ACCURACY)
+    said = " ".join((map_basins.__doc__ or "").split())
+    for wrong in ACCURACY["wrong"].values():
+        assert f"{100.0 * wrong:g} per cent" in said
+    assert f"of {ACCURACY['cells']:,} random cells".replace(",", " ") in said
+    assert ACCURACY["source"] in said
+
+
+def test_what_is_no_store_is_told_by_what_it_is(stored, tmp_path):
+    (tmp_path / "file").touch()
+    zarr.open_group(tmp_path / "group", mode="w").create_group("one")
+    for name, told in [("file", "it is a file"), ("none", "there is nothing"), ("group", "it holds one")]:
+        with pytest.raises(InputError, match=rf"{name}': must be a store of basins that saltus wrote; {told}$"):
+            Basins.open(tmp_path / name)
 
 
 def test_a_section_of_a_store_reads_the_chunks_that_it_cuts_and_no_other(stored, basins, monkeypatch):

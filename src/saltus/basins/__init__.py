@@ -8,15 +8,14 @@ from saltus.basins.grid import Grid, Plane
 from saltus.basins.integrity import (
     Ball,
     FatalPerturbation,
-    Stability,
     Volume,
-    basin_stability,
     global_integrity,
     integrity_factor,
     local_integrity,
     minimal_fatal_perturbation,
 )
 from saltus.basins.mapping import map_basins
+from saltus.basins.stability import Stability, basin_stability
 from saltus.basins.uncertainty import UncertaintyExponent, uncertainty_by_neighbours, uncertainty_by_shifts
 from saltus.basins.wada import WadaTest, wada_by_merging
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from saltus.basins.cells import boxes_along
 from saltus.basins.recurrence import Found, Hunt, Search
+from saltus.basins.trap_files import traps_as_variables, traps_from_variables
 from saltus.basins.trapping import Ellipsoid, enlarged
 from saltus.basins.wilson import wilson
 from saltus.errors import InputError, nearest
@@ -105,7 +106,7 @@ class Attractors(Result):
             {"point": (("index", "state"), points), "label": ("index", label)},
             coords={"state": list(self.system.states)},
         )
-        for name, (dims, values) in _trap_variables(self.traps).items():
+        for name, (dims, values) in traps_as_variables(self.traps).items():
             dataset[name] = (dims, values)
         orbit_attrs = {}
         for name, orbit in self.orbits.items():
@@ -151,7 +152,7 @@ class Attractors(Result):
             data["kinds"],
             {name: points[labels == label] for label, name in enumerate(data["names"])},
             orbits,
-            _traps_of(dataset),
+            traps_from_variables(dataset),
             data["notes"],
             data["fates"],
             float(attrs["measured_error"]),
@@ -497,68 +498,3 @@ def _stacked(caged: Mapping[int, Any], n: int) -> Cages:
         frozen([cage.mode for cage in caged.values()], np.int64),
         frozen(list(caged), np.uint8),
     )
-
-
-# ---- trapping regions in a file ----
-
-_FORMS: dict[str, tuple[type[Any], dict[str, tuple[tuple[str, ...], type]]]] = {
-    "ellipsoids": (
-        Ellipsoids,
-        {
-            "centres": (("ellipsoid", "state"), np.float64),
-            "shapes": (("ellipsoid", "axis", "state"), np.float64),
-            "labels": (("ellipsoid",), np.uint8),
-        },
-    ),
-    "cages": (
-        Cages,
-        {
-            "centres": (("cage", "state"), np.float64),
-            "rows": (("cage", "row", "state"), np.complex128),
-            "floors": (("cage", "row"), np.float64),
-            "bounds": (("cage",), np.float64),
-            "modes": (("cage",), np.int64),
-            "labels": (("cage",), np.uint8),
-        },
-    ),
-    "cells": (
-        Cells,
-        {
-            "origin": (("state",), np.float64),
-            "size": (("state",), np.float64),
-            "boxes": (("box", "state"), np.int64),
-            "labels": (("box",), np.uint8),
-        },
-    ),
-}
-
-
-def _trap_variables(traps: Traps) -> dict[str, tuple[tuple[str, ...], NDArray[Any]]]:
-    variables = {}
-    for kind, (_, arrays) in _FORMS.items():
-        regions = getattr(traps, kind)
-        for name, (dims, _dtype) in arrays.items() if regions is not None else ():
-            value = getattr(regions, name)
-            if np.iscomplexobj(value):
-                variables[f"{kind}_{name}_re"], variables[f"{kind}_{name}_im"] = (dims, value.real), (dims, value.imag)
-            else:
-                variables[f"{kind}_{name}"] = dims, value
-    return variables
-
-
-def _traps_of(dataset: xr.Dataset) -> Traps:
-    regions = {}
-    for kind, (form, arrays) in _FORMS.items():
-        if f"{kind}_labels" not in dataset:
-            continue
-        values = {}
-        for name, (_, dtype) in arrays.items():
-            if dtype is np.complex128:
-                value = dataset[f"{kind}_{name}_re"].values + 1j * dataset[f"{kind}_{name}_im"].values
-            else:
-                value = dataset[f"{kind}_{name}"].values
-            values[name] = frozen(value, dtype)
-        if kind == "cells":
-            values["visits"] = int(dataset.attrs["visits"])
-        regions[kind] = form(**values)
-    return Traps(int(dataset.sizes["state"]), **regions, limit=float(dataset.attrs["limit"]))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.basins.grid import Grid, tiles
+from saltus.basins.labelling import ACCURACY, Labelling
 from saltus.basins.store import Store, Window, flags
 from saltus.errors import InputError
 from saltus.flow.traps import DIVERGED, NOT_DONE, UNDECIDED
@@ -241,9 +242,7 @@ class Basins(Result):
         return np.asarray(self._labelling.of(x.reshape(-1, n)).reshape(x.shape[:-1]))
 
     @cached_property
-    def _labelling(self) -> Any:
-        from saltus.basins.labelling import Labelling
-
+    def _labelling(self) -> Labelling | None:
         return Labelling.from_definition(self.inputs) if self.inputs else None
 
     def to_xarray(self) -> xr.Dataset:
@@ -351,6 +350,7 @@ def attributes_of(inputs: Mapping[str, Any], grid: Grid, attractors: Any) -> dic
         "inputs": dict(inputs),
         "grid": grid.definition(),
         "attractors": summary(attractors),
+        **({"accuracy": dict(ACCURACY)} if inputs else {}),
     }
 
 

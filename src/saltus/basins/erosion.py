@@ -28,14 +28,13 @@ from saltus.basins.basins import Basins
 from saltus.basins.entropy import basin_entropy
 from saltus.basins.grid import Grid, Plane
 from saltus.basins.integrity import (
-    Stability,
-    basin_stability,
     global_integrity,
     integrity_factor,
     local_integrity,
     minimal_fatal_perturbation,
 )
 from saltus.basins.mapping import map_basins
+from saltus.basins.stability import Stability, basin_stability
 from saltus.basins.uncertainty import uncertainty_by_neighbours
 from saltus.errors import ConvergenceError, InputError, nearest
 from saltus.results import Result, frozen

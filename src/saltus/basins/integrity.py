@@ -16,14 +16,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.basins.blocks import blocks, label_of, outcome_of, read
-from saltus.basins.wilson import checked_confidence, wilson
 from saltus.errors import InputError, nearest
-from saltus.flow.traps import NOT_DONE, UNDECIDED
+from saltus.flow.traps import NOT_DONE
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -34,9 +33,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Ball",
     "FatalPerturbation",
-    "Stability",
     "Volume",
-    "basin_stability",
     "global_integrity",
     "integrity_factor",
     "local_integrity",
@@ -49,9 +46,6 @@ _NEAR = 2**20
 
 _MEMORY = 2**32
 """Bytes that a distance transform may take."""
-
-_BATCH = 2**16
-"""Points that are classified at once."""
 
 
 @dataclass(frozen=True)
@@ -143,31 +137,6 @@ class FatalPerturbation:
     outcome: str
     off_section: float = 0.0
     note: str = ""
-
-
-@dataclass(frozen=True)
-class Stability:
-    """Basin stability from samples.
-
-    Attributes
-    ----------
-    value : float
-        Share of the samples that go to the attractor.
-    low, high : float
-        Ends of its confidence interval, see `saltus.basins.wilson.wilson`.
-    confidence : float
-        Of the interval.
-    hits, undecided, samples : int
-        Samples that go to the attractor, those of which it is not known where they go (no hits), and all.
-    """
-
-    value: float
-    low: float
-    high: float
-    confidence: float
-    hits: int
-    undecided: int
-    samples: int
 
 
 def global_integrity(basins: Labelled, name: str) -> Volume:
@@ -427,82 +396,6 @@ def minimal_fatal_perturbation(
     )
 
 
-def basin_stability(
-    basins: Any,
-    name: str,
-    samples: int = 1000,
-    *,
-    region: Mapping[str, tuple[float, float]] | None = None,
-    seed: int = 0,
-    confidence: float = 0.95,
-) -> Stability:
-    """Return basin stability: the probability that a random initial condition goes to an attractor.
-
-    Points are drawn uniformly, and followed one by one: the grid has no part in it but for its coordinates. For a
-    density of one's own, draw points from it and pass what `Basins.classify` says of them to `wilson`.
-
-    Parameters
-    ----------
-    basins : Basins
-        They classify points.
-    name : str
-        The attractor.
-    samples : int, optional
-        How many points.
-    region : mapping of str to (float, float), optional
-        Ranges of free coordinates from which points are drawn; by default those of the grid.
-    seed : int, optional
-        Of the random numbers.
-    confidence : float, optional
-        Of the interval.
-
-    Returns
-    -------
-    Stability
-
-    Raises
-    ------
-    InputError
-        An unknown name or coordinate, a range turned round, no sample.
-
-    References
-    ----------
-    P. J. Menck, J. Heitzig, N. Marwan, J. Kurths, How basin stability complements the linear-stability paradigm, Nat.
-    Phys. 9 (2013) 89-92.
-
-    Examples
-    --------
-    Whatever classifies points over a grid will do; here a disc of radius 0.6 in a square of edge 2:
-
-    >>> from types import SimpleNamespace
-    >>> from saltus.basins.basins import Outcomes
-    >>> from saltus.basins.grid import Grid
-    >>> disc = SimpleNamespace(
-    ...     grid=Grid(("x", "y"), {"x": (-1, 1, 10), "y": (-1, 1, 10)}),
-    ...     attractors=Outcomes({"a": 0, "b": 1}),
-    ...     classify=lambda points: (np.hypot(*points.T) > 0.6).astype(np.uint8),
-    ... )
-    >>> found = basin_stability(disc, "a", 10_000)
-    >>> found.low < 0.09 * np.pi < found.high
-    True
-    """
-    label, grid = label_of(basins, name), basins.grid
-    checked_confidence(confidence)
-    if not isinstance(samples, (int, np.integer)) or samples < 1:
-        raise InputError("samples", samples, "an integer of at least 1")
-    ranges = _ranges(grid, region)
-    random = np.random.default_rng(seed)
-    hits = undecided = 0
-    for first in range(0, samples, _BATCH):
-        count = min(_BATCH, samples - first)
-        drawn = random.uniform(ranges[:, 0], ranges[:, 1], (count, len(ranges)))
-        found = np.asarray(basins.classify(grid.origin + drawn @ grid.vectors))
-        hits += int((found == label).sum())
-        undecided += int((found == UNDECIDED).sum())
-    low, high = wilson(hits, int(samples), confidence)
-    return Stability(hits / samples, low, high, confidence, hits, undecided, int(samples))
-
-
 def weights_of(grid: Grid, weights: Mapping[str, float] | None) -> NDArray[np.float64]:
     """Return the weight of each free coordinate, shape (free coordinates,).
 
@@ -621,17 +514,3 @@ def _own_cell(basins: Labelled, label: int, start: NDArray[np.float64]) -> str:
     cell = basins.grid.nearest(dict(zip(basins.grid.names, start.tolist(), strict=True)))
     own = int(read(basins.labels, tuple(slice(i, i + 1) for i in cell.values())).item())
     return "" if own == label else f"the centre's own cell is labelled {outcome_of(basins, own)!r}"
-
-
-def _ranges(grid: Grid, region: Mapping[str, tuple[float, float]] | None) -> NDArray[np.float64]:
-    """The ranges from which points are drawn, shape (free coordinates, 2)."""
-    ranges = {name: (low, high) for name, (low, high, _) in zip(grid.names, grid.ranges, strict=True)}
-    for name, ends in (region or {}).items():
-        if name not in ranges:
-            wanted = f"a free coordinate: {', '.join(grid.names)}"
-            raise InputError("region", name, wanted, nearest(str(name), grid.names))
-        low, high = ends
-        if not -math.inf < low < high < math.inf:
-            raise InputError(f"region[{name!r}]", ends, "(low, high) with low < high")
-        ranges[name] = (float(low), float(high))
-    return np.array([ranges[name] for name in grid.names])

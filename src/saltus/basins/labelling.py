@@ -6,14 +6,16 @@ import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.basins.trap_files import traps_as_data, traps_from_data
 from saltus.errors import InputError
-from saltus.flow.traps import Cages, Cells, Ellipsoids, Traps
+from saltus.flow.traps import Traps
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
@@ -21,7 +23,19 @@ if TYPE_CHECKING:
 
     from saltus.basins.grid import Grid
 
-__all__ = ["Labelling"]
+__all__ = ["ACCURACY", "Labelling", "checked_engine"]
+
+ACCURACY: Mapping[str, Any] = MappingProxyType(
+    {
+        "wrong": {"Fig. 9's plane": 5e-5, "[-5, 5]^4": 5e-4},
+        "cells": 40_000,
+        "system": "tapping mode with two modes, Omega = 1.15, D_att = 0.025, D_rep = 4",
+        "tolerance": 1e-8,
+        "against": "the same motions at tolerance 1e-12",
+        "source": "benchmarks/basin_accuracy.py",
+    }
+)
+"""Measured error of the whole method: the part of the labels that were wrong, of random cells of two grids."""
 
 _STRIDE = 4
 """Cells from one to the next that a preview computes at first, along each coordinate."""
@@ -29,10 +43,11 @@ _STRIDE = 4
 _BATCH = {"cpu": 1, "cuda": 2**22}
 """Cells that an engine is handed at once, if the units are not larger."""
 
-_AHEAD = 1
-"""Batches that wait while one is computed."""
+_FOLLOWERS = {"cpu": 2, "cuda": 1}
+"""Batches that are computed at once: where one has less work left than there are threads, the next one has."""
 
-_KINDS: Mapping[str, type[Any]] = {"ellipsoids": Ellipsoids, "cages": Cages, "cells": Cells}
+_AHEAD = 1
+"""Batches that wait while others are computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +96,7 @@ class Labelling:
             "interval": self.interval,
             "engine": self.engine,
             "preview": self.preview,
-            "traps": _plain(self.traps),
+            "traps": traps_as_data(self.traps),
         }
 
     @classmethod
@@ -89,7 +104,9 @@ class Labelling:
         """Return the labelling that `definition` describes."""
         options = {name: definition[name] for name in ("tolerance", "longest", "interval", "engine", "preview")}
         system = HybridSystem.from_definition(definition["system"])
-        return cls(system, dict(definition["parameters"]), _traps(definition["traps"]), threads=threads, **options)
+        return cls(
+            system, dict(definition["parameters"]), traps_from_data(definition["traps"]), threads=threads, **options
+        )
 
     @cached_property
     def ensemble(self) -> Any:
@@ -116,13 +133,14 @@ class Labelling:
             for cells in units:
                 yield cells, *self._refined(grid, cells)
             return
-        with ThreadPoolExecutor(1) as maker, ThreadPoolExecutor(1) as follower:  # ahead of who takes the labels
+        followers = _FOLLOWERS[self.engine]
+        with ThreadPoolExecutor(1) as maker, ThreadPoolExecutor(followers) as follower:  # ahead of who takes the labels
             under_way: deque[tuple[list[tuple[slice, ...]], Future[NDArray[np.uint8]]]] = deque()
             try:
                 for batch in _batches(units, _BATCH[self.engine]):
                     points = maker.submit(_points, grid, batch)
                     under_way.append((batch, follower.submit(self._of_made, points)))
-                    if len(under_way) > _AHEAD:
+                    if len(under_way) >= followers + _AHEAD:
                         yield from _parted(*under_way.popleft())
                 while under_way:
                     yield from _parted(*under_way.popleft())
@@ -199,35 +217,6 @@ def _batches(units: Sequence[tuple[slice, ...]], most: int) -> Iterator[list[tup
         held += count
     if batch:
         yield batch
-
-
-# traps as plain data
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        numbers = value.view(np.float64).ravel() if np.iscomplexobj(value) else value.ravel()
-        return {"dtype": value.dtype.name, "shape": list(value.shape), "values": numbers.tolist()}
-    if isinstance(value, Traps | Ellipsoids | Cages | Cells):
-        return {part.name: _plain(getattr(value, part.name)) for part in fields(value)}
-    return value
-
-
-def _array(data: Mapping[str, Any]) -> NDArray[Any]:
-    dtype = np.dtype(data["dtype"])
-    numbers = np.array(data["values"], dtype=np.float64 if dtype.kind == "c" else dtype)
-    array: NDArray[Any] = numbers.view(dtype).reshape(data["shape"])
-    return array
-
-
-def _traps(data: Mapping[str, Any]) -> Traps:
-    parts = dict(data)
-    for name, kind in _KINDS.items():
-        if parts[name] is not None:
-            parts[name] = kind(
-                **{key: _array(value) if isinstance(value, dict) else value for key, value in parts[name].items()}
-            )
-    return Traps(**parts)
 
 
 def checked_engine(engine: object) -> str:

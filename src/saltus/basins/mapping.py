@@ -108,6 +108,12 @@ def map_basins(
 
     Notes
     -----
+    Labels that are wrong: of 40 000 random cells each 0.005 per cent in the plane of Fig. 9 and 0.05 per cent in
+    [-5, 5]^4, with the tapping cantilever of two modes (see `examples/configs`) at the default tolerance, against the
+    same motions at tolerance 1e-12 (``benchmarks/basin_accuracy.py``). Besides, at most `measured_error` of any one
+    trapping region belongs elsewhere. A store's metadata has these numbers as ``accuracy`` and ``attractors``, and in
+    ``attractors.notes`` how each region was made, and what proves it or how many samples it rests on.
+
     Whatever ends a run, a store stays readable: a unit is written aside and then renamed. Units that were cut off all
     the same are found by their checksums, and computed again. `docs/basins.md` is a guide.
 
@@ -143,7 +149,8 @@ def map_basins(
     elif attractors is None:
         attractors = _found(system, values, cells, interval)
     if not isinstance(getattr(attractors, "traps", None), Traps):
-        raise InputError("attractors", attractors, "an Attractors, as find_attractors returns")
+        kind, hint = type(attractors).__name__, "attractors_from makes one of known orbits"
+        raise InputError("attractors", kind, "an Attractors, as find_attractors returns", hint)
     if interval not in (None, attractors.interval):
         raise InputError("interval", interval, f"that of the attractors, {attractors.interval!r}", "leave it out")
     labelling = Labelling(

@@ -106,7 +106,8 @@ class Store:
         except InputError:
             raise
         except (OSError, KeyError, *_DAMAGE) as error:
-            raise InputError("path", str(path), "a store of basins that saltus wrote", str(error)) from error
+            hint = _what_is(path) or str(error)
+            raise InputError("path", str(path), "a store of basins that saltus wrote", hint) from error
         if writable:
             with telling(path), tempfile.TemporaryFile(dir=path):
                 pass
@@ -253,6 +254,16 @@ def flags(labels: Mapping[str, int]) -> dict[str, Any]:
         "flag_values": list(labels.values()),
         "flag_meanings": " ".join(name.replace(" ", "_") for name in labels),
     }
+
+
+def _what_is(path: Path) -> str:
+    """Say what is at a place that holds no store, where that helps."""
+    if not path.exists():
+        return "there is nothing"
+    if not path.is_dir():
+        return "it is a file"
+    held = sorted(file.parent.name for file in path.glob("*/zarr.json"))
+    return f"it holds {', '.join(held)}" if held else ""
 
 
 @contextmanager

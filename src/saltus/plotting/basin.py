@@ -254,4 +254,4 @@ def percent(part: float) -> str:
         return f"{100.0 * part:.0f} %"
     if min(part, 1.0 - part) >= 0.001:
         return f"{100.0 * part:.1f} %"
-    return f"{100.0 * part:.{2 if part > 0.5 else 1}g} %" if part < 0.5 else f"{100.0 * part:.3f} %"
+    return f"{100.0 * part:.1g} %" if part < 0.5 else f"{100.0 * part:.3f} %"

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["exact_step"]
 
+_KEPT = 0.3
+"""Part of an event function's value that is left at the end of a step, at the least: the nodes see no nearer pole."""
+
 _WAIT = 40.0
 """Taylor steps that a motion makes, where the rest was too strong, before this is tried again."""
 
@@ -86,7 +89,8 @@ def exact_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
             f"b = {side}*({row(f'h{j}', 'a', 'z')})",
             f"d = {side}*({' + '.join([row(f'd{j}', 'a', 'z'), *pushed])})",
             f"m = {' + '.join([*bends, number(f'{name}m{j}'), *kicked])}",
-            f"reach = (d + math.sqrt(max(d*d + 2.0*m*(b - {number(f'{name}in')}), 0.0)))/m",
+            f"level = max({number(f'{name}in')}, {_KEPT if rest.expressions else 0.0}*b)",
+            "reach = (d + math.sqrt(max(d*d + 2.0*m*(b - level), 0.0)))/m",
             f"leaves = leaves | (b < {number(f'{name}in')}) | (reach < {number(f'{name}shortest')})",
             f"nears = nears | (reach < min(h, {number(f'{name}close')}))",
             "h = min(h, reach)",

@@ -21,10 +21,14 @@ _LANDED = 1e-4
 _AT_PHASE_ZERO = 1e-13
 """Time left to phase 0, in periods, that is none."""
 
-_RATIO, _TAIL = 0.9, 4.0
+_RATIO, _TAIL = 0.9, 12.0
 """Largest ratio of a step's last two terms; and how many times the geometric series behind them is left out."""
 
-_SIGMA_WEIGHT = 0.1
+_APPROACH = 0.75
+"""Part of the way to a surface, at the present speed, that a step goes where a weak rest may grow near the surface: the
+last terms of the series do not show it from afar."""
+
+_SIGMA_WEIGHT = 0.3
 """Share of a step's error in sigma that counts: with the whole, labels and period maps are no better (measured)."""
 
 _SIGMA_STEP = 4.0
@@ -61,6 +65,13 @@ def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     ]
     transitions = lane.events[pool.mode]
     about = -1 if form is None else transitions.index(form.transition)
+    if any(p.split is not None and p.split.rest and p.mode == pool.mode for p in lane.pools):
+        for j, k in enumerate(transitions):
+            near, side = lane.number(f"far{pool.mode}_in"), lane.side_of(j, k)
+            lines += [
+                f"b, d = {side}*{events[j]}_0, {side}*{events[j]}_1",
+                f"h = min(h, -{_APPROACH!r}*b/d) if (b > {near}) & (d < 0.0) else h",
+            ]
     if form is None:
         lines += [f"left = {lane.number('period')} - t", "strobe = h >= left", "h = left if strobe else h"]
     else:
