@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -132,6 +133,28 @@ def test_a_system_without_a_phase_is_looked_at_every_interval(tmp_path):
         map_basins(still, {}, grid, interval=0.8, store=store)
     with pytest.raises(InputError, match=r"^interval = None: must be given for a system without a phase"):
         map_basins(still, {}, grid)
+
+
+def test_the_error_of_labels_is_the_share_of_those_that_were_changed(well, both, basins):
+    found = basins.label_error(400)
+    assert (found.wrong, found.cells, found.tolerance) == (0, 400, 1e-12)
+    assert found.bound == pytest.approx(3.0 / 400, rel=0.01)
+    spoilt = np.array(basins.labels)
+    spoilt[np.random.default_rng(4).random(spoilt.shape) < 0.2] ^= 1
+    spoilt[:3] = NOT_DONE
+    share = float((spoilt[3:] != basins.labels[3:]).mean())
+    found = replace(basins, labels=spoilt).label_error(2000)
+    assert 1600 < found.cells < 2000
+    assert abs(found.wrong / found.cells - share) < 4.0 * math.sqrt(share / found.cells)
+    assert found.wrong / found.cells < found.bound < share + 0.05
+
+
+def test_long_chaos_before_motions_settle_is_seen_as_an_error_of_labels():
+    wild = HybridSystem(
+        ("x", "v"), {"w": 1.0}, {"well": Mode({"x": "v", "v": "x - x**3 - 0.25*v + 0.2*cos(s)"})}, phase=("s", "w")
+    )
+    found = map_basins(wild, {}, {"x": (-2.2, 2.2, 60), "v": (-2.2, 2.2, 20)}).label_error(600)
+    assert 6 < found.wrong < 120
 
 
 def test_basins_in_memory_are_saved_read_and_pickled_equal(basins, tmp_path):

@@ -68,6 +68,8 @@ def test_a_store_and_the_docstring_tell_how_many_labels_were_wrong(stored):
         assert f"{100.0 * wrong:g} per cent" in said
     assert f"of {ACCURACY['cells']:,} random cells".replace(",", " ") in said
     assert ACCURACY["source"] in said
+    error = zarr.open_group(stored.path, mode="r").attrs["label_error"]
+    assert error == {"wrong": 0, "cells": 500, "bound": pytest.approx(3.0 / 500, rel=0.01), "tolerance": 1e-12}
 
 
 def test_what_is_no_store_is_told_by_what_it_is(stored, tmp_path):

@@ -1,7 +1,7 @@
 """Floor 4: attractors, their basins, and measures of the basins' integrity."""
 
 from saltus.basins.attractors import Attractors, Search, attractors_from, find_attractors
-from saltus.basins.basins import Basins, Outcomes
+from saltus.basins.basins import Basins, LabelError, Outcomes
 from saltus.basins.entropy import BasinEntropy, basin_entropy
 from saltus.basins.erosion import ErosionProfile, erosion_profile
 from saltus.basins.grid import Grid, Plane
@@ -27,6 +27,7 @@ __all__ = [
     "ErosionProfile",
     "FatalPerturbation",
     "Grid",
+    "LabelError",
     "Outcomes",
     "Plane",
     "Search",

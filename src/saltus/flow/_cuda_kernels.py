@@ -127,10 +127,10 @@ def follow(tables, traps, boxes, settings, points, modes, next_motion, labels, s
                 visited[lane], pool = looked_at(
                     k, R, x, i, visited[lane], tables, traps, boxes, settings, labels, strobes, ends, end_modes
                 )
-            elif flag != GOES_ON:
-                pool = lanes.turned(k, R, 0, p, q)
             elif R[lanes.COUNT * LANES] >= MOST_STEPS:
                 pool = HARD
+            elif flag != GOES_ON:
+                pool = lanes.turned(k, R, 0, p, q)
             if pool == HARD:
                 labels[i] = LEFT_OVER
             elif pool == GONE:

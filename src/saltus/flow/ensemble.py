@@ -263,9 +263,23 @@ class Ensemble:
         assert self._lanes is not None
         values = {"rate": self.rate, "period": self.period, "longest": _LONGEST_STEP * self.period, "limit": _BOUND}
         values |= {f"iscale{i}": 1.0 / size for i, size in enumerate(self.scale)}
+        values |= {f"escale{k}": 1.0 / size for k, size in enumerate(self._event_sizes())}
         for mode, part in self._linear.items():
             values |= {f"far{mode}_{key}": value for key, value in part.numbers(1.0 / self.scale).items()}
         return np.array([values[name] for name in self._lanes.quantities])
+
+    def _event_sizes(self) -> list[float]:
+        """How much each event function changes over the states' scales, at a few states of their size."""
+        compiled, n_all = self.system.compiled, len(self.system.all_states)
+        extended, out, found = compiled.extended(self.p), np.empty(2 + 2 * n_all), []
+        for k in range(len(self.system.transitions)):
+            sizes = []
+            for side in (-1.0, 0.0, 1.0):
+                compiled.call("event_x", k, 0, self.system.full_state(side * self.scale), extended, out)
+                sizes.append(float(np.abs(out[2 : 2 + self.n]) @ self.scale))
+            finite = [size for size in sizes if 0.0 < size < math.inf]
+            found.append(max(finite, default=1.0))
+        return found
 
 
 def _processors() -> int:

@@ -68,7 +68,8 @@ def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, ca
             l = 0
             while l < count[k]:
                 flag = R[FLAG*NL + l]
-                if flag == GOES_ON and R[COUNT*NL + l] < MOST_STEPS:
+                is_late = R[COUNT*NL + l] >= MOST_STEPS
+                if flag == GOES_ON and not is_late:
                     l += 1
                     continue
                 i = who[k, l]
@@ -93,7 +94,7 @@ def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, ca
                             ends[i, e] = x[e]
                         end_modes[i] = MODE_OF[k]
                         to = DONE
-                elif flag == GOES_ON:
+                elif is_late:
                     to = HARD
                 else:
                     to = turned(k, R, l, p, q)

@@ -46,12 +46,15 @@ def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     if form is not None:
         lines.append(f"w = {lane.load('w')}")
     lines += series.lines
-    columns = series.columns
+    columns, transitions = series.columns, lane.events[pool.mode]
+    about = -1 if form is None else transitions.index(form.transition)
     moving, events = (columns[:n], columns[n:]) if form is None else (columns[: n + 1], columns[n + 2 :])
     lines.append(f"itol = {lane.load('itol')}")
+    bent = [(j, e) for j, e in enumerate(lane.events[pool.mode]) if j != about and not _is_linear(lane, e)]
     for k in (order, order - 1, order - 2):
         sizes = [f"abs({name}_{k})*{lane.number(f'iscale{i}')}" for i, name in enumerate(moving[:n])]
         sizes += [f"abs({name}_{k})" for name in moving[n:]]
+        sizes += [f"abs({events[j]}_{k})*{lane.number(f'escale{e}')}" for j, e in bent]
         weight = "" if form is None else f"{_SIGMA_WEIGHT!r}*"
         lines.append(f"e{k} = {_largest(sizes)}*({weight}itol) + 1e-30")
     lines += [
@@ -63,8 +66,6 @@ def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
         f"h = min(min(h, {lane.load('cap')}), {_SIGMA_STEP if form is not None else lane.number('longest')})",
         f"flag = {GOES_ON}",
     ]
-    transitions = lane.events[pool.mode]
-    about = -1 if form is None else transitions.index(form.transition)
     if any(p.split is not None and p.split.rest and p.mode == pool.mode for p in lane.pools):
         for j, k in enumerate(transitions):
             near, side = lane.number(f"far{pool.mode}_in"), lane.side_of(j, k)
@@ -177,6 +178,15 @@ def _landing(lane: LaneWriter, event: str, j: int, transition: int) -> list[str]
         "h = h*g if ok else h",
     ]
     return lines
+
+
+def _is_linear(lane: LaneWriter, transition: int) -> bool:
+    """Whether an event function is linear in the states and knows no phase: then its series ends as theirs do."""
+    event, states = lane.system.event[transition], lane.system.x[: lane.n_states]
+    variables = set(lane.system.x)
+    return not event.free_symbols & (variables - set(states)) and all(
+        not event.diff(x).free_symbols & variables for x in states
+    )
 
 
 def _checked(lane: LaneWriter, pool: Pool) -> list[str]:

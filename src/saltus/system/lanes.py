@@ -18,7 +18,7 @@ from saltus.system.codegen import Writer
 from saltus.system.lane_driver import DRIVER, HEAD
 from saltus.system.lane_exact import exact_step
 from saltus.system.lane_taylor import taylor_step
-from saltus.system.pools import CHANGES, EVENT, GONE, HARD, HUGE, MOST_STEPS, STUCK, Pool, pools_of
+from saltus.system.pools import CHANGES, EVENT, GONE, HARD, HUGE, STUCK, Pool, pools_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -228,16 +228,15 @@ class LaneWriter(Writer):
 
     def _turned(self) -> str:
         """What follows a flagged step: the pool in which a lane goes on, or HARD, or GONE."""
-        flag, count = self.fields["flag"], self.fields["count"]
         lines = [
             "\n\n@scalar",
             "def turned(k, S, l, p, q):",
-            f"    flag = S[{flag}*NL + l]",
+            f"    flag = S[{self.fields['flag']}*NL + l]",
             f"    if flag == {STUCK!r}:",
             "        for i in range(N):",
             f"            if not abs(S[i*NL + l]) < 0.5*{self.place('limit')}:",
             f"                return {GONE}",
-            f"        return k if S[{count}*NL + l] < {MOST_STEPS!r} else {HARD}",
+            "        return k",
         ]
         for k, pool in enumerate(self.pools):
             body = self._exact_left(k, pool) if pool.split is not None else self._taylor_left(pool)
