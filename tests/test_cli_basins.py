@@ -83,6 +83,7 @@ def test_the_store_told_has_grid_attractors_parts_and_inputs(mapped, capsys):
     assert rows["trap of period-1 A"].startswith("ellipsoid of the discrete Lyapunov equation")
     assert (rows["engine"], rows["tolerance"], rows["A"]) == ("cpu", "1e-08", "0.05")
     assert rows["speed"].endswith(" orbits/s")
+    assert rows["wrong labels"] == "0 of 120 when followed again at tolerance 1e-12: < 0.025 at 95 %"
 
 
 def test_what_is_written_is_told_with_its_size(mapped, capsys):

@@ -418,12 +418,23 @@ def _tell_basins(basins: Basins, *, inputs: bool = False) -> None:
     if math.isfinite(basins.orbits_per_second):
         table.add_row("speed", f"{basins.orbits_per_second:,.0f} orbits/s")
     if inputs:
+        if basins.path is not None and (error := _label_error(basins.path)):
+            table.add_row("wrong labels", error)
         for name in ("engine", "tolerance", "longest", "preview", "saltus_version"):
             if name in given:
                 table.add_row(name, f"{given[name]}")
         for name, value in given.get("parameters", {}).items():
             table.add_row(name, f"{value:.10g}")
     _print(table)
+
+
+def _label_error(store: Path) -> str:
+    """Return how many labels a store found wrong when it checked some; nothing where it did not."""
+    from saltus.basins.store import Store
+
+    error = Store.open(store).attributes.get("label_error")
+    told = "{wrong} of {cells} when followed again at tolerance {tolerance:g}: < {bound:.2g} at 95 %"
+    return told.format(**error) if error else ""
 
 
 def _print(table: Table) -> None:

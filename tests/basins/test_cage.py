@@ -182,3 +182,16 @@ def test_a_weak_rest_leaves_a_smaller_cage_than_none():
     assert 0.0 < weak.bound < free.bound
     assert weak.floors[0] > 0.0
     assert 0.0 < weak.contraction < 1.0
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_a_cage_does_not_depend_on_the_units_of_its_event_functions(unit):
+    field = "-x - 0.2*v + 0.02/(x + 1.2)**4"
+    plain, scaled = (
+        cage_of(stopped([(f"{factor}*(x + 1)", -1), ("x - 1", 1)], field), {}, "free") for factor in (1.0, unit)
+    )
+    assert 0.5 < plain.contraction < 1.0
+    assert scaled.contraction == pytest.approx(plain.contraction, rel=1e-9)
+    assert scaled.bound / scaled.distances[1] == pytest.approx(
+        plain.bound / plain.distances[1] * min(unit, 1.0), rel=1e-9
+    )

@@ -14,7 +14,7 @@ import numpy as np
 from saltus.basins.cells import boxes_along
 from saltus.basins.recurrence import Found, Hunt, Search
 from saltus.basins.trap_files import traps_as_variables, traps_from_variables
-from saltus.basins.trapping import Ellipsoid, enlarged
+from saltus.basins.trapping import CONTRACTING, Ellipsoid, enlarged
 from saltus.basins.wilson import wilson
 from saltus.errors import InputError, nearest
 from saltus.flow.counts import checked_count
@@ -35,6 +35,9 @@ _VISITS, _MOST_VISITS, _LONGER = 16, 256, 8
 
 _DIGITS = (7, 2)
 """Of a place in parts of the region's half widths, by which attractors are sorted: of a point, of a sample's mean."""
+
+_LEFT = 0.05
+"""Part of the motions that boxes labelled beyond which, if they go elsewhere, what the boxes hold is a transient."""
 
 _REGION_SAMPLES = 5
 """The boxes' rule is checked on a part of the samples: one in so many."""
@@ -361,9 +364,13 @@ def _assembled(
 ) -> Attractors:
     if len(found) >= DIVERGED:
         raise InputError("region", box, "one with fewer attractors", f"{len(found)} were found")
-    names = names or _named(hunt.system, found)
     built = _Building(hunt, found)
     traps = built.traps()
+    while built.transients:
+        found = [each for label, each in enumerate(found) if label not in built.transients]
+        built = _Building(hunt, found)
+        traps = built.traps()
+    names = names or _named(hunt.system, found)
     labels, _ = hunt.ensemble.settle(starts, traps, hunt.search.longest)
     outcomes = dict(enumerate(names)) | {DIVERGED: "diverged", UNDECIDED: "undecided"}
     return Attractors(
@@ -383,12 +390,16 @@ def _assembled(
 
 
 class _Building:
-    """The trapping regions of attractors in the order of their labels, what is said of each, and the largest error."""
+    """The trapping regions of attractors in the order of their labels, what is said of each, and the largest error.
+
+    `transients` are the labels of those that turned out to be none.
+    """
 
     def __init__(self, hunt: Hunt, found: list[Found]) -> None:
         self.hunt, self.found = hunt, found
         self.notes: dict[int, str] = {}
         self.error = 0.0
+        self.transients: set[int] = set()
         self.ellipsoids = {label: each.ellipsoid for label, each in enumerate(found) if each.ellipsoid is not None}
 
     def traps(self) -> Traps:
@@ -423,23 +434,34 @@ class _Building:
         )
 
     def _enlarged(self, label: int, inner: Ellipsoid) -> Ellipsoid:
-        """The ellipsoid of one attractor, enlarged while all others are as small as at first."""
+        """The ellipsoid of one attractor, enlarged while motions are accounted for in the cores."""
         hunt, search = self.hunt, self.hunt.search
-        certain = self._regions({key: e.ellipsoid for key, e in enumerate(self.found) if e.ellipsoid is not None})
+        certain = self._regions({key: e.core for key, e in enumerate(self.found) if e.core is not None})
+        core = self.found[label].core
+        assert core is not None
 
         def returns(x: NDArray[np.float64]) -> NDArray[np.bool_]:
             labels, _ = hunt.ensemble.settle(x, certain, search.longest)
             return np.asarray(labels == label)
 
         found = enlarged(
-            hunt.ensemble, inner, returns, 2.0 * hunt.scale, hunt.rng, samples=search.samples, safety=search.safety
+            hunt.ensemble,
+            inner,
+            core,
+            returns,
+            2.0 * hunt.scale,
+            hunt.rng,
+            samples=search.samples,
+            safety=search.safety,
         )
-        bound = wilson(0, search.samples)[1]
+        # of what starts in the core, only contraction was seen
+        samples = search.samples if core.level < inner.level else min(search.samples, CONTRACTING)
+        bound = wilson(0, samples)[1]
         self.error = max(self.error, bound)
         radius = ", ".join(f"{value:.3g}" for value in found.half_widths()[0])
         self.notes[label] = (
             f"ellipsoid of the discrete Lyapunov equation about each of {len(found.centres)} points, half widths "
-            f"{radius}; measured: {search.samples} samples, none elsewhere: < {bound:.2g} at 95 %"
+            f"{radius}; measured: {samples} samples, none elsewhere: < {bound:.2g} at 95 %"
         )
         return found
 
@@ -459,10 +481,12 @@ class _Building:
         while True:
             cells = replace(boxes.cells, visits=visits)
             traps = self._regions(self.ellipsoids, cells)
-            wrong, told = self._wrong(starts, traps, cells)
+            left = self._left(starts, traps, cells)
+            wrong, told = (sum(counts) for counts in zip(*left.values(), strict=True))
             if not wrong or visits >= _MOST_VISITS:
                 break
             visits *= 2
+        self.transients = {label for label, (gone, of) in left.items() if gone > _LEFT * of}
         bound = wilson(wrong, max(told, 1))[1]
         self.error = max(self.error, bound)
         for label in clouds:
@@ -473,14 +497,18 @@ class _Building:
             )
         return traps
 
-    def _wrong(self, starts: NDArray[np.float64], traps: Traps, cells: Cells) -> tuple[int, int]:
-        """How many of the motions that boxes labelled are others' if they have to stay for longer; and how many."""
+    def _left(self, starts: NDArray[np.float64], traps: Traps, cells: Cells) -> dict[int, tuple[int, int]]:
+        """How many of the motions that each label's boxes held are others' if they have to stay longer; of how many."""
         hunt, longest = self.hunt, self.hunt.search.longest
         labels, _ = hunt.ensemble.settle(starts, traps, longest)
         boxed = np.isin(labels, np.unique(cells.labels))
         strict = replace(cells, visits=_LONGER * cells.visits)
         again, _ = hunt.ensemble.settle(starts[boxed], self._regions(self.ellipsoids, strict), longest)
-        return int(((again != labels[boxed]) & (again != UNDECIDED)).sum()), int(boxed.sum())
+        elsewhere, first = (again != labels[boxed]) & (again != UNDECIDED), labels[boxed]
+        return {
+            int(label): (int(elsewhere[first == label].sum()), int((first == label).sum()))
+            for label in np.unique(cells.labels)
+        }
 
 
 def _stacked(caged: Mapping[int, Any], n: int) -> Cages:

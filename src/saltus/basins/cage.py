@@ -287,12 +287,13 @@ def _caged(mode: int, linear: _Linear, rests: list[_Rest], fraction: float) -> C
 
 
 def _pushed(linear: _Linear, rests: list[_Rest], order: int, fraction: float) -> NDArray[np.float64]:
-    """Bound of the rest, or of its slope, in each modal coordinate."""
+    """Bound of the rest, or of its slope along the weighted coordinates' sum, in each modal coordinate."""
     total = np.zeros(linear.rates.size)
     for rest in rests:
-        low = fraction * linear.lows[rest.event]
-        high = linear.highs[rest.event] + (1.0 - fraction) * linear.lows[rest.event]
-        total += np.abs(linear.left[:, rest.state]) * rest.supremum(order, low, high)
+        least = linear.lows[rest.event]
+        supremum = rest.supremum(order, fraction * least, linear.highs[rest.event] + (1.0 - fraction) * least)
+        # an event function changes by least / unit of the weighted sum, at the most
+        total += np.abs(linear.left[:, rest.state]) * supremum * (least / linear.unit) ** order
     return total
 
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.basins.cage import Cage, cage_of
-from saltus.basins.trapping import Ellipsoid, admits_start, contracting, metric_of, orbit_jacobians
+from saltus.basins.trapping import Ellipsoid, admits_start, contracting, core_of, metric_of, orbit_jacobians
 from saltus.errors import ConvergenceError, InputError, SaltusError
 from saltus.flow.classify import Criteria, classify
 from saltus.flow.counts import checked_count
@@ -117,6 +117,8 @@ class Found:
     cage : Cage or None
     ellipsoid : Ellipsoid or None
         In which motions contract.
+    core : Ellipsoid or None
+        The part of it in which they are accounted for.
     """
 
     kind: str
@@ -126,6 +128,7 @@ class Found:
     touches: bool
     cage: Cage | None = None
     ellipsoid: Ellipsoid | None = None
+    core: Ellipsoid | None = None
 
     @property
     def period(self) -> int:
@@ -135,8 +138,8 @@ class Found:
     def holds(self, x: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which states, shape (m, n), in which modes, are certain to end here."""
         held = np.zeros(len(x), dtype=bool)
-        if self.ellipsoid is not None:
-            held |= self.ellipsoid.holds(x)
+        if self.core is not None:
+            held |= self.core.holds(x)
         if self.cage is not None:
             held |= (modes == self.cage.mode) & (self.cage.sizes(x) < self.cage.bound)
         return held
@@ -281,6 +284,14 @@ class Hunt:
             held |= found.holds(x, modes)
         return held
 
+    def _near(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which states lie where motions contract to an attractor: slow ones are still on their way to it."""
+        near = np.zeros(len(x), dtype=bool)
+        for found in self.found:
+            if found.ellipsoid is not None:
+                near |= found.ellipsoid.holds(x)
+        return near
+
     def _known(self, found: Found) -> bool:
         """Whether an attractor is one of those found, met once more before it was near enough."""
         return any(self._alike(other, found) for other in self.found)
@@ -336,6 +347,7 @@ class Hunt:
         jacobians = orbit_jacobians(self.precise, found.points, self.scale)
         metric = metric_of(found.points, jacobians, self.scale) if np.isfinite(jacobians).all() else None
         found.ellipsoid = None if metric is None else contracting(self.ensemble, metric, self.rng)
+        found.core = None if found.ellipsoid is None else core_of(self.ensemble, found.ellipsoid, self.rng)
         return found.ellipsoid is not None
 
     def _equilibrium(self, x: NDArray[np.float64], mode: int) -> Found | None:
@@ -368,6 +380,8 @@ class Hunt:
         path, x, modes = self._path(x, modes, 2 * _WINDOW)
         clouds = path[1:].transpose(1, 0, 2)
         remaining = ~self._held(x, modes)
+        if last:
+            remaining &= ~self._near(x)
         settling = np.zeros(len(x), dtype=bool)
         for i in range(len(x)):
             if settling[i] or not remaining[i] or not (cloud := _Cloud(clouds[i], self.scale)).stationary():

@@ -21,7 +21,16 @@ if TYPE_CHECKING:
 
     from saltus.flow.ensemble import Ensemble
 
-__all__ = ["Ellipsoid", "admits_start", "contracting", "enlarged", "metric_of", "orbit_jacobians"]
+__all__ = [
+    "CONTRACTING",
+    "Ellipsoid",
+    "admits_start",
+    "contracting",
+    "core_of",
+    "enlarged",
+    "metric_of",
+    "orbit_jacobians",
+]
 
 _RATE = 0.8
 """Least rate, over a period of the orbit, at which distances from it shall shrink in its metric."""
@@ -29,7 +38,7 @@ _RATE = 0.8
 _STEP = 1e-4
 """Difference of states, as a part of their scale, from which Jacobians are taken."""
 
-_CONTRACTING, _LEVELS, _RUNGS = 400, 4.0, 22
+CONTRACTING, _LEVELS, _RUNGS = 400, 4.0, 22
 """Samples in each ellipsoid that shall contract; the ratio of the radii tried, squared; and their count."""
 
 _GROWING, _GROWTHS, _SHARE = 2.0, 60, 20
@@ -38,8 +47,14 @@ _GROWING, _GROWTHS, _SHARE = 2.0, 60, 20
 _CLEAR = 1e-3
 """Part of a level below which the engine's errors hide whether a sample contracts."""
 
-_LEAST = 1e-3
-"""Part of the level at which samples contract below which none that leave can be."""
+_CORES = (64.0, 16.0, 4.0)
+"""Levels at which samples contract over those of their cores, the best first."""
+
+_CORE_SAMPLES, _STRETCH, _STRETCHES = 64, 16, 16
+"""How many motions tell a core, the strobes after which they are looked at, and how often."""
+
+_LEAST = 2.0
+"""Level over the core's below which none is measured: what starts in the core says nothing."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +164,7 @@ def metric_of(
 def contracting(ensemble: Ensemble, ellipsoid: Ellipsoid, rng: np.random.Generator) -> Ellipsoid | None:
     """Return the largest of a ladder of levels at which samples contract, None where they do at none.
 
-    The next strobe of each of `_CONTRACTING` states, uniform in every ellipsoid, is nearer to the next point, in that
+    The next strobe of each of `CONTRACTING` states, uniform in every ellipsoid, is nearer to the next point, in that
     point's metric; so it is at the level and on the next rung, a quarter of it.
     """
     contracts = False
@@ -163,8 +178,8 @@ def contracting(ensemble: Ensemble, ellipsoid: Ellipsoid, rng: np.random.Generat
 
 def _contracts(ensemble: Ensemble, ellipsoid: Ellipsoid, rng: np.random.Generator) -> bool:
     period = len(ellipsoid.centres)
-    x = ellipsoid.samples(period * _CONTRACTING, rng)
-    which = np.repeat(np.arange(period), _CONTRACTING)
+    x = ellipsoid.samples(period * CONTRACTING, rng)
+    which = np.repeat(np.arange(period), CONTRACTING)
     rows = np.arange(len(x))
     before = ellipsoid.sizes(x)[rows, which]
     after = ellipsoid.sizes(ensemble.strobe(x)[0])[rows, (which + 1) % period]
@@ -174,9 +189,26 @@ def _contracts(ensemble: Ensemble, ellipsoid: Ellipsoid, rng: np.random.Generato
     return not any(admits_start(ensemble, row) for row in x[~contracts])
 
 
+def core_of(ensemble: Ensemble, inner: Ellipsoid, rng: np.random.Generator) -> Ellipsoid:
+    """Return the core of ellipsoids in which samples contract: the small part that most motions from them soon reach.
+
+    Motions are accounted for once they are in the core, so those that start elsewhere in the ellipsoids have to come
+    there. Where they are too slow, as near a bifurcation, the core is all of `inner`.
+    """
+    x = inner.samples(len(inner.centres) * _CORE_SAMPLES, rng)
+    modes, typical = None, inner.level
+    for _ in range(_STRETCHES):
+        x, modes = ensemble.strobe(x, modes, _STRETCH)
+        typical = float(np.median(np.nan_to_num(inner.sizes(x).min(axis=1), nan=np.inf)))
+        if typical < inner.level / _CORES[0]:
+            break
+    return inner.at(inner.level / next((ratio for ratio in _CORES if typical < inner.level / ratio), 1.0))
+
+
 def enlarged(
     ensemble: Ensemble,
     inner: Ellipsoid,
+    core: Ellipsoid,
     returns: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
     widest: NDArray[np.float64],
     rng: np.random.Generator,
@@ -184,14 +216,16 @@ def enlarged(
     samples: int,
     safety: float,
 ) -> Ellipsoid:
-    """Return the ellipsoids enlarged as far as all samples in them end in `inner`.
+    """Return the ellipsoids enlarged, or shrunk, as far as all samples in them end in `core`.
 
     Parameters
     ----------
     ensemble : Ensemble
         Follows the samples.
     inner : Ellipsoid
-        Where motions converge.
+        Where samples contract.
+    core : Ellipsoid
+        The part of it in which motions are accounted for.
     returns : callable
         Which of some states, shape (m, n), end there.
     widest : ndarray, shape (n,)
@@ -205,7 +239,7 @@ def enlarged(
     Raises
     ------
     ConvergenceError
-        Samples end elsewhere from inside `inner`, however small.
+        Samples end elsewhere from ellipsoids that are hardly larger than `core`.
     """
 
     def all_return(trial: Ellipsoid, count: int) -> bool:
@@ -220,8 +254,8 @@ def enlarged(
         level *= _GROWING
     level = max(safety * level, inner.level)
     while not all_return(inner.at(level), samples):
-        level *= 0.5
-        if level < _LEAST * inner.level:
+        level = max(0.5 * level, inner.level) if level > inner.level else 0.5 * level
+        if level < min(_LEAST * core.level, inner.level):
             raise ConvergenceError("trapping region", math.sqrt(level), samples, "motions leave it", unit="samples")
     return inner.at(level)
 

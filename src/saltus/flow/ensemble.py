@@ -154,7 +154,9 @@ class Ensemble:
     ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
         """Return the label of the trap that each motion falls into, and after how many periods.
 
-        The tolerance grows 3.3 times a period, up to 1e-4, unless motions must stay in the boxes of an attractor.
+        The tolerance grows 3.3 times a period, up to 1e-4, unless motions must stay in the boxes of an attractor: an
+        error late in a transient equals a smaller one at its start. Where transients are chaotic for very long, labels
+        near the boundary are less certain than elsewhere at any tolerance, and less so for this.
 
         Parameters
         ----------
@@ -223,15 +225,17 @@ class Ensemble:
         run, (p, q, *regions) = lanes.run, tables
         *tolerances, limit, longest, visits = settings
 
+        piece = min(_PIECE, max(-(-len(x) // self.threads), _ALIVE))
+
         def follow(start: int) -> NDArray[np.int64]:
-            part, work = slice(start, start + _PIECE), np.zeros_like(self.work)
+            part, work = slice(start, start + piece), np.zeros_like(self.work)
             run(
                 x[part], modes[part], p, q, *tolerances, longest, _ALIVE, limit, *regions, visits,
-                *(array[part] for array in found), work, *lanes.scratch(_PIECE),
+                *(array[part] for array in found), work, *lanes.scratch(piece),
             )  # fmt: skip
             return work
 
-        starts = range(0, len(x), _PIECE)
+        starts = range(0, len(x), piece)
         if len(starts) < 2 or self.threads < 2:
             for start in starts:
                 self.work += follow(start)
