@@ -169,6 +169,31 @@ def test_the_logistic_map_has_its_period(r, period):
     assert found.fates["diverged"] > 0  # what starts outside [0, 1]
 
 
+def narrow_well():
+    """A damped oscillator whose wide well has a narrow one at 1/2, of a width of some 0.01."""
+    well = "0.04*(x - 0.5)/0.0001/(1 + ((x - 0.5)/0.01)**2)**2"
+    return HybridSystem(("x", "v"), {}, {"free": Mode({"x": "v", "v": f"-x - 2*v - {well}"})}, phase=("s", "1"))
+
+
+def test_a_small_attractor_beside_a_large_one_is_found_and_its_states_are_not_in_the_others_trap():
+    found = find_attractors(narrow_well(), {}, {"x": (-2, 2), "v": (-2, 2)}, search=Search(samples=2000))
+    places = [float(points[0, 0]) for points in found.points.values()]
+    assert places == pytest.approx([0.0, 0.5], abs=0.01)
+    ellipsoids = found.traps.ellipsoids
+    wide = ellipsoids.labels == 0
+    inside = np.array([[0.5, 0.0]]) - ellipsoids.centres[wide]
+    assert np.linalg.norm(inside @ ellipsoids.shapes[wide][0].T) > 1.0
+
+
+@pytest.mark.slow
+def test_a_long_transient_is_no_attractor():
+    system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.165})
+    found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), seeds=64, search=Search(samples=1000))
+    assert found.names == ("attractive", "repulsive")
+    assert found.kinds["repulsive"] == "period-4"
+    assert found.measured_error < 0.01
+
+
 @pytest.mark.slow
 def test_henon_map_is_chaotic_or_diverges():
     system = carried(("x", "y"), {"a": 1.4, "b": 0.3}, {"x": "a - x**2 + b*y", "y": "x"})

@@ -9,7 +9,7 @@ import pytest
 
 from saltus import ConvergenceError, HybridSystem, Mode
 from saltus.basins.cells import boxes_along
-from saltus.basins.trapping import Ellipsoid, contracting, enlarged, metric_of, orbit_jacobians
+from saltus.basins.trapping import Ellipsoid, contracting, core_of, enlarged, metric_of, orbit_jacobians
 
 
 def strobed(image, states=("x",)):
@@ -92,30 +92,53 @@ def test_a_map_that_contracts_nowhere_is_told():
 
 def test_an_ellipsoid_grows_to_the_basins_edge_and_no_further():
     # x^3 has the basin |x| < 1 of 0; rungs double the squared radius, half of the last good one is kept
-    inner, image = round_about(0.0, 0.01), lambda x: np.clip(x**3, -1e9, 1e9)
+    inner, core, image = round_about(0.0, 0.01), round_about(0.0, 0.002), lambda x: np.clip(x**3, -1e9, 1e9)
     found = enlarged(
-        strobed(image), inner, ends_at_zero(image, inner), np.array([5.0]), np.random.default_rng(1),
+        strobed(image), inner, core, ends_at_zero(image, core), np.array([5.0]), np.random.default_rng(1),
         samples=2000, safety=0.5,
     )  # fmt: skip
     assert 0.25 <= found.level <= 0.5
 
 
 def test_an_ellipsoid_that_is_all_basin_grows_to_the_width_asked_for():
-    inner, image = round_about(0.0, 0.01), lambda x: 0.5 * x
+    inner, core, image = round_about(0.0, 0.01), round_about(0.0, 0.002), lambda x: 0.5 * x
     found = enlarged(
-        strobed(image), inner, ends_at_zero(image, inner), np.array([5.0]), np.random.default_rng(1),
+        strobed(image), inner, core, ends_at_zero(image, core), np.array([5.0]), np.random.default_rng(1),
         samples=500, safety=1.0,
     )  # fmt: skip
     assert 5.0 / np.sqrt(2.0) <= found.half_widths()[0, 0] <= 5.0
 
 
 def test_an_ellipsoid_that_motions_leave_at_every_size_is_refused():
-    inner, image = round_about(0.0, 0.01), lambda x: x + 1.0
+    inner, core, image = round_about(0.0, 0.01), round_about(0.0, 0.002), lambda x: x + 1.0
     with pytest.raises(ConvergenceError, match="trapping region: .*motions leave it"):
         enlarged(
-            strobed(image), inner, ends_at_zero(image, inner), np.array([5.0]), np.random.default_rng(1),
+            strobed(image), inner, core, ends_at_zero(image, core), np.array([5.0]), np.random.default_rng(1),
             samples=200, safety=0.5,
         )  # fmt: skip
+
+
+def test_an_attractor_inside_the_ellipsoid_that_contracts_is_left_out():
+    # beside 0, on which all else ends, what starts near 0.05 stays there
+    inner, core = round_about(0.0, 0.1), round_about(0.0, 0.1 / 8.0)
+
+    def image(x):
+        return np.where(np.abs(x - 0.05) < 1e-3, 0.05 + 0.5 * (x - 0.05), 0.5 * x)
+
+    found = enlarged(
+        strobed(image), inner, core, ends_at_zero(image, core), np.array([5.0]), np.random.default_rng(1),
+        samples=4000, safety=0.5,
+    )  # fmt: skip
+    assert core.level < found.level < 0.049**2
+
+
+def test_the_core_is_what_motions_soon_reach():
+    inner = round_about([0.0, 0.0], 0.3)
+    levels = [
+        core_of(strobed(lambda x, rate=rate: rate * x, ("x", "y")), inner, np.random.default_rng(0)).level / inner.level
+        for rate in (0.5, 0.996, 0.9999)
+    ]
+    assert levels == pytest.approx([1.0 / 64.0, 1.0 / 4.0, 1.0])
 
 
 GOLDEN = 2.0 * np.pi * 0.3819660113

@@ -30,6 +30,9 @@ _ORDER = 10
 _GROWTH, _LARGEST_TOLERANCE = 3.3, 1e-4
 """A motion's tolerance grows by this a period, since a late error equals a smaller one at the start, up to that."""
 
+_OF_A_TRAP = 1e-3
+"""Largest tolerance, in units of the narrowest trap's half width."""
+
 _ALIVE = 256
 """Motions that a thread has under way."""
 
@@ -201,8 +204,8 @@ class Ensemble:
             *regions, visits = _trap_arrays(traps, self.n)
             tables, itol = (self._constants, self._quantities, *regions), 1.0 / self.tolerance
             settings = (
-                itol, 1.0 / _GROWTH if growth else 1.0, min(1.0 / _LARGEST_TOLERANCE, itol), float(traps.limit),
-                longest, visits,
+                itol, 1.0 / _GROWTH if growth else 1.0, min(1.0 / _largest_tolerance(traps), itol),
+                float(traps.limit), longest, visits,
             )  # fmt: skip
             self._run(x, modes, tables, settings, (labels, strobes, ends, end_modes))
         for i in np.flatnonzero(labels == LEFT_OVER):
@@ -284,6 +287,14 @@ class Ensemble:
             finite = [size for size in sizes if 0.0 < size < math.inf]
             found.append(max(finite, default=1.0))
         return found
+
+
+def _largest_tolerance(traps: Traps) -> float:
+    """What a motion's tolerance may grow to: small against the narrowest ellipsoid too."""
+    if traps.ellipsoids is None or not len(traps.ellipsoids.shapes):
+        return _LARGEST_TOLERANCE
+    narrowest = 1.0 / float(np.linalg.norm(traps.ellipsoids.shapes, 2, axis=(1, 2)).max())
+    return min(_LARGEST_TOLERANCE, _OF_A_TRAP * narrowest)
 
 
 def _processors() -> int:
