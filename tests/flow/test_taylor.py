@@ -502,3 +502,14 @@ def test_chattering_that_is_discarded_takes_no_memory():
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < peaks[0] + 20_000
+
+
+def test_a_step_that_ends_within_rounding_of_the_surface_does_not_miss_it():
+    system = afm.tapping_mode(afm.table1(), 2)
+    p = system.parameter_vector({"Omega": 1.15})
+    deep = [3.8645480979841746, 0.8889701498063012, 2.6692695712632117, 0.34683799004142113]
+    coarse, fine = (
+        iterate(system, p, system.full_state(deep), 1, discard=0, keep=1, rtol=tol, atol=tol).states[0]
+        for tol in (1e-11, 1e-13)
+    )
+    assert coarse == pytest.approx(fine, abs=1e-7)

@@ -55,6 +55,10 @@ ONE_BITS = 1023.0 * 2.0**52
 WORTH = 0.5
 """A step by the exact flow is worth taking where it is this part of the last one by series, at the least."""
 
+FROM_SURFACE = 1e-3
+"""Part of w that is left at the end of a step without an event, at the least: a step that ended within rounding before
+the surface would leave a motion that seems to start on it."""
+
 TIME_WORTH = 0.75
 PAUSE = 2
 """Where a mode is regularised, series in time, which cost less, are tried after so many steps in sigma, and are taken
@@ -580,6 +584,10 @@ def _follow(
                 return HELP
             end = h if fired < 0 else fraction * h
             _evaluate(c, order, stride, n_states + 2 if series_in_sigma else n_states, end, y)
+            if fired < 0 and series_in_sigma and y[n_states] < FROM_SURFACE * x[n]:
+                h *= 0.9
+                end = h
+                _evaluate(c, order, stride, n_states + 2, end, y)
             if not series_in_sigma:
                 dt = end
             else:
