@@ -477,16 +477,18 @@ class _Building:
         others = np.concatenate([np.empty((0, len(hunt.low))), *elsewhere])
         boxes = boxes_along(hunt.ensemble, clouds, others, hunt.scale, _VISITS, hunt.rng)
         starts = hunt.seeds(max(search.samples // _REGION_SAMPLES, 100))
-        visits = _VISITS
+        visits, leaving = _VISITS, dict.fromkeys(clouds, False)
         while True:
             cells = replace(boxes.cells, visits=visits)
             traps = self._regions(self.ellipsoids, cells)
             left = self._left(starts, traps, cells)
             wrong, told = (sum(counts) for counts in zip(*left.values(), strict=True))
+            # where no motion stays long enough any more, what those did that stayed shorter counts
+            leaving |= {label: gone > _LEFT * of for label, (gone, of) in left.items() if of}
             if not wrong or visits >= _MOST_VISITS:
                 break
             visits *= 2
-        self.transients = {label for label, (gone, of) in left.items() if gone > _LEFT * of}
+        self.transients = {label for label, leaves in leaving.items() if leaves}
         bound = wilson(wrong, max(told, 1))[1]
         self.error = max(self.error, bound)
         for label in clouds:
