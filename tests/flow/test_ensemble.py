@@ -130,7 +130,6 @@ CASES = {
         lambda: systems.carried_map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"}), (0, 0), (1, 0.5), {}, 1.3, 3
     ),
     "ball": Case(systems.ball, (0.5, -1), (2, 2), {}, 2.0),
-    "ball on a table": Case(systems.ball_on_table, (0.1, -1), (5, 2), left_over=0.4),  # a third of them chatter
     "two transitions on one surface": Case(
         lambda: one_mode({"x": "v", "v": SHAKEN}, TWO_WAYS, parameters={"A": 1.2, "w": 0.67}),
         (-1, -3), (0.5, 3), {}, None, 1, 1.0,

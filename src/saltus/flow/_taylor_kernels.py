@@ -55,7 +55,7 @@ ONE_BITS = 1023.0 * 2.0**52
 WORTH = 0.5
 """A step by the exact flow is worth taking where it is this part of the last one by series, at the least."""
 
-FROM_SURFACE = 1e-3
+FROM_SURFACE = 3e-5
 """Part of w that is left at the end of a step without an event, at the least: a step that ended within rounding before
 the surface would leave a motion that seems to start on it."""
 
