@@ -15,13 +15,12 @@ import math
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import float64, int64, njit, types
-from numba.extending import intrinsic
+from numba import float64, int64, njit
 
 from saltus.flow._event_kernels import BOUND, DURATION, EPSILON, ROUNDING, T_LOW, TWO_PI, T, advance
 from saltus.flow._kernels import INNER, call, keep, outlined, pointer
 from saltus.flow._polynomial_kernels import DEPTH, ROOTS, bernstein_roots, variations
+from saltus.system._lane_kernels import bits_of, float_of
 from saltus.system.codegen import FUNCTIONS
 
 FIELD, EVENT, EVENT_X, RESET, GUARD = (
@@ -91,30 +90,10 @@ SUMS: dict[str, Any] = {**INNER, "fastmath": {"contract", "reassoc", "nsz", "arc
 """Options of functions whose sums may be taken in any order."""
 
 
-@intrinsic
-def _bits(typingctx, value):
-    """The bits of a float as an integer."""
-
-    def lower(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], ir.IntType(64))
-
-    return types.int64(types.float64), lower
-
-
-@intrinsic
-def _float(typingctx, bits):
-    """The float of these bits."""
-
-    def lower(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], ir.DoubleType())
-
-    return types.float64(types.int64), lower
-
-
 @njit(**INNER)
 def _root(value, n):
     """About value^(-1/n), within 4 %: the bits of a float, as an integer, are about its logarithm."""
-    return _float(int64(ONE_BITS * (1.0 + 1.0 / n) - float64(_bits(value + 1e-300)) / n))
+    return float_of(int64(ONE_BITS * (1.0 + 1.0 / n) - float64(bits_of(value + 1e-300)) / n))
 
 
 @njit(**INNER)

@@ -71,7 +71,9 @@ def products(typingctx, *factors):
 
 
 @intrinsic
-def _bits(typingctx, number):
+def bits_of(typingctx, number):
+    """The bits of a float as an integer."""
+
     def lower(context, builder, signature, arguments):
         return builder.bitcast(arguments[0], ir.IntType(64))
 
@@ -79,7 +81,9 @@ def _bits(typingctx, number):
 
 
 @intrinsic
-def _number(typingctx, bits):
+def float_of(typingctx, bits):
+    """The float of these bits."""
+
     def lower(context, builder, signature, arguments):
         return builder.bitcast(arguments[0], ir.DoubleType())
 
@@ -88,8 +92,8 @@ def _number(typingctx, bits):
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def root(e, q):
-    """E ** (-1 / q), to some per cent: the bits of a number are nearly its logarithm. e > 0."""
-    return _number(int(float(_bits(e)) * (-1.0 / q) + _BIAS * (1.0 + 1.0 / q)))
+    """About e^(-1/q), to some per cent: the bits of a number are nearly its logarithm. e > 0."""
+    return float_of(int(float(bits_of(e)) * (-1.0 / q) + _BIAS * (1.0 + 1.0 / q)))
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)

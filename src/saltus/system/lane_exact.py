@@ -131,21 +131,17 @@ def exact_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     else:
         lines += ["too_far = False", f"next = {HUGE}"]
     lines += _turn(lane, "n", "y", "m", pool)
-    keep = "stays"
     lines += [
         "stays = leaves | too_far",
-        *(lane.store(i, f"z{i} if {keep} else n{i}") for i in range(n)),
-        lane.store("t", f"t if {keep} else t + h"),
+        *(lane.store(i, f"z{i} if stays else n{i}") for i in range(n)),
+        lane.store("t", "t if stays else t + h"),
         lane.store("cap", f"{HUGE} if leaves | (strobe & (not too_far)) else next"),
         f"too_fast = too_far & (next < {number(f'{name}shortest')})",
         lane.store("wait", f"{_WAIT} if too_fast else 0.0"),
         "leaves = leaves | too_fast",
         "strobe = strobe & (not too_far)",
         "leaves = leaves | (nears & (not stays) & (not strobe))",
-        lane.store(
-            "flag",
-            f"{CHANGES} if leaves else ({AT_STROBE} if strobe else {GOES_ON})",
-        ),
+        lane.store("flag", f"{CHANGES} if leaves else ({AT_STROBE} if strobe else {GOES_ON})"),
         lane.store("count", f"{lane.load('count')} + 1.0"),
     ]
     return [], lines
