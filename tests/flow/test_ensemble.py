@@ -103,6 +103,9 @@ CASES = {
         lambda: stop(f"{DUFFING} - 5*(x - d)", DUFFING, directions=(0, -1)), (-2, -2), (0.09, 2)
     ),
     "Hertz": Case(lambda: stop(f"{SHAKEN} - k*(x - d)**(3/2)"), (-2, -2), (2, 2)),
+    "Hertz, shaken hard and fast": Case(
+        lambda: stop("-x - v/10 + 50*cos(7*s) + A*sin(s) - k*(x - d)**(3/2)"), (-2, -2), (2, 2)
+    ),
     "root": Case(lambda: stop(f"{SHAKEN} - sqrt(x - d)"), (-2, -2), (2, 2)),
     "roots on both sides": Case(
         lambda: stop(f"{SHAKEN} - 2*(x - d)**(3/2)", f"{SHAKEN} + sqrt(d - x)/3"), (-2, -2), (2, 2)

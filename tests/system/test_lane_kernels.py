@@ -31,6 +31,14 @@ def mapped_cos(x):
     return out
 
 
+@njit(fastmath=FAST)
+def mapped_short(x):
+    out = np.empty((2, x.size))
+    for i in range(x.size):
+        out[0, i], out[1, i] = kernels.short_sin(x[i]), kernels.short_cos(x[i])
+    return out
+
+
 @njit(error_model="numpy", fastmath=FAST)
 def mapped_root(e, q):
     out = np.empty_like(e)
@@ -67,6 +75,11 @@ def test_sines_without_branches_hold_at_the_ends_of_the_quarters():
     x = np.concatenate([ends, np.nextafter(ends, np.inf), np.nextafter(ends, -np.inf)])
     np.testing.assert_allclose(mapped_sin(x), np.sin(x), rtol=0.0, atol=5e-15)
     np.testing.assert_allclose(mapped_cos(x), np.cos(x), rtol=0.0, atol=5e-15)
+
+
+def test_sines_of_short_angles_are_sines():
+    x = np.linspace(-math.pi, math.pi, 10_001)
+    np.testing.assert_allclose(mapped_short(x), [np.sin(x), np.cos(x)], rtol=0.0, atol=2e-15)
 
 
 def test_a_sine_of_no_number_is_none():

@@ -174,3 +174,31 @@ def test_series_in_sigma_solve_the_equations_of_contact(w, theta):
     depth = systems.A0 * one - (one - position[:-1] - ybar * drive)
     assert product(root, root) == pytest.approx(depth, abs=1e-13 * np.abs(depth).max())
     assert event == pytest.approx(-root, abs=0.0)
+
+
+@pytest.mark.parametrize(
+    ("event", "state", "written"),
+    [
+        ("x - d", 0, "d + w**2"),
+        ("2*x + 3*v - d - sin(s)/2", 1, "(w**2 - 2*x + d + sin(s)/2)/3"),
+        ("v**2 + x - cos(2*s)", 0, "w**2 - v**2 + cos(2*s)"),
+        ("d*x - 1", None, None),
+        ("x - tan(s/2)", None, None),
+    ],
+)
+def test_w_tells_a_state_that_its_event_function_is_linear_in(event, state, written):
+    system = HybridSystem(
+        ("x", "v"),
+        {"d": 1.0, "w0": 1.0},
+        {"free": Mode({"x": "v", "v": "-x"}), "contact": Mode({"x": "v", "v": f"-x - ({event})**(3/2)"})},
+        [Transition("free", "contact", event, 1), Transition("contact", "free", event, -1)],
+        phase=("s", "w0"),
+    )
+    symbolic = Symbolic(system)
+    solved = regularised(symbolic, 1).solved(symbolic)
+    if state is None:
+        assert solved is None
+        return
+    names = {name: sympy.Symbol(name, real=True) for name in ("x", "v", "s", "d", "w")}
+    assert solved[0] == state
+    assert sympy.expand(solved[1] - sympy.sympify(written, locals=names)) == 0

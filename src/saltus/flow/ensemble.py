@@ -36,7 +36,7 @@ _OF_A_TRAP = 1e-3
 _ALIVE = 256
 """Motions that a thread has under way."""
 
-_PIECE = 4000
+_PIECE = 8000
 _LONGEST_STEP = 0.25
 _BOUND = 1e8
 

@@ -16,9 +16,10 @@ __all__ = ["LinearPart", "linear_parts"]
 
 _WORST_BASIS = 1e6
 _LONGEST, _SHORTEST, _CLOSE, _AHEAD = 1.0 / 4.0, 1.0 / 160.0, 1.0 / 50.0, 1.0 / 20.0
-_NEAREST, _FROM = 0.1, 0.2
+_NEAREST, _FROM = 0.05, 0.1
 _LARGEST_DECAY = 3.0
-"""Largest exponent of a step: the text's exponential is right to 1e-15 for half of it."""
+_LARGEST_TURN = 2.0 * np.pi
+"""Largest exponent, and largest angle, of a step: the text's functions are right to 1e-15 for half of them."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +84,14 @@ class LinearPart:
         """Return the numbers that the generated text of `saltus.system.lanes` reads."""
         n, m, eigenvalues = self.n, self.pairs, self.eigenvalues
         inverse = np.linalg.inv(self.basis)
-        decay = float(np.abs(eigenvalues.real).max())
+        longest = _LONGEST * self.period
+        if (decay := float(np.abs(eigenvalues.real).max())) > 0.0:
+            longest = min(longest, _LARGEST_DECAY / decay)
+        speeds = self.rate * np.array(self.harmonics)
+        if (swiftest := float(np.concatenate([np.abs(eigenvalues.imag), speeds]).max())) > 0.0:
+            longest = min(longest, _LARGEST_TURN / swiftest)
         found = {
-            "longest": min(_LONGEST * self.period, _LARGEST_DECAY / decay if decay else np.inf),
+            "longest": longest,
             "shortest": _SHORTEST * self.period,
             "close": _CLOSE * self.period,
             "ahead": _AHEAD * self.period,
@@ -107,15 +113,15 @@ class LinearPart:
             found[f"z{i}_constant"] = -float(self.constant @ row)
             found |= {f"l{i}_{f}": row[f] for f in self.rest}
         amplitudes = []
-        speeds = np.array(self.harmonics) * self.rate
         for j, gradient in enumerate(self.events):
             value = gradient @ self.basis
             cosines, sines = self.event_cosines[j], self.event_sines[j]
             found |= self._row(f"h{j}", self.slots(value), cosines, sines)
             found |= self._row(f"d{j}", self.slots(value * eigenvalues), speeds * sines, -speeds * cosines)
             found |= {f"h{j}_constant": self.event_constants[j], f"d{j}_constant": 0.0}
-            bends = np.abs(value) * np.abs(eigenvalues) ** 2
-            bends *= np.exp(np.maximum(eigenvalues.real, 0.0) * _LONGEST * self.period)
+            swings = np.abs(value) * np.exp(np.maximum(eigenvalues.real, 0.0) * longest)
+            found |= {f"a{j}_{i}": 1.001 * swing for i, swing in enumerate(2.0 * swings[0 : 2 * m : 2])}
+            bends = swings * np.abs(eigenvalues) ** 2
             bends = [*(2.0 * bends[0 : 2 * m : 2]), *bends[2 * m :]]
             found |= {f"m{j}_{i}": 1.001 * bend for i, bend in enumerate(bends)}
             swing = np.hypot(cosines, sines)

@@ -9,7 +9,8 @@ __all__ = ["DRIVER", "HEAD"]
 HEAD = f"""
 from numba import njit
 
-from saltus.system._lane_kernels import FAST, box_of, circular_cos, circular_sin, fate, grown, ld, products, root, st
+from saltus.system._lane_kernels import FAST, box_of, circular_cos, circular_sin, fate, grown, ld, products, root
+from saltus.system._lane_kernels import short_cos, short_sin, st
 
 NL = 320
 AT_STROBE, GOES_ON, MOST_STEPS = {AT_STROBE}, {GOES_ON}, {MOST_STEPS}
@@ -47,8 +48,7 @@ def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, ca
                     ends[i, e] = x[e]
                 end_modes[i] = MODE_OF[to] if to >= 0 else modes[i]
                 continue
-            for f in range(NF):
-                S[to, f*NL + count[to]] = new[f*NL]
+            move(new, 0, S[to], count[to])
             who[to, count[to]] = i
             count[to] += 1
             total += 1
@@ -67,8 +67,8 @@ def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, ca
             work[k] += count[k]
             l = 0
             while l < count[k]:
-                flag = R[FLAG*NL + l]
-                is_late = R[COUNT*NL + l] >= MOST_STEPS
+                flag = ld(R, FLAG*NL, l)
+                is_late = ld(R, COUNT*NL, l) >= MOST_STEPS
                 if flag == GOES_ON and not is_late:
                     l += 1
                     continue
@@ -108,12 +108,10 @@ def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, ca
                     for e in range(N):
                         ends[i, e] = math.inf
                 elif to >= 0:
-                    for f in range(NF):
-                        S[to, f*NL + count[to]] = R[f*NL + l]
+                    move(R, l, S[to], count[to])
                     who[to, count[to]] = i
                     count[to] += 1
                 count[k] -= 1
-                for f in range(NF):
-                    R[f*NL + l] = R[f*NL + count[k]]
+                move(R, count[k], R, l)
                 who[k, l] = who[k, count[k]]
 """

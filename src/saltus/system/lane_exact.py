@@ -22,6 +22,8 @@ __all__ = ["exact_step"]
 _KEPT = 0.3
 """Part of an event function's value that is left at the end of a step, at the least: the nodes see no nearer pole."""
 
+_RISING = 0.4
+
 _WAIT = 40.0
 """Taylor steps that a motion makes, where the rest was too strong, before this is tried again."""
 
@@ -46,7 +48,8 @@ def exact_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
         found = []
         for j in split.harmonics:
             if not of:
-                found += [f"{at}cos{j} = math.cos({float(j)!r}*th)", f"{at}sin{j} = math.sin({float(j)!r}*th)"]
+                kind = "circular" if at == "a" else "short"
+                found += [f"{at}{part}{j} = {kind}_{part}({float(j)!r}*th)" for part in ("cos", "sin")]
                 continue
             c, s = f"{by}cos{j}", f"({sense}{by}sin{j})"
             found += [
@@ -67,8 +70,24 @@ def exact_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     rest = _Rest(lane, split)
 
     def state(at: str, z: str) -> list[str]:
-        """States that the rest needs, and the rest there."""
-        return [f"{at}x{e} = {row(f'x{e}', at, z)}" for e in rest.needed] + rest.lines(at)
+        """What the rest needs, and the rest there."""
+        return [
+            *(f"{at}gap{j} = {row(f'h{j}', at, z)}" for j in rest.gaps),
+            *(f"{at}x{e} = {row(f'x{e}', at, z)}" for e in rest.needed),
+            *rest.lines(at),
+        ]
+
+    def without(j: int, pair: int, side: str) -> list[str]:
+        """Count a fast pair with the most that it can take away, not with slope and bend, where that leaves more."""
+        at = [f"{number(f'{name}{key}{j}_{i}')}, z{i}" for key in "hd" for i in (2 * pair, 2 * pair + 1)]
+        return [
+            f"slow = slow - {side}*products({', '.join(at[:2])}) - {number(f'{name}a{j}_{pair}')}*size{pair}",
+            f"slows = slows - {side}*products({', '.join(at[2:])})",
+            f"better = slow*bend > low*m{pair - 1}",
+            "low = slow if better else low",
+            "slope = slows if better else slope",
+            f"bend = m{pair - 1} if better else bend",
+        ]
 
     lines += turns("a", "t") + state("a", "z")
     sizes = [f"math.sqrt(z{2 * i}*z{2 * i} + z{2 * i + 1}*z{2 * i + 1})" for i in range(pairs)]
@@ -86,17 +105,24 @@ def exact_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
         bends = [f"{number(f'{name}m{j}_{i}')}*size{i}" for i in range(len(sizes))]
         kicked = [f"2.0*abs({number(f'{name}b{j}_{f}')}*ag{g})" for f, g in rest.source.items()]
         lines += [
-            f"b = {side}*({row(f'h{j}', 'a', 'z')})",
+            f"b = {side}*({row(f'h{j}', 'a', 'z') if j not in rest.gaps else f'agap{j}'})",
             f"d = {side}*({' + '.join([row(f'd{j}', 'a', 'z'), *pushed])})",
-            f"m = {' + '.join([*bends, number(f'{name}m{j}'), *kicked])}",
             f"level = max({number(f'{name}in')}, {_KEPT if rest.expressions else 0.0}*b)",
-            "reach = (d + math.sqrt(max(d*d + 2.0*m*(b - level), 0.0)))/m",
+            f"m0 = {' + '.join([*bends[:1], *bends[pairs:], number(f'{name}m{j}'), *kicked])}",
+            *(f"m{i} = m{i - 1} + {bends[i]}" for i in range(1, pairs)),
+            f"low, slope, bend = b - level, d, m{max(pairs, 1) - 1}",
+            "slow, slows = low, d",
+        ]
+        for pair in range(pairs - 1, 0, -1):
+            lines += without(j, pair, side)
+        lines += [
+            "reach = (slope + math.sqrt(max(slope*slope + 2.0*bend*low, 0.0)))/bend",
             f"leaves = leaves | (b < {number(f'{name}in')}) | (reach < {number(f'{name}shortest')})",
             f"nears = nears | (reach < min(h, {number(f'{name}close')}))",
             "h = min(h, reach)",
         ]
         if rest.expressions:
-            lines.append(f"h = min(h, {number(f'{name}turn')}*b/(abs(d) + 1e-30))")
+            lines.append(f"h = min(h, {number(f'{name}turn')}*b/(max({_RISING!r}*d, -d) + 1e-30))")
     lines += [
         f"left = {number('period')} - t",
         "strobe = h >= left",
@@ -107,12 +133,12 @@ def exact_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     for i in range(pairs):
         lr, li = number(f"{name}lr{i}"), number(f"{name}li{i}")
         lines += [
-            f"e = grown({lr}*half)", f"c = math.cos({li}*half)", f"s = math.sin({li}*half)",
+            f"e = grown({lr}*half)", f"c = short_cos({li}*half)", f"s = short_sin({li}*half)",
             f"mc{i} = e*c", f"ms{i} = e*s",
         ]  # fmt: skip
         if rest.expressions:
             lines += [
-                f"e = grown({lr}*near)", "i = 1.0/e", f"c = math.cos({li}*near)", f"s = math.sin({li}*near)",
+                f"e = grown({lr}*near)", "i = 1.0/e", f"c = short_cos({li}*near)", f"s = short_sin({li}*near)",
                 f"fc{i} = e*c", f"fs{i} = e*s", f"bc{i} = i*c", f"bs{i} = -i*s",
             ]  # fmt: skip
     for i in range(2 * pairs, n):
@@ -161,11 +187,13 @@ def _turn(lane: LaneWriter, to: str, of: str, by: str, pool: Pool) -> list[str]:
 
 def _kicks(lane: LaneWriter, name: str, pool: Pool, rest: _Rest) -> list[str]:
     """The rest at the nodes, as kicks to the modal coordinates at the middle."""
-    lines = []
+    counts, lines = range(len(rest.expressions)), []
+    for at, weight in zip("bmf", WEIGHTS, strict=True):
+        lines += [f"k{at}g{g} = {weight!r}*h*{at}g{g}" for g in counts]
     for i in range(lane.n_states):
-        for at, weight in zip("bmf", WEIGHTS, strict=True):
-            terms = [f"{lane.number(f'{name}l{i}_{f}')}*{at}g{g}" for f, g in rest.source.items()]
-            lines.append(f"k{at}{i} = {weight!r}*h*({' + '.join(terms)})")
+        parts = [[f"{lane.number(f'{name}l{i}_{f}')}" for f, g in rest.source.items() if g == h] for h in counts]
+        lines += [f"c{g} = {' + '.join(part)}" for g, part in zip(counts, parts, strict=True)]
+        lines += [f"k{at}{i} = {' + '.join(f'c{g}*k{at}g{g}' for g in counts)}" for at in "bmf"]
     for i in range(pool.pairs):
         re, im = 2 * i, 2 * i + 1
         lines += [
@@ -184,12 +212,43 @@ class _Rest:
         self.writer, self.split = writer, split
         self.expressions = list(dict.fromkeys(split.rest.values()))
         self.source = {f: self.expressions.index(g) for f, g in split.rest.items()}
-        symbols = set().union(*(g.free_symbols for g in self.expressions)) if self.expressions else set()
+        self.symbols = [sympy.Dummy() for _ in split.events]
+        self.inverses: dict[sympy.Expr, sympy.Dummy] = {}
+        slopes = [[sympy.diff(g, split.symbols[e]) for e in range(split.n)] for g in self.expressions]
+        self.slopes = [{e: self._cheap(slope) for e, slope in enumerate(row) if slope != 0} for row in slopes]
+        self.expressions = [self._cheap(g) for g in self.expressions]
+        used = [*self.expressions, *(slope for row in self.slopes for slope in row.values()), *self.inverses]
+        symbols = set().union(*(g.free_symbols for g in used))
         self.needed = [e for e in range(split.n) if split.symbols[e] in symbols]
+        self.moving = sorted({e for row in self.slopes for e in row})
+        self.gaps = [j for j, symbol in enumerate(self.symbols) if symbol in symbols]
+
+    def _cheap(self, expression: sympy.Expr) -> sympy.Expr:
+        """The expression with event functions in the place of sums that they differ from by constants, and inverses."""
+        varying = set(self.split.symbols)
+        sums = [sympy.Add(*(c * x for c, x in zip(row, self.split.symbols, strict=True))) for row in self.split.events]
+
+        def by_gap(total: sympy.Expr) -> sympy.Expr:
+            for symbol, event in zip(self.symbols, sums, strict=True):
+                for sign in (1, -1):
+                    if not (constant := sympy.expand(total - sign * event)).free_symbols & varying:
+                        return sign * symbol + constant
+            return total
+
+        def by_inverse(base: sympy.Expr, power: sympy.Expr) -> sympy.Expr:
+            if not (power.is_Integer and power < 0 and base.free_symbols & {*varying, *self.symbols}):
+                return base**power
+            return self.inverses.setdefault(base, sympy.Dummy()) ** -power
+
+        return expression.replace(lambda e: e.is_Add, by_gap).replace(sympy.Pow, by_inverse)
 
     def lines(self, at: str) -> list[str]:
-        """The rest where the states are ``{at}x{e}`` and the phasors ``{at}cos{j}``, ``{at}sin{j}``."""
-        return [f"{at}g{i} = {self.writer.text_of(g, self._names(at))}" for i, g in enumerate(self.expressions)]
+        """The rest where states are ``{at}x{e}``, event functions ``{at}gap{j}``, phasors ``{at}cos{j}`` and so on."""
+        names = self._names(at)
+        return [
+            *(f"{names[symbol]} = 1.0/({self.writer.text_of(base, names)})" for base, symbol in self.inverses.items()),
+            *(f"{at}g{i} = {self.writer.text_of(g, names)}" for i, g in enumerate(self.expressions)),
+        ]
 
     def error(self, weight: str, swiftest: str) -> list[str]:
         """Whether a step was too long, and how long the next may be.
@@ -208,10 +267,11 @@ class _Rest:
                 f"v = max(abs({a} - 2.0*{b} + {c})*i, {_FIRST!r}*u*u)",
                 f"error = max(error, ({_QUADRATURE!r}*v*v*v + turned)*d{i})",
             ]
-        lines += [f"moved{e} = {self._moved(e)}" for e in self.needed]
-        for g in self.expressions:
-            slopes = [" + ".join(f"abs({slope})*moved{e}" for e, slope in self._slopes(g, at)) or "0.0" for at in "bf"]
-            lines.append(f"error = error + max({slopes[0]}, {slopes[1]})")
+        lines += [f"moved{e} = {self._moved(e)}" for e in self.moving]
+        for row in self.slopes:
+            for e, slope in row.items():
+                b, f = (self.writer.text_of(slope, self._names(at)) for at in "bf")
+                lines.append(f"error = error + max(abs({b}), abs({f}))*moved{e}")
         return [
             *lines,
             f"error = error*h*{weight}*itol + 1e-12",
@@ -229,12 +289,10 @@ class _Rest:
                 terms.append(f"0.5*h*h*abs({self.writer.text_of(entry)})*d{i}")
         return " + ".join(terms) or "0.0"
 
-    def _slopes(self, g: sympy.Expr, at: str) -> list[tuple[int, str]]:
-        slopes = [(e, sympy.diff(g, self.split.symbols[e])) for e in self.needed]
-        return [(e, self.writer.text_of(slope, self._names(at))) for e, slope in slopes if slope != 0]
-
     def _names(self, at: str) -> dict[sympy.Expr, str]:
         names = {self.split.symbols[e]: f"{at}x{e}" for e in self.needed}
+        names |= {symbol: f"{at}gap{j}" for j, symbol in enumerate(self.symbols)}
+        names |= {symbol: f"{at}inverse{i}" for i, symbol in enumerate(self.inverses.values())}
         for i, j in enumerate(self.split.harmonics):
             place = self.split.n + 2 * i
             names |= {self.split.symbols[place]: f"{at}cos{j}", self.split.symbols[place + 1]: f"{at}sin{j}"}

@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import sympy
+
 from saltus.system.pools import AT_STROBE, CHANGES, EVENT, GOES_ON, HUGE, STUCK, domain_to_check
 from saltus.system.taylor import series_of_mode
 
 if TYPE_CHECKING:
     from saltus.system.lanes import LaneWriter
     from saltus.system.pools import Pool
+    from saltus.system.regularise import Regularised
+    from saltus.system.taylor import Series
 
 __all__ = ["taylor_step"]
 
@@ -33,12 +37,22 @@ _SIGMA_WEIGHT = 0.3
 
 _SIGMA_STEP = 4.0
 
+_MORE_IN_SIGMA = 2
+"""How many more coefficients the series in sigma have."""
+
+_LAST_TURN, _CUT_WEIGHT = 7, 0.03
+"""Last coefficient of the phase's sines and cosines in sigma, and the share of its term that counts as an error: they
+vary slowly there, and act through the velocity alone."""
+
 
 def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     """Return the statements of a Taylor step: those in parameters alone, and those of one lane."""
-    n, order, form = lane.n_states, lane.order, pool.form
+    n, form = lane.n_states, pool.form
+    order = lane.order + (_MORE_IN_SIGMA if form is not None else 0)
     names = [f"x{i}" for i in range(n)] + (["theta"] if lane.has_phase else []) + ["w"]
-    series = series_of_mode(lane.system, pool.mode, order, lane.text_of, form, names.__getitem__)
+    solved = form.solved(lane.system) if form is not None else None
+    last_turn = None if form is None else _LAST_TURN
+    series = series_of_mode(lane.system, pool.mode, order, lane.text_of, form, names.__getitem__, solved, last_turn)
     lines = [f"x{i} = {lane.load(i)}" for i in range(n)]
     lines.append(f"t = {lane.load('t')}")
     if lane.has_phase:
@@ -48,12 +62,14 @@ def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     lines += series.lines
     columns, transitions = series.columns, lane.events[pool.mode]
     about = -1 if form is None else transitions.index(form.transition)
-    moving, events = (columns[:n], columns[n:]) if form is None else (columns[: n + 1], columns[n + 2 :])
+    states = [i for i in range(n) if solved is None or i != solved[0]]
+    moving, columns = columns[: len(states)], columns[len(states) :]
+    (w, time), events = (columns[:2], columns[2:]) if form is not None else (("", ""), columns)
     lines.append(f"itol = {lane.load('itol')}")
     bent = [(j, e) for j, e in enumerate(lane.events[pool.mode]) if j != about and not _is_linear(lane, e)]
     for k in (order, order - 1, order - 2):
-        sizes = [f"abs({name}_{k})*{lane.number(f'iscale{i}')}" for i, name in enumerate(moving[:n])]
-        sizes += [f"abs({name}_{k})" for name in moving[n:]]
+        sizes = [f"abs({name}_{k})*{lane.number(f'iscale{i}')}" for i, name in zip(states, moving, strict=True)]
+        sizes += [f"abs({w}_{k})"] if form is not None else []
         sizes += [f"abs({events[j]}_{k})*{lane.number(f'escale{e}')}" for j, e in bent]
         weight = "" if form is None else f"{_SIGMA_WEIGHT!r}*"
         lines.append(f"e{k} = {_largest(sizes)}*({weight}itol) + 1e-30")
@@ -63,6 +79,7 @@ def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
         f"h = min(h, {_RATIO!r}/ratio)",
         "ratio = ratio*h",
         f"h = h*root(max({_TAIL!r}*ratio/(1.0 - ratio), 1.0), {float(order)!r})",
+        *_before_cut(series, order),
         f"h = min(min(h, {lane.load('cap')}), {_SIGMA_STEP if form is not None else lane.number('longest')})",
         f"flag = {GOES_ON}",
     ]
@@ -76,24 +93,26 @@ def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     if form is None:
         lines += [f"left = {lane.number('period')} - t", "strobe = h >= left", "h = left if strobe else h"]
     else:
-        lines += _landing_on_w(lane, columns[n], about)
+        lines += _landing_on_w(order, w, about)
     lines += ["is_stuck = False"] if form is None else []
     for j, k in enumerate(transitions):
         if j != about:
-            lines += _landing(lane, events[j], j, k)
+            lines += _landing(lane, order, events[j], j, k)
     if form is not None:
-        lines += _strobe_in_sigma(lane, columns[n + 1])
+        lines += _strobe_in_sigma(lane, order, time)
     else:
         lines += [f"strobe = strobe & (flag == {GOES_ON})", "tn = t + h"]
     lines += _powers("h", order)
-    lines += [f"n{i} = {_value(name, order, 'h')}" for i, name in enumerate(moving)]
+    lines += [f"n{i} = {_value(name, order, 'h')}" for i, name in zip(states, moving, strict=True)]
     lines += [f"flag = {AT_STROBE} if strobe else flag"]
     if form is not None:
-        lines.append(f"n{n} = 0.0 if flag == {EVENT + about} else n{n}")
+        lines += [f"nw = {_value(w, order, 'h')}", f"nw = 0.0 if flag == {EVENT + about} else nw"]
+    if form is not None and solved is not None:
+        lines += _without_series(lane, series, form, states, *solved)
     lines += _checked(lane, pool)
     lines += [
         *(lane.store(i, f"x{i} if is_stuck else n{i}") for i in range(n)),
-        *([lane.store("w", f"w if is_stuck else n{n}")] if form is not None else []),
+        *([lane.store("w", "w if is_stuck else nw")] if form is not None else []),
         lane.store("t", "t if is_stuck else tn"),
         lane.store("flag", f"{STUCK} if is_stuck else flag"),
         lane.store("cap", f"0.5*h if is_stuck else {HUGE}"),
@@ -103,9 +122,29 @@ def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     return series.constants, lines
 
 
-def _landing_on_w(lane: LaneWriter, w: str, j: int) -> list[str]:
+def _without_series(
+    lane: LaneWriter, series: Series, form: Regularised, states: list[int], i: int, value: sympy.Expr
+) -> list[str]:
+    """State i at the end of a step, where the others, w and the phase tell it."""
+    names: dict[sympy.Expr, str] = {form.w: "nw", **{lane.system.x[j]: f"n{j}" for j in states}}
+    lines, waves = [], {}
+    for j, (wave, name) in enumerate(series.phasors.items()):
+        waves[wave] = sympy.Dummy()
+        names[waves[wave]] = f"wave{j}"
+        lines.append(f"wave{j} = {_value(name, series.last_turn, 'h')}")
+    return [*lines, f"n{i} = {lane.text_of(value.xreplace(waves), names)}"]
+
+
+def _before_cut(series: Series, order: int) -> list[str]:
+    """Steps that are short enough for the phasors' series, where these end before the others."""
+    if series.last_turn == order or not series.last_turns:
+        return []
+    largest = _largest([f"abs({term})" for term in series.last_turns])
+    return [f"h = min(h, root({_CUT_WEIGHT!r}*itol*{largest} + 1e-30, {float(series.last_turn)!r}))"]
+
+
+def _landing_on_w(order: int, w: str, j: int) -> list[str]:
     """A crossing is w changing sign; past it the series runs back along the mirrored orbit."""
-    order = lane.order
     return [
         *_powers("h", order),
         f"wh = {_value(w, order, 'h')}",
@@ -123,9 +162,8 @@ def _landing_on_w(lane: LaneWriter, w: str, j: int) -> list[str]:
     ]
 
 
-def _strobe_in_sigma(lane: LaneWriter, t: str) -> list[str]:
+def _strobe_in_sigma(lane: LaneWriter, order: int, t: str) -> list[str]:
     """Where a step would pass phase 0 it ends just before it instead, and the next two or three come there."""
-    order = lane.order
     return [
         *_powers("h", order),
         f"tn = t + {_value(t, order, 'h')}",
@@ -144,19 +182,15 @@ def _strobe_in_sigma(lane: LaneWriter, t: str) -> list[str]:
     ]
 
 
-def _landing(lane: LaneWriter, event: str, j: int, transition: int) -> list[str]:
+def _landing(lane: LaneWriter, order: int, event: str, j: int, transition: int) -> list[str]:
     """The one crossing of an event function within the step: Bernstein's coefficients have one change of sign.
 
-    From a state on the surface the function is taken over the time since.
+    On the surface the first of them is 0, and the others have the signs of those of the function over the time since.
     """
-    order = lane.order
     side = lane.side_of(j, transition)
-    at = [f"{event}_{i}" for i in range(order + 1)]
-    lines = [f"on = {lane.load(lane.on(j))} > 0.5", "u = h"]
-    lines.append(f"c0 = {side}*({at[1]} if on else {at[0]})")
+    lines = [f"on = {lane.load(lane.on(j))} > 0.5", f"c0 = 0.0 if on else {side}*{event}_0", "u = h"]
     for i in range(1, order + 1):
-        value = f"({at[i + 1]} if on else {at[i]})" if i < order else f"(0.0 if on else {at[i]})"
-        lines.append(f"c{i} = {side}*{value}*u")
+        lines.append(f"c{i} = {side}*{event}_{i}*u")
         if i < order:
             lines.append("u = u*h")
     for i in range(order + 1):
@@ -164,14 +198,14 @@ def _landing(lane: LaneWriter, event: str, j: int, transition: int) -> list[str]
         lines.append(f"b{i} = products({terms})" if i else "b0 = c0")
     rises = " | ".join(f"((b{i} <= 0.0) & (b{i + 1} > 0.0))" for i in range(1, order))
     lines += [
-        f"v{j} = b{order}*(h if on else 1.0)",
-        f"r{j} = {float(order)!r}*(b{order} - b{order - 1})",
-        f"r{j} = (b{order} + r{j}) if on else r{j}/h",
+        f"v{j} = b{order}",
+        f"r{j} = {float(order)!r}*(b{order} - b{order - 1})/h",
+        f"b0 = {float(order)!r}*b1 if on else b0",
         f"rises = (not (b0 > 0.0)) | {rises}",
         f"lands = (not rises) & (b{order} <= 0.0)",
         f"g = b0/(b0 - b{order}) if lands else 1.0",
         *_halley("c", order, sep=""),
-        f"ok = (abs(dg) < {_LANDED!r}) & (g > 0.0) & (g <= 1.0)",
+        f"ok = (abs(dg) < {_LANDED!r}) & (dy < 0.0) & (g > 0.0) & (g <= 1.0)",
         "is_stuck = is_stuck | rises | (lands & (not ok))",
         "ok = lands & ok",
         f"flag = {EVENT + j} if ok else flag",

@@ -113,7 +113,7 @@ class LaneWriter(Writer):
     def functions(self) -> Iterator[str]:
         """Texts of the module: a step for each pool, what is done between steps, and the loop over all."""
         texts = [self._step(k, pool) for k, pool in enumerate(self.pools)]
-        texts += [self._steps(), self._entries(), self._begin(), self._turned(), self._read()]
+        texts += [self._steps(), self._move(), self._entries(), self._begin(), self._turned(), self._read()]
         self.numbers |= {
             "N": self.n_states,
             "NF": self.n_fields,
@@ -150,6 +150,11 @@ class LaneWriter(Writer):
     def _steps(self) -> str:
         return f"\n\n@scalar\ndef step(k, S, n, p, q):\n    {self._chosen('step_{}(S, n, p, q)', 4)}\n"
 
+    def _move(self) -> str:
+        """A lane's fields, into a lane of another pool."""
+        lines = [f"    st(Q, {i}*NL, m, ld(S, {i}*NL, l))" for i in range(self.n_fields)]
+        return "\n".join(["\n\n@scalar", "def move(S, l, Q, m):", *lines]) + "\n"
+
     def _chosen(self, call: str, indent: int) -> str:
         """Statements that make the call of pool k."""
         cases = [
@@ -161,9 +166,9 @@ class LaneWriter(Writer):
         return {symbol: ("theta" if i == self.n_states else f"x{i}") for i, symbol in enumerate(self.system.x)}
 
     def _state_lines(self) -> list[str]:
-        lines = [f"x{i} = S[{i}*NL + l]" for i in range(self.n_states)]
+        lines = [f"x{i} = {self.load(i)}" for i in range(self.n_states)]
         if self.has_phase:
-            lines.append(f"theta = {self.place('rate')}*S[{self.fields['t']}*NL + l]")
+            lines.append(f"theta = {self.place('rate')}*{self.load('t')}")
         return lines
 
     def _entries(self) -> str:
@@ -172,8 +177,8 @@ class LaneWriter(Writer):
         for mode in range(len(s.field)):
             pool = self.pools[mode]
             lines = ["\n\n@scalar", f"def enter_{mode}(S, l, on, p, q):", *(f"    {x}" for x in self._state_lines())]
-            lines += [f"    S[{self.fields['w']}*NL + l] = 0.0", f"    S[{self.fields['cap']}*NL + l] = {HUGE}"]
-            lines += [f"    S[{self.on(j)}*NL + l] = 0.0" for j in range(self.n_events)]
+            lines += [f"    {self.store('w', '0.0')}", f"    {self.store('cap', HUGE)}"]
+            lines += [f"    {self.store(self.on(j), '0.0')}" for j in range(self.n_events)]
             for j, k in enumerate(self.events[mode]):
                 direction = s.system.transitions[k].direction
                 about = pool.form is not None and pool.form.transition == k
@@ -182,18 +187,18 @@ class LaneWriter(Writer):
                 if about:
                     lines.append("        pass")
                 else:
-                    lines.append(f"        S[{self.on(j)}*NL + l] = 1.0")
+                    lines.append(f"        {self.store(self.on(j), '1.0')}")
                     if not direction:
-                        lines.append(f"        S[{self.side(j)}*NL + l] = math.copysign(1.0, {rate})")
+                        lines.append(f"        {self.store(self.side(j), f'math.copysign(1.0, {rate})')}")
                 lines += ["    else:", f"        value = {value}"]
                 if direction:
                     lines.append(f"        value = {-float(direction)!r}*value")
                 else:
-                    lines.append(f"        S[{self.side(j)}*NL + l] = math.copysign(1.0, value)")
+                    lines.append(f"        {self.store(self.side(j), 'math.copysign(1.0, value)')}")
                     lines.append("        value = abs(value)")
                 lines += ["        if not value > 0.0:", f"            return {HARD}"]
                 if about:
-                    lines.append(f"        S[{self.fields['w']}*NL + l] = math.sqrt(value)")
+                    lines.append(f"        {self.store('w', 'math.sqrt(value)')}")
             lines.append(f"    return {mode}")
             texts.append("\n".join(lines) + "\n")
         return "".join(texts)
@@ -231,10 +236,10 @@ class LaneWriter(Writer):
         lines = [
             "\n\n@scalar",
             "def turned(k, S, l, p, q):",
-            f"    flag = S[{self.fields['flag']}*NL + l]",
+            f"    flag = {self.load('flag')}",
             f"    if flag == {STUCK!r}:",
             "        for i in range(N):",
-            f"            if not abs(S[i*NL + l]) < 0.5*{self.place('limit')}:",
+            f"            if not abs(ld(S, i*NL, l)) < 0.5*{self.place('limit')}:",
             f"                return {GONE}",
             "        return k",
         ]
@@ -254,7 +259,7 @@ class LaneWriter(Writer):
             if s.when[transition] != 1:
                 lines += [f"    if not {self.text_of(s.when[transition], names)} > 0.0:", f"        return {HARD}"]
             resets = [
-                f"    S[{i}*NL + l] = {self.text_of(value, names)}"
+                f"    {self.store(i, self.text_of(value, names))}"
                 for i, (value, symbol) in enumerate(zip(s.reset[transition][: self.n_states], s.x, strict=False))
                 if value != symbol
             ]
@@ -282,23 +287,23 @@ class LaneWriter(Writer):
             terms = [f"{self.place(f'{name}z{i}_{e}')}*x{e}" for e in range(n)]
             for j in split.harmonics:
                 terms += [f"{self.place(f'{name}z{i}_c{j}')}*cos{j}", f"{self.place(f'{name}z{i}_s{j}')}*sin{j}"]
-            lines.append(f"S[{i}*NL + l] = {' + '.join(terms)} + {self.place(f'{name}z{i}_constant')}")
-        return [*lines, f"S[{self.fields['cap']}*NL + l] = {HUGE}", f"return {k}"]
+            lines.append(self.store(i, f"{' + '.join(terms)} + {self.place(f'{name}z{i}_constant')}"))
+        return [*lines, self.store("cap", HUGE), f"return {k}"]
 
     def _exact_left(self, k: int, pool: Pool) -> list[str]:
         assert pool.split is not None
-        theta = [f"theta = {self.place('rate')}*S[{self.fields['t']}*NL + l]"] if self.has_phase else []
+        theta = [f"theta = {self.place('rate')}*{self.load('t')}"] if self.has_phase else []
         return [*theta, *self._from_modal(k, pool.split), f"return enter_{pool.mode}(S, l, 0, p, q)"]
 
-    def _from_modal(self, k: int, split: Split, to: str = "S[{}*NL + l]") -> list[str]:
+    def _from_modal(self, k: int, split: Split, to: str = "st(S, {}*NL, l, {})") -> list[str]:
         n, name = self.n_states, f"far{self.pools[k].mode}_"
         lines = [f"{part}{j} = circular_{part}({float(j)!r}*theta)" for j in split.harmonics for part in ("cos", "sin")]
-        lines += [f"z{i} = S[{i}*NL + l]" for i in range(n)]
+        lines += [f"z{i} = {self.load(i)}" for i in range(n)]
         for e in range(n):
             terms = [f"{self.place(f'{name}x{e}_{i}')}*z{i}" for i in range(n)]
             for j in split.harmonics:
                 terms += [f"{self.place(f'{name}x{e}_c{j}')}*cos{j}", f"{self.place(f'{name}x{e}_s{j}')}*sin{j}"]
-            lines.append(f"{to.format(e)} = {' + '.join(terms)} + {self.place(f'{name}x{e}_constant')}")
+            lines.append(to.format(e, f"{' + '.join(terms)} + {self.place(f'{name}x{e}_constant')}"))
         return lines
 
     def _read(self) -> str:
@@ -306,6 +311,6 @@ class LaneWriter(Writer):
         lines = ["\n\n@scalar", "def read(k, S, l, x, q):"]
         for k, pool in enumerate(self.pools):
             if pool.split is not None:
-                body = ["theta = 0.0", *self._from_modal(k, pool.split, "x[{}]"), "return"]
+                body = ["theta = 0.0", *self._from_modal(k, pool.split, "x[{}] = {}"), "return"]
                 lines += [f"    if k == {k}:", *(f"        {line}" for line in body)]
-        return "\n".join([*lines, "    for i in range(N):", "        x[i] = S[i*NL + l]"]) + "\n"
+        return "\n".join([*lines, "    for i in range(N):", "        x[i] = ld(S, i*NL, l)"]) + "\n"

@@ -41,6 +41,26 @@ class Regularised:
     w: sympy.Symbol
     field: list[sympy.Expr]
 
+    def solved(self, system: Symbolic) -> tuple[int, sympy.Expr] | None:
+        """Return a state that w and the others tell: its index, and ``sign * w**2 = h`` solved for it.
+
+        It is the last that h is linear in, with a number as its coefficient. None where there is no such state, or
+        where the phase occurs otherwise than as sines and cosines of its multiples.
+        """
+        event = system.event[self.transition]
+        theta = system.x[-1] if system.system.phase is not None else None
+        states = system.x[:-1] if theta is not None else system.x
+        phasors = {a: sympy.Dummy() for a in event.atoms(sympy.sin, sympy.cos) if theta in a.free_symbols}
+        if any(not sympy.diff(a.args[0], theta).is_number for a in phasors):
+            return None
+        plain = event.xreplace(phasors)
+        for i, symbol in reversed(list(enumerate(states))):
+            slope = sympy.diff(plain, symbol)
+            if slope.is_number and slope != 0 and theta not in plain.free_symbols:
+                rest = sympy.expand(event - slope * symbol)
+                return i, sympy.expand((self.sign * self.w**2 - rest) / slope)
+        return None
+
 
 def regularised(system: Symbolic, mode: int) -> Regularised | None:
     """Return the mode's field with powers of w, or None where no root in it vanishes on one of its event surfaces.

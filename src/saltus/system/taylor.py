@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["NotAnalyticError", "Series", "series_of_mode"]
 
+_TURNING = ("turn_sin", "turn_cos")
+
 
 class NotAnalyticError(SaltusError):
     """A definition has no Taylor series: it uses the sign or the absolute value of something that varies."""
@@ -51,11 +53,20 @@ class Series(NamedTuple):
     columns : list of str
         Names of the series that are returned: states without the phase, w and the time (in sigma), then the event
         functions of the mode. Coefficient k of ``a`` is the local variable ``a_k``.
+    phasors : dict of sympy.Expr to str
+        Names of the series of the sines and cosines of the phase in the state without a series.
+    last_turn : int
+        Last coefficient of the series of sines and cosines of the phase.
+    last_turns : list of str
+        Their terms of that order in the sums in which they occur.
     """
 
     constants: list[str]
     lines: list[str]
     columns: list[str]
+    phasors: dict[sympy.Expr, str]
+    last_turn: int
+    last_turns: list[str]
 
 
 def series_of_mode(
@@ -65,6 +76,8 @@ def series_of_mode(
     text: Callable[[sympy.Expr], str],
     form: Regularised | None = None,
     read: Callable[[int], str] = "x[{}]".format,
+    solved: tuple[int, sympy.Expr] | None = None,
+    last_turn: int | None = None,
 ) -> Series:
     """Return the statements that compute the Taylor series of a mode.
 
@@ -82,13 +95,17 @@ def series_of_mode(
         The mode's field in sigma; by default the series are in time.
     read : callable, optional
         Writes component i of the full state, with w behind it.
+    solved : tuple of int and sympy.Expr, optional
+        A state without a series of its own, and what it is: see `Regularised.solved`.
+    last_turn : int, optional
+        Last coefficient of sines and cosines of the phase, where they occur in sums only; by default `order`.
 
     Raises
     ------
     NotAnalyticError
         The mode has no Taylor series.
     """
-    return _Tape(system, mode, order, text, form, read).written()
+    return _Tape(system, mode, order, text, form, read, solved).written(order if last_turn is None else last_turn)
 
 
 class _Tape:
@@ -102,6 +119,7 @@ class _Tape:
         text: Callable[[sympy.Expr], str],
         form: Regularised | None,
         read: Callable[[int], str],
+        solved: tuple[int, sympy.Expr] | None,
     ) -> None:
         self.form, self.read = form, read
         self.system, self.mode, self.order, self.text = system, mode, order, text
@@ -112,22 +130,25 @@ class _Tape:
         self.rate = system.field[mode][-1] if has_phase else sympy.Integer(0)
         # no variable is assigned in two forms: the compiler would look at all lines again for each that is
         self.prefix = f"m{mode}" if form is None else f"s{mode}"
-        self.positions = [f"{self.prefix}x{i}" for i in range(len(self.states))]
-        self.names: dict[sympy.Expr, str] = dict(zip(self.states, self.positions, strict=True))
+        self.solved = {} if solved is None else {self.states[solved[0]]: solved[1]}
+        self.moving = [i for i in range(len(self.states)) if solved is None or i != solved[0]]
+        self.positions = [f"{self.prefix}x{i}" for i in self.moving]
+        series = zip(self.moving, self.positions, strict=True)
+        self.names: dict[sympy.Expr, str] = {self.states[i]: name for i, name in series}
         self.operations: list[tuple[str, ...]] = []
         self.known: dict[tuple[str, ...], str] = {}
         self.coefficients: dict[str, sympy.Expr] = {}
-        self.starts: list[str] = [f"{name}_0 = {read(i)}" for i, name in enumerate(self.positions)]
+        self.starts: list[str] = [f"{name}_0 = {read(i)}" for i, name in zip(self.moving, self.positions, strict=True)]
         self.w = f"{self.prefix}w" if form is not None else ""
         if form is not None:
             self.names[form.w] = self.w
             self.starts += [f"{self.w}_0 = {read(len(system.x))}", f"{self.prefix}t_0 = 0.0"]
         self.written_coefficients: dict[str, str] = {}
 
-    def written(self) -> Series:
+    def written(self, last_turn: int) -> Series:
         s, form = self.system, self.form
         field = s.field[self.mode] if form is None else form.field
-        slopes = [self.single(rate) for rate in field[: len(self.states)]]
+        slopes = [self.single(field[i]) for i in self.moving]
         events = [
             form.sign * form.w if form is not None and k == form.transition else s.event[k]
             for k, source in enumerate(s.source)
@@ -141,6 +162,14 @@ class _Tape:
             slopes += [self.single(sympy.Rational(form.sign, 2) * rate), self.w]
             moving += [self.w, f"{self.prefix}t"]
         columns = [*moving, *(self.single(event) for event in events)]
+        waves = [a for value in self.solved.values() for a in value.atoms(sympy.sin, sympy.cos)]
+        phasors = {a: self.single(a) for a in waves if self.theta in a.free_symbols}
+        turning = [name for name, kind, *_ in self.operations if kind in _TURNING]
+        others = {a for _, kind, *arguments in self.operations for a in arguments if kind != "linear"}
+        terms = [term for _, kind, *arguments in self.operations for term in arguments[1:] if kind == "linear"]
+        if not others.isdisjoint(turning) or not set(columns).isdisjoint(turning):
+            last_turn = self.order
+        self.absent = {f"{name}_{k}" for name in turning for k in range(last_turn + 1, self.order + 1)}
         lines = list(self.starts)
         for k in range(self.order + 1):
             for operation in self.operations:
@@ -149,7 +178,8 @@ class _Tape:
                 part = f"*{1.0 / (k + 1)!r}" if k else ""
                 lines += [f"{x}_{k + 1} = {name}_{k}{part}" for x, name in zip(moving, slopes, strict=True)]
         constants = [f"{name} = {value}" for name, value in self.written_coefficients.items()]
-        return Series(constants, lines, columns)
+        last_turns = [f"{term}_{last_turn}" for term in terms if term.split("*")[1] in turning]
+        return Series(constants, lines, columns, phasors, last_turn, last_turns)
 
     def linear(self, expression: sympy.Expr) -> _Linear:
         """Take a linear combination apart; what is not linear becomes a series of its own."""
@@ -180,7 +210,7 @@ class _Tape:
 
     def single(self, expression: sympy.Expr) -> str:
         """Name of the series of an expression."""
-        return self.combined(self.linear(expression))
+        return self.combined(self.linear(expression.xreplace(self.solved)))
 
     def combined(self, parts: _Linear) -> str:
         if parts.constant == 0 and len(parts.terms) == 1:
@@ -306,10 +336,13 @@ class _Tape:
         """Coefficient k of one operation."""
         name, kind, *arguments = operation
         target = f"{name}_{k}"
+        if target in self.absent:
+            return
         match kind:
             case "linear":
                 constant, *parts = arguments
                 terms = [(0, coefficient, f"{series}_{k}") for coefficient, series in (p.split("*") for p in parts)]
+                terms = [term for term in terms if term[2] not in self.absent]
                 rest = f" + {constant}" if k == 0 and constant != "0.0" else ""
                 yield f"{target} = {_products(terms)}{rest}"
             case "mul":
@@ -334,7 +367,7 @@ class _Tape:
                 yield f"{target} = {self.read(len(self.states))}" if k == 0 else f"{target} = {later}"
             case "turn_sin" | "turn_cos":
                 speed, turns, offset = arguments
-                sine, cosine = (self.known[(which, *arguments)] for which in ("turn_sin", "turn_cos"))
+                sine, cosine = (self.known[(which, *arguments)] for which in _TURNING)
                 function, other, sign = ("sin", cosine, "") if kind == "turn_sin" else ("cos", sine, "-")
                 if k == 0:
                     angle = f"{turns}*{self.read(len(self.states))} + {offset}"
