@@ -513,3 +513,12 @@ def test_a_step_that_ends_within_rounding_of_the_surface_does_not_miss_it():
         for tol in (1e-11, 1e-13)
     )
     assert coarse == pytest.approx(fine, abs=1e-7)
+
+
+@pytest.mark.parametrize(("q1", "v1"), [(3.8375, -1.2125), (4.1125, -2.4625), (4.2625, -3.9125)])
+def test_a_fast_approach_feels_the_force_next_to_the_surface(afm2, q1, v1):
+    # the whole impulse of the force before contact is 4e-6, felt within 2e-5 of a flight of 3.3
+    p = afm2.parameter_vector({"Omega": 1.15})
+    start = afm2.full_state([q1, 3.12, v1, 0.48564])
+    at = [iterate(afm2, p, start, 1, discard=0, keep=1, section=(0,), rtol=r, atol=r).states[0] for r in (1e-11, 1e-14)]
+    np.testing.assert_allclose(*at, rtol=0.0, atol=2e-8)

@@ -35,7 +35,9 @@ RETURNED, STEP, FAR_STEP, SIGMA_STEP, N_NUMBERS = range(DURATION + 1, DURATION +
 the last step in time, how long it must be for a step by the exact flow to be tried again, the last step in sigma, in
 time."""
 
-MODE, STARTING, FIRED, MODE_BEFORE, RETURNS, SMALL_RUN, STEPS, NOT_FAR, SHORTER, SIGMA_STEPS, N_COUNTS = range(11)
+MODE, STARTING, FIRED, MODE_BEFORE, RETURNS, SMALL_RUN, STEPS, NOT_FAR, SHORTER, SIGMA_STEPS, APPROACHES, N_COUNTS = (
+    range(12)
+)
 """Places in `counts`."""
 
 SMALL_DURATION = 1e-6
@@ -79,6 +81,11 @@ DEFECT = 100.0
 CUTS = 40
 """A step that is checked solves the equations to so many tolerances, or is cut to a quarter; so many times at the
 most."""
+
+APPROACH, MOST_APPROACHES = 0.6, 40
+"""A step in time whose series do not solve the equations to the tolerance where it lands goes this part of the way: a
+weak part of a field may grow fast next to a surface, which the last terms of a series do not show from afar. HELP is
+asked for after so many such steps in a row."""
 
 SAME = 1e-6
 """HELP is asked for where two events are closer than this part of a step, or one is as close to the step's ends."""
@@ -169,6 +176,17 @@ def _reached(c, order, stride, column, target, low, high, guess):
 
 
 @njit(**INNER)
+def _defect(field, mode, n_states, p, c, order, stride, at, h, rtol, atol, y, slopes):
+    """By how many tolerances, over a time h, the slopes of the series differ from the field in the state y there."""
+    call(field, mode, 0, y, 0, p, slopes, 0)
+    worst = 0.0
+    for e in range(n_states):
+        slope = _column(c, order, stride, e, at)[1]
+        worst = max(worst, abs(slopes[e] - slope) * h / (atol + rtol * max(abs(y[e]), abs(c[e]))))
+    return worst
+
+
+@njit(**INNER)
 def _checked(
     addresses, mode, n, n_states, transitions, n_transitions, phase, p, c, order, stride, first_event, h, rtol, atol, x,
     y, slopes, event,
@@ -185,11 +203,10 @@ def _checked(
             _evaluate(c, order, stride, n_states, at, y)
             if phase > 0.0:
                 y[n_states] = x[n_states] + phase * at
-            call(addresses[FIELD], mode, 0, y, 0, p, slopes, 0)
+            defect = _defect(addresses[FIELD], mode, n_states, p, c, order, stride, at, h, rtol, atol, y, slopes)
+            worst = max(worst, defect)
             size = 0.0
             for e in range(n_states):
-                slope = _column(c, order, stride, e, at)[1]
-                worst = max(worst, abs(slopes[e] - slope) * h / (atol + rtol * max(abs(y[e]), abs(c[e]))))
                 size = max(size, abs(y[e]))
             column = first_event - 1
             for k in range(n_transitions):
@@ -583,6 +600,22 @@ def _follow(
             if fired == form or found[ROOTS * fired + ROOTS - 1] == 1.0:
                 return HELP
             passed[fired] += 1
+        if fired >= 0 and not series_in_sigma and dt > 0.0:
+            defect = _defect(addresses[FIELD], mode, n_states, p, c, order, stride, end, end, rtol, atol, y, after)
+            if defect > 1.0:
+                if counts[APPROACHES] >= MOST_APPROACHES:
+                    return HELP
+                counts[APPROACHES] += 1
+                fired, fraction = -1, APPROACH * fraction
+                for k in range(n_transitions):
+                    while (
+                        transitions[3 * k] == mode and n_found[k] > 0 and found[ROOTS * k + n_found[k] - 1] > fraction
+                    ):
+                        n_found[k] -= 1
+                dt = end = fraction * h
+                _evaluate(c, order, stride, n_states, end, y)
+                if phase > 0.0:
+                    y[n_states] = x[n_states] + phase * dt
         if not (0.0 < dt <= period) and (fired < 0 or dt != 0.0):
             # in sigma: longer than a period, or past a zero of w, where time runs back
             if not counts[SHORTER] < SHORTER_MOST:
@@ -653,6 +686,7 @@ def _follow(
                     on[k] = 0
             continue
 
+        counts[APPROACHES] = 0
         # a transition: onto its surface to rounding, then the reset
         correction = -event[0] / event[1]
         if abs(correction) <= 1e-4 * dt:
