@@ -20,7 +20,7 @@ from saltus import (
     solve_orbit,
 )
 from saltus.basins.attractors import Search, attractors_from
-from saltus.basins.recurrence import Hunt
+from saltus.basins.recurrence import Found, Hunt, Stay
 from saltus.flow.ensemble import Ensemble
 
 QUICK = Search(samples=400)
@@ -114,6 +114,17 @@ def test_names_and_points_do_not_depend_on_which_motions_found_them(wells):
             assert again.points[name] == pytest.approx(wells.points[name], abs=1e-9)
 
 
+def test_a_stable_orbit_is_periodic_even_where_no_ellipsoid_contracts(monkeypatch, wells):
+    monkeypatch.setattr("saltus.basins.recurrence.contracting", lambda *_: None)
+    found = find_attractors(duffing(), {}, BOX, seeds=16, search=QUICK)
+    assert dict(found.kinds) == {"period-1 A": "period-1", "period-1 B": "period-1"}
+    assert all("boxes" in note for note in found.notes.values())
+    for name in found.names:
+        assert found.points[name] == pytest.approx(wells.points[name], abs=1e-9)
+        assert found.fates[name] > 0
+    assert found.fates["undecided"] == 0
+
+
 def test_motions_that_creep_away_from_an_unstable_orbit_find_no_attractor_there():
     # multiplier 1.01 at 0, and 0.98 at the attractors +-0.1
     system = carried(("x",), {}, {"x": "1.01*x - x**3"})
@@ -194,6 +205,112 @@ def test_a_long_transient_is_no_attractor():
     assert found.measured_error < 0.01
 
 
+def beside_a_wall(w, g):
+    return HybridSystem(
+        ("x", "v"),
+        {"w": w, "g": g},
+        {"free": Mode({"x": "v", "v": "-x - 0.02*v + 0.5*cos(s)"})},
+        [Transition("free", "free", "x - g", 1, {"v": "-0.8*v"}, name="impact")],
+        phase=("s", "w"),
+    )
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_chaos_that_motions_leave_after_thousands_of_periods_is_no_attractor_whatever_the_seed(seed):
+    region, search = {"x": (-2, -1e-3), "v": (-2, 2)}, Search(random_seed=seed, samples=400)
+    found = find_attractors(beside_a_wall(2.8, 0.0), {}, region, seeds=32, search=search)
+    assert dict(found.kinds) == {"period-18": "period-18"}
+    orbit, points = found.orbits["period-18"], found.points["period-18"]
+    assert orbit.stable
+    assert orbit.form.turns == 18
+    assert points[0] == pytest.approx(points[np.argmin(points[:, 0])], abs=0.0)  # the order of its points is their own
+    assert points[0] == pytest.approx([-0.4533, 0.0775], abs=5e-5)
+
+
+def test_a_slow_spiral_towards_a_long_orbit_is_no_attractor_beside_it():
+    region = {"x": (-2, 0.199), "v": (-2, 2)}
+    found = find_attractors(beside_a_wall(3.9, 0.2), {}, region, seeds=64, search=Search(samples=400))
+    assert found.names == ("period-1", "period-9", "period-12")
+    assert found.fates["undecided"] == 0
+    assert min(found.fates[name] for name in found.names) > 0
+
+
+def test_the_stay_in_a_leaking_interval_is_measured():
+    # of the interval [0, 1] each step carries the part 1 - 2/slope away, uniformly
+    slope = 2.002
+    hunt = Hunt(carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), None, Search(samples=100, longest=1500))
+
+    def strobe(points, modes=None, count=1):
+        x = np.array(points, dtype=float)
+        for _ in range(count):
+            x = slope * np.minimum(x, 1.0 - x)
+        hunt.ensemble.work += 1  # as where lanes follow all motions
+        return np.where(np.abs(x) < 1e8, x, np.nan), np.zeros(len(x), np.int64)
+
+    hunt.ensemble.strobe = strobe
+    hunt.ensemble.settle = lambda x, traps, longest: (np.full(len(x), 253, np.uint8), np.zeros(len(x), np.int32))
+    chaos = Found("chaotic", np.random.default_rng(3).uniform(0.0, 1.0, (1024, 1)), None, frozenset({"rest"}), True)
+    hunt.found.append(chaos)
+    hunt.drop_transients()
+    assert not hunt.found
+    assert 64 < chaos.stay.left < chaos.stay.motions == 128
+    assert chaos.stay.mean == pytest.approx(slope / (slope - 2.0), rel=3.0 / math.sqrt(chaos.stay.left))
+
+
+def test_of_two_intervals_between_which_motions_change_all_the_time_one_is_an_attractor(monkeypatch):
+    hunt = Hunt(carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), None, Search(samples=100, longest=1500))
+    rng = np.random.default_rng(4)
+
+    def strobe(points, modes=None, count=1):
+        x = np.array(points, dtype=float)
+        for _ in range(count):
+            # chaos in [0, 1] and in [2, 3], and a change from one to the other in 2000 steps
+            within = x % 2.0
+            x = np.where(rng.random(x.shape) < 1.0 / 2000.0, 2.0 - (x - within), x - within) + rng.random(x.shape)
+        hunt.ensemble.work += 1
+        return x, np.zeros(len(x), np.int64)
+
+    hunt.ensemble.strobe = strobe
+    chaos = {"orbit": None, "visited": frozenset({"rest"}), "touches": True}
+    monkeypatch.setattr(hunt, "_featured", lambda cloud, *_, **__: Found("chaotic", cloud, **chaos))
+    hunt.found.append(Found("chaotic", rng.random((1024, 1)), **chaos))
+    hunt.drop_transients()
+    assert len(hunt.found) == 1
+    assert hunt.found[0].stay.mean > 10 * 1500
+
+
+def test_what_was_seen_of_the_stay_is_told():
+    assert str(Stay(128, 6e5, 0)) == "none of 128 motions left it in 6e+05 strobes: mean stay > 2e+05 at 95 %"
+    assert str(Stay(128, 4e5, 4)) == "a transient: 4 of 128 motions left it, mean stay 1e+05 +- 5e+04"
+
+
+@pytest.mark.slow
+def test_an_orbit_that_nearly_grazes_is_periodic():
+    system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.046})
+    found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), seeds=16, search=Search(samples=200))
+    assert dict(found.kinds) == {"repulsive": "period-10"}
+    assert float(np.abs(found.orbits["repulsive"].multipliers).max()) == pytest.approx(0.7576, abs=5e-5)
+    assert found.fates["repulsive"] == 16
+
+
+@pytest.mark.slow
+def test_a_narrow_window_in_chaos_has_the_one_orbit_of_its_period():
+    system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.023})
+    found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), seeds=16, search=Search(samples=200))
+    assert dict(found.kinds) == {"repulsive": "period-47"}
+    assert found.orbits["repulsive"].form.turns == 47
+    assert found.fates["repulsive"] == 16
+
+
+def test_next_to_a_period_doubling_the_slow_orbit_and_the_one_beside_it_are_told_apart():
+    system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.163})
+    found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), seeds=64, search=Search(samples=400))
+    assert dict(found.kinds) == {"attractive": "period-1", "repulsive A": "period-1", "repulsive B": "period-4"}
+    assert float(np.abs(found.orbits["repulsive A"].multipliers).max()) == pytest.approx(0.987, abs=5e-4)
+    assert found.fates["undecided"] == found.fates["diverged"] == 0
+    assert min(found.fates[name] for name in found.names) > 0
+
+
 @pytest.mark.slow
 def test_henon_map_is_chaotic_or_diverges():
     system = carried(("x", "y"), {"a": 1.4, "b": 0.3}, {"x": "a - x**2 + b*y", "y": "x"})
@@ -202,6 +319,7 @@ def test_henon_map_is_chaotic_or_diverges():
     assert found.names == ("chaotic",)
     assert not found.orbits
     assert np.abs(found.points["chaotic"]).max() < 1.8  # as it does for the classical parameters
+    assert "none of 16 motions left it" in found.notes["chaotic"]
     labels, strobes = Ensemble(system, {}).settle([[0.0, 0.0], [2.5, 0.0]], found.traps)
     assert labels.tolist() == [0, 253]
     assert strobes[0] >= 16

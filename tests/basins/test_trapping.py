@@ -7,9 +7,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from saltus import ConvergenceError, HybridSystem, Mode
+from saltus import ConvergenceError, HybridSystem, Mode, Transition, find_orbit, simulate
 from saltus.basins.cells import boxes_along
-from saltus.basins.trapping import Ellipsoid, contracting, core_of, enlarged, metric_of, orbit_jacobians
+from saltus.basins.trapping import (
+    Ellipsoid,
+    contracting,
+    core_of,
+    enlarged,
+    largest_multiplier,
+    map_jacobians,
+    metric_of,
+    orbit_jacobians,
+)
 
 
 def strobed(image, states=("x",)):
@@ -59,12 +68,41 @@ def test_an_unstable_orbit_has_no_metric():
     assert metric_of(np.zeros((1, 2)), np.diag([0.5, 1.01])[None], np.ones(2)) is None
 
 
-def test_jacobians_are_those_of_the_map():
+def test_differences_are_the_jacobians_of_a_smooth_map():
     ensemble = strobed(lambda x: np.column_stack([1.4 - x[:, 0] ** 2 + 0.3 * x[:, 1], x[:, 0]]), ("x", "y"))
     points = np.array([[0.7, -0.2], [-1.1, 0.4]])
-    found = orbit_jacobians(ensemble, points, np.array([2.0, 0.5]))
+    found = map_jacobians(ensemble, points, np.array([2.0, 0.5]))
     expected = [[[-2.0 * x, 0.3], [1.0, 0.0]] for x, _ in points]
     assert found == pytest.approx(np.array(expected), abs=1e-9)
+
+
+def wall(frequency, gap):
+    """A damped oscillator that hits a wall, and loses a fifth of its speed there."""
+    return HybridSystem(
+        ("x", "v"),
+        {"w": frequency, "g": gap},
+        {"free": Mode({"x": "v", "v": "-x - 0.02*v + 0.5*cos(s)"})},
+        [Transition("free", "free", "x - g", 1, {"v": "-0.8*v"}, name="impact")],
+        phase=("s", "w"),
+    )
+
+
+@pytest.mark.parametrize(("frequency", "gap", "start"), [(2.7, 0.0, [-1.0, 0.0]), (3.9, 0.2, [0.1, 0.4])])
+def test_an_orbits_jacobians_shrink_areas_by_damping_and_impacts_and_multiply_to_its_multipliers(frequency, gap, start):
+    system, period = wall(frequency, gap), 2.0 * np.pi / frequency
+    orbit = find_orbit(system, {}, start, settle=20_000)
+    points, impacts, x = [], [], orbit.x0
+    for _ in range(orbit.form.turns):
+        motion = simulate(system, {}, x, periods=1)
+        points.append(x)
+        impacts.append(int((motion.events["kind"] == "event").sum()))
+        x = motion.x_end[:2]
+    assert sum(impacts) >= 1
+    jacobians = orbit_jacobians(orbit, np.array(points))
+    # Liouville, and the determinant e^2 of an impact's saltation matrix
+    areas = 0.64 ** np.array(impacts) * np.exp(-0.02 * period)
+    assert np.linalg.det(jacobians) == pytest.approx(areas, rel=1e-8)
+    assert largest_multiplier(jacobians) == pytest.approx(np.abs(orbit.multipliers).max(), rel=1e-6)
 
 
 def test_samples_fill_the_ellipsoid_evenly():

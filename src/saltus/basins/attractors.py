@@ -182,8 +182,9 @@ def find_attractors(
 
     Motions from quasi-random states are followed until each has settled; what recurs is handed to the orbit solver, and
     only stable orbits are kept; all other motions are told apart by the states that they visit
-    (`saltus.basins.recurrence`). An attractor whose basin is a small part w of the region is missed with the
-    probability ``(1 - w)^seeds``, about: ``seeds = 3/w`` finds it at 95 %.
+    (`saltus.basins.recurrence`), and what they leave within ten times `Search.longest` strobes, on average, is no
+    attractor: motions on it that long are undecided. An attractor whose basin is a small part w of the region is missed
+    with the probability ``(1 - w)^seeds``, about: ``seeds = 3/w`` finds it at 95 %.
 
     Parameters
     ----------
@@ -246,6 +247,8 @@ def find_attractors(
     if not len(starts):
         raise InputError("region", dict(box), "where motions can start: in a mode's domain and before its events")
     hunt.follow(starts)
+    if len(hunt.found) < DIVERGED:
+        hunt.drop_transients()
     return _assembled(hunt, box, sorted(hunt.found, key=lambda found: _rank(hunt, found)), None, starts)
 
 
@@ -497,6 +500,8 @@ class _Building:
                 f"{visits} of them in a row; measured: {told} motions from the region so labelled, {wrong} of them "
                 f"elsewhere after {_LONGER} times as many: < {bound:.2g} at 95 %"
             )
+            if (stay := self.found[label].stay) is not None:
+                self.notes[label] += f"; {stay}"
         return traps
 
     def _left(self, starts: NDArray[np.float64], traps: Traps, cells: Cells) -> dict[int, tuple[int, int]]:

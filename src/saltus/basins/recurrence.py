@@ -7,27 +7,41 @@
    unstable. All motions in its trapping region are then accounted for.
 3. Motions that have not become periodic after `_PATIENCE` strobes are told apart by features: each must be stationary,
    i.e. the second half of what it visits is as near to the first as the odd points are to the even ones; those that
-   visit the same states are one attractor; `saltus.flow.classify` says of which kind it is.
+   visit the same states are one attractor; `saltus.flow.classify` says of which kind it is. What recurs after more
+   than `LONGEST` strobes is handed to the orbit solver then.
+4. Of each attractor that is no periodic orbit `_MEMBERS` motions are followed for `Search.longest` strobes more. If
+   they leave it at such a rate that they stay for less than `_LIVES` times as long on average, it is dropped: it is a
+   transient.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from saltus.basins.cage import Cage, cage_of
-from saltus.basins.trapping import Ellipsoid, admits_start, contracting, core_of, metric_of, orbit_jacobians
+from saltus.basins.trapping import (
+    Ellipsoid,
+    admits_start,
+    contracting,
+    core_of,
+    largest_multiplier,
+    map_jacobians,
+    metric_of,
+    orbit_jacobians,
+)
 from saltus.errors import ConvergenceError, InputError, SaltusError
 from saltus.flow.classify import Criteria, classify
 from saltus.flow.counts import checked_count
 from saltus.flow.ensemble import Ensemble
 from saltus.flow.run import is_number, starting_mode
 from saltus.flow.simulate import events_after
+from saltus.flow.traps import DIVERGED, Traps
 from saltus.flow.variational import growth_along
-from saltus.orbits import PeriodicOrbit, find_orbit
+from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,17 +50,31 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["LIMIT_CYCLE", "LONGEST", "Found", "Hunt", "Search"]
+__all__ = ["LIMIT_CYCLE", "LONGEST", "Found", "Hunt", "Search", "Stay"]
 
 LIMIT_CYCLE = "limit cycle"
 LONGEST = 16
-"""Strobes after which a motion recurs that the orbit solver is asked about."""
+"""Strobes after which a motion recurs that the orbit solver is asked about at once."""
 
 _STRIDE = 64
 _PATIENCE = 500
 _WINDOW = 512
 _NEAR, _SAME, _BESIDE = 1e-3, 1e-6, 1e-2
 """Parts of the states' scale: within which a motion recurs, two orbits are one, a second motion is not tried."""
+
+_MANY, _SETTLED = 100, 1e-5
+"""Strobes after which a motion recurs that the orbit solver is asked about at all; within which part of the scale."""
+
+_AGREE = 0.01
+"""Difference of the largest multiplier from that of the product of an orbit's Jacobians that is still rounding."""
+
+_MEMBERS, _FEW, _PUSH, _LIVES = 128, 16, 1e-6, 10.0
+"""Motions that tell how long others stay on an attractor, and how many do where lanes cannot follow them; their
+distance from it, as a part of its extent; the mean stay, in times as long as they are followed, below which it is none.
+"""
+
+_CENSORED = 3.0
+"""Mean stays in all that motions are followed without a departure, at the most, at 95 %: -ln 0.05."""
 
 _REST = 1e-10
 _MOST = 8
@@ -100,7 +128,38 @@ class Search:
             raise InputError("Search.criteria", self.criteria, "a Criteria")
 
 
-@dataclass
+class Stay(NamedTuple):
+    """How long motions stay on an attractor that is no periodic orbit.
+
+    Attributes
+    ----------
+    motions : int
+        How many were followed.
+    strobes : float
+        How long they stayed, all together.
+    left : int
+        How many of them ended elsewhere.
+    """
+
+    motions: int
+    strobes: float
+    left: int
+
+    @property
+    def mean(self) -> float:
+        """Mean stay in strobes, where motions leave at a constant rate; infinite where none did."""
+        return self.strobes / self.left if self.left else math.inf
+
+    def __str__(self) -> str:
+        if not self.left:
+            return f"none of {self.motions} motions left it in {self.strobes:.3g} strobes: mean stay > " + (
+                f"{self.strobes / _CENSORED:.2g} at 95 %"
+            )
+        error = self.mean / math.sqrt(self.left)
+        return f"a transient: {self.left} of {self.motions} motions left it, mean stay {self.mean:.2g} +- {error:.1g}"
+
+
+@dataclass(eq=False)
 class Found:
     """One attractor, as it was found.
 
@@ -119,6 +178,8 @@ class Found:
         In which motions contract.
     core : Ellipsoid or None
         The part of it in which they are accounted for.
+    stay : Stay or None
+        How long motions stay, where that was measured.
     """
 
     kind: str
@@ -129,6 +190,7 @@ class Found:
     cage: Cage | None = None
     ellipsoid: Ellipsoid | None = None
     core: Ellipsoid | None = None
+    stay: Stay | None = None
 
     @property
     def period(self) -> int:
@@ -143,6 +205,18 @@ class Found:
         if self.cage is not None:
             held |= (modes == self.cage.mode) & (self.cage.sizes(x) < self.cage.bound)
         return held
+
+    def carries(self, path: NDArray[np.float64], scale: NDArray[np.float64]) -> bool:
+        """Return whether a motion that visits some states, shape (k, n), is on this attractor, or creeps to it.
+
+        It creeps to an orbit where it is beside its points, in parts of the scale or of what the orbit extends over.
+        """
+        if not self.period:
+            return _Cloud(self.points, scale).same(path)
+        n, orbit = len(scale), self.orbit
+        extent = np.ptp(self.points, axis=0) if orbit is None else (orbit.highs - orbit.lows)[:n]
+        unit = np.clip(extent, _EXTENT * scale, scale)
+        return float(_distances(self.points / unit, path[-2 * self.period :] / unit).max()) < _NEAR
 
 
 class Hunt:
@@ -179,6 +253,8 @@ class Hunt:
         self.p = self.ensemble.p
         self.rng = np.random.default_rng(search.random_seed)
         self.found: list[Found] = []
+        self.dropped: list[Found] = []
+        self.astray = np.empty((0, len(low)))
 
     # ---- what is followed ----
 
@@ -197,19 +273,30 @@ class Hunt:
         modes = np.array([starting_mode(self.system, self.system.full_state(row), self.p) for row in x], np.int64)
         done, stride = 0, _STRIDE
         while len(x) and done < self.search.longest:
-            x, modes = self._kept(*self.ensemble.strobe(x, modes, stride))
-            path, x, modes = self._path(x, modes, 2 * LONGEST)
-            done += stride + 2 * LONGEST
+            x, modes, done = self._advance(x, modes, done, stride)
             stride *= 2
-            x, modes = self._find_periodic(path, x, modes)
-            if len(x) and done >= min(_PATIENCE, self.search.longest):
-                done += 2 * _WINDOW
-                x, modes = self._find_aperiodic(x, modes, last=done >= self.search.longest)
 
-    def _kept(self, x: NDArray[np.float64], modes: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _advance(
+        self, x: NDArray[np.float64], modes: NDArray[np.int64], done: int, stride: int, own: Found | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], int]:
+        """Follow motions for a stretch, and find the attractors that they are on then, except for their own.
+
+        Those that are not accounted for, and the strobes done.
+        """
+        ends, at = self.ensemble.strobe(x, modes, stride)
+        kept = self._bounded(ends)
+        self.astray = x[~kept]
+        path, x, modes = self._path(ends[kept], at[kept], 2 * LONGEST)
+        done += stride + 2 * LONGEST
+        x, modes = self._find_periodic(path, x, modes)
+        if len(x) and done >= min(_PATIENCE, self.search.longest):
+            done += 2 * _WINDOW
+            x, modes = self._find_aperiodic(x, modes, own, last=done >= self.search.longest)
+        return x, modes, done
+
+    def _bounded(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         with np.errstate(invalid="ignore"):
-            kept = (np.abs(x) < self.search.limit).all(axis=1)
-        return x[kept], modes[kept]
+            return np.asarray((np.abs(x) < self.search.limit).all(axis=-1))
 
     def _path(
         self, x: NDArray[np.float64], modes: NDArray[np.int64], count: int
@@ -220,8 +307,8 @@ class Hunt:
             x, at = self.ensemble.strobe(x, at)
             states.append(x)
         path = np.array(states)
-        with np.errstate(invalid="ignore"):
-            kept = (np.abs(path) < self.search.limit).all(axis=(0, 2))
+        kept = self._bounded(path).all(axis=0)
+        self.astray = np.concatenate([self.astray, path[0, ~kept]])
         return path[:, kept], x[kept], at[kept]
 
     # ---- periodic attractors ----
@@ -252,7 +339,7 @@ class Hunt:
         while attempts < _MOST and (left := np.flatnonzero(remaining & recurs & ~tried)).size:
             i = left[0]
             found = self._corrected(x[i], int(modes[i]), int(turns[i]))
-            if found is not None and not self._known(found) and self.contracts(found):
+            if found is not None and not self._known(found) and (self.contracts(found) or found.orbit is not None):
                 self.found.append(found)
                 remaining &= ~found.holds(x, modes)
             else:
@@ -306,22 +393,33 @@ class Hunt:
         if self.system.phase is None:
             return self._equilibrium(x, mode) if turns == 1 else None
         try:
-            orbit = self._orbit(x, mode)
+            orbit = self._orbit(x, mode, turns)
             points, modes = self._strobes(orbit)
             if len(points) > 1:
                 first = _first(points, self.scale)
-                orbit = self._orbit(points[first], int(modes[first]))
+                orbit = self._orbit(points[first], int(modes[first]), len(points))
         except SaltusError:
             return None
-        return self.periodic(orbit)
+        return self.periodic(orbit) if orbit.stable and orbit.admissible else None
 
-    def _orbit(self, x: NDArray[np.float64], mode: int) -> PeriodicOrbit:
-        return find_orbit(self.system, self.parameters, x, self.system.mode_names[mode], settle=1.0)
+    def _orbit(self, x: NDArray[np.float64], mode: int, turns: int) -> PeriodicOrbit:
+        """The orbit near a motion that recurs after some turns of the phase."""
+        if turns <= LONGEST:
+            return find_orbit(self.system, self.parameters, x, self.system.mode_names[mode], settle=1.0)
+        names, start = self.system.mode_names, self.system.full_state(x)
+        log = events_after(self.system, self.p, start, mode, periods=turns)
+        events = np.flatnonzero(log.transition >= 0)
+        modes = [mode, *log.mode_after[events]]
+        ends = [self.system.transition_names[k] for k in log.transition[events]]
+        states = [start, *log.x_after[events]]
+        durations = np.diff([0.0, *log.time[events], log.t_end])
+        guess = zip([names[k] for k in modes], [*ends, None], states, durations, strict=True)
+        return solve_orbit(self.system, self.parameters, list(guess))
 
     def periodic(self, orbit: PeriodicOrbit) -> Found:
         """Return the attractor of a stable orbit of a forced system."""
         points, _ = self._strobes(orbit)
-        points = np.roll(points, -_first(points, self.scale), axis=0)
+        points = _in_order(points, self.scale)
         names = self.system.mode_names
         return Found(
             f"period-{len(points)}",
@@ -344,11 +442,24 @@ class Hunt:
 
     def contracts(self, found: Found) -> bool:
         """Give a periodic attractor the ellipsoid in which motions contract; return whether there is one."""
-        jacobians = orbit_jacobians(self.precise, found.points, self.scale)
-        metric = metric_of(found.points, jacobians, self.scale) if np.isfinite(jacobians).all() else None
-        found.ellipsoid = None if metric is None else contracting(self.ensemble, metric, self.rng)
+        metric = self._metric(found)
+        found.ellipsoid = None if metric is None else contracting(self.precise, metric, self.rng)
         found.core = None if found.ellipsoid is None else core_of(self.ensemble, found.ellipsoid, self.rng)
         return found.ellipsoid is not None
+
+    def _metric(self, found: Found) -> Ellipsoid | None:
+        """The metric in which the linearised map contracts; None where it does not, or cannot be had."""
+        if found.orbit is None:
+            jacobians = map_jacobians(self.precise, found.points, self.scale)
+            return metric_of(found.points, jacobians, self.scale) if np.isfinite(jacobians).all() else None
+        try:
+            jacobians = orbit_jacobians(found.orbit, found.points)
+        except SaltusError:
+            return None
+        largest = float(np.abs(found.orbit.multipliers).max())
+        if not np.isfinite(jacobians).all() or not abs(largest_multiplier(jacobians) - largest) < _AGREE:
+            return None
+        return metric_of(found.points, jacobians, self.scale)
 
     def _equilibrium(self, x: NDArray[np.float64], mode: int) -> Found | None:
         """The stable equilibrium near a state of a system without a phase."""
@@ -359,7 +470,7 @@ class Hunt:
                 return None
             if np.max(np.abs(apart) / self.scale) < _REST:
                 break
-            slope = orbit_jacobians(self.precise, x[None], self.scale)[0] - np.eye(len(x))
+            slope = map_jacobians(self.precise, x[None], self.scale)[0] - np.eye(len(x))
             if not np.isfinite(slope).all() or np.linalg.cond(slope) > 1e6:
                 return None
             x = x - np.linalg.solve(slope, apart)
@@ -374,26 +485,59 @@ class Hunt:
     # ---- all others ----
 
     def _find_aperiodic(
-        self, x: NDArray[np.float64], modes: NDArray[np.int64], *, last: bool
+        self, x: NDArray[np.float64], modes: NDArray[np.int64], own: Found | None, *, last: bool
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Tell stationary motions apart by what they visit; return those that are still on their way."""
+        """Tell stationary motions apart by what they visit; return those still on their way, or on their own one."""
         path, x, modes = self._path(x, modes, 2 * _WINDOW)
         clouds = path[1:].transpose(1, 0, 2)
         remaining = ~self._held(x, modes)
         if last:
             remaining &= ~self._near(x)
         settling = np.zeros(len(x), dtype=bool)
+        self._find_long(clouds, x, modes, remaining)
         for i in range(len(x)):
-            if settling[i] or not remaining[i] or not (cloud := _Cloud(clouds[i], self.scale)).stationary():
+            if settling[i] or not remaining[i]:
+                continue
+            regionless = [found for found in self.found if found.ellipsoid is None and found.cage is None]
+            if known := [found for found in regionless if found.carries(clouds[i], self.scale)]:
+                remaining[i] = own in known
+                continue
+            if any(transient.carries(clouds[i], self.scale) for transient in self.dropped):
+                continue
+            if not (cloud := _Cloud(clouds[i], self.scale)).stationary():
                 continue
             members = [j for j in np.flatnonzero(remaining) if j == i or cloud.same(clouds[j])]
             found = self._featured(clouds[i], x[i], int(modes[i]), last=last)
             if found is None:
                 settling[members] = True
-            else:
-                self.found.append(found)
-                remaining[members] = False
+                continue
+            self.found.append(found)
+            remaining[members] = False
         return x[remaining], modes[remaining]
+
+    def _find_long(
+        self,
+        clouds: NDArray[np.float64],
+        x: NDArray[np.float64],
+        modes: NDArray[np.int64],
+        remaining: NDArray[np.bool_],
+    ) -> None:
+        """Take motions that recur after many strobes to the orbit solver; they do not remain if it finds an orbit."""
+        attempts = 0
+        for i in np.flatnonzero(remaining):
+            turns = _recurrence(clouds[i] / self.scale)
+            if attempts >= _MOST or not turns:
+                continue
+            if any(found.period and found.carries(clouds[i], self.scale) for found in self.found):
+                remaining[i] = False
+                continue
+            found = self._corrected(x[i], int(modes[i]), turns)
+            if found is not None and found.carries(clouds[i], self.scale):
+                self.contracts(found)
+                self.found.append(found)
+                remaining[i] = False
+            else:
+                attempts += 1
 
     def _featured(self, cloud: NDArray[np.float64], x: NDArray[np.float64], mode: int, *, last: bool) -> Found | None:
         """The attractor on which a motion has settled, None where it is still on its way to a periodic orbit."""
@@ -417,7 +561,7 @@ class Hunt:
         indices = {mode, *log.mode_before.tolist(), *log.mode_after.tolist()}
         found = Found(
             kind.label,
-            cloud[-kind.period :] if is_periodic else cloud,
+            _in_order(cloud[-kind.period :], self.scale) if is_periodic else cloud,
             None,
             frozenset(self.system.mode_names[k] for k in indices),
             bool(np.any(log.transition >= 0)),
@@ -442,6 +586,46 @@ class Hunt:
             raise InputError("interval", self.ensemble.period, allowed, f"try {_GOLDEN * self.ensemble.period:.9g}")
         found.kind, found.points = LIMIT_CYCLE, cloud
         return found
+
+    # ---- transients ----
+
+    def drop_transients(self) -> None:
+        """Follow motions from every attractor that is no periodic orbit, and drop those that they leave too soon."""
+        while (found := next((each for each in self.found if self._unmeasured(each)), None)) is not None:
+            found.stay = self._stay(found)
+            if found.stay.mean < _LIVES * self.search.longest:
+                self.found.remove(found)
+                self.dropped.append(found)
+
+    def _unmeasured(self, found: Found) -> bool:
+        return found.stay is None and found.orbit is None and found.ellipsoid is None and found.cage is None
+
+    def _stay(self, found: Found) -> Stay:
+        """How long motions stay on an attractor; where they go then is found, too."""
+        work = self.ensemble.work.sum()
+        self.ensemble.strobe(found.points[:1])
+        count = _MEMBERS if self.ensemble.work.sum() > work else _FEW
+        starts = found.points[np.arange(count) * len(found.points) // count]
+        x = starts + _PUSH * np.ptp(starts, axis=0) * self.rng.standard_normal(starts.shape)
+        modes = np.full(len(x), -1, np.int64)
+        done, stride, strobes, left = 0, _STRIDE, 0.0, 0
+        while len(x) and done < self.search.longest:
+            begun, before = done, len(x)
+            x, modes, done = self._advance(x, modes, done, stride, found)
+            gone = before - len(x) - len(self.astray) + self._diverging(self.astray, done - begun)
+            strobes += (done - begun) * _mean_count(before, before - gone)
+            left, stride = left + gone, 2 * stride
+        return Stay(count, strobes, left)
+
+    def _diverging(self, x: NDArray[np.float64], longest: int) -> int:
+        """How many motions diverge: where events accumulate they cannot be followed either."""
+        labels, _ = self.ensemble.settle(x, Traps(len(self.low), limit=self.search.limit), longest)
+        return int((labels == DIVERGED).sum())
+
+
+def _mean_count(before: int, after: int) -> float:
+    """Mean count of what decays at a constant rate, half of one being left where none is."""
+    return (before - after) / math.log(before / max(after, 0.5)) if after < before else float(before)
 
 
 class _Cloud:
@@ -470,6 +654,20 @@ def _distances(these: NDArray[np.float64], those: NDArray[np.float64]) -> NDArra
     from scipy.spatial import cKDTree
 
     return np.asarray(cKDTree(these).query(those)[0])
+
+
+def _recurrence(path: NDArray[np.float64]) -> int:
+    """After how many strobes a path recurs, 0 where it does not, or after too many or few for the orbit solver."""
+    apart = np.abs(path[-2::-1] - path[-1]).max(axis=1)
+    turns = int(np.argmax(apart < _SETTLED)) + 1
+    if not LONGEST < turns <= _MANY or float(np.abs(path[-turns:] - path[-2 * turns : -turns]).max()) >= _SETTLED:
+        return 0
+    return turns
+
+
+def _in_order(points: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The points of a cycle in the order of visits, beginning with the first by their values."""
+    return np.roll(points, -_first(points, scale), axis=0)
 
 
 def _first(points: NDArray[np.float64], scale: NDArray[np.float64]) -> int:

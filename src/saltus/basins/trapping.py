@@ -13,6 +13,8 @@ import numpy as np
 
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.run import starting_mode
+from saltus.flow.simulate import events_after
+from saltus.orbits.problem import EVENT_END, PHASE_END, OrbitProblem, Signature
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.flow.ensemble import Ensemble
+    from saltus.orbits import PeriodicOrbit
 
 __all__ = [
     "CONTRACTING",
@@ -28,6 +31,8 @@ __all__ = [
     "contracting",
     "core_of",
     "enlarged",
+    "largest_multiplier",
+    "map_jacobians",
     "metric_of",
     "orbit_jacobians",
 ]
@@ -36,7 +41,7 @@ _RATE = 0.8
 """Least rate, over a period of the orbit, at which distances from it shall shrink in its metric."""
 
 _STEP = 1e-4
-"""Difference of states, as a part of their scale, from which Jacobians are taken."""
+"""Difference of states, as a part of their scale, from which Jacobians of a smooth map are taken."""
 
 CONTRACTING, _LEVELS, _RUNGS = 400, 4.0, 22
 """Samples in each ellipsoid that shall contract; the ratio of the radii tried, squared; and their count."""
@@ -106,14 +111,67 @@ class Ellipsoid:
         return np.asarray(self.metrics / math.sqrt(self.level))
 
 
-def orbit_jacobians(ensemble: Ensemble, points: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the Jacobians of the one-period map at points, by central differences, shape (m, n, n).
+def orbit_jacobians(orbit: PeriodicOrbit, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Jacobians of the one-period map along an orbit of a system with a phase, shape (period, n, n).
+
+    They come from the segment equations, as the orbit's multipliers do, the segments cut at each phase 0 as well as at
+    each event, so that no difference is taken: next to a grazing the map is linear on no scale that one could choose.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+    points : ndarray, shape (period, n)
+        Its states at phase 0 in the order of visits, beginning with any.
+
+    Raises
+    ------
+    ChatteringError, DivergenceError
+        The orbit cannot be followed from the first point.
+
+    References
+    ----------
+    As `saltus.flow.saltation.saltation_matrix`, by the implicit function theorem.
+    """
+    system, n = orbit.system, points.shape[1]
+    p, x = system.parameter_vector(orbit.parameters), system.full_state(points[0])
+    mode = starting_mode(system, x, p)
+    log = events_after(system, p, x, mode, periods=len(points), rtol=orbit.tol, atol=orbit.tol)
+    wraps = log.transition < 0
+    starts = np.vstack([x, log.x_after[:-1]])
+    starts[:, -1] += 2.0 * math.pi * np.append(0, np.cumsum(wraps)[:-1])
+    form = Signature(
+        (mode, *log.mode_after[:-1].tolist()),
+        tuple(log.transition.tolist()),
+        tuple(np.where(wraps, PHASE_END, EVENT_END).tolist()),
+        len(points),
+    )
+    chain = OrbitProblem(system, form, p, tol=orbit.tol)
+    unknowns = np.column_stack([starts, np.diff(log.time, prepend=0.0)]).ravel()
+    chain.start(unknowns)
+    _, equations = chain.evaluate(unknowns)
+    size, wide = n + 1, n + 2
+    jacobians, passed = [], np.eye(size)
+    for k, wrap in enumerate(wraps):
+        rows = slice(k * wide, k * wide + size)
+        block = equations[rows, k * wide : (k + 1) * wide] + (np.eye(size, wide) if len(form) == 1 else 0.0)
+        # the end: where the phase has turned once, or the event function vanishes
+        end = block[-1] if wrap else equations[rows.stop, k * wide : (k + 1) * wide]
+        passed = (block[:, :-1] - np.outer(block[:, -1], end[:-1] / end[-1])) @ passed
+        if wrap:
+            jacobians.append(passed[:n, :n])
+            passed = np.eye(size)
+    return np.array(jacobians)
+
+
+def map_jacobians(ensemble: Ensemble, points: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Jacobians of the map from strobe to strobe at points, by central differences, shape (m, n, n).
 
     Parameters
     ----------
     ensemble : Ensemble
         Best of a tight tolerance.
     points : ndarray, shape (m, n)
+        Where the map is smooth, as it is at an equilibrium.
     scale : ndarray, shape (n,)
         Size of each state.
     """
@@ -122,6 +180,14 @@ def orbit_jacobians(ensemble: Ensemble, points: NDArray[np.float64], scale: NDAr
     images, _ = ensemble.strobe((points[:, None, :] + pushes).reshape(-1, n))
     ahead, behind = np.split(images.reshape(m, 2 * n, n), 2, axis=1)
     return np.asarray(((ahead - behind) / (2.0 * _STEP * scale)[:, None]).transpose(0, 2, 1))
+
+
+def largest_multiplier(jacobians: NDArray[np.float64]) -> float:
+    """Return the largest modulus of a multiplier of the product of Jacobians, shape (period, n, n), once round."""
+    once_round = np.eye(jacobians.shape[1])
+    for jacobian in jacobians:
+        once_round = jacobian @ once_round
+    return float(np.abs(np.linalg.eigvals(once_round)).max())
 
 
 def metric_of(
@@ -140,11 +206,7 @@ def metric_of(
     from scipy.linalg import solve_discrete_lyapunov
 
     period, n = points.shape
-    weight = np.diag(scale**-2.0)
-    once_round = np.eye(n)
-    for jacobian in jacobians:
-        once_round = jacobian @ once_round
-    largest = float(np.abs(np.linalg.eigvals(once_round)).max())
+    weight, largest = np.diag(scale**-2.0), largest_multiplier(jacobians)
     if not largest < 1.0:
         return None
     rate = max(_RATE, 0.5 * (1.0 + largest)) ** (1.0 / period)
