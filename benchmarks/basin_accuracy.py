@@ -21,6 +21,7 @@ import numpy as np
 from basin_peers import EventDriven, Model, by_scipy, cells_of, grids, states_of_box, tapping
 from measure import machine
 
+from saltus.basins.labelling import TOLERANCE
 from saltus.basins.wilson import wilson
 from saltus.errors import DivergenceError
 from saltus.flow.run import starting_mode
@@ -129,7 +130,7 @@ class Truth:
 
 
 def label_errors(
-    name: str, cells: int, *, seed: int = 1, tolerance: float = 1e-8, each: Callable[..., Iterable[Any]] = map
+    name: str, cells: int, *, seed: int = 1, tolerance: float = TOLERANCE, each: Callable[..., Iterable[Any]] = map
 ) -> LabelErrors:
     """Compare the labels of random cells of one of the `grids` with the truth.
 
@@ -159,12 +160,12 @@ def label_errors(
     return LabelErrors(name, cells, wrong.size, doubtful, allowed, wilson(wrong.size, cells)[1], undecided, examples)
 
 
-def map_error(states: int, seed: int = 2, tolerance: float = 1e-8) -> MapError:
+def map_error(states: int, seed: int = 2, tolerance: float = TOLERANCE) -> MapError:
     """Compare the map of the lanes with the event-driven flow over random states of the box."""
     return _compared("event-driven flow", states, seed, tolerance)
 
 
-def map_error_by_scipy(states: int, seed: int = 3, tolerance: float = 1e-8) -> MapError:
+def map_error_by_scipy(states: int, seed: int = 3, tolerance: float = TOLERANCE) -> MapError:
     """Compare the map of the lanes with SciPy over random states of the box."""
     return _compared("SciPy DOP853", states, seed, tolerance)
 
@@ -207,7 +208,7 @@ def main() -> None:
     parser.add_argument("--cells", type=int, default=20_000, help="random cells of each grid, and states of the box")
     parser.add_argument("--scipy", type=int, default=300, help="states that SciPy follows for a period (300)")
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="that find the truth (all cores)")
-    parser.add_argument("--tolerance", type=float, default=1e-8, help="of the lanes (1e-8)")
+    parser.add_argument("--tolerance", type=float, default=TOLERANCE, help=f"of the lanes ({TOLERANCE:g})")
     parser.add_argument("--seed", type=int, default=1, help="of the draws (1)")
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder of basin_accuracy.json (results)")
     options = parser.parse_args()

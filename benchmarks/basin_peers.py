@@ -21,6 +21,7 @@ from saltus import afm
 from saltus.afm.figures import fig8, fig9, fig10, sections
 from saltus.afm.galerkin import coefficients
 from saltus.basins import Attractors, Grid, find_attractors
+from saltus.basins.labelling import TOLERANCE
 from saltus.flow.ensemble import Ensemble, _trap_arrays
 from saltus.flow.poincare import iterate
 from saltus.flow.run import starting_mode
@@ -56,7 +57,7 @@ class Model:
         """The trapping regions."""
         return self.attractors.traps
 
-    def ensemble(self, tolerance: float = 1e-8, threads: int | None = None) -> Ensemble:
+    def ensemble(self, tolerance: float = TOLERANCE, threads: int | None = None) -> Ensemble:
         """Many motions at once, as `map_basins` follows them."""
         return Ensemble(self.system, sections.PARAMETERS, tolerance=tolerance, threads=threads)
 

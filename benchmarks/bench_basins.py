@@ -23,6 +23,7 @@ from measure import interleaved, machine, show
 
 from saltus.afm.figures import sections
 from saltus.basins import map_basins
+from saltus.basins.labelling import TOLERANCE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -151,7 +152,7 @@ def peers(motions: int, cells: int, repeats: int) -> None:
     model, states = tapping(2), states_of_box(MAPPED, 4)
     exact = _mapped(EventDriven(model.system, model.p, EXACT), model, states)
     errors = _errors(model.ensemble().strobe(states)[0], exact)
-    print(f"\nlanes at 1e-8, one period of {MAPPED} states of the box: {_told(errors)}")
+    print(f"\nlanes at {TOLERANCE:g}, one period of {MAPPED} states of the box: {_told(errors)}")
     followers: dict[str, Callable[[float], tuple[Any, Any]]] = {
         "SciPy DOP853": lambda tol: _alone(by_scipy(tol), model),
         "event-driven flow": lambda tol: _alone(EventDriven(model.system, model.p, tol), model),

@@ -81,9 +81,10 @@ def test_the_store_told_has_grid_attractors_parts_and_inputs(mapped, capsys):
     assert rows["period-1 A"] == f"{share:.4f} % of the cells, period-1, label 0"
     assert rows["done"] == "all 120 cells done"
     assert rows["trap of period-1 A"].startswith("ellipsoid of the discrete Lyapunov equation")
-    assert (rows["engine"], rows["tolerance"], rows["A"]) == ("cpu", "1e-08", "0.05")
+    assert (rows["engine"], rows["tolerance"], rows["A"]) == ("cpu", "3e-09", "0.05")
     assert rows["speed"].endswith(" orbits/s")
-    assert rows["wrong labels"] == "0 of 120 when followed again at tolerance 1e-12: < 0.025 at 95 %"
+    told = "0 of 120 when followed again at tolerance 1e-12: < 0.025 at 95 %; 0 of 50 by the event-driven flow"
+    assert rows["wrong labels"] == told
 
 
 def test_what_is_written_is_told_with_its_size(mapped, capsys):
@@ -98,7 +99,7 @@ def test_an_interrupted_run_says_how_to_go_on_and_goes_on_to_the_same_labels(map
     monkeypatch.setattr(saltus.basins.grid, "_CHUNK", 15)
 
     @contextmanager
-    def interrupting():
+    def interrupting(first):
         yield Interrupt(2)
 
     store = config.with_name("part.zarr")
@@ -113,10 +114,10 @@ def test_an_interrupted_run_says_how_to_go_on_and_goes_on_to_the_same_labels(map
 
 
 def test_an_interrupt_before_there_is_a_store_is_told(config, capsys, monkeypatch):
-    def stop(*_):
+    def stop(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "_attractors", stop)
+    monkeypatch.setattr("saltus.basins.mapping.find_attractors", stop)
     found = _run(capsys, "basins", str(config), "-o", str(config.with_name("none.zarr")))
     assert found == (130, "", "saltus: interrupted before there was anything to keep\n")
 
@@ -129,6 +130,24 @@ def test_resume_refuses_other_input_and_names_it(mapped, config, capsys):
     assert "0.05" in err
     assert "0.06" in err
     assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("seeds = 16", "seeds = 17", "its search.seeds is 16, not 17"),
+        ("seeds = 16\n", "", "its search.seeds is 16, not 256"),
+        ("samples = 200", "samples = 300", "its search.search.samples is 200, not 300"),
+        (
+            "[attractors.search]", "[attractors.region]\nx = 0.0\nv = [-1.0, 1.0]\n[attractors.search]",
+            "its search.region.x is [-2.0, 2.0], not 0.0",
+        ),
+    ],
+)  # fmt: skip
+def test_resume_refuses_another_search_for_attractors_and_names_what_differs(mapped, config, capsys, old, new, told):
+    config.write_text(WELLS.replace(old, new))
+    wanted = f"saltus: store = {str(mapped[1])!r}: must be a new one, or that of the same input; {told}\n"
+    assert _run(capsys, "basins", str(config), "-o", str(mapped[1]), "--resume") == (2, "", wanted)
 
 
 def test_an_existing_store_is_refused_with_a_hint(mapped, capsys):
@@ -196,7 +215,10 @@ def test_options_that_do_not_belong_together_are_told(config, capsys, options, t
         ("system = 'tapping_mode'\n[engine]\nlongst = 2\n[grid]",
          "key = 'longst': must be one of name, tolerance, longest in [engine]; did you mean 'longest'?"),
         ("system = 'tapping_mode'\n[parameters]\nOmega = 'fast'\n[grid]",
-         "parameters.Omega = 'fast': must be a number, unable to parse string as a number"),
+         "parameters.Omega = 'fast': must be a number"),
+        ("system = 'tapping_mode'\n[parameters]\nOmega = '1'\n[grid]", "parameters.Omega = '1': must be a number"),
+        ("system = 'tapping_mode'\n[engine]\nlongest = true\n[grid]", "engine.longest = True: must be an integer"),
+        ("system = 'tapping_mode'\n[attractors]\nseeds = 2.5\n[grid]", "attractors.seeds = 2.5: must be an integer"),
         ("system = 'tapping_mode'\n[model]\nmods = 2\n[grid]", "key = 'mods': must be one of modes, static_term, eta, "
          "R, H, E_star, a0, length, width, thickness, density, young, k, f0, Q; did you mean 'modes'?"),
         ("system = 'tapping_mode'\n[grid]\nq1 = [1, -1, 5]\nv1 = 0",

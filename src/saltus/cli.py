@@ -248,10 +248,9 @@ def _mapped(read: Config, system: HybridSystem, out: Path, *, engine: str, clien
     """Find the attractors, unless a store has them, and map the basins."""
     from saltus.basins import map_basins
 
-    attractors = None if out.exists() else _attractors(read, system)
-    with _bar() as progress:
+    with _bar("starting" if out.exists() else "looking for attractors") as progress:
         return map_basins(
-            system, read.parameters, read.cells, attractors, store=out, client=client, preview=preview,
+            system, read.parameters, read.cells, _search(read), store=out, client=client, preview=preview,
             engine=engine, interval=read.interval, progress=progress, **_engine_options(read),
         )  # fmt: skip
 
@@ -260,33 +259,28 @@ def _engine_options(read: Config) -> dict[str, Any]:
     return read.engine.model_dump(exclude={"name"}, exclude_none=True)
 
 
-def _attractors(read: Config, system: HybridSystem) -> Any:
-    from saltus.basins import Grid
-    from saltus.basins.attractors import find_attractors
+def _search(read: Config) -> dict[str, Any]:
+    """Return the options with which attractors are looked for."""
     from saltus.basins.config import called
     from saltus.basins.recurrence import Search
 
     options = read.attractors.model_dump(exclude_none=True, exclude={"search"})
     if read.attractors.search is not None:
         options["search"] = called(Search, read.attractors.search, "attractors.search")
-    options.setdefault("region", dict(Grid(system.states, read.cells).box))
-    if read.interval is not None:
-        options["interval"] = read.interval
-    with _status() as say:
-        if say is not None:
-            say("looking for attractors")
-        return find_attractors(system, read.parameters, **options)
+    return options
 
 
 def _tell_cost(read: Config, system: HybridSystem, engine: str) -> None:
     """Print what the basins of a configuration cost, measured on a sample."""
     from saltus.basins.cost import estimate_cost
 
-    found, options = _attractors(read, system), _engine_options(read)
     with _status() as say:
         if say is not None:
-            say("measuring a sample of the cells")
-        cost = estimate_cost(system, read.parameters, read.cells, found, engine=engine, **options)
+            say("looking for attractors, then measuring a sample of the cells")
+        cost = estimate_cost(
+            system, read.parameters, read.cells, _search(read), engine=engine, interval=read.interval,
+            **_engine_options(read),
+        )  # fmt: skip
     where = "the graphics cards here" if engine == "cuda" else "this machine"
     table = _table({"what": "left", "value": "left"})
     table.add_row("cells", f"{cost.cells:,}")
@@ -418,23 +412,16 @@ def _tell_basins(basins: Basins, *, inputs: bool = False) -> None:
     if math.isfinite(basins.orbits_per_second):
         table.add_row("speed", f"{basins.orbits_per_second:,.0f} orbits/s")
     if inputs:
-        if basins.path is not None and (error := _label_error(basins.path)):
-            table.add_row("wrong labels", error)
+        if error := basins.noted_error:
+            anew = f"{error.wrong} of {error.cells} when followed again at tolerance {error.tolerance:g}"
+            by_events = f"{error.wrong_by_events} of {error.cells_by_events} by the event-driven flow"
+            table.add_row("wrong labels", f"{anew}: < {error.bound:.2g} at 95 %; {by_events}")
         for name in ("engine", "tolerance", "longest", "preview", "saltus_version"):
             if name in given:
                 table.add_row(name, f"{given[name]}")
         for name, value in given.get("parameters", {}).items():
             table.add_row(name, f"{value:.10g}")
     _print(table)
-
-
-def _label_error(store: Path) -> str:
-    """Return how many labels a store found wrong when it checked some; nothing where it did not."""
-    from saltus.basins.store import Store
-
-    error = Store.open(store).attributes.get("label_error")
-    told = "{wrong} of {cells} when followed again at tolerance {tolerance:g}: < {bound:.2g} at 95 %"
-    return told.format(**error) if error else ""
 
 
 def _print(table: Table) -> None:
@@ -446,7 +433,7 @@ def _print(table: Table) -> None:
 
 
 @contextmanager
-def _bar() -> Iterator[Callable[[int, int, float, float], None] | None]:
+def _bar(first: str = "starting") -> Iterator[Callable[[int, int, float, float], None] | None]:
     """Show a bar with orbits a second and the time left; nothing where stdout is no terminal."""
     if not (sys.stdout is not None and sys.stdout.isatty()):
         yield None
@@ -454,7 +441,7 @@ def _bar() -> Iterator[Callable[[int, int, float, float], None] | None]:
     from rich.progress import BarColumn, Progress, TextColumn
 
     with Progress(BarColumn(), TextColumn("{task.percentage:5.1f} %  {task.fields[told]}")) as bar:
-        task = bar.add_task("", total=None, told="starting")
+        task = bar.add_task("", total=None, told=first)
 
         def show(done: int, total: int, rate: float, left: float) -> None:
             bar.update(task, completed=done, total=total, told=f"{rate:,.0f} orbits/s  {_duration(left)} left")

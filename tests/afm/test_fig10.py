@@ -71,6 +71,7 @@ class TestWhole:
             assert section["fractions"]["repulsive"] == pytest.approx((labels == 1).mean())
             assert content["repulsive"][f"{section['q2']:g}"] == section["fractions"]["repulsive"]
             assert section["grid"]["v2"] == fig10.V2
+            assert (section["label_error"]["wrong"], section["label_error"]["cells"]) == (0, 100)
         assert content["undecided"] == 0
         assert content["orbits_per_second"] > 0.0
         assert list(content["attractors"]) == ["attractive", "repulsive"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 
 import matplotlib
 
@@ -77,7 +78,7 @@ def test_an_interrupted_film_keeps_the_figure(box, tmp_path, monkeypatch):
 
     monkeypatch.setattr(fig8, "film", stop)
     monkeypatch.setattr(
-        fig8, "write_sections", lambda *_: {"files": [], "results": {"basins": box}, "interrupted": False}
+        fig8, "write_sections", lambda *_, **__: {"files": [], "results": {"basins": box}, "interrupted": False}
     )
     assert fig8.run(tmp_path, animate=True)["interrupted"]
 
@@ -105,6 +106,7 @@ def test_all_files_are_written_and_the_section_is_one_of_the_store(tmp_path, mon
     assert content["grid"]["v2"] == 0.485640
     assert content["fractions"]["repulsive"] == pytest.approx((labels == 1).mean())
     assert content["undecided"] == 0
+    assert content["label_error"] == asdict(basins.noted_error)
     middle = RESOLUTION // 2 - 1
     assert content["section"]["q2"] == pytest.approx(basins.grid.axes[2][middle])
     assert content["section"]["fractions"]["repulsive"] == pytest.approx((labels[..., middle] == 1).mean())

@@ -115,6 +115,9 @@ class TestWhole:
             assert parts["repulsive"] == pytest.approx((labels == 1).mean())
             assert content[name]["undecided"] == (labels == 254).sum() == 0
             assert content[name]["orbits_per_second"] > 0.0
+            error = content[name]["label_error"]
+            assert (error["wrong"], error["cells"]) == (0, 500)
+            assert (error["wrong_by_events"], error["cells_by_events"]) == (0, 50)
             assert "theorem" in content[name]["traps"]["attractive"]
             assert "measured" in content[name]["traps"]["repulsive"]
 

@@ -68,6 +68,16 @@ def test_an_address_without_a_scheduler_is_told(well, both):
         map_basins(well, {}, BOX, both, engine="dask", client="tcp://127.0.0.1:9")
 
 
+@pytest.mark.parametrize("address", ["nonsense", "tcp://h", "foo://h:1"])
+def test_what_is_no_address_is_told_at_once_and_leaves_no_store(well, tmp_path, monkeypatch, address):
+    monkeypatch.setattr("saltus.basins.mapping.find_attractors", lambda *_, **__: pytest.fail("attractors were sought"))
+    with pytest.raises(
+        InputError, match=rf"^client = '{address}': must be the address of a scheduler, as tcp://host:8786"
+    ):
+        map_basins(well, {}, BOX, engine="dask", client=address, store=tmp_path / "a.zarr")
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.slow
 def test_a_worker_that_is_killed_at_work_loses_nothing(well, both, small_units, tmp_path):
     whole = map_basins(well, {}, LARGER, both)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from saltus.basins import Grid
+from saltus.basins import Grid, Search
 from saltus.basins.cost import Cost, _sample, estimate_cost
 from saltus.basins.labelling import Labelling
 from saltus.errors import InputError
@@ -33,6 +33,13 @@ def test_cost_follows_from_the_sample(well, both):
     assert cost.orbits_per_second > 0.0
     assert 0.0 < cost.bytes_per_cell < 1.0
     assert cost.size == cost.cells * cost.bytes_per_cell
+
+
+def test_cost_is_told_with_attractors_that_are_looked_for(well):
+    cost = estimate_cost(well, {}, BOX, {"seeds": 12, "search": Search(samples=200)}, seconds=0.0)
+    assert cost.cells == 600
+    with pytest.raises(InputError, match="attractors = 'sedes': must be options among"):
+        estimate_cost(well, {}, BOX, {"sedes": 12})
 
 
 def test_the_sample_grows_until_it_takes_long_enough(well, both, monkeypatch):

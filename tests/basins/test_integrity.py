@@ -233,6 +233,23 @@ def test_a_ball_stopped_by_the_window_says_so():
     assert (stopped.clipped, stopped.value) == (True, pytest.approx(0.2))
 
 
+@pytest.mark.parametrize("cells", [3, 12, 49, 168])
+def test_an_attractor_on_the_windows_edge_is_within_whatever_centres_round_to(cells):
+    x = (np.arange(cells) + 0.5) * (2.0 / cells) - 1.0
+    halves = Basins.from_array(x < 0.0, {"x": x}, {"a": 0, "b": 1}, {"a": [[1.0]], "b": [[-1.0]]})
+    assert max(1.0 - halves.grid.ranges[0][1], halves.grid.ranges[0][0] + 1.0) > 0.0  # the edges are off by rounding
+    assert halves.grid.nearest({"x": 1.0}) == {"x": cells - 1}
+    for name in ("a", "b"):
+        found = local_integrity(halves, name)
+        assert (found.value, found.clipped, found.note) == (0.0, True, "")
+    assert minimal_fatal_perturbation(halves, "a").outcome == "b"
+    beyond = 1.0 + 1e-8 * halves.grid.spacing[0]
+    with pytest.raises(InputError, match=r"^x = 1\.0\d*: must be between -1 and 1$"):
+        halves.grid.nearest({"x": beyond})
+    with pytest.raises(InputError, match=r"^centre's x = 1\.0\d*: must be within the window"):
+        local_integrity(halves, "a", centre=[beyond])
+
+
 def test_an_attractor_in_a_foreign_cell_has_no_ball_and_says_so():
     found = local_integrity(DISC, "a", centre=[0.7, 0.0])
     assert found.value == 0.0
@@ -405,6 +422,19 @@ def test_basin_stability_of_a_region_is_its_share():
     assert found.low < 0.25 < found.high
 
 
+def test_samples_are_classified_by_the_engine_that_is_asked_for():
+    asked = []
+
+    def classify(points, **options):
+        asked.append(options)
+        return np.zeros(len(points), np.uint8)
+
+    square = SimpleNamespace(grid=DISC.grid, attractors=DISC.attractors, classify=classify)
+    basin_stability(square, "a", 10)
+    basin_stability(square, "a", 10, engine="cpu")
+    assert asked == [{}, {"engine": "cpu"}]
+
+
 def test_undecided_samples_are_no_hits():
     found = basin_stability(classified(lambda points: np.full(len(points), kb.UNDECIDED, np.uint8)), "a", 50)
     assert (found.hits, found.undecided, found.value) == (0, 50, 0.0)
@@ -449,6 +479,10 @@ def test_bad_input_is_told():
         basin_stability(DISC, "a", 0)
     with pytest.raises(InputError, match=r"region\['x'\] = \(1, 0\): must be \(low, high\) with low < high"):
         basin_stability(DISC, "a", 10, region={"x": (1, 0)})
+    with pytest.raises(InputError, match=r"region\['x'\] = 3: must be \(low, high\) with low < high"):
+        basin_stability(DISC, "a", 10, region={"x": 3})
+    with pytest.raises(InputError, match=r"seed = -1: must be an integer >= 0"):
+        basin_stability(DISC, "a", 10, seed=-1)
     with pytest.raises(InputError, match="confidence = 95: must be between 0 and 1"):
         wilson(1, 2, 95)
     with pytest.raises(InputError, match="hits = 3: must be from 0 to 2"):

@@ -2,7 +2,9 @@
 
 import math
 import pickle
+import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +12,9 @@ import pytest
 import saltus
 import saltus.basins.mapping
 from saltus import InputError
-from saltus.basins import Basins, Grid, Plane, map_basins
+from saltus.basins import Basins, Grid, Plane, Search, find_attractors, map_basins
 from saltus.basins.labelling import Labelling
-from saltus.flow.traps import NOT_DONE
+from saltus.flow.traps import NOT_DONE, UNDECIDED, Cages, Traps
 from saltus.system import HybridSystem, Mode
 from wells import BOX, Interrupt, double_well
 
@@ -83,6 +85,26 @@ def test_a_preview_follows_fewer_motions_and_errs_only_beside_boundaries(well, b
     assert sum(followed for _, _, followed in labelling.units(quick.grid, list(quick.grid.units()))) < 3600 / 2
 
 
+def test_a_preview_follows_units_beside_each_other(well, both, small_units, monkeypatch):
+    met, meeting = [], threading.Barrier(2)
+    of = Labelling.of
+
+    def together(self, points):
+        if self.preview and not met:
+            meeting.wait(timeout=60.0)  # breaks where nobody else comes
+            met.append(True)
+        return of(self, points)
+
+    quick = map_basins(well, {}, BOX, both, preview=True)
+    labelling = Labelling.from_definition(quick.inputs)
+    monkeypatch.setattr(Labelling, "of", together)
+    labels = np.empty_like(quick.labels)
+    for cells, found, _ in labelling.units(quick.grid, list(quick.grid.units())):
+        labels[cells] = found
+    assert met
+    assert np.array_equal(labels, quick.labels)
+
+
 def test_a_preview_of_one_label_follows_its_first_lattice_only(well, both):
     grid = Grid(("x", "v"), {"x": (0.9, 1.1, 17), "v": (-0.1, 0.1, 9)})
     labelling = Labelling(well, well.resolve(None), both.traps, None, 1e-8, 200, preview=True)
@@ -141,12 +163,67 @@ def test_the_error_of_labels_is_the_share_of_those_that_were_changed(well, both,
     assert found.bound == pytest.approx(3.0 / 400, rel=0.01)
     spoilt = np.array(basins.labels)
     spoilt[np.random.default_rng(4).random(spoilt.shape) < 0.2] ^= 1
-    spoilt[:3] = NOT_DONE
+    spoilt[:2], spoilt[2:3] = NOT_DONE, UNDECIDED
     share = float((spoilt[3:] != basins.labels[3:]).mean())
     found = replace(basins, labels=spoilt).label_error(2000)
     assert 1600 < found.cells < 2000
     assert abs(found.wrong / found.cells - share) < 4.0 * math.sqrt(share / found.cells)
     assert found.wrong / found.cells < found.bound < share + 0.05
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"cells": 0}, r"^cells = 0: must be an integer >= 1$"),
+        ({"by_events": -1}, r"^by_events = -1: must be an integer >= 0$"),
+        ({"seed": -1}, r"^seed = -1: must be an integer >= 0$"),
+        ({"tolerance": "x"}, r"^tolerance = 'x': must be a number between 1e-14 and 0\.01$"),
+    ],
+)
+def test_what_an_error_of_labels_cannot_be_measured_with_is_told(basins, options, told):
+    with pytest.raises(InputError, match=told):
+        basins.label_error(**options)
+
+
+def test_a_trapping_region_that_holds_too_much_is_seen_as_an_error_of_labels(well, both, basins):
+    large = map_basins(well, {}, BOX, both.but(radius=0.9))
+    wrong = float((large.labels != basins.labels).mean())
+    found = large.label_error(600)
+    assert wrong > 0.02
+    assert abs(found.wrong / found.cells - wrong) < 4.0 * math.sqrt(wrong / found.cells)
+
+
+def test_a_cage_that_holds_too_much_is_seen_as_an_error_of_labels(well, both, basins):
+    centres = np.concatenate([both.points[name] for name in both.names])
+    rows = np.broadcast_to(np.array([[1.0, 1.0j]]), (2, 1, 2))
+
+    def caged(bound):
+        of_both = (np.zeros((2, 1)), np.full(2, bound), np.zeros(2, np.int64), np.array([0, 1], np.uint8))
+        return map_basins(
+            well, {}, BOX, both.but(traps_of=SimpleNamespace(traps=Traps(2, None, Cages(centres, rows, *of_both))))
+        )
+
+    right, large = caged(0.2), caged(0.9)
+    assert np.array_equal(right.labels, basins.labels)
+    assert right.label_error(300).wrong == 0
+    wrong = float((large.labels != basins.labels).mean())
+    found = large.label_error(600)
+    assert wrong > 0.02
+    assert abs(found.wrong / found.cells - wrong) < 4.0 * math.sqrt(wrong / found.cells)
+
+
+def test_what_all_lanes_get_wrong_is_seen_by_the_event_driven_flow(basins, monkeypatch):
+    of = Labelling.of
+    monkeypatch.setattr(Labelling, "of", lambda self, points: of(self, points) ^ 1)
+    found = replace(basins, labels=basins.labels ^ 1).label_error(50, by_events=20)
+    assert (found.wrong, found.cells) == (0, 50)
+    assert (found.wrong_by_events, found.cells_by_events) == (20, 20)
+
+
+def test_motions_that_come_near_no_attractor_do_not_count_as_checked(basins):
+    found = replace(basins, inputs={**basins.inputs, "longest": 1}).label_error(300)
+    assert 0 < found.cells < 300
+    assert found.wrong == 0
 
 
 def test_long_chaos_before_motions_settle_is_seen_as_an_error_of_labels():
@@ -192,11 +269,42 @@ def test_labels_of_an_array_are_checked():
         ([0, 1, 2], x, r"^labels = 2: must be labels that are named: 0, 1, 253, 254$"),
         ([0, 1, 1], [0.0, 1.0, 3.0], r"^axes\['x'\] = .*: must be ascending centres of cells, evenly spaced$"),
         ([0], [0.5], r"^axes\['x'\] = \(1,\): must be centres of cells, at least two$"),
+        ([0, 1, 1], ["a", 1.0, 2.0], r"^axes\['x'\] = \['a', 1\.0, 2\.0\]: must be numbers$"),
+        ([0, 1, 300], x, r"^labels = 300: must be labels that are named: 0, 1, 253, 254$"),
+        ([0, 1, -1], x, r"^labels = -1: must be labels that are named"),
+        ([0.0, 0.5, 1.0], x, r"^labels = 'an array of float64': must be integers or booleans$"),
     ]:
         with pytest.raises(InputError, match=told):
             Basins.from_array(labels, {"x": centres}, {"a": 0, "b": 1})
+    assert Basins.from_array([0, 1, 253], {"x": x}, {"a": 0, "b": 1, "diverged": 253}).names[253] == "diverged"
+    for names, told in [
+        ({"a": 0, "b": 0}, r"^names = \{'a': 0, 'b': 0\}: must be a label of its own for each$"),
+        ({"a": 0, "b": 255}, r"^names\['b'\] = 255: must be an integer between 0 and 252$"),
+        ({"a": 0, "b": 1, "undecided": 2}, r"^names\['undecided'\] = 2: must be 254$"),
+    ]:
+        with pytest.raises(InputError, match=told):
+            Basins.from_array([0, 1, 1], {"x": x}, names)
+    for points, told in [
+        ({"c": [[0.5]]}, r"^points = 'c': must be of attractors: a, b"),
+        ({"a": [[0.5, 1.0]]}, r"^points\['a'\] = \[\[0\.5, 1\.0\]\]: must be rows of finite x$"),
+        ({"a": [[math.nan]]}, r"^points\['a'\] = \[\[nan\]\]: must be rows of finite x$"),
+    ]:
+        with pytest.raises(InputError, match=told):
+            Basins.from_array([0, 1, 1], {"x": x}, {"a": 0, "b": 1}, points)
     with pytest.raises(InputError, match=r"^basins = 'from an array': must be computed by map_basins"):
         Basins.from_array([0, 1, 1], {"x": x}, {"a": 0, "b": 1}).classify([[1.0]])
+
+
+def test_points_of_a_grid_by_cuda_are_classified_by_the_cpu_where_that_is_asked_for(basins, monkeypatch):
+    monkeypatch.setattr("saltus.flow.cuda.cuda_devices", lambda: ())
+    elsewhere = replace(basins, inputs={**basins.inputs, "engine": "cuda"})
+    points = basins.grid.points()[:40]
+    with pytest.raises(InputError, match=r'^engine = \'cuda\': must be one that this machine can run; .*engine="cpu"'):
+        elsewhere.classify(points)
+    assert np.array_equal(elsewhere.classify(points, engine="cpu"), basins.classify(points))
+    assert elsewhere.label_error(100, by_events=0).wrong == 0
+    with pytest.raises(InputError, match=r"^engine = 'dask': must be cpu or cuda"):
+        elsewhere.classify(points, engine="dask")
 
 
 @pytest.mark.parametrize(
@@ -241,6 +349,12 @@ def test_points_that_cannot_be_classified_are_told(basins, points, told):
             {"grid": {**BOX, "x": (-2, 2, 10**8)}},
             r"^store = None: must be given for a grid of more than 1e\+09 cells; it has ",
         ),
+        ({"store": 3}, r"^store = 3: must be the path of a folder$"),
+        ({"store": ""}, r"^store = '': must be the path of a folder$"),
+        (
+            {"attractors": {"right": None}},
+            r"^attractors = 'right': must be options among region, seeds, search; attractors_from makes attractors of",
+        ),
         ({"store": "/nowhere/a.zarr"}, r"^store = '/nowhere/a\.zarr': must be in a folder that exists$"),
     ],
 )
@@ -273,11 +387,36 @@ def test_attractors_are_found_in_the_box_of_the_grid_and_kept_in_the_store(well,
     assert pickle.loads(pickle.dumps(found)) == found
 
 
-def test_a_grid_without_a_cuda_device_is_told_to_use_the_cpu(well, both, tmp_path):
+def test_attractors_are_looked_for_with_the_options_given(well, monkeypatch):
+    asked = []
+
+    def found(system, parameters, **options):
+        asked.append(options)
+        return find_attractors(system, parameters, **options)
+
+    monkeypatch.setattr(saltus.basins.mapping, "find_attractors", found)
+    basins = map_basins(well, {}, {**BOX, "v": 0.1}, {"seeds": 12, "search": Search(samples=200)})
+    region = {"x": (-2.0, 2.0), "v": 0.1}
+    assert asked == [{"interval": None, "region": region, "seeds": 12, "search": Search(samples=200)}]
+    assert basins.inputs["search"]["seeds"] == 12
+    assert basins.inputs["search"]["region"] == {"x": [-2.0, 2.0], "v": 0.1}
+    assert basins.inputs["search"]["search"]["samples"] == 200
+    with pytest.raises(InputError, match=r"^attractors = 'sedes': must be options among .*; did you mean 'seeds'\?$"):
+        map_basins(well, {}, BOX, {"sedes": 12})
+
+
+def test_what_cannot_run_is_told_before_attractors_are_looked_for(well, both, tmp_path, monkeypatch):
     from saltus.flow.cuda import cuda_devices
 
     if cuda_devices():
         pytest.skip("there is a CUDA device")
     with pytest.raises(InputError, match=r'engine="cpu"'):
         map_basins(well, {}, BOX, both, engine="cuda", store=tmp_path / "a.zarr")
+    monkeypatch.setattr(
+        saltus.basins.mapping, "find_attractors", lambda *_, **__: pytest.fail("attractors were sought")
+    )
+    with pytest.raises(InputError, match=r'engine="cpu"'):
+        map_basins(well, {}, BOX, engine="cuda", store=tmp_path / "a.zarr")
+    with pytest.raises(InputError, match=r"^tolerance = 1\.0: must be a number between 1e-14 and 0\.01$"):
+        map_basins(well, {}, BOX, tolerance=1.0)
     assert not (tmp_path / "a.zarr").exists()

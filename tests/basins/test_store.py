@@ -18,7 +18,7 @@ from zarr.storage import LocalStore
 
 import saltus
 from saltus import InputError
-from saltus.basins import Basins, map_basins
+from saltus.basins import Basins, Search, map_basins
 from saltus.basins.labelling import ACCURACY
 from saltus.flow.traps import NOT_DONE
 from wells import BOX, Interrupt, double_well
@@ -44,7 +44,7 @@ def test_all_inputs_are_in_the_metadata_of_a_store(stored, both, well):
     inputs = attributes["inputs"]
     assert saltus.HybridSystem.from_definition(inputs["system"]) == well
     assert inputs["parameters"] == {"c": 0.5, "A": 0.05, "w": 1.0}
-    assert (inputs["tolerance"], inputs["longest"], inputs["engine"], inputs["preview"]) == (1e-8, 200, "cpu", False)
+    assert (inputs["tolerance"], inputs["longest"], inputs["engine"], inputs["preview"]) == (3e-9, 200, "cpu", False)
     assert inputs["labels"] == {"right": 0, "left": 1, "diverged": 253, "undecided": 254}
     assert attributes["saltus_version"] == inputs["saltus_version"] == saltus.__version__
     assert attributes["grid"]["ranges"] == {"x": [-2.0, 2.0, 30], "v": [-2.0, 2.0, 20]}
@@ -69,15 +69,45 @@ def test_a_store_and_the_docstring_tell_how_many_labels_were_wrong(stored):
     assert f"of {ACCURACY['cells']:,} random cells".replace(",", " ") in said
     assert ACCURACY["source"] in said
     error = zarr.open_group(stored.path, mode="r").attrs["label_error"]
-    assert error == {"wrong": 0, "cells": 500, "bound": pytest.approx(3.0 / 500, rel=0.01), "tolerance": 1e-12}
+    assert error == {
+        "wrong": 0, "cells": 500, "bound": pytest.approx(3.0 / 500, rel=0.01), "tolerance": 1e-12,
+        "wrong_by_events": 0, "cells_by_events": 50,
+    }  # fmt: skip
+
+
+def test_basins_know_the_error_that_was_measured_of_their_store(stored, basins, well, both, small_units, tmp_path):
+    assert stored.noted_error == stored.label_error(500, by_events=50) == stored.section(v=0.1).noted_error
+    assert basins.noted_error is None
+    assert map_basins(well, {}, BOX, both, store=tmp_path / "b.zarr", progress=Interrupt(2)).noted_error is None
 
 
 def test_what_is_no_store_is_told_by_what_it_is(stored, tmp_path):
     (tmp_path / "file").touch()
     zarr.open_group(tmp_path / "group", mode="w").create_group("one")
-    for name, told in [("file", "it is a file"), ("none", "there is nothing"), ("group", "it holds one")]:
+    (tmp_path / "folder").mkdir()
+    kinds = [("file", "it is a file"), ("none", "there is nothing"), ("group", "it holds one")]
+    for name, told in [*kinds, ("folder", "it is a folder of something else")]:
         with pytest.raises(InputError, match=rf"{name}': must be a store of basins that saltus wrote; {told}$"):
             Basins.open(tmp_path / name)
+
+
+def test_damaged_metadata_and_damaged_attractors_of_a_store_are_told(stored, well, tmp_path):
+    path = tmp_path / "found.zarr"
+    map_basins(well, {}, BOX, {"seeds": 12, "search": Search(samples=200)}, store=path)
+    (file,) = (path / "attractors" / "c").iterdir()
+    whole = file.read_bytes()
+    for damaged in (whole[: len(whole) // 2], whole[:-9] + bytes(9), b""):
+        file.write_bytes(damaged)
+        for open_store in (Basins.open, lambda path: map_basins(well, {}, BOX, store=path)):
+            with pytest.raises(
+                InputError, match=r"^path = .*: must be a store with its attractors whole; what it holds"
+            ):
+                open_store(path)
+    file.write_bytes(whole)
+    assert Basins.open(path).attractors.names == ("period-1 A", "period-1 B")
+    (stored.path / "zarr.json").write_text("{")
+    with pytest.raises(InputError, match=r"^path = .*: must be a store of basins that saltus wrote; JSONDecodeError "):
+        Basins.open(stored.path)
 
 
 def test_a_section_of_a_store_reads_the_chunks_that_it_cuts_and_no_other(stored, basins, monkeypatch):
@@ -206,7 +236,7 @@ def test_a_unit_that_is_not_whole_is_told_and_computed_again(stored, well, both,
             r"its grid\.ranges\.x is \[-2\.0, 2\.0, 30\], not \[-2\.0, 2\.5, 30\]$",
         ),
         ({"grid": {"v": BOX["v"], "x": BOX["x"]}}, r"its grid\.order is \['x', 'v'\], not \['v', 'x'\]$"),
-        ({"tolerance": 1e-9}, r"its tolerance is 1e-08, not 1e-09$"),
+        ({"tolerance": 1e-9}, r"its tolerance is 3e-09, not 1e-09$"),
         ({"longest": 100}, r"its longest is 200, not 100$"),
         ({"preview": True}, r"its preview is False, not True$"),
         ({"system": double_well("another")}, r"its system\.name is 'double well', not 'another'$"),
@@ -226,6 +256,26 @@ def test_a_store_of_other_attractors_is_refused(stored, well, both):
     renamed = both.but(labels={"right": 1, "left": 0, "diverged": 253, "undecided": 254})
     with pytest.raises(InputError, match=r"its labels\.right is 0, not 1$"):
         map_basins(well, {}, BOX, renamed, store=stored.path)
+
+
+def test_a_store_is_resumed_with_the_search_for_attractors_that_made_it_or_without_one(well, tmp_path):
+    path, search = tmp_path / "a.zarr", {"seeds": 12, "search": Search(samples=200)}
+    found = map_basins(well, {}, BOX, search, store=path)
+    assert map_basins(well, {}, BOX, search, store=path) == found
+    assert map_basins(well, {}, BOX, store=path) == found
+    assert map_basins(well, {}, BOX, found.attractors, store=path) == found
+    for change, told in [
+        ({"seeds": 16}, r"its search\.seeds is 12, not 16$"),
+        (
+            {"region": {"x": (-2.0, 2.5), "v": (-2.0, 2.0)}},
+            r"its search\.region\.x is \[-2\.0, 2\.0\], not \[-2\.0, 2\.5\]$",
+        ),
+        ({"search": Search(samples=300)}, r"its search\.search\.samples is 200, not 300$"),
+    ]:
+        with pytest.raises(InputError, match=r"^store = .*: must be a new one, or that of the same input; " + told):
+            map_basins(well, {}, BOX, search | change, store=path)
+    with pytest.raises(InputError, match=r"its search\.seeds is 12, not 256$"):
+        map_basins(well, {}, BOX, {}, store=path)
 
 
 def test_a_store_of_another_version_is_refused(stored, well, both, monkeypatch):
@@ -277,6 +327,18 @@ def test_a_full_disk_is_told_and_leaves_a_store_that_can_be_read_and_resumed(
     part = saltus.load(path)
     assert 0.0 < part.fractions()["not done"] < 1.0
     assert np.array_equal(np.asarray(map_basins(well, {}, BOX, both, store=path).labels), basins.labels)
+
+
+def test_no_store_is_made_or_read_by_way_of_temporary_files(well, tmp_path, monkeypatch):
+    path, options = tmp_path / "a.zarr", {"seeds": 12, "search": Search(samples=200)}
+
+    def refused(*args, **kinds):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    for name in ("TemporaryDirectory", "mkdtemp", "NamedTemporaryFile", "mkstemp"):
+        monkeypatch.setattr(f"tempfile.{name}", refused)
+    found = map_basins(well, {}, BOX, options, store=path)
+    assert Basins.open(path).attractors == found.attractors
 
 
 def test_a_store_that_cannot_be_made_leaves_nothing_behind(well, both, tmp_path, monkeypatch):

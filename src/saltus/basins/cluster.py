@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["labelled_by", "scheduler"]
 
+_WITHOUT_PORT = ("inproc://", "ucx://")
+
 _AHEAD = 3
 """Units that wait or are computed, for each thread of the cluster."""
 
@@ -46,6 +48,8 @@ def scheduler(client: Any) -> Iterator[Any]:
     except ImportError as error:
         raise InputError("engine", "dask", "used where Dask is installed", "pip install 'saltus[cluster]'") from error
     try:
+        if not client.startswith(_WITHOUT_PORT):
+            distributed.comm.get_address_host_port(client)  # a client of no address takes a minute to close
         opened = distributed.Client(client, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError("client", client, "the address of a scheduler, as tcp://host:8786", str(error)) from error

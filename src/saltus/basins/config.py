@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from importlib import import_module
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 
 from saltus.basins.grid import Plane
 from saltus.errors import InputError, nearest
@@ -21,6 +21,10 @@ __all__ = ["AttractorOptions", "Config", "EngineOptions", "PlaneTable", "called"
 
 _STRICT = ConfigDict(extra="forbid", frozen=True)
 
+_Number: TypeAlias = Annotated[float, Strict()]
+_Count: TypeAlias = Annotated[int, Strict()]
+"""Neither texts nor booleans."""
+
 
 class EngineOptions(BaseModel):
     """The table ``[engine]``: what computes, and how well; what is left out is as `saltus.map_basins` has it."""
@@ -29,9 +33,9 @@ class EngineOptions(BaseModel):
 
     name: Literal["cpu", "cuda", "dask"] = "cpu"
     """What computes."""
-    tolerance: float | None = Field(default=None, gt=0.0)
+    tolerance: _Number | None = Field(default=None, gt=0.0)
     """Of a step."""
-    longest: int | None = Field(default=None, ge=1)
+    longest: _Count | None = Field(default=None, ge=1)
     """Periods after which a motion is undecided."""
 
 
@@ -42,7 +46,7 @@ class AttractorOptions(BaseModel):
 
     region: dict[str, Any] | None = None
     """For each state the interval or the value at which motions start; by default the box of the grid."""
-    seeds: int | None = Field(default=None, ge=1)
+    seeds: _Count | None = Field(default=None, ge=1)
     """How many motions start there."""
     search: dict[str, Any] | None = None
     """Arguments of `saltus.basins.recurrence.Search`: how long motions are followed, and so on."""
@@ -53,11 +57,11 @@ class PlaneTable(BaseModel):
 
     model_config = _STRICT
 
-    origin: dict[str, float]
-    u: dict[str, float]
-    v: dict[str, float]
-    extents: tuple[tuple[float, float], tuple[float, float]]
-    counts: tuple[int, int]
+    origin: dict[str, _Number]
+    u: dict[str, _Number]
+    v: dict[str, _Number]
+    extents: tuple[tuple[_Number, _Number], tuple[_Number, _Number]]
+    counts: tuple[_Count, _Count]
     names: tuple[str, str] = ("u", "v")
 
 
@@ -70,9 +74,9 @@ class Config(BaseModel):
     """A known name, or ``module:attribute``."""
     model: dict[str, Any] = Field(default_factory=dict)
     """Arguments of what makes the system."""
-    parameters: dict[str, float] = Field(default_factory=dict)
+    parameters: dict[str, _Number] = Field(default_factory=dict)
     """Parameters that differ from the system's defaults."""
-    interval: float | None = Field(default=None, gt=0.0)
+    interval: _Number | None = Field(default=None, gt=0.0)
     """Time between two looks at a system without a phase."""
     grid: dict[str, Any] | None = None
     """For each state ``[low, high, count]`` or the value it is frozen at."""
@@ -140,8 +144,8 @@ def _told(error: ValidationError, entries: Mapping[str, Any]) -> InputError:
         known = _known(place[:-1])
         where = f" in [{'.'.join(map(str, place[:-1]))}]" if len(place) > 1 else ""
         return InputError("key", str(place[-1]), f"one of {', '.join(known)}{where}", nearest(str(place[-1]), known))
-    allowed = first["msg"].removeprefix("Input should be ").replace("a valid ", "a ").replace("'", "")
-    return InputError(key, first["input"], allowed)
+    allowed = first["msg"].removeprefix("Input should be ").replace("'", "").replace("a valid integer", "an integer")
+    return InputError(key, first["input"], allowed.replace("a valid ", "a "))
 
 
 def _known(place: list[str | int]) -> tuple[str, ...]:

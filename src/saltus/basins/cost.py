@@ -5,13 +5,15 @@ from __future__ import annotations
 import time
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.basins.grid import Grid, Plane
-from saltus.basins.labelling import Labelling, checked_engine
+from saltus.basins.labelling import TOLERANCE, Labelling, checked_engine
+from saltus.basins.mapping import attractors_for
+from saltus.flow.traps import Traps
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,11 +66,12 @@ def estimate_cost(
     system: HybridSystem,
     parameters: Mapping[str, float] | None,
     grid: Mapping[str, Any] | Plane | Grid,
-    attractors: Any,
+    attractors: Any = None,
     *,
     engine: str = "cpu",
     longest: int = 200,
-    tolerance: float = 1e-8,
+    tolerance: float = TOLERANCE,
+    interval: float | None = None,
     seconds: float = 3.0,
 ) -> Cost:
     """Return what a grid will cost, from the time that a sample of its cells takes.
@@ -78,7 +81,7 @@ def estimate_cost(
 
     Parameters
     ----------
-    system, parameters, grid, attractors, longest, tolerance
+    system, parameters, grid, attractors, longest, tolerance, interval
         As `map_basins` takes them.
     engine : {"cpu", "cuda", "dask"}, optional
         What is measured: a graphics card, or else the processors of this machine, as one worker of a cluster.
@@ -96,10 +99,12 @@ def estimate_cost(
     1000.0
     """
     cells = grid if isinstance(grid, Grid) else Grid(system.states, grid)
-    labelling = Labelling(
-        system, system.resolve(parameters), attractors.traps, attractors.interval, tolerance, longest,
+    settings = Labelling(
+        system, system.resolve(parameters), Traps(len(system.states)), interval, tolerance, longest,
         checked_engine(engine),
     )  # fmt: skip
+    found, _ = attractors_for(settings, cells, attractors)
+    labelling = replace(settings, traps=found.traps, interval=found.interval)
     rng = np.random.default_rng(_SEED)
     labelling.of(cells.points(slice(0, 1)))
     count = _FIRST

@@ -26,6 +26,9 @@ _CHUNK = 2**16
 _UNITS = 16
 """Into how many units a grid is cut at least, if they keep `_LEAST` cells."""
 
+_ROUNDING = 1e-9
+"""Part of a cell by which a point may lie beyond the grid's edge and belong to the cell there."""
+
 _LEAST, _MOST = 40_000, 2**19
 """Cells of a unit: half a second to five of computing."""
 
@@ -214,12 +217,25 @@ class Grid:
                 wanted = f"a free coordinate: {', '.join(self.names)}"
                 hint = f"it is frozen at {self.fixed[name]:g}" if name in self.fixed else nearest(str(name), self.names)
                 raise InputError("coordinate", name, wanted, hint)
-            low, high, count = self.ranges[self.names.index(name)]
             number = _number(value, name)
-            if not low <= number <= high:
+            inside = self.clipped(name, number)
+            low, high, count = self.ranges[self.names.index(name)]
+            if inside is None:
                 raise InputError(name, value, f"between {low:g} and {high:g}")
-            found[name] = min(int((number - low) / (high - low) * count), count - 1)
+            found[name] = min(int((inside - low) / (high - low) * count), count - 1)
         return found
+
+    def clipped(self, name: str, value: float) -> float | None:
+        """Return a value of a free coordinate, at the edge where it lies beyond it by rounding; None outside the grid.
+
+        Examples
+        --------
+        >>> Grid(("x",), {"x": (0.0, 0.3, 3)}).clipped("x", 0.1 + 0.2)
+        0.3
+        """
+        low, high, count = self.ranges[self.names.index(name)]
+        inside = min(max(value, low), high)
+        return inside if abs(value - inside) <= _ROUNDING * (high - low) / count else None
 
     def section(self, cells: Mapping[str, int]) -> Grid:
         """Return the grid of the cells of given indices along the coordinates that are named.

@@ -123,10 +123,8 @@ class FatalPerturbation:
         The perturbation, to the centre of a cell outside the basin; NaN where nothing is fatal.
     outcome : str
         Where it leads: the name of that cell's label.
-    off_section : float
-        Distance of the attractor's point from the plane of the grid, along the frozen coordinates and in their units.
-    note : str
-        What to know besides, in words; mostly empty.
+    off_section, note
+        As those of a `Ball`.
     """
 
     value: float
@@ -434,10 +432,12 @@ def _start(basins: Labelled, name: str, centre: ArrayLike | None) -> tuple[NDArr
         start = np.linalg.lstsq(grid.vectors.T, point - grid.origin, rcond=None)[0]
         off = float(np.linalg.norm(point - grid.origin - start @ grid.vectors))
         off = off if off > 1e-12 * float(np.abs(point).max()) else 0.0
-    for free, value, (low, high, _) in zip(grid.names, start, grid.ranges, strict=True):
-        if not low <= value <= high:
+    for k, (free, (low, high, _)) in enumerate(zip(grid.names, grid.ranges, strict=True)):
+        inside = grid.clipped(free, float(start[k]))
+        if inside is None:
             where = f"centre's {free}" if centre is not None else f"{free} of {name!r}"
-            raise InputError(where, float(value), f"within the window, from {low:g} to {high:g}", "map a larger one")
+            raise InputError(where, float(start[k]), f"within the window, from {low:g} to {high:g}", "map a larger one")
+        start[k] = inside
     return start, off
 
 

@@ -11,23 +11,26 @@ Rules
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import asdict
+from dataclasses import asdict, is_dataclass, replace
 from importlib.metadata import version
+from inspect import signature
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from saltus.basins.attractors import Search, find_attractors
 from saltus.basins.basins import Basins, attractors_bytes, attributes_of, outcomes_from, told
 from saltus.basins.grid import Grid, Plane
-from saltus.basins.labelling import Labelling, checked_engine
+from saltus.basins.labelling import TOLERANCE, Labelling, checked_engine
 from saltus.basins.store import Store, check_same
-from saltus.errors import InputError
+from saltus.errors import InputError, nearest
 from saltus.flow.counts import checked_count
 from saltus.flow.traps import NOT_DONE, UNDECIDED, Traps
 from saltus.system import HybridSystem
@@ -43,8 +46,13 @@ _IN_MEMORY = 10**9
 _CHECKED, _FEWEST, _MOST = 100, 500, 10_000
 """Of a store one cell in so many is followed again, but not fewer and not more than so many."""
 
+_BY_EVENTS = 50
+"""How many of them the event-driven flow follows: it takes some milliseconds for each."""
+
 _SHOWN = 16
 """Points of each attractor that are followed to see whether it is one."""
+
+_SEEDS: int = signature(find_attractors).parameters["seeds"].default
 
 Progress: TypeAlias = Callable[[int, int, float, float], None]
 
@@ -59,7 +67,7 @@ def map_basins(
     store: str | os.PathLike[str] | None = None,
     client: Any = None,
     longest: int = 200,
-    tolerance: float = 1e-8,
+    tolerance: float = TOLERANCE,
     preview: bool = False,
     interval: float | None = None,
     progress: Progress | None = None,
@@ -75,8 +83,10 @@ def map_basins(
     grid : mapping of str to (float, float, int) or float, Plane or Grid
         For each state a range ``(low, high, count)`` or the value it is frozen at; or a plane of any direction. See
         `Grid`. All motions start at phase 0.
-    attractors : Attractors, optional
-        Where motions end; by default what `find_attractors` finds in the box of the grid.
+    attractors : Attractors or mapping, optional
+        Where motions end, as `find_attractors` or `attractors_from` returned them; or options with which
+        `find_attractors` looks for them, as ``{"seeds": 512}``. It looks in the box of the grid if no `region` is
+        given. By default all options are the usual ones, and a store's own attractors are taken as they are.
     engine : {"cpu", "cuda", "dask"}, optional
         This machine's processors, its graphics cards, or the workers of a Dask cluster.
     store : path-like, optional
@@ -116,10 +126,10 @@ def map_basins(
     plane of Fig. 10 and 0.025 per cent in [-5, 5]^4, with the tapping cantilever of two modes (see `examples/configs`)
     at the default tolerance, against the event-driven flow at tolerance 1e-11, followed until it is within 1e-6 of an
     attractor (``benchmarks/basin_accuracy.py``). Motions that are chaotic for long have more:
-    `Basins.label_error` measures it, and a store has it as ``label_error``, of a hundredth of its cells. Besides, at
-    most `measured_error` of any one trapping region belongs elsewhere. A store's metadata has these numbers as
-    ``accuracy`` and ``attractors``, and in ``attractors.notes`` how each region was made, and what proves it or how
-    many samples it rests on.
+    `Basins.label_error` measures it, and a store has it as ``label_error``, of a hundredth of its cells, and of some
+    by the event-driven flow. Besides, at most `measured_error` of any one trapping region belongs elsewhere, by the
+    samples from which it was made. A store's metadata has these numbers as ``accuracy`` and ``attractors``, and
+    in ``attractors.notes`` how each region was made, and what proves it or how many samples it rests on.
 
     Whatever ends a run, a store stays readable: a unit is written aside and then renamed. Units that were cut off all
     the same are found by their checksums, and computed again. `docs/basins.md` is a guide.
@@ -136,53 +146,33 @@ def map_basins(
     >>> {name: round(share, 2) for name, share in basins.fractions().items()}
     {'period-1 A': 0.42, 'period-1 B': 0.58, 'diverged': 0.0, 'undecided': 0.0}
     """
-    if not isinstance(system, HybridSystem):
-        raise InputError("system", system, "a HybridSystem")
-    arithmetic = checked_engine(engine)
-    if (client is not None) != (engine == "dask"):
-        raise InputError("client", client, "given for engine='dask', and for no other")
-    if progress is not None and not callable(progress):
-        raise InputError("progress", progress, "a function of two counts, a rate and a time")
-    if not isinstance(preview, bool):
-        raise InputError("preview", preview, "True or False")
-    values = system.resolve(parameters)
-    cells = _grid(system, grid)
-    path = None if store is None else Path(store)
+    _check_options(system, client, progress, engine=engine, preview=preview)
+    settings = Labelling(
+        system, system.resolve(parameters), Traps(len(system.states)), interval, _tolerance(tolerance),
+        checked_count("longest", longest, 1), checked_engine(engine), preview,
+    )  # fmt: skip
+    cells, path = _grid(system, grid), _path(store)
     if path is None and cells.size > _IN_MEMORY:
         raise InputError("store", None, f"given for a grid of more than {_IN_MEMORY:.0e} cells", f"it has {cells.size}")
-    kept = Store.open(path, writable=True) if path is not None and path.exists() else None
-    if attractors is None and kept is not None:
-        attractors = outcomes_from(kept.attractors, kept.attributes["attractors"])
-    elif attractors is None:
-        attractors = _found(system, values, cells, interval)
-    if not isinstance(getattr(attractors, "traps", None), Traps):
-        kind, hint = type(attractors).__name__, "attractors_from makes one of known orbits"
-        raise InputError("attractors", kind, "an Attractors, as find_attractors returns", hint)
-    if interval not in (None, attractors.interval):
-        raise InputError("interval", interval, f"that of the attractors, {attractors.interval!r}", "leave it out")
-    labelling = Labelling(
-        system, values, attractors.traps, attractors.interval, _tolerance(tolerance),
-        checked_count("longest", longest, 1), arithmetic, preview,
-    )  # fmt: skip
-    inputs = {**labelling.definition(), "labels": dict(attractors.labels), "saltus_version": version("saltus")}
-    if kept is not None:
-        there = {"grid": kept.grid.definition(), **kept.attributes["inputs"]}
-        check_same(kept.path, {"grid": cells.definition(), **inputs}, there)
-        if kept.attributes.get("stopped"):
-            kept.note(stopped="")
-    else:
-        _check_attractors(labelling, attractors)
-        if path is not None:
-            kept = Store.create(path, cells, attributes_of(inputs, cells, attractors), attractors_bytes(attractors))
     with ExitStack() as stack:
         if engine == "dask":
             from saltus.basins.cluster import labelled_by, scheduler
 
             cluster = stack.enter_context(scheduler(client))
-            run = _Run(cells, kept, progress)
-            return run.through(labelled_by(cluster, cells, inputs, path, run.units), attractors, inputs)
+        kept = Store.open(path, writable=True) if path is not None and path.exists() else None
+        found, search = attractors_for(settings, cells, attractors, kept)
+        labelling = replace(settings, traps=found.traps, interval=found.interval)
+        inputs = {**labelling.definition(), "labels": dict(found.labels), "saltus_version": version("saltus"), **search}
+        if kept is not None:
+            inputs = _same_inputs(kept, cells, inputs)
+        else:
+            _check_attractors(labelling, found)
+            if path is not None:
+                kept = Store.create(path, cells, attributes_of(inputs, cells, found), attractors_bytes(found))
         run = _Run(cells, kept, progress)
-        return run.through(labelling.units(cells, run.units), attractors, inputs)
+        if engine == "dask":
+            return run.through(labelled_by(cluster, cells, inputs, path, run.units), found, inputs)
+        return run.through(labelling.units(cells, run.units), found, inputs)
 
 
 class _Run:
@@ -232,7 +222,7 @@ class _Run:
         """Follow some cells of a whole store again, if that has not been done, and note how many labels were wrong."""
         if "label_error" not in store.attributes:
             some = min(self.grid.size, max(self.grid.size // _CHECKED, _FEWEST), _MOST)
-            store.note(label_error=asdict(Basins.of_store(store, attractors).label_error(some)))
+            store.note(label_error=asdict(Basins.of_store(store, attractors).label_error(some, by_events=_BY_EVENTS)))
 
     def keep(self, cells: tuple[slice, ...], labels: NDArray[np.uint8] | None, followed: int) -> None:
         """Keep a unit, unless the one who labelled it did, and tell."""
@@ -248,6 +238,25 @@ class _Run:
 
 def _count(cells: Sequence[slice]) -> int:
     return math.prod(part.stop - part.start for part in cells)
+
+
+def _check_options(system: object, client: object, progress: object, *, engine: str, preview: object) -> None:
+    """Raise `InputError` where an argument is of another kind, or does not belong to the engine."""
+    if not isinstance(system, HybridSystem):
+        raise InputError("system", system, "a HybridSystem")
+    checked_engine(engine)
+    if (client is not None) != (engine == "dask"):
+        raise InputError("client", client, "given for engine='dask', and for no other")
+    if progress is not None and not callable(progress):
+        raise InputError("progress", progress, "a function of two counts, a rate and a time")
+    if not isinstance(preview, bool):
+        raise InputError("preview", preview, "True or False")
+
+
+def _path(store: object) -> Path | None:
+    if not isinstance(store, str | os.PathLike | None) or store == "":
+        raise InputError("store", store, "the path of a folder")
+    return None if store is None else Path(store)
 
 
 def _grid(system: HybridSystem, grid: Any) -> Grid:
@@ -270,12 +279,72 @@ def _tolerance(tolerance: object) -> float:
     return value
 
 
-def _found(system: HybridSystem, parameters: Mapping[str, float], grid: Grid, interval: float | None) -> Any:
-    """Return the attractors on which motions from the grid's box end."""
-    from saltus.basins.attractors import find_attractors
+def attractors_for(
+    settings: Labelling, grid: Grid, given: Any, kept: Store | None = None
+) -> tuple[Any, dict[str, Any]]:
+    """Return the attractors that are given, that a store has, or that are found; and how they are looked for.
 
+    Parameters
+    ----------
+    settings : Labelling
+        What labels the cells, still without trapping regions.
+    grid : Grid
+        In whose box attractors are looked for.
+    given : Attractors, mapping or None
+        As `map_basins` takes it.
+    kept : Store, optional
+        Which has attractors.
+
+    Returns
+    -------
+    attractors : Attractors
+    search : dict
+        All options of the search as plain data, as ``search``; nothing where it is not asked how they are found.
+
+    Raises
+    ------
+    InputError
+        They are no attractors, no such options, or the engine cannot run here.
+    """
+    asked = isinstance(given, Mapping) or (given is None and kept is None)
+    options = _search(grid, given or {}) if asked else {}
+    found = given
+    if kept is not None and (given is None or asked):
+        found = outcomes_from(kept.attractors, kept.attributes["attractors"])
+    elif asked:
+        settings.check_engine()
+        found = find_attractors(settings.system, settings.parameters, interval=settings.interval, **options)
+    if not isinstance(getattr(found, "traps", None), Traps):
+        kind, hint = type(found).__name__, "attractors_from makes one of known orbits"
+        raise InputError("attractors", kind, "an Attractors, as find_attractors returns", hint)
+    if settings.interval not in (None, found.interval):
+        raise InputError("interval", settings.interval, f"that of the attractors, {found.interval!r}", "leave it out")
+    return found, {"search": json.loads(json.dumps(options, default=_plain))} if asked else {}
+
+
+def _search(grid: Grid, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options of a search for attractors: those given, and what the others are by default."""
     region = {name: low if low == high else (low, high) for name, (low, high) in grid.box.items()}
-    return find_attractors(system, parameters, region, interval=interval)
+    usual = {"region": region, "seeds": _SEEDS, "search": Search()}
+    for name in given:
+        if name not in usual:
+            hint = nearest(str(name), usual) or "attractors_from makes attractors of orbits by name"
+            raise InputError("attractors", name, f"options among {', '.join(usual)}", hint)
+    return usual | dict(given)
+
+
+def _plain(value: Any) -> Any:
+    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else float(value)
+
+
+def _same_inputs(kept: Store, grid: Grid, inputs: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a store's inputs; `InputError` where others are asked for, in which `search` may be missing."""
+    its = dict(kept.attributes["inputs"])
+    there = {key: value for key, value in its.items() if key != "search" or key in inputs}
+    check_same(kept.path, {"grid": grid.definition(), **inputs}, {"grid": kept.grid.definition(), **there})
+    if kept.attributes.get("stopped"):
+        kept.note(stopped="")
+    return its
 
 
 def _check_attractors(labelling: Labelling, attractors: Any) -> None:

@@ -112,7 +112,7 @@ class Search:
     random_seed: int = 0
     longest: int = 4000
     samples: int = 20_000
-    safety: float = 0.5
+    safety: float = 0.8
     tolerance: float = 1e-8
     limit: float = 1e6
     criteria: Criteria = field(default_factory=Criteria)

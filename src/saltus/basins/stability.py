@@ -12,6 +12,7 @@ import numpy as np
 from saltus.basins.blocks import label_of
 from saltus.basins.wilson import checked_confidence, wilson
 from saltus.errors import InputError, nearest
+from saltus.flow.counts import checked_count
 from saltus.flow.traps import UNDECIDED
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ def basin_stability(
     region: Mapping[str, tuple[float, float]] | None = None,
     seed: int = 0,
     confidence: float = 0.95,
+    engine: str | None = None,
 ) -> Stability:
     """Return basin stability: the probability that a random initial condition goes to an attractor.
 
@@ -78,6 +80,8 @@ def basin_stability(
         Of the random numbers.
     confidence : float, optional
         Of the interval.
+    engine : {"cpu", "cuda"}, optional
+        As `Basins.classify` takes it.
 
     Returns
     -------
@@ -114,12 +118,15 @@ def basin_stability(
     if not isinstance(samples, (int, np.integer)) or samples < 1:
         raise InputError("samples", samples, "an integer of at least 1")
     ranges = _ranges(grid, region)
-    random = np.random.default_rng(seed)
+    random, options = (
+        np.random.default_rng(checked_count("seed", seed, 0)),
+        {} if engine is None else {"engine": engine},
+    )
     hits = undecided = 0
     for first in range(0, samples, _BATCH):
         count = min(_BATCH, samples - first)
         drawn = random.uniform(ranges[:, 0], ranges[:, 1], (count, len(ranges)))
-        found = np.asarray(basins.classify(grid.origin + drawn @ grid.vectors))
+        found = np.asarray(basins.classify(grid.origin + drawn @ grid.vectors, **options))
         hits += int((found == label).sum())
         undecided += int((found == UNDECIDED).sum())
     low, high = wilson(hits, int(samples), confidence)
@@ -133,8 +140,11 @@ def _ranges(grid: Grid, region: Mapping[str, tuple[float, float]] | None) -> NDA
         if name not in ranges:
             wanted = f"a free coordinate: {', '.join(grid.names)}"
             raise InputError("region", name, wanted, nearest(str(name), grid.names))
-        low, high = ends
+        try:
+            low, high = map(float, ends)
+        except (TypeError, ValueError):
+            low = high = math.nan
         if not -math.inf < low < high < math.inf:
             raise InputError(f"region[{name!r}]", ends, "(low, high) with low < high")
-        ranges[name] = (float(low), float(high))
+        ranges[name] = (low, high)
     return np.array([ranges[name] for name in grid.names])

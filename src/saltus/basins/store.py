@@ -79,7 +79,10 @@ class Store:
                 for name, axis in zip(grid.names, grid.axes, strict=True):
                     group.create_array(name, data=np.array(axis), dimension_names=(name,))
                 held = np.frombuffer(attractors, np.uint8)
-                group.create_array(_ATTRACTORS, data=held, chunks=(max(held.size, 1),), dimension_names=("byte",))
+                group.create_array(
+                    _ATTRACTORS, data=held, chunks=(max(held.size, 1),), dimension_names=("byte",),
+                    compressors=ZstdCodec(level=3, checksum=True),
+                )  # fmt: skip
                 aside.rename(path)
         except BaseException:
             shutil.rmtree(aside, ignore_errors=True)
@@ -106,7 +109,7 @@ class Store:
         except InputError:
             raise
         except (OSError, KeyError, *_DAMAGE) as error:
-            hint = _what_is(path) or str(error)
+            hint = _what_is(path) or f"{type(error).__name__} {error}"
             raise InputError("path", str(path), "a store of basins that saltus wrote", hint) from error
         if writable:
             with telling(path), tempfile.TemporaryFile(dir=path):
@@ -115,8 +118,18 @@ class Store:
 
     @property
     def attractors(self) -> bytes:
-        """What was kept of the attractors."""
-        return bytes(np.asarray(self._group[_ATTRACTORS][:]).tobytes())
+        """What was kept of the attractors.
+
+        Raises
+        ------
+        InputError
+            It cannot be read.
+        """
+        try:
+            return bytes(np.asarray(self._group[_ATTRACTORS][:]).tobytes())
+        except (OSError, KeyError, *_DAMAGE) as error:
+            wanted = "a store with its attractors whole"
+            raise InputError("path", str(self.path), wanted, f"what it holds of them is damaged: {error}") from error
 
     @property
     def labels(self) -> Window:
@@ -262,8 +275,9 @@ def _what_is(path: Path) -> str:
         return "there is nothing"
     if not path.is_dir():
         return "it is a file"
-    held = sorted(file.parent.name for file in path.glob("*/zarr.json"))
-    return f"it holds {', '.join(held)}" if held else ""
+    if (held := sorted(file.parent.name for file in path.glob("*/zarr.json"))) and _LABELS not in held:
+        return f"it holds {', '.join(held)}"
+    return "" if (path / "zarr.json").exists() else "it is a folder of something else"
 
 
 @contextmanager

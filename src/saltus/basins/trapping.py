@@ -49,6 +49,9 @@ CONTRACTING, _LEVELS, _RUNGS = 400, 4.0, 22
 _GROWING, _GROWTHS, _SHARE = 2.0, 60, 20
 """Ratio of the radii, squared, by which an ellipsoid is enlarged; how often at most; part of the samples on a rung."""
 
+_BISECTIONS, _PART, _SHRINKING = 3, 4, 0.8
+"""How often the last ratio is bisected, with what part of the samples; the level's factor where samples leave."""
+
 _CLEAR = 1e-3
 """Part of a level below which the engine's errors hide whether a sample contracts."""
 
@@ -308,15 +311,24 @@ def enlarged(
         x = trial.samples(count, rng)
         return not any(admits_start(ensemble, row) for row in x[~returns(x)])
 
-    level = inner.level
+    level = top = inner.level
     for _ in range(_GROWTHS):
         larger = inner.at(_GROWING * level)
-        if np.all(larger.half_widths() > widest) or not all_return(larger, max(samples // _SHARE, 100)):
+        if np.all(larger.half_widths() > widest):
             break
-        level *= _GROWING
+        if not all_return(larger, max(samples // _SHARE, 100)):
+            top = larger.level
+            break
+        level = top = larger.level
+    for _ in range(_BISECTIONS if top > level else 0):
+        middle = inner.at(math.sqrt(level * top))
+        if all_return(middle, max(samples // _PART, 100)):
+            level = middle.level
+        else:
+            top = middle.level
     level = max(safety * level, inner.level)
     while not all_return(inner.at(level), samples):
-        level = max(0.5 * level, inner.level) if level > inner.level else 0.5 * level
+        level = max(_SHRINKING * level, inner.level) if level > inner.level else 0.5 * level
         if level < min(_LEAST * core.level, inner.level):
             raise ConvergenceError("trapping region", math.sqrt(level), samples, "motions leave it", unit="samples")
     return inner.at(level)

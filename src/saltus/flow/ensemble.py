@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["Ensemble"]
 
 _ORDER = 10
-_GROWTH, _LARGEST_TOLERANCE = 3.3, 1e-4
+_GROWTH, _LARGEST_TOLERANCE = 4.5, 1e-4
 """A motion's tolerance grows by this a period, since a late error equals a smaller one at the start, up to that."""
 
 _OF_A_TRAP = 1e-3
@@ -157,7 +157,7 @@ class Ensemble:
     ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
         """Return the label of the trap that each motion falls into, and after how many periods.
 
-        The tolerance grows 3.3 times a period, up to 1e-4, unless motions must stay in the boxes of an attractor: an
+        The tolerance grows 4.5 times a period, up to 1e-4, unless motions must stay in the boxes of an attractor: an
         error late in a transient equals a smaller one at its start. Where transients are chaotic for very long, labels
         near the boundary are less certain than elsewhere at any tolerance, and less so for this.
 

@@ -20,7 +20,6 @@ from saltus.afm.figures.sections import (
     RANGE,
     RESOLUTION,
     attractors_of,
-    checked_resolution,
     group,
     mapped,
     model,
@@ -55,19 +54,10 @@ def run(out: Path, progress: Callable[[str], None] | None = None, *, resolution:
     out : Path
         An existing folder, for ``fig10.zarr``, ``fig10.nc``, ``fig10.json`` (`summary`), ``fig10.png`` and
         ``fig10.pdf``. Where ``fig10.zarr`` is there, the run goes on from it.
-    progress : callable, optional
-        Called with a line of text whenever there is something new to say.
-    resolution : int, optional
-        Cells along each axis.
-
-    Raises
-    ------
-    InputError
-        The resolution is no whole number of 2 or more, or the stores there are of another one.
+    progress, resolution
+        As `write_sections` takes them, which also says what is raised.
     """
-    say = progress or (lambda _: None)
-    found = compute(out / "fig10.zarr", checked_resolution(resolution), say)
-    return write_sections(out, "fig10", found, summary, draw, say)
+    return write_sections(out, "fig10", compute, summary, draw, resolution=resolution, progress=progress)
 
 
 def compute(

@@ -23,7 +23,6 @@ from saltus.afm.figures.sections import (
     RANGE,
     RESOLUTION,
     attractors_of,
-    checked_resolution,
     mapped,
     model,
     summary_of,
@@ -80,13 +79,11 @@ def run(
     """
     from saltus.plotting.volume import check_renderer
 
-    say = progress or (lambda _: None)
     check_renderer()
-    found = compute(out / "fig8.zarr", checked_resolution(resolution), say)
-    written = write_sections(out, "fig8", found, summary, draw, say)
+    written = write_sections(out, "fig8", compute, summary, draw, resolution=resolution, progress=progress)
     if animate and not written["interrupted"]:
         try:
-            written["files"].append(film(written["results"]["basins"], out / "fig8.gif", say))
+            written["files"].append(film(written["results"]["basins"], out / "fig8.gif", progress or (lambda _: None)))
         except KeyboardInterrupt:
             written["interrupted"] = True
     return written

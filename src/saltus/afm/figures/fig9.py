@@ -25,7 +25,6 @@ from saltus.afm.figures.sections import (
     RANGE,
     RESOLUTION,
     attractors_of,
-    checked_resolution,
     group,
     mapped,
     model,
@@ -66,20 +65,10 @@ def run(out: Path, progress: Callable[[str], None] | None = None, *, resolution:
     out : Path
         An existing folder, for ``fig9.zarr``, ``fig9.nc``, ``fig9.json`` (`summary`), ``fig9.png`` and ``fig9.pdf``.
         Where ``fig9.zarr`` is there, the run goes on from it.
-    progress : callable, optional
-        Called with a line of text whenever there is something new to say.
-    resolution : int, optional
-        Cells along each axis.
-
-    Raises
-    ------
-    InputError
-        The resolution is no whole number of 2 or more, or the store there is of another one.
+    progress, resolution
+        As `write_sections` takes them, which also says what is raised.
     """
-    say = progress or (lambda _: None)
-    return write_sections(
-        out, "fig9", compute(out / "fig9.zarr", checked_resolution(resolution), say), summary, draw, say
-    )
+    return write_sections(out, "fig9", compute, summary, draw, resolution=resolution, progress=progress)
 
 
 def compute(

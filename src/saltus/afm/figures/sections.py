@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -104,10 +105,12 @@ def group(path: Path) -> Path:
 def write_sections(
     out: Path,
     name: str,
-    found: Iterable[tuple[str, Basins]],
+    compute: Callable[[Path, int, Callable[[str], None]], Iterable[tuple[str, Basins]]],
     content: Callable[[Mapping[str, Basins]], dict[str, Any]],
     draw: Callable[[Mapping[str, Basins]], Figure],
-    say: Callable[[str], None],
+    *,
+    resolution: int,
+    progress: Callable[[str], None] | None,
 ) -> dict[str, Any]:
     """Compute a figure of basins and write its files as `write_figure` does; its stores are among them.
 
@@ -116,13 +119,27 @@ def write_sections(
     out : Path
         An existing folder.
     name : str
-        Of the figure: ``<name>.zarr`` is the store, or the group of stores, that `found` writes.
-    found : iterable of (str, Basins)
-        What the figure is made of, with names, computed when it is asked for.
-    content, draw, say : callable
+        Of the figure: ``<name>.zarr`` is the store, or the group of stores.
+    compute : callable
+        Given the store, the resolution and what is called with a line of text, goes through what the figure is made of,
+        with names, computing each when it is asked for.
+    content, draw : callable
         As `write_figure` takes them, from the basins by name.
+    resolution : int
+        Cells along each axis.
+    progress : callable or None
+        Called with a line of text whenever there is something new to say.
+
+    Raises
+    ------
+    InputError
+        The resolution is no whole number of 2 or more, or the store there is of another one.
     """
+    if not isinstance(resolution, int) or isinstance(resolution, bool) or resolution < 2:
+        raise InputError("resolution", resolution, "a whole number, 2 or more")
+    say = progress or (lambda _: None)
     basins: dict[str, Basins] = {}
+    found = compute(out / f"{name}.zarr", resolution, say)
     written = write_figure(out, name, _orbits(found, basins), lambda _: content(basins), lambda _: draw(basins), say)
     written["files"].insert(1, out / f"{name}.zarr")
     return written | {"results": basins}
@@ -151,11 +168,11 @@ def _modes_in_words(system: HybridSystem) -> str:
 def summary_of(basins: Basins) -> dict[str, Any]:
     """Return what a figure's JSON file says of basins.
 
-    Parts of the cells by label (with ``not done`` where there are such cells), how many cells are undecided, the
-    attractors with their states at phase 0 and Floquet multipliers, motions followed a second, and how it is known in
-    which basin a motion is.
+    Parts of the cells by label (with ``not done`` where there are such cells), how many cells are undecided, how many
+    labels were wrong (`LabelError`; none before all cells are done), the attractors with their states at phase 0 and
+    Floquet multipliers, motions followed a second, and how it is known in which basin a motion is.
     """
-    parts, outcomes = basins.fractions(), basins.attractors
+    parts, outcomes, error = basins.fractions(), basins.attractors, basins.noted_error
     rate = basins.orbits_per_second
     return {
         "grid": {
@@ -164,6 +181,7 @@ def summary_of(basins: Basins) -> dict[str, Any]:
         },
         "fractions": parts,
         "undecided": round(parts["undecided"] * basins.grid.size),
+        "label_error": None if error is None else asdict(error),
         "done": basins.stopped,
         "orbits_per_second": rate if math.isfinite(rate) else None,
         "attractors": {name: _attractor(outcomes, name) for name in outcomes.names},
@@ -190,10 +208,3 @@ def _attractor(outcomes: Any, name: str) -> dict[str, Any]:
 
 def _rows(points: Any) -> list[list[float]]:
     return [[float(x) for x in row] for row in np.atleast_2d(np.asarray(points))]
-
-
-def checked_resolution(resolution: object) -> int:
-    """Return the cells along a coordinate; `InputError` where it is no whole number of 2 or more."""
-    if not isinstance(resolution, int) or isinstance(resolution, bool) or resolution < 2:
-        raise InputError("resolution", resolution, "a whole number, 2 or more")
-    return resolution
