@@ -35,53 +35,135 @@ of the angle by which a modal coordinate turns (M. Abramowitz, I. Stegun, Handbo
 
 def exact_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     """Return the statements of a step by the exact flow of a mode's linear part; none is in parameters alone."""
-    n, split, pairs = lane.n_states, pool.split, pool.pairs
-    assert split is not None
-    number, name = lane.number, f"far{pool.mode}_"
-    slots = [f"z{i}" for i in range(n)]
-    lines = [f"{z} = {lane.load(i)}" for i, z in enumerate(slots)]
-    lines += [f"t = {lane.load('t')}", f"itol = {lane.load('itol')}"]
-    phase = f"{number('rate')}*" if lane.has_phase else "0.0*"
+    return [], _ExactStep(lane, pool).lines()
 
-    def phasors(at: str, of: str = "", by: str = "", sense: str = "") -> list[str]:
+
+class _ExactStep:
+    """The statements of one lane's step: how far it goes, the linear flow, the rest's kicks, what is reported."""
+
+    def __init__(self, lane: LaneWriter, pool: Pool) -> None:
+        assert pool.split is not None
+        self.lane, self.pool, self.split, self.pairs = lane, pool, pool.split, pool.pairs
+        self.name = f"far{pool.mode}_"
+        self.rest = _Rest(lane, pool.split)
+
+    def lines(self) -> list[str]:
+        lane, rest, n = self.lane, self.rest, self.lane.n_states
+        lines = [f"z{i} = {lane.load(i)}" for i in range(n)]
+        lines += [f"t = {lane.load('t')}", f"itol = {lane.load('itol')}"]
+        lines += self.turns("a", "t") + self.state("a", "z") + self.length() + self.rotations()
+        lines += _turn(lane, "y", "z", "m", self.pool)
+        if rest.expressions:
+            lines += _turn(lane, "f", "y", "f", self.pool) + _turn(lane, "b", "y", "b", self.pool)
+            lines += self.turns("half", "half") + self.turns("near", "near") + self.phasors("m", "a", "half")
+            lines += self.phasors("b", "m", "near", "-") + self.phasors("f", "m", "near")
+            lines += self.state("b", "b") + self.state("m", "y") + self.state("f", "f")
+            lines += _kicks(lane, self.name, self.pool, rest)
+            lines += rest.error(self.number("weight"), self.number("swiftest"))
+        else:
+            lines += ["too_far = False", f"next = {HUGE}"]
+        lines += _turn(lane, "n", "y", "m", self.pool)
+        return [
+            *lines,
+            "stays = leaves | too_far",
+            *(lane.store(i, f"z{i} if stays else n{i}") for i in range(n)),
+            lane.store("t", "t if stays else t + h"),
+            lane.store("cap", f"{HUGE} if leaves | (strobe & (not too_far)) else next"),
+            f"too_fast = too_far & (next < {self.number('shortest')})",
+            lane.store("wait", f"{_WAIT} if too_fast else 0.0"),
+            "leaves = leaves | too_fast",
+            "strobe = strobe & (not too_far)",
+            "leaves = leaves | (nears & (not stays) & (not strobe))",
+            lane.store("flag", f"{CHANGES} if leaves else ({AT_STROBE} if strobe else {GOES_ON})"),
+            lane.store("count", f"{lane.load('count')} + 1.0"),
+        ]
+
+    def number(self, key: str) -> str:
+        return self.lane.number(f"{self.name}{key}")
+
+    def row(self, key: str, at: str, z: str) -> str:
+        """A function that is linear in the modal coordinates and the phasors."""
+        terms = [f"{self.number(f'{key}_{i}')}, {z}{i}" for i in range(self.lane.n_states)]
+        for j in self.split.harmonics:
+            terms += [f"{self.number(f'{key}_c{j}')}, {at}cos{j}", f"{self.number(f'{key}_s{j}')}, {at}sin{j}"]
+        return f"products({', '.join(terms)}) + {self.number(f'{key}_constant')}"
+
+    def turns(self, of: str, time: str) -> list[str]:
+        """Phasors of an angle: that of a time since phase 0, or of part of a step."""
+        if not self.split.harmonics:
+            return []
+        kind = "circular" if of == "a" else "short"
+        lines = [f"th = {self.lane.number('rate')}*({time})"]
+        for j in self.split.harmonics:
+            lines += [f"{of}{part}{j} = {kind}_{part}({float(j)!r}*th)" for part in ("cos", "sin")]
+        return lines
+
+    def phasors(self, at: str, of: str, by: str, sense: str = "") -> list[str]:
         """Phasors at a time after (or, where `sense` is a minus, before) that of others."""
-        found = []
-        for j in split.harmonics:
-            if not of:
-                kind = "circular" if at == "a" else "short"
-                found += [f"{at}{part}{j} = {kind}_{part}({float(j)!r}*th)" for part in ("cos", "sin")]
-                continue
+        lines = []
+        for j in self.split.harmonics:
             c, s = f"{by}cos{j}", f"({sense}{by}sin{j})"
-            found += [
+            lines += [
                 f"{at}cos{j} = {of}cos{j}*{c} - {of}sin{j}*{s}",
                 f"{at}sin{j} = {of}sin{j}*{c} + {of}cos{j}*{s}",
             ]
-        return found
+        return lines
 
-    def turns(of: str, time: str) -> list[str]:
-        return [f"th = {phase}({time})", *phasors(of)] if split.harmonics else []
-
-    def row(key: str, at: str, z: str) -> str:
-        terms = [f"{number(f'{name}{key}_{i}')}, {z}{i}" for i in range(n)]
-        for j in split.harmonics:
-            terms += [f"{number(f'{name}{key}_c{j}')}, {at}cos{j}", f"{number(f'{name}{key}_s{j}')}, {at}sin{j}"]
-        return f"products({', '.join(terms)}) + {number(f'{name}{key}_constant')}"
-
-    rest = _Rest(lane, split)
-
-    def state(at: str, z: str) -> list[str]:
+    def state(self, at: str, z: str) -> list[str]:
         """What the rest needs, and the rest there."""
         return [
-            *(f"{at}gap{j} = {row(f'h{j}', at, z)}" for j in rest.gaps),
-            *(f"{at}x{e} = {row(f'x{e}', at, z)}" for e in rest.needed),
-            *rest.lines(at),
+            *(f"{at}gap{j} = {self.row(f'h{j}', at, z)}" for j in self.rest.gaps),
+            *(f"{at}x{e} = {self.row(f'x{e}', at, z)}" for e in self.rest.needed),
+            *self.rest.lines(at),
         ]
 
-    def without(j: int, pair: int, side: str) -> list[str]:
+    def length(self) -> list[str]:
+        """How far no surface comes near, and the rest does not turn too fast; whether the lane leaves for others."""
+        lane, pairs, number = self.lane, self.pairs, self.number
+        sizes = [f"math.sqrt(z{2 * i}*z{2 * i} + z{2 * i + 1}*z{2 * i + 1})" for i in range(pairs)]
+        sizes += [f"abs(z{i})" for i in range(2 * pairs, lane.n_states)]
+        lines = [f"size{i} = {value}" for i, value in enumerate(sizes)]
+        lines += [
+            f"cap = {lane.load('cap')}",
+            f"h = min(cap, {number('longest')})",
+            "leaves = False",
+            "nears = False",
+        ]
+        for j, transition in enumerate(lane.events[self.pool.mode]):
+            lines += self.reach(j, lane.side_of(j, transition), len(sizes))
+            lines += [
+                f"leaves = leaves | (b < {number('in')}) | (reach < {number('shortest')})",
+                f"nears = nears | (reach < min(h, {number('close')}))",
+                "h = min(h, reach)",
+            ]
+            if self.rest.expressions:
+                lines.append(f"h = min(h, {number('turn')}*b/(max({_RISING!r}*d, -d) + 1e-30))")
+        return [*lines, f"left = {lane.number('period')} - t", "strobe = h >= left", "h = left if strobe else h"]
+
+    def reach(self, j: int, side: str, sizes: int) -> list[str]:
+        """How long an event function surely keeps a part of its value b, from its slope d and bounds on its bend."""
+        rest, pairs, number = self.rest, self.pairs, self.number
+        pushed = [f"{number(f'p{j}_{f}')}*ag{g}" for f, g in rest.source.items()]
+        bends = [f"{number(f'm{j}_{i}')}*size{i}" for i in range(sizes)]
+        kicked = [f"2.0*abs({number(f'b{j}_{f}')}*ag{g})" for f, g in rest.source.items()]
+        lines = [
+            f"b = {side}*({self.row(f'h{j}', 'a', 'z') if j not in rest.gaps else f'agap{j}'})",
+            f"d = {side}*({' + '.join([self.row(f'd{j}', 'a', 'z'), *pushed])})",
+            f"level = max({number('in')}, {_KEPT if rest.expressions else 0.0}*b)",
+            f"m0 = {' + '.join([*bends[: min(pairs, 1)], *bends[pairs:], number(f'm{j}'), *kicked])}",
+            *(f"m{i} = m{i - 1} + {bends[i]}" for i in range(1, pairs)),
+            f"low, slope, bend = b - level, d, m{max(pairs, 1) - 1}",
+            "slow, slows = low, d",
+        ]
+        for pair in range(pairs - 1, 0, -1):
+            lines += self.without(j, pair, side)
+        return [*lines, "reach = (slope + math.sqrt(max(slope*slope + 2.0*bend*low, 0.0)))/bend"]
+
+    def without(self, j: int, pair: int, side: str) -> list[str]:
         """Count a fast pair with the most that it can take away, not with slope and bend, where that leaves more."""
-        at = [f"{number(f'{name}{key}{j}_{i}')}, z{i}" for key in "hd" for i in (2 * pair, 2 * pair + 1)]
+        at = [f"{self.number(f'{key}{j}_{i}')}, z{i}" for key in "hd" for i in (2 * pair, 2 * pair + 1)]
         return [
-            f"slow = slow - {side}*products({', '.join(at[:2])}) - {number(f'{name}a{j}_{pair}')}*size{pair}",
+            f"slow = slow - {side}*products({', '.join(at[:2])}) - {self.number(f'a{j}_{pair}')}*size{pair}",
             f"slows = slows - {side}*products({', '.join(at[2:])})",
             f"better = slow*bend > low*m{pair - 1}",
             "low = slow if better else low",
@@ -89,88 +171,26 @@ def exact_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
             f"bend = m{pair - 1} if better else bend",
         ]
 
-    lines += turns("a", "t") + state("a", "z")
-    sizes = [f"math.sqrt(z{2 * i}*z{2 * i} + z{2 * i + 1}*z{2 * i + 1})" for i in range(pairs)]
-    sizes += [f"abs(z{i})" for i in range(2 * pairs, n)]
-    lines += [f"size{i} = {value}" for i, value in enumerate(sizes)]
-    lines += [
-        f"cap = {lane.load('cap')}",
-        f"h = min(cap, {number(f'{name}longest')})",
-        "leaves = False",
-        "nears = False",
-    ]
-    for j, transition in enumerate(lane.events[pool.mode]):
-        side = lane.side_of(j, transition)
-        pushed = [f"{number(f'{name}p{j}_{f}')}*ag{g}" for f, g in rest.source.items()]
-        bends = [f"{number(f'{name}m{j}_{i}')}*size{i}" for i in range(len(sizes))]
-        kicked = [f"2.0*abs({number(f'{name}b{j}_{f}')}*ag{g})" for f, g in rest.source.items()]
-        lines += [
-            f"b = {side}*({row(f'h{j}', 'a', 'z') if j not in rest.gaps else f'agap{j}'})",
-            f"d = {side}*({' + '.join([row(f'd{j}', 'a', 'z'), *pushed])})",
-            f"level = max({number(f'{name}in')}, {_KEPT if rest.expressions else 0.0}*b)",
-            f"m0 = {' + '.join([*bends[:1], *bends[pairs:], number(f'{name}m{j}'), *kicked])}",
-            *(f"m{i} = m{i - 1} + {bends[i]}" for i in range(1, pairs)),
-            f"low, slope, bend = b - level, d, m{max(pairs, 1) - 1}",
-            "slow, slows = low, d",
-        ]
-        for pair in range(pairs - 1, 0, -1):
-            lines += without(j, pair, side)
-        lines += [
-            "reach = (slope + math.sqrt(max(slope*slope + 2.0*bend*low, 0.0)))/bend",
-            f"leaves = leaves | (b < {number(f'{name}in')}) | (reach < {number(f'{name}shortest')})",
-            f"nears = nears | (reach < min(h, {number(f'{name}close')}))",
-            "h = min(h, reach)",
-        ]
-        if rest.expressions:
-            lines.append(f"h = min(h, {number(f'{name}turn')}*b/(max({_RISING!r}*d, -d) + 1e-30))")
-    lines += [
-        f"left = {number('period')} - t",
-        "strobe = h >= left",
-        "h = left if strobe else h",
-        "half = 0.5*h",
-        f"near = {2.0 * (NODES[2] - 0.5)!r}*half",
-    ]
-    for i in range(pairs):
-        lr, li = number(f"{name}lr{i}"), number(f"{name}li{i}")
-        lines += [
-            f"e = grown({lr}*half)", f"c = short_cos({li}*half)", f"s = short_sin({li}*half)",
-            f"mc{i} = e*c", f"ms{i} = e*s",
-        ]  # fmt: skip
-        if rest.expressions:
+    def rotations(self) -> list[str]:
+        """What half a step, and the way from its middle to a node, make of each modal coordinate."""
+        lines = ["half = 0.5*h", f"near = {2.0 * (NODES[2] - 0.5)!r}*half"]
+        for i in range(self.pairs):
+            lr, li = self.number(f"lr{i}"), self.number(f"li{i}")
             lines += [
-                f"e = grown({lr}*near)", "i = 1.0/e", f"c = short_cos({li}*near)", f"s = short_sin({li}*near)",
-                f"fc{i} = e*c", f"fs{i} = e*s", f"bc{i} = i*c", f"bs{i} = -i*s",
+                f"e = grown({lr}*half)", f"c = short_cos({li}*half)", f"s = short_sin({li}*half)",
+                f"mc{i} = e*c", f"ms{i} = e*s",
             ]  # fmt: skip
-    for i in range(2 * pairs, n):
-        lr = number(f"{name}lr{i}")
-        lines.append(f"mr{i} = grown({lr}*half)")
-        if rest.expressions:
-            lines += [f"fr{i} = grown({lr}*near)", f"br{i} = 1.0/fr{i}"]
-    lines += _turn(lane, "y", "z", "m", pool)
-    if rest.expressions:
-        lines += _turn(lane, "f", "y", "f", pool) + _turn(lane, "b", "y", "b", pool)
-        lines += turns("half", "half") + turns("near", "near") + phasors("m", "a", "half")
-        lines += phasors("b", "m", "near", "-") + phasors("f", "m", "near")
-        lines += state("b", "b") + state("m", "y") + state("f", "f")
-        lines += _kicks(lane, name, pool, rest)
-        lines += rest.error(number(f"{name}weight"), number(f"{name}swiftest"))
-    else:
-        lines += ["too_far = False", f"next = {HUGE}"]
-    lines += _turn(lane, "n", "y", "m", pool)
-    lines += [
-        "stays = leaves | too_far",
-        *(lane.store(i, f"z{i} if stays else n{i}") for i in range(n)),
-        lane.store("t", "t if stays else t + h"),
-        lane.store("cap", f"{HUGE} if leaves | (strobe & (not too_far)) else next"),
-        f"too_fast = too_far & (next < {number(f'{name}shortest')})",
-        lane.store("wait", f"{_WAIT} if too_fast else 0.0"),
-        "leaves = leaves | too_fast",
-        "strobe = strobe & (not too_far)",
-        "leaves = leaves | (nears & (not stays) & (not strobe))",
-        lane.store("flag", f"{CHANGES} if leaves else ({AT_STROBE} if strobe else {GOES_ON})"),
-        lane.store("count", f"{lane.load('count')} + 1.0"),
-    ]
-    return [], lines
+            if self.rest.expressions:
+                lines += [
+                    f"e = grown({lr}*near)", "i = 1.0/e", f"c = short_cos({li}*near)", f"s = short_sin({li}*near)",
+                    f"fc{i} = e*c", f"fs{i} = e*s", f"bc{i} = i*c", f"bs{i} = -i*s",
+                ]  # fmt: skip
+        for i in range(2 * self.pairs, self.lane.n_states):
+            lr = self.number(f"lr{i}")
+            lines.append(f"mr{i} = grown({lr}*half)")
+            if self.rest.expressions:
+                lines += [f"fr{i} = grown({lr}*near)", f"br{i} = 1.0/fr{i}"]
+        return lines
 
 
 def _turn(lane: LaneWriter, to: str, of: str, by: str, pool: Pool) -> list[str]:
