@@ -462,9 +462,10 @@ class _Building:
         bound = wilson(0, samples)[1]
         self.error = max(self.error, bound)
         radius = ", ".join(f"{value:.3g}" for value in found.half_widths()[0])
+        points = f"each of {len(found.centres)} points" if len(found.centres) > 1 else "its point"
         self.notes[label] = (
-            f"ellipsoid of the discrete Lyapunov equation about each of {len(found.centres)} points, half widths "
-            f"{radius}; measured: {samples} samples, none elsewhere: < {bound:.2g} at 95 %"
+            f"ellipsoid of the discrete Lyapunov equation about {points}, half widths {radius}; measured: {samples} "
+            f"samples, none elsewhere: < {bound:.2g} at 95 %"
         )
         return found
 
