@@ -103,6 +103,10 @@ CASES = {
         lambda: stop(f"{DUFFING} - 5*(x - d)", DUFFING, directions=(0, -1)), (-2, -2), (0.09, 2)
     ),
     "Hertz": Case(lambda: stop(f"{SHAKEN} - k*(x - d)**(3/2)"), (-2, -2), (2, 2)),
+    "soft contact": Case(
+        lambda: stop("-x/100 - v/10 + 5*cos(s) - 3*(x - d)**(3/2)/1000"), (-2, -2), (2, 2)
+    ),
+    "a fast mode": Case(lambda: one_mode({"x": "v", "v": "-90000*x - v/10 + A*cos(s)"}), (-2, -2), (2, 2)),
     "Hertz, shaken hard and fast": Case(
         lambda: stop("-x - v/10 + 50*cos(7*s) + A*sin(s) - k*(x - d)**(3/2)"), (-2, -2), (2, 2)
     ),

@@ -181,6 +181,7 @@ def test_series_in_sigma_solve_the_equations_of_contact(w, theta):
     [
         ("x - d", 0, "d + w**2"),
         ("2*x + 3*v - d - sin(s)/2", 1, "(w**2 - 2*x + d + sin(s)/2)/3"),
+        ("x - d + v/1000", 0, "d - v/1000 + w**2"),
         ("v**2 + x - cos(2*s)", 0, "w**2 - v**2 + cos(2*s)"),
         ("d*x - 1", None, None),
         ("x - tan(s/2)", None, None),

@@ -600,12 +600,14 @@ def _follow(
             if fired == form or found[ROOTS * fired + ROOTS - 1] == 1.0:
                 return HELP
             passed[fired] += 1
+        is_cut = False
         if fired >= 0 and not series_in_sigma and dt > 0.0:
             defect = _defect(addresses[FIELD], mode, n_states, p, c, order, stride, end, end, rtol, atol, y, after)
             if defect > 1.0:
                 if counts[APPROACHES] >= MOST_APPROACHES:
                     return HELP
                 counts[APPROACHES] += 1
+                is_cut = True
                 fired, fraction = -1, APPROACH * fraction
                 for k in range(n_transitions):
                     while (
@@ -664,6 +666,8 @@ def _follow(
             x[n - 1] -= TWO_PI
 
         counts[STEPS] += 1
+        if not is_cut:
+            counts[APPROACHES] = 0
         numbers[STEP] = dt
         advance(numbers, dt)
         if phase > 0.0:
@@ -686,7 +690,6 @@ def _follow(
                     on[k] = 0
             continue
 
-        counts[APPROACHES] = 0
         # a transition: onto its surface to rounding, then the reset
         correction = -event[0] / event[1]
         if abs(correction) <= 1e-4 * dt:

@@ -19,7 +19,8 @@ _LONGEST, _SHORTEST, _CLOSE, _AHEAD = 1.0 / 4.0, 1.0 / 160.0, 1.0 / 50.0, 1.0 / 
 _NEAREST, _FROM = 0.05, 0.1
 _LARGEST_DECAY = 3.0
 _LARGEST_TURN = 2.0 * np.pi
-"""Largest exponent, and largest angle, of a step: the text's functions are right to 1e-15 for half of them."""
+"""Largest exponent of a step, and largest angle where there is a rest: the text's functions are right to 1e-15 for half
+of them."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,8 @@ class LinearPart:
         if (decay := float(np.abs(eigenvalues.real).max())) > 0.0:
             longest = min(longest, _LARGEST_DECAY / decay)
         speeds = self.rate * np.array(self.harmonics)
-        if (swiftest := float(np.concatenate([np.abs(eigenvalues.imag), speeds]).max())) > 0.0:
+        swiftest = float(np.concatenate([np.abs(eigenvalues.imag), speeds]).max())
+        if self.rest and swiftest > 0.0:
             longest = min(longest, _LARGEST_TURN / swiftest)
         found = {
             "longest": longest,

@@ -40,10 +40,6 @@ _SIGMA_STEP = 4.0
 _MORE_IN_SIGMA = 2
 """How many more coefficients the series in sigma have."""
 
-_LAST_TURN, _CUT_WEIGHT = 7, 0.03
-"""Last coefficient of the phase's sines and cosines in sigma, and the share of its term that counts as an error: they
-vary slowly there, and act through the velocity alone."""
-
 
 def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     """Return the statements of a Taylor step: those in parameters alone, and those of one lane."""
@@ -51,8 +47,7 @@ def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     order = lane.order + (_MORE_IN_SIGMA if form is not None else 0)
     names = [f"x{i}" for i in range(n)] + (["theta"] if lane.has_phase else []) + ["w"]
     solved = form.solved(lane.system) if form is not None else None
-    last_turn = None if form is None else _LAST_TURN
-    series = series_of_mode(lane.system, pool.mode, order, lane.text_of, form, names.__getitem__, solved, last_turn)
+    series = series_of_mode(lane.system, pool.mode, order, lane.text_of, form, names.__getitem__, solved)
     lines = [f"x{i} = {lane.load(i)}" for i in range(n)]
     lines.append(f"t = {lane.load('t')}")
     if lane.has_phase:
@@ -79,7 +74,6 @@ def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
         f"h = min(h, {_RATIO!r}/ratio)",
         "ratio = ratio*h",
         f"h = h*root(max({_TAIL!r}*ratio/(1.0 - ratio), 1.0), {float(order)!r})",
-        *_before_cut(series, order),
         f"h = min(min(h, {lane.load('cap')}), {_SIGMA_STEP if form is not None else lane.number('longest')})",
         f"flag = {GOES_ON}",
     ]
@@ -108,7 +102,7 @@ def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
     if form is not None:
         lines += [f"nw = {_value(w, order, 'h')}", f"nw = 0.0 if flag == {EVENT + about} else nw"]
     if form is not None and solved is not None:
-        lines += _without_series(lane, series, form, states, *solved)
+        lines += _without_series(lane, order, series, form, states, *solved)
     lines += _checked(lane, pool)
     lines += [
         *(lane.store(i, f"x{i} if is_stuck else n{i}") for i in range(n)),
@@ -123,7 +117,7 @@ def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
 
 
 def _without_series(
-    lane: LaneWriter, series: Series, form: Regularised, states: list[int], i: int, value: sympy.Expr
+    lane: LaneWriter, order: int, series: Series, form: Regularised, states: list[int], i: int, value: sympy.Expr
 ) -> list[str]:
     """State i at the end of a step, where the others, w and the phase tell it."""
     names: dict[sympy.Expr, str] = {form.w: "nw", **{lane.system.x[j]: f"n{j}" for j in states}}
@@ -131,16 +125,8 @@ def _without_series(
     for j, (wave, name) in enumerate(series.phasors.items()):
         waves[wave] = sympy.Dummy()
         names[waves[wave]] = f"wave{j}"
-        lines.append(f"wave{j} = {_value(name, series.last_turn, 'h')}")
+        lines.append(f"wave{j} = {_value(name, order, 'h')}")
     return [*lines, f"n{i} = {lane.text_of(value.xreplace(waves), names)}"]
-
-
-def _before_cut(series: Series, order: int) -> list[str]:
-    """Steps that are short enough for the phasors' series, where these end before the others."""
-    if series.last_turn == order or not series.last_turns:
-        return []
-    largest = _largest([f"abs({term})" for term in series.last_turns])
-    return [f"h = min(h, root({_CUT_WEIGHT!r}*itol*{largest} + 1e-30, {float(series.last_turn)!r}))"]
 
 
 def _landing_on_w(order: int, w: str, j: int) -> list[str]:
@@ -205,7 +191,7 @@ def _landing(lane: LaneWriter, order: int, event: str, j: int, transition: int) 
         f"lands = (not rises) & (b{order} <= 0.0)",
         f"g = b0/(b0 - b{order}) if lands else 1.0",
         *_halley("c", order, sep=""),
-        f"ok = (abs(dg) < {_LANDED!r}) & (dy < 0.0) & (g > 0.0) & (g <= 1.0)",
+        f"ok = (abs(dg) < {_LANDED!r}*(g if on else 1.0)) & (dy < 0.0) & (g > 0.0) & (g <= 1.0)",
         "is_stuck = is_stuck | rises | (lands & (not ok))",
         "ok = lands & ok",
         f"flag = {EVENT + j} if ok else flag",

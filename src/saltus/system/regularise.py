@@ -44,8 +44,9 @@ class Regularised:
     def solved(self, system: Symbolic) -> tuple[int, sympy.Expr] | None:
         """Return a state that w and the others tell: its index, and ``sign * w**2 = h`` solved for it.
 
-        It is the last that h is linear in, with a number as its coefficient. None where there is no such state, or
-        where the phase occurs otherwise than as sines and cosines of its multiples.
+        It is that with the largest coefficient, a number, of those that h is linear in: a small one would make large
+        errors of small ones. None where there is no such state, or where the phase occurs otherwise than as sines and
+        cosines of its multiples.
         """
         event = system.event[self.transition]
         theta = system.x[-1] if system.system.phase is not None else None
@@ -54,12 +55,13 @@ class Regularised:
         if any(not sympy.diff(a.args[0], theta).is_number for a in phasors):
             return None
         plain = event.xreplace(phasors)
-        for i, symbol in reversed(list(enumerate(states))):
-            slope = sympy.diff(plain, symbol)
-            if slope.is_number and slope != 0 and theta not in plain.free_symbols:
-                rest = sympy.expand(event - slope * symbol)
-                return i, sympy.expand((self.sign * self.w**2 - rest) / slope)
-        return None
+        slopes = {i: sympy.diff(plain, symbol) for i, symbol in enumerate(states)}
+        slopes = {i: slope for i, slope in slopes.items() if slope.is_number and slope != 0}
+        if not slopes or theta in plain.free_symbols:
+            return None
+        i = max(slopes, key=lambda i: (abs(slopes[i]), i))
+        rest = sympy.expand(event - slopes[i] * states[i])
+        return i, sympy.expand((self.sign * self.w**2 - rest) / slopes[i])
 
 
 def regularised(system: Symbolic, mode: int) -> Regularised | None:

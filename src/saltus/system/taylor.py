@@ -55,18 +55,12 @@ class Series(NamedTuple):
         functions of the mode. Coefficient k of ``a`` is the local variable ``a_k``.
     phasors : dict of sympy.Expr to str
         Names of the series of the sines and cosines of the phase in the state without a series.
-    last_turn : int
-        Last coefficient of the series of sines and cosines of the phase.
-    last_turns : list of str
-        Their terms of that order in the sums in which they occur.
     """
 
     constants: list[str]
     lines: list[str]
     columns: list[str]
     phasors: dict[sympy.Expr, str]
-    last_turn: int
-    last_turns: list[str]
 
 
 def series_of_mode(
@@ -77,7 +71,6 @@ def series_of_mode(
     form: Regularised | None = None,
     read: Callable[[int], str] = "x[{}]".format,
     solved: tuple[int, sympy.Expr] | None = None,
-    last_turn: int | None = None,
 ) -> Series:
     """Return the statements that compute the Taylor series of a mode.
 
@@ -97,15 +90,13 @@ def series_of_mode(
         Writes component i of the full state, with w behind it.
     solved : tuple of int and sympy.Expr, optional
         A state without a series of its own, and what it is: see `Regularised.solved`.
-    last_turn : int, optional
-        Last coefficient of sines and cosines of the phase, where they occur in sums only; by default `order`.
 
     Raises
     ------
     NotAnalyticError
         The mode has no Taylor series.
     """
-    return _Tape(system, mode, order, text, form, read, solved).written(order if last_turn is None else last_turn)
+    return _Tape(system, mode, order, text, form, read, solved).written()
 
 
 class _Tape:
@@ -145,7 +136,7 @@ class _Tape:
             self.starts += [f"{self.w}_0 = {read(len(system.x))}", f"{self.prefix}t_0 = 0.0"]
         self.written_coefficients: dict[str, str] = {}
 
-    def written(self, last_turn: int) -> Series:
+    def written(self) -> Series:
         s, form = self.system, self.form
         field = s.field[self.mode] if form is None else form.field
         slopes = [self.single(field[i]) for i in self.moving]
@@ -164,12 +155,6 @@ class _Tape:
         columns = [*moving, *(self.single(event) for event in events)]
         waves = [a for value in self.solved.values() for a in value.atoms(sympy.sin, sympy.cos)]
         phasors = {a: self.single(a) for a in waves if self.theta in a.free_symbols}
-        turning = [name for name, kind, *_ in self.operations if kind in _TURNING]
-        others = {a for _, kind, *arguments in self.operations for a in arguments if kind != "linear"}
-        terms = [term for _, kind, *arguments in self.operations for term in arguments[1:] if kind == "linear"]
-        if not others.isdisjoint(turning) or not set(columns).isdisjoint(turning):
-            last_turn = self.order
-        self.absent = {f"{name}_{k}" for name in turning for k in range(last_turn + 1, self.order + 1)}
         lines = list(self.starts)
         for k in range(self.order + 1):
             for operation in self.operations:
@@ -178,8 +163,7 @@ class _Tape:
                 part = f"*{1.0 / (k + 1)!r}" if k else ""
                 lines += [f"{x}_{k + 1} = {name}_{k}{part}" for x, name in zip(moving, slopes, strict=True)]
         constants = [f"{name} = {value}" for name, value in self.written_coefficients.items()]
-        last_turns = [f"{term}_{last_turn}" for term in terms if term.split("*")[1] in turning]
-        return Series(constants, lines, columns, phasors, last_turn, last_turns)
+        return Series(constants, lines, columns, phasors)
 
     def linear(self, expression: sympy.Expr) -> _Linear:
         """Take a linear combination apart; what is not linear becomes a series of its own."""
@@ -336,13 +320,10 @@ class _Tape:
         """Coefficient k of one operation."""
         name, kind, *arguments = operation
         target = f"{name}_{k}"
-        if target in self.absent:
-            return
         match kind:
             case "linear":
                 constant, *parts = arguments
                 terms = [(0, coefficient, f"{series}_{k}") for coefficient, series in (p.split("*") for p in parts)]
-                terms = [term for term in terms if term[2] not in self.absent]
                 rest = f" + {constant}" if k == 0 and constant != "0.0" else ""
                 yield f"{target} = {_products(terms)}{rest}"
             case "mul":
