@@ -2,50 +2,21 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from saltus import ConvergenceError, HybridSystem, Mode, Transition, find_orbit, simulate
+from maps import round_about, strobed
+from saltus import HybridSystem, Mode, Transition, find_orbit, simulate
 from saltus.basins.cells import boxes_along
 from saltus.basins.trapping import (
     Ellipsoid,
     contracting,
     core_of,
-    enlarged,
     largest_multiplier,
     map_jacobians,
     metric_of,
     orbit_jacobians,
 )
-
-
-def strobed(image, states=("x",)):
-    """A map, to be followed as an ensemble is; motions may start anywhere."""
-    system = HybridSystem(states, {}, {"rest": Mode(dict.fromkeys(states, "0"))})
-
-    def strobe(points, modes=None, count=1):
-        x = np.array(points, dtype=float)
-        for _ in range(count):
-            x = image(x)
-        return x, np.zeros(len(x), np.int64)
-
-    return SimpleNamespace(strobe=strobe, system=system, p=system.parameter_vector({}))
-
-
-def round_about(point, radius):
-    point = np.atleast_1d(point).astype(float)
-    return Ellipsoid(point[None], np.eye(point.size)[None], radius**2)
-
-
-def ends_at_zero(image, inner):
-    def returns(x):
-        for _ in range(200):
-            x = image(x)
-        return inner.holds(x)
-
-    return returns
 
 
 @pytest.mark.parametrize("period", [1, 3])
@@ -108,7 +79,8 @@ def test_an_orbits_jacobians_shrink_areas_by_damping_and_impacts_and_multiply_to
 def test_samples_fill_the_ellipsoid_evenly():
     metrics = np.array([[[2.0, 1.0], [0.0, 0.5]], [[1.0, 0.0], [0.0, 3.0]]])
     ellipsoid = Ellipsoid(np.array([[1.0, 2.0], [-4.0, 0.0]]), metrics, 0.25)
-    x = ellipsoid.samples(20_000, np.random.default_rng(0))
+    x, which = ellipsoid.samples(20_000, np.random.default_rng(0))
+    assert np.array_equal(which, np.repeat([0, 1], 10_000))
     sizes = ellipsoid.sizes(x)
     own = np.concatenate([sizes[:10_000, 0], sizes[10_000:, 1]])
     assert own.max() < 0.25
@@ -126,48 +98,6 @@ def test_samples_contract_up_to_where_the_map_does():
 def test_a_map_that_contracts_nowhere_is_told():
     ensemble = strobed(lambda x: np.where(np.abs(x) > 0.0, 1.5 * x, x))
     assert contracting(ensemble, round_about(0.0, 1.0), np.random.default_rng(0)) is None
-
-
-def test_an_ellipsoid_grows_to_the_basins_edge_and_no_further():
-    # x^3 has the basin |x| < 1 of 0; rungs double the squared radius, half of the last good one is kept
-    inner, core, image = round_about(0.0, 0.01), round_about(0.0, 0.002), lambda x: np.clip(x**3, -1e9, 1e9)
-    found = enlarged(
-        strobed(image), inner, core, ends_at_zero(image, core), np.array([5.0]), np.random.default_rng(1),
-        samples=2000, safety=0.5,
-    )  # fmt: skip
-    assert 0.25 <= found.level <= 0.5
-
-
-def test_an_ellipsoid_that_is_all_basin_grows_to_the_width_asked_for():
-    inner, core, image = round_about(0.0, 0.01), round_about(0.0, 0.002), lambda x: 0.5 * x
-    found = enlarged(
-        strobed(image), inner, core, ends_at_zero(image, core), np.array([5.0]), np.random.default_rng(1),
-        samples=500, safety=1.0,
-    )  # fmt: skip
-    assert 5.0 / np.sqrt(2.0) <= found.half_widths()[0, 0] <= 5.0
-
-
-def test_an_ellipsoid_that_motions_leave_at_every_size_is_refused():
-    inner, core, image = round_about(0.0, 0.01), round_about(0.0, 0.002), lambda x: x + 1.0
-    with pytest.raises(ConvergenceError, match="trapping region: .*motions leave it"):
-        enlarged(
-            strobed(image), inner, core, ends_at_zero(image, core), np.array([5.0]), np.random.default_rng(1),
-            samples=200, safety=0.5,
-        )  # fmt: skip
-
-
-def test_an_attractor_inside_the_ellipsoid_that_contracts_is_left_out():
-    # beside 0, on which all else ends, what starts near 0.05 stays there
-    inner, core = round_about(0.0, 0.1), round_about(0.0, 0.1 / 8.0)
-
-    def image(x):
-        return np.where(np.abs(x - 0.05) < 1e-3, 0.05 + 0.5 * (x - 0.05), 0.5 * x)
-
-    found = enlarged(
-        strobed(image), inner, core, ends_at_zero(image, core), np.array([5.0]), np.random.default_rng(1),
-        samples=4000, safety=0.5,
-    )  # fmt: skip
-    assert core.level < found.level < 0.049**2
 
 
 def test_the_core_is_what_motions_soon_reach():

@@ -38,7 +38,8 @@ generator = np.random.default_rng(7)
 points = generator.uniform((-0.5, -1.0), (1.2, 1.0), (230, 2))  # more than a block has lanes
 engines = {"cpu": Ensemble(system, threads=1), "cuda": CudaEnsemble(system)}
 centre = engines["cpu"].strobe([[0.0, 0.0]], count=200)[0]
-discs = Traps(2, Ellipsoids(centre, np.eye(2)[None] / 0.1, np.array([3], np.uint8)), limit=50.0)
+planes = np.array([[[1.0, 0.0], [0.0, -1.0]]]), np.array([[0.04, 0.05]])
+discs = Traps(2, Ellipsoids(centre, np.eye(2)[None] / 0.1, np.array([3], np.uint8), *planes), limit=50.0)
 corner = centre[0] - 0.075
 boxes = np.array([[i, j] for i in range(3) for j in range(3)])
 cells = Cells(corner, np.array([0.05, 0.05]), boxes, np.full(9, 4, np.uint8), 3)

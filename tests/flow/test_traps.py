@@ -12,12 +12,14 @@ from saltus.system.hybrid import HybridSystem, Mode, Transition
 
 @pytest.fixture(scope="module")
 def regions():
-    """Three ellipsoids, two of which overlap, a cage for either mode, and boxes."""
+    """Three ellipsoids, two of which overlap, cut by up to two planes, a cage for either mode, and boxes."""
     generator = np.random.default_rng(1)
     ellipsoids = Ellipsoids(
         np.array([[1.0, 0.0], [1.2, 0.1], [-1.0, 0.5]]),
         generator.normal(size=(3, 2, 2)) * 2.0,
         np.array([0, 1, 2], np.uint8),
+        np.array([[[1.0, 0.5], [0.0, -1.0]], [[-1.0, 0.0], [0.0, 0.0]], [[0.3, 1.0], [1.0, -0.2]]]),
+        np.array([[0.1, 0.2], [0.05, 1.0], [0.15, 0.3]]),
     )
     cages = Cages(
         np.array([[0.0, -1.5], [0.0, 1.5]]),
@@ -48,7 +50,14 @@ def by_definition(traps, x, mode):
         if of == mode and sum(max(abs(r @ (x - centre)), f) for r, f in zip(rows, floors, strict=True)) < bound:
             return label
     e = traps.ellipsoids
-    sizes = [np.linalg.norm(shape @ (x - centre)) for shape, centre in zip(e.shapes, e.centres, strict=True)]
+    within = [
+        all(normal @ (x - centre) < offset for normal, offset in zip(*planes, strict=True))
+        for centre, *planes in zip(e.centres, e.normals, e.offsets, strict=True)
+    ]
+    sizes = [
+        np.linalg.norm(shape @ (x - centre)) if inside else np.inf
+        for shape, centre, inside in zip(e.shapes, e.centres, within, strict=True)
+    ]
     return e.labels[int(np.argmin(sizes))] if min(sizes) < 1.0 else UNDECIDED
 
 
@@ -66,6 +75,12 @@ def test_where_ellipsoids_overlap_the_nearer_centre_counts():
     shapes = np.array([np.eye(1), np.eye(1) / 2.0])
     traps = Traps(1, Ellipsoids(np.array([[0.0], [1.0]]), shapes, np.array([7, 8], np.uint8)))
     assert [traps.of(np.array([x]), 0) for x in (-0.9, 0.2, 0.4, 0.9, 2.9, 3.1)] == [7, 7, 8, 8, 8, UNDECIDED]
+
+
+def test_beyond_a_plane_of_the_nearer_ellipsoid_the_other_counts():
+    both = np.zeros((2, 1)), np.array([[[1.0]], [[1.0]]]), np.array([7, 8], np.uint8)
+    traps = Traps(1, Ellipsoids(*both, np.array([[[1.0]], [[0.0]]]), np.array([[0.5], [1.0]])))
+    assert [traps.of(np.array([x]), 0) for x in (-0.9, 0.4, 0.5, 0.9, 1.1)] == [7, 7, 8, 8, UNDECIDED]
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e6, -1e7])

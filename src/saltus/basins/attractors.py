@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.basins.cells import boxes_along
+from saltus.basins.enlarging import SOON, Enlarging
 from saltus.basins.recurrence import Found, Hunt, Search
 from saltus.basins.trap_files import traps_as_variables, traps_from_variables
-from saltus.basins.trapping import CONTRACTING, Ellipsoid, enlarged
+from saltus.basins.trapping import CONTRACTING, Ellipsoid
 from saltus.basins.wilson import wilson
 from saltus.errors import InputError, nearest
 from saltus.flow.counts import checked_count
@@ -35,6 +36,9 @@ _VISITS, _MOST_VISITS, _LONGER = 16, 256, 8
 
 _DIGITS = (7, 2)
 """Of a place in parts of the region's half widths, by which attractors are sorted: of a point, of a sample's mean."""
+
+_ENTERING = 8
+"""How often at most motions from the region enter the ellipsoids, until all end as they should."""
 
 _LEFT = 0.05
 """Part of the motions that boxes labelled beyond which, if they go elsewhere, what the boxes hold is a transient."""
@@ -218,9 +222,10 @@ def find_attractors(
     Notes
     -----
     Trapping regions, by what there is: (a) a cage, proven (`saltus.basins.cage`); (b) about the points of a periodic
-    orbit, ellipsoids in the metric of the discrete Lyapunov equation, as large as no sample inside ends elsewhere
-    (`saltus.basins.trapping`); (c) along all other attractors boxes, in which a motion has to be seen for many strobes
-    in a row, as many as no sample from `region` needs to be told apart (`saltus.basins.cells`).
+    orbit, ellipsoids in the metric of the discrete Lyapunov equation, cut by planes, as large as no sample inside ends
+    elsewhere, nor any motion from `region` that enters them (`saltus.basins.enlarging`); (c) along all other attractors
+    boxes, in which a motion has to be seen for many strobes in a row, as many as no sample from `region` needs to be
+    told apart (`saltus.basins.cells`).
 
     References
     ----------
@@ -403,71 +408,93 @@ class _Building:
         self.notes: dict[int, str] = {}
         self.error = 0.0
         self.transients: set[int] = set()
-        self.ellipsoids = {label: each.ellipsoid for label, each in enumerate(found) if each.ellipsoid is not None}
+        self.cores = {label: each.core for label, each in enumerate(found) if each.core is not None}
+        self.wholes: dict[int, Ellipsoid] = {}
+        self.ellipsoids: dict[int, Ellipsoid] = {}
 
     def traps(self) -> Traps:
         """Return all trapping regions."""
+        enlarging = {
+            label: self._enlarged(label, each.ellipsoid, each.core)
+            for label, each in enumerate(self.found)
+            if each.ellipsoid is not None and each.core is not None
+        }
+        entered = self._enter(enlarging)
         for label, each in enumerate(self.found):
+            notes = []
             if each.cage is not None:
                 distance = ", ".join(f"{value:.4g}" for value in each.cage.distances)
-                self.notes[label] = (
+                notes.append(
                     f"cage, a theorem: the weighted modal amplitudes stay below {each.cage.bound:.6g} and every event "
                     f"function at least {distance} from 0; contraction {each.cage.contraction:.3g} < 1"
                 )
-        inner = dict(self.ellipsoids)
-        for label, ellipsoid in inner.items():
-            self.ellipsoids[label] = self._enlarged(label, ellipsoid)
+            if each.ellipsoid is not None and each.core is not None:
+                notes.append(self._measured(label, each.core.level < each.ellipsoid.level, entered.get(label, 0)))
+            if notes:
+                self.notes[label] = "; ".join(notes)
         return self._with_cells()
 
-    def _regions(self, ellipsoids: dict[int, Ellipsoid], cells: Cells | None = None) -> Traps:
+    def _regions(self, ellipsoids: Mapping[int, Ellipsoid], cells: Cells | None = None) -> Traps:
         caged = {label: each.cage for label, each in enumerate(self.found) if each.cage is not None}
         n = len(self.hunt.low)
         return Traps(
             n,
-            Ellipsoids(
-                frozen(np.concatenate([e.centres for e in ellipsoids.values()])),
-                frozen(np.concatenate([e.shapes() for e in ellipsoids.values()])),
-                frozen(np.repeat(list(ellipsoids), [len(e.centres) for e in ellipsoids.values()]), np.uint8),
-            )
-            if ellipsoids
-            else None,
+            _joined(ellipsoids) if ellipsoids else None,
             _stacked(caged, n) if caged else None,
             cells,
             self.hunt.search.limit,
         )
 
-    def _enlarged(self, label: int, inner: Ellipsoid) -> Ellipsoid:
-        """The ellipsoid of one attractor, enlarged while motions are accounted for in the cores."""
+    def _enlarged(self, label: int, inner: Ellipsoid, core: Ellipsoid) -> Enlarging:
+        """Enlarge the ellipsoids of one attractor, while motions are accounted for in the cores of the others."""
         hunt, search = self.hunt, self.hunt.search
-        certain = self._regions({key: e.core for key, e in enumerate(self.found) if e.core is not None})
-        core = self.found[label].core
-        assert core is not None
 
-        def returns(x: NDArray[np.float64]) -> NDArray[np.bool_]:
-            labels, _ = hunt.ensemble.settle(x, certain, search.longest)
+        def settles(x: NDArray[np.float64], region: Ellipsoid, longest: int) -> NDArray[np.bool_]:
+            labels, _ = hunt.ensemble.settle(x, self._regions({**self.cores, label: region}), longest)
             return np.asarray(labels == label)
 
-        found = enlarged(
-            hunt.ensemble,
-            inner,
-            core,
-            returns,
-            2.0 * hunt.scale,
-            hunt.rng,
-            samples=search.samples,
-            safety=search.safety,
-        )
+        enlarging = Enlarging(hunt.ensemble, settles, 2.0 * hunt.scale, hunt.rng, search)
+        self.wholes[label] = self.ellipsoids[label] = enlarging.whole(inner, core)
+        if hunt.in_lanes(inner.centres[:1]):
+            self.ellipsoids[label] = enlarging.beyond(self.wholes[label])
+        return enlarging
+
+    def _enter(self, enlarging: Mapping[int, Enlarging]) -> dict[int, int]:
+        """Cut the ellipsoids until all motions from the region that enter one end in its attractor; count those."""
+        hunt = self.hunt
+        for _ in range(_ENTERING):
+            cut = [label for label, whole in self.wholes.items() if self.ellipsoids[label] is not whole]
+            if not cut:
+                return {}
+            x = hunt.rng.uniform(hunt.low, hunt.high, (hunt.search.samples, len(hunt.low)))
+            labels, states = hunt.ensemble.arrivals(x, self._regions(self.ellipsoids), SOON)
+            entering = np.isin(labels, cut)
+            labels, states = labels[entering], states[entering]
+            ends, _ = hunt.ensemble.settle(states, self._regions(self.wholes), SOON)
+            elsewhere = ends != labels
+            if not elsewhere.any():
+                return {label: int((labels == label).sum()) for label in cut}
+            for label in np.unique(labels[elsewhere]).tolist():
+                left_out = states[elsewhere & (labels == label)]
+                self.ellipsoids[label] = enlarging[label].without(self.ellipsoids[label], left_out, self.wholes[label])
+        self.ellipsoids = dict(self.wholes)
+        return {}
+
+    def _measured(self, label: int, has_core: bool, entered: int) -> str:
+        """What was measured of an attractor's ellipsoids."""
+        region, search = self.ellipsoids[label], self.hunt.search
         # of what starts in the core, only contraction was seen
-        samples = search.samples if core.level < inner.level else min(search.samples, CONTRACTING)
+        samples = search.samples if has_core else min(search.samples, CONTRACTING)
         bound = wilson(0, samples)[1]
         self.error = max(self.error, bound)
-        radius = ", ".join(f"{value:.3g}" for value in found.half_widths()[0])
-        points = f"each of {len(found.centres)} points" if len(found.centres) > 1 else "its point"
-        self.notes[label] = (
-            f"ellipsoid of the discrete Lyapunov equation about {points}, half widths {radius}; measured: {samples} "
-            f"samples, none elsewhere: < {bound:.2g} at 95 %"
+        radius = ", ".join(f"{value:.3g}" for value in region.half_widths()[0])
+        points = f"each of {len(region.centres)} points" if len(region.centres) > 1 else "its point"
+        planes = f", cut by {region.offsets.shape[1]} planes" if region.offsets.size else ""
+        note = (
+            f"ellipsoid of the discrete Lyapunov equation about {points}, half widths {radius}{planes}; measured: "
+            f"{samples} samples, none elsewhere: < {bound:.2g} at 95 %"
         )
-        return found
+        return f"{note}; nor any of {entered} motions that entered it" if entered else note
 
     def _with_cells(self) -> Traps:
         clouds = {
@@ -517,6 +544,21 @@ class _Building:
             int(label): (int(elsewhere[first == label].sum()), int((first == label).sum()))
             for label in np.unique(cells.labels)
         }
+
+
+def _joined(ellipsoids: Mapping[int, Ellipsoid]) -> Ellipsoids:
+    """Ellipsoids of several attractors as arrays."""
+    own = list(ellipsoids.values())
+    most = max(e.offsets.shape[1] for e in own)
+    normals = [np.pad(e.planes(), ((0, 0), (0, most - e.offsets.shape[1]), (0, 0))) for e in own]
+    offsets = [np.pad(e.offsets, ((0, 0), (0, most - e.offsets.shape[1])), constant_values=1.0) for e in own]
+    return Ellipsoids(
+        frozen(np.concatenate([e.centres for e in own])),
+        frozen(np.concatenate([e.shapes() for e in own])),
+        frozen(np.repeat(list(ellipsoids), [len(e.centres) for e in own]), np.uint8),
+        frozen(np.concatenate(normals)),
+        frozen(np.concatenate(offsets)),
+    )
 
 
 def _stacked(caged: Mapping[int, Any], n: int) -> Cages:

@@ -100,7 +100,7 @@ class Search:
     samples : int
         Motions that are followed from inside each trapping region that is measured.
     safety : float
-        Part of the largest such region found, by the square of its radius, that is kept.
+        Part of the squared distance of a sample that ends elsewhere at which a plane is set that leaves it out.
     tolerance : float
         Of a step of the ensemble.
     limit : float
@@ -258,6 +258,12 @@ class Hunt:
 
     # ---- what is followed ----
 
+    def in_lanes(self, x: NDArray[np.float64]) -> bool:
+        """Return whether lanes follow motions from some states: all others take a hundred times as long."""
+        work = self.ensemble.work.sum()
+        self.ensemble.strobe(x)
+        return bool(self.ensemble.work.sum() > work)
+
     def seeds(self, count: int) -> NDArray[np.float64]:
         """Return the states from which motions are followed, of `count` Sobol points those that one can start from."""
         from scipy.stats import qmc
@@ -322,6 +328,7 @@ class Hunt:
             found = self._corrected(cage.centre, index, 1)
             if found is not None and found.period == 1 and cage.sizes(found.points)[0] < cage.bound:
                 found.cage = cage
+                self.contracts(found)
                 self.found.append(found)
 
     def _find_periodic(
@@ -359,7 +366,7 @@ class Hunt:
         found = self.periodic(orbit)
         caged = next((other for other in self.found if other.cage is not None and self._alike(other, found)), None)
         if caged is not None:
-            found.cage = caged.cage
+            found.cage, found.ellipsoid, found.core = caged.cage, caged.ellipsoid, caged.core
         elif not self.contracts(found):
             hint = "its multipliers are too near the unit circle, or it grazes"
             raise ConvergenceError("trapping region", float(np.abs(orbit.multipliers).max()), 0, hint)
@@ -602,9 +609,7 @@ class Hunt:
 
     def _stay(self, found: Found) -> Stay:
         """How long motions stay on an attractor; where they go then is found, too."""
-        work = self.ensemble.work.sum()
-        self.ensemble.strobe(found.points[:1])
-        count = _MEMBERS if self.ensemble.work.sum() > work else _FEW
+        count = _MEMBERS if self.in_lanes(found.points[:1]) else _FEW
         starts = found.points[np.arange(count) * len(found.points) // count]
         x = starts + _PUSH * np.ptp(starts, axis=0) * self.rng.standard_normal(starts.shape)
         modes = np.full(len(x), -1, np.int64)

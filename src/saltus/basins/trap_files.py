@@ -24,6 +24,8 @@ _FORMS: dict[str, tuple[type[Any], dict[str, tuple[tuple[str, ...], type]]]] = {
             "centres": (("ellipsoid", "state"), np.float64),
             "shapes": (("ellipsoid", "axis", "state"), np.float64),
             "labels": (("ellipsoid",), np.uint8),
+            "normals": (("ellipsoid", "plane", "state"), np.float64),
+            "offsets": (("ellipsoid", "plane"), np.float64),
         },
     ),
     "cages": (

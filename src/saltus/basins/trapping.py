@@ -6,19 +6,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.errors import ConvergenceError, InputError
+from saltus.errors import InputError
 from saltus.flow.run import starting_mode
 from saltus.flow.simulate import events_after
 from saltus.orbits.problem import EVENT_END, PHASE_END, OrbitProblem, Signature
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from saltus.flow.ensemble import Ensemble
@@ -30,7 +28,6 @@ __all__ = [
     "admits_start",
     "contracting",
     "core_of",
-    "enlarged",
     "largest_multiplier",
     "map_jacobians",
     "metric_of",
@@ -46,12 +43,6 @@ _STEP = 1e-4
 CONTRACTING, _LEVELS, _RUNGS = 400, 4.0, 22
 """Samples in each ellipsoid that shall contract; the ratio of the radii tried, squared; and their count."""
 
-_GROWING, _GROWTHS, _SHARE = 2.0, 60, 20
-"""Ratio of the radii, squared, by which an ellipsoid is enlarged; how often at most; part of the samples on a rung."""
-
-_BISECTIONS, _PART, _SHRINKING = 3, 4, 0.8
-"""How often the last ratio is bisected, with what part of the samples; the level's factor where samples leave."""
-
 _CLEAR = 1e-3
 """Part of a level below which the engine's errors hide whether a sample contracts."""
 
@@ -60,9 +51,6 @@ _CORES = (64.0, 16.0, 4.0)
 
 _CORE_SAMPLES, _STRETCH, _STRETCHES = 64, 16, 16
 """How many motions tell a core, the strobes after which they are looked at, and how often."""
-
-_LEAST = 2.0
-"""Level over the core's below which none is measured: what starts in the core says nothing."""
 
 
 @dataclass(frozen=True)
@@ -77,33 +65,95 @@ class Ellipsoid:
         Upper triangular; distances shrink from each point's metric to the next one's.
     level : float
         Square of the radius.
+    normals : ndarray, shape (period, planes, n), optional
+        Unit vectors of planes that cut the ellipsoids, to where ``normal . metric (x - centre) < offset``; zero for
+        a plane that an ellipsoid lacks.
+    offsets : ndarray, shape (period, planes), optional
     """
 
     centres: NDArray[np.float64]
     metrics: NDArray[np.float64]
     level: float
+    normals: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0, 0)))
+    offsets: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+
+    def __post_init__(self) -> None:
+        period, n = self.centres.shape
+        if not self.offsets.size:
+            object.__setattr__(self, "normals", np.empty((period, 0, n)))
+            object.__setattr__(self, "offsets", np.empty((period, 0)))
 
     def at(self, level: float) -> Ellipsoid:
-        """Return the same ellipsoids at another level."""
-        return Ellipsoid(self.centres, self.metrics, level)
+        """Return the same ellipsoids at another level, with the same planes."""
+        return replace(self, level=level)
+
+    def cut(self, x: NDArray[np.float64], which: NDArray[np.int64], part: float) -> Ellipsoid:
+        """Return the ellipsoids cut by planes so that none of some states, shape (m, n), is in those about `which`.
+
+        Each plane is parallel to the tangent of the ellipsoid through the state nearest to the centre of those still
+        inside, at a part of its distance.
+
+        References
+        ----------
+        R. Deits, R. Tedrake, Computing large convex regions of obstacle-free space through semidefinite programming,
+        Algorithmic Foundations of Robotics XI (2015) 109-124.
+        """
+        planes = [
+            [(normal, offset) for normal, offset in zip(*pair, strict=True) if normal.any()]
+            for pair in zip(self.normals, self.offsets, strict=True)
+        ]
+        for k in np.unique(which):
+            y = (x[which == k] - self.centres[k]) @ self.metrics[k].T
+            while len(y):
+                distances = np.linalg.norm(y, axis=1)
+                nearest = int(np.argmin(distances))
+                normal, offset = y[nearest] / distances[nearest], part * distances[nearest]
+                planes[k].append((normal, offset))
+                y = y[y @ normal < offset]
+        most = max(map(len, planes))
+        normals, offsets = np.zeros((len(planes), most, x.shape[1])), np.ones((len(planes), most))
+        for k, own in enumerate(planes):
+            for j, (normal, offset) in enumerate(own):
+                normals[k, j], offsets[k, j] = normal, offset
+        return replace(self, normals=normals, offsets=offsets)
+
+    def share(self, samples: int, rng: np.random.Generator) -> float:
+        """Return the least part of an ellipsoid's volume that its planes leave, from some samples."""
+        y = math.sqrt(self.level) * _in_ball(samples, self.centres.shape[1], rng)
+        inside = np.einsum("kpj,mj->kmp", self.normals, y) < self.offsets[:, None, :]
+        return float(inside.all(axis=2).mean(axis=1).min())
 
     def sizes(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return ``|metric (x - centre)|^2`` about each point, shape (m, period), of states, shape (m, n)."""
-        apart = np.einsum("kij,mkj->mki", self.metrics, x[:, None, :] - self.centres)
-        return np.asarray((apart**2).sum(axis=2))
+        return np.asarray((self._apart(x) ** 2).sum(axis=2))
+
+    def about(self, x: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return about which point the ellipsoid is that holds each state, shape (m,); -1 where none does."""
+        y = self._apart(x)
+        sizes = (y**2).sum(axis=2)
+        sizes[(np.einsum("kpi,mki->mkp", self.normals, y) >= self.offsets).any(axis=2)] = np.inf
+        return np.where(sizes.min(axis=1) < self.level, np.argmin(sizes, axis=1), -1)
 
     def holds(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return whether each state lies in one of the ellipsoids."""
-        return np.asarray((self.sizes(x) < self.level).any(axis=1))
+        return self.about(x) >= 0
 
-    def samples(self, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Return states uniform in each ellipsoid, `count` in all, shape (count, n); those of a point together."""
+    def _apart(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.einsum("kij,mkj->mki", self.metrics, x[:, None, :] - self.centres))
+
+    def samples(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return states uniform in each ellipsoid, `count` in all, shape (count, n), and about which point each is."""
         period, n = self.centres.shape
         which = np.arange(count) * period // count
-        ball = rng.standard_normal((count, n))
-        ball *= (rng.random(count) ** (1.0 / n) / np.linalg.norm(ball, axis=1))[:, None]
+        y = np.empty((count, n))
+        outside = np.arange(count)
+        while len(outside):
+            y[outside] = math.sqrt(self.level) * _in_ball(len(outside), n, rng)
+            own = which[outside]
+            inside = (np.einsum("mpj,mj->mp", self.normals[own], y[outside]) < self.offsets[own]).all(axis=1)
+            outside = outside[~inside]
         inverse = np.linalg.inv(self.metrics)
-        return np.asarray(self.centres[which] + math.sqrt(self.level) * np.einsum("mij,mj->mi", inverse[which], ball))
+        return np.asarray(self.centres[which] + np.einsum("mij,mj->mi", inverse[which], y)), which
 
     def half_widths(self) -> NDArray[np.float64]:
         """Return the half widths of the boxes about the ellipsoids, shape (period, n)."""
@@ -112,6 +162,16 @@ class Ellipsoid:
     def shapes(self) -> NDArray[np.float64]:
         """Return matrices with ``|shape (x - centre)| < 1`` in the ellipsoids, shape (period, n, n)."""
         return np.asarray(self.metrics / math.sqrt(self.level))
+
+    def planes(self) -> NDArray[np.float64]:
+        """Return vectors with ``normal . (x - centre) < offset`` within the planes, shape (period, planes, n)."""
+        return np.asarray(np.einsum("kpi,kij->kpj", self.normals, self.metrics))
+
+
+def _in_ball(count: int, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Points uniform in the unit ball, shape (count, n)."""
+    ball = rng.standard_normal((count, n))
+    return np.asarray(ball * (rng.random(count) ** (1.0 / n) / np.linalg.norm(ball, axis=1))[:, None])
 
 
 def orbit_jacobians(orbit: PeriodicOrbit, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -243,8 +303,7 @@ def contracting(ensemble: Ensemble, ellipsoid: Ellipsoid, rng: np.random.Generat
 
 def _contracts(ensemble: Ensemble, ellipsoid: Ellipsoid, rng: np.random.Generator) -> bool:
     period = len(ellipsoid.centres)
-    x = ellipsoid.samples(period * CONTRACTING, rng)
-    which = np.repeat(np.arange(period), CONTRACTING)
+    x, which = ellipsoid.samples(period * CONTRACTING, rng)
     rows = np.arange(len(x))
     before = ellipsoid.sizes(x)[rows, which]
     after = ellipsoid.sizes(ensemble.strobe(x)[0])[rows, (which + 1) % period]
@@ -260,7 +319,7 @@ def core_of(ensemble: Ensemble, inner: Ellipsoid, rng: np.random.Generator) -> E
     Motions are accounted for once they are in the core, so those that start elsewhere in the ellipsoids have to come
     there. Where they are too slow, as near a bifurcation, the core is all of `inner`.
     """
-    x = inner.samples(len(inner.centres) * _CORE_SAMPLES, rng)
+    x, _ = inner.samples(len(inner.centres) * _CORE_SAMPLES, rng)
     modes, typical = None, inner.level
     for _ in range(_STRETCHES):
         x, modes = ensemble.strobe(x, modes, _STRETCH)
@@ -268,70 +327,6 @@ def core_of(ensemble: Ensemble, inner: Ellipsoid, rng: np.random.Generator) -> E
         if typical < inner.level / _CORES[0]:
             break
     return inner.at(inner.level / next((ratio for ratio in _CORES if typical < inner.level / ratio), 1.0))
-
-
-def enlarged(
-    ensemble: Ensemble,
-    inner: Ellipsoid,
-    core: Ellipsoid,
-    returns: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
-    widest: NDArray[np.float64],
-    rng: np.random.Generator,
-    *,
-    samples: int,
-    safety: float,
-) -> Ellipsoid:
-    """Return the ellipsoids enlarged, or shrunk, as far as all samples in them end in `core`.
-
-    Parameters
-    ----------
-    ensemble : Ensemble
-        Follows the samples.
-    inner : Ellipsoid
-        Where samples contract.
-    core : Ellipsoid
-        The part of it in which motions are accounted for.
-    returns : callable
-        Which of some states, shape (m, n), end there.
-    widest : ndarray, shape (n,)
-        Half widths beyond which an ellipsoid is not enlarged.
-    rng : numpy.random.Generator
-    samples : int
-        How many are followed in the end, at the level that is returned.
-    safety : float
-        Part of the largest level at which no sample on the ladder ended elsewhere that is tried then.
-
-    Raises
-    ------
-    ConvergenceError
-        Samples end elsewhere from ellipsoids that are hardly larger than `core`.
-    """
-
-    def all_return(trial: Ellipsoid, count: int) -> bool:
-        x = trial.samples(count, rng)
-        return not any(admits_start(ensemble, row) for row in x[~returns(x)])
-
-    level = top = inner.level
-    for _ in range(_GROWTHS):
-        larger = inner.at(_GROWING * level)
-        if np.all(larger.half_widths() > widest):
-            break
-        if not all_return(larger, max(samples // _SHARE, 100)):
-            top = larger.level
-            break
-        level = top = larger.level
-    for _ in range(_BISECTIONS if top > level else 0):
-        middle = inner.at(math.sqrt(level * top))
-        if all_return(middle, max(samples // _PART, 100)):
-            level = middle.level
-        else:
-            top = middle.level
-    level = max(safety * level, inner.level)
-    while not all_return(inner.at(level), samples):
-        level = max(_SHRINKING * level, inner.level) if level > inner.level else 0.5 * level
-        if level < min(_LEAST * core.level, inner.level):
-            raise ConvergenceError("trapping region", math.sqrt(level), samples, "motions leave it", unit="samples")
-    return inner.at(level)
 
 
 def admits_start(ensemble: Ensemble, x: NDArray[np.float64]) -> bool:

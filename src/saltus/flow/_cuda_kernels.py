@@ -15,7 +15,7 @@ from typing import Any
 
 from numba import cuda, float64, int32, int64
 
-from saltus.system._lane_kernels import box_of, fate
+from saltus.system._lane_kernels import box_of, fate, loosened
 from saltus.system.pools import AT_STROBE, DIVERGED, DONE, GOES_ON, GONE, HARD, LEFT_OVER, MOST_STEPS, UNDECIDED
 
 lanes: Any = None
@@ -54,11 +54,11 @@ def begun(R, x, tables, traps, settings, points, modes, next_motion, labels, end
 
 def looked_at(k, R, x, i, seen, tables, traps, boxes, settings, labels, strobes, ends, end_modes):
     """Look at a motion at phase 0: its visits to boxes so far, and the pool in which it goes on, or DONE."""
-    _, growth, least_itol, limit, longest, visits = settings
+    itol, growth, least_itol, limit, longest, visits = settings
     strobes[i] += 1
     R[lanes.T_ * LANES] = 0.0
     R[lanes.COUNT * LANES] = 0.0
-    R[lanes.ITOL * LANES] = max(R[lanes.ITOL * LANES] * growth, least_itol)
+    R[lanes.ITOL * LANES] = loosened(R[lanes.ITOL * LANES], itol, growth, least_itol, strobes[i])
     lanes.read(k, R, 0, x, tables[1])
     label = fate(x, lanes.MODE_OF[k], limit, *traps)
     if label == UNDECIDED and boxes[2].shape[0] > 0:

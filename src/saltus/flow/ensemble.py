@@ -158,7 +158,8 @@ class Ensemble:
         """Return the label of the trap that each motion falls into, and after how many periods.
 
         The tolerance grows 4.5 times a period, up to 1e-4, unless motions must stay in the boxes of an attractor: an
-        error late in a transient equals a smaller one at its start. Where transients are chaotic for very long, labels
+        error late in a transient equals a smaller one at its start. Motions that have met no fate after 48 periods go
+        on at the first tolerance. Where transients are chaotic for very long, labels
         near the boundary are less certain than elsewhere at any tolerance, and less so for this.
 
         Parameters
@@ -180,10 +181,41 @@ class Ensemble:
         InputError
             Points of another shape.
         """
+        return self._settled(points, traps, longest)[:2]
+
+    def arrivals(
+        self, points: ArrayLike, traps: Traps, longest: int = 200
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+        """Return the label of the trap that each motion falls into, as `settle` does, and where it is told.
+
+        Parameters
+        ----------
+        points : array_like, shape (m, n)
+            States at phase 0, in the order of `system.states`.
+        traps : Traps
+            Trapping regions.
+        longest : int, optional
+            Periods after which a motion is undecided.
+
+        Returns
+        -------
+        labels : ndarray of uint8, shape (m,)
+        states : ndarray, shape (m, n)
+            The first states at phase 0 in a trap.
+
+        Raises
+        ------
+        InputError
+            Points of another shape.
+        """
+        labels, _, ends, _ = self._settled(points, traps, longest)
+        return labels, ends
+
+    def _settled(
+        self, points: ArrayLike, traps: Traps, longest: int
+    ) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.float64], NDArray[np.int64]]:
         x = self._points(points)
-        starts = np.full(len(x), -1, np.int64)
-        labels, strobes, _, _ = self._followed(x, starts, traps, longest, growth=traps.cells is None)
-        return labels, strobes
+        return self._followed(x, np.full(len(x), -1, np.int64), traps, longest, growth=traps.cells is None)
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
         x = np.array(points, dtype=np.float64)
@@ -313,7 +345,8 @@ def _trap_arrays(traps: Traps, n: int) -> tuple[Any, ...]:
         labels.append(c.labels)
     ellipsoids = np.empty((0, n + n * n))
     if (e := traps.ellipsoids) is not None:
-        ellipsoids = np.concatenate([e.centres, e.shapes.reshape(len(e.shapes), -1)], axis=1)
+        planes = np.concatenate([e.normals, e.offsets[:, :, None]], axis=2)
+        ellipsoids = np.concatenate([e.centres, *(a.reshape(len(a), -1) for a in (e.shapes, planes))], axis=1)
         labels.append(e.labels)
     names = np.concatenate([np.empty(0, np.int64), *labels]).astype(np.int64)
     if (boxes := traps.cells) is None:

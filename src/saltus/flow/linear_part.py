@@ -97,7 +97,6 @@ class LinearPart:
             "shortest": _SHORTEST * self.period,
             "close": _CLOSE * self.period,
             "ahead": _AHEAD * self.period,
-            "turn": 1.0,
             "swiftest": float(np.abs(eigenvalues).max()),
             "weight": float(max((weights[f] for f in self.rest), default=1.0)),
         }

@@ -17,18 +17,29 @@ __all__ = ["DIVERGED", "NOT_DONE", "UNDECIDED", "Cages", "Cells", "Ellipsoids", 
 
 @dataclass(frozen=True)
 class Ellipsoids:
-    """Ellipsoids ``|shape (x - centre)| < 1``.
+    """Ellipsoids ``|shape (x - centre)| < 1``, cut by planes to where ``normal . (x - centre) < offset`` for each.
 
     Attributes
     ----------
     centres : ndarray, shape (count, n)
     shapes : ndarray, shape (count, n, n)
     labels : ndarray of uint8, shape (count,)
+    normals : ndarray, shape (count, planes, n), optional
+    offsets : ndarray, shape (count, planes), optional
+        All > 0. A plane that an ellipsoid lacks has the normal 0 and the offset 1.
     """
 
     centres: NDArray[np.float64]
     shapes: NDArray[np.float64]
     labels: NDArray[np.uint8]
+    normals: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0, 0)))
+    offsets: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+
+    def __post_init__(self) -> None:
+        count, n = self.centres.shape
+        if not self.offsets.size:
+            object.__setattr__(self, "normals", np.empty((count, 0, n)))
+            object.__setattr__(self, "offsets", np.empty((count, 0)))
 
 
 @dataclass(frozen=True)
@@ -110,7 +121,9 @@ class Traps:
                 if np.maximum(moduli, c.floors[i]).sum() < c.bounds[i]:
                     return int(c.labels[i])
         if (e := self.ellipsoids) is not None:
-            sizes = (np.einsum("kij,kj->ki", e.shapes, x - e.centres) ** 2).sum(axis=1)
+            apart = x - e.centres
+            sizes = (np.einsum("kij,kj->ki", e.shapes, apart) ** 2).sum(axis=1)
+            sizes[(np.einsum("kpj,kj->kp", e.normals, apart) >= e.offsets).any(axis=1)] = np.inf
             best = int(np.argmin(sizes))
             if sizes[best] < 1.0:
                 return int(e.labels[best])

@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-from saltus.system.pools import DIVERGED, UNDECIDED
+from saltus.system.pools import DIVERGED, FALLING, UNDECIDED
 
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 
@@ -180,11 +180,18 @@ def grown(x):
 
 
 @njit(cache=True, error_model="numpy")
+def loosened(itol, first, growth, least, strobes):
+    """Inverse tolerance of a motion for its next period: smaller each time, at first; again `first` after `FALLING`."""
+    return max(itol * growth, least) if strobes < FALLING else first
+
+
+@njit(cache=True, error_model="numpy")
 def fate(x, mode, limit, cages, ellipsoids, labels):
     """Label of the trap in which a state at phase 0 lies in a mode; UNDECIDED outside all.
 
     cages: (count, 2 + n + rows (1 + 2 n)): mode, bound, centre, then a floor, real and imaginary parts for each row.
-    ellipsoids: (count, n + n n): centre and shape. labels: of the cages, then of the ellipsoids.
+    ellipsoids: (count, n + n n + planes (n + 1)): centre, shape, then a normal and an offset for each plane.
+    labels: of the cages, then of the ellipsoids.
     """
     n = x.size
     for i in range(n):
@@ -213,7 +220,15 @@ def fate(x, mode, limit, cages, ellipsoids, labels):
             size += total * total
             if size >= least:
                 break
-        if size < least:
+        if size >= least:
+            continue
+        for plane in range(n + n * n, ellipsoids.shape[1], n + 1):
+            total = 0.0
+            for i in range(n):
+                total += ellipsoids[c, plane + i] * (x[i] - ellipsoids[c, i])
+            if total >= ellipsoids[c, plane + n]:
+                break
+        else:
             found, least = labels[cages.shape[0] + c], size
     return found
 

@@ -9,8 +9,8 @@ __all__ = ["DRIVER", "HEAD"]
 HEAD = f"""
 from numba import njit
 
-from saltus.system._lane_kernels import FAST, box_of, circular_cos, circular_sin, fate, grown, ld, products, root
-from saltus.system._lane_kernels import short_cos, short_sin, st
+from saltus.system._lane_kernels import FAST, box_of, circular_cos, circular_sin, fate, grown, ld, loosened
+from saltus.system._lane_kernels import products, root, short_cos, short_sin, st
 
 NL = 320
 AT_STROBE, GOES_ON, MOST_STEPS = {AT_STROBE}, {GOES_ON}, {MOST_STEPS}
@@ -77,7 +77,7 @@ def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, ca
                 if flag == AT_STROBE:
                     strobes[i] += 1
                     R[T_*NL + l] = R[COUNT*NL + l] = 0.0
-                    R[ITOL*NL + l] = max(R[ITOL*NL + l]*growth, least_itol)
+                    R[ITOL*NL + l] = loosened(R[ITOL*NL + l], itol, growth, least_itol, strobes[i])
                     read(k, R, l, x, q)
                     label = fate(x, MODE_OF[k], limit, cages, ellipsoids, trap_labels)
                     if label == UNDECIDED and boxes.shape[0] > 0:

@@ -137,7 +137,7 @@ class _ExactStep:
                 "h = min(h, reach)",
             ]
             if self.rest.expressions:
-                lines.append(f"h = min(h, {number('turn')}*b/(abs(d) + 1e-30))")
+                lines.append("h = min(h, b/(abs(d) + 1e-30))")
         return [*lines, f"left = {lane.number('period')} - t", "strobe = h >= left", "h = left if strobe else h"]
 
     def reach(self, j: int, side: str, sizes: int) -> list[str]:

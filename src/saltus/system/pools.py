@@ -22,6 +22,7 @@ __all__ = [
     "DIVERGED",
     "DONE",
     "EVENT",
+    "FALLING",
     "GOES_ON",
     "GONE",
     "HARD",
@@ -49,6 +50,10 @@ beyond all bounds, of one not settled in time, and of one not followed yet."""
 
 MOST_STEPS = 3000.0
 """Steps between two looks after which a motion is hard."""
+
+FALLING = 48
+"""Looks up to which a motion's tolerance may grow: one that has not met its fate by then is on a slow way, or on one of
+its own, and no longer falls into a trap."""
 
 HUGE = "1e300"
 """Text of a step's largest length where nothing limits it."""

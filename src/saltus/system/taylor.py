@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["NotAnalyticError", "Series", "series_of_mode"]
 
-_TURNING = ("turn_sin", "turn_cos")
-
 
 class NotAnalyticError(SaltusError):
     """A definition has no Taylor series: it uses the sign or the absolute value of something that varies."""
@@ -348,7 +346,7 @@ class _Tape:
                 yield f"{target} = {self.read(len(self.states))}" if k == 0 else f"{target} = {later}"
             case "turn_sin" | "turn_cos":
                 speed, turns, offset = arguments
-                sine, cosine = (self.known[(which, *arguments)] for which in _TURNING)
+                sine, cosine = (self.known[(which, *arguments)] for which in ("turn_sin", "turn_cos"))
                 function, other, sign = ("sin", cosine, "") if kind == "turn_sin" else ("cos", sine, "-")
                 if k == 0:
                     angle = f"{turns}*{self.read(len(self.states))} + {offset}"

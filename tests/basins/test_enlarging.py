@@ -1,0 +1,109 @@
+"""Trapping regions enlarged as far as samples allow, by maps whose basins are known in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from maps import round_about, strobed
+from saltus import ConvergenceError
+from saltus.basins.enlarging import Enlarging
+from saltus.basins.recurrence import Search
+from saltus.basins.trapping import Ellipsoid
+
+INNER, CORE = round_about(0.0, 0.01), round_about(0.0, 0.002)
+
+
+def enlarging(image, widest, *, samples, states=("x",)):
+    """What enlarges regions of motions by a map, each followed for 200 strobes."""
+
+    def settles(x, region, longest):
+        for _ in range(200):
+            x = image(x)
+        return region.holds(x)
+
+    rng, search = np.random.default_rng(1), Search(samples=samples)
+    return Enlarging(strobed(image, states), settles, np.asarray(widest), rng, search)
+
+
+def half_plane(x):
+    """Motions end at 0 where x < 1, far away elsewhere."""
+    return np.where(x[:, :1] < 1.0, 0.5 * x, np.array([9.0, 0.0]))
+
+
+def test_an_ellipsoid_grows_to_the_basins_edge_and_no_further():
+    # x^3 has the basin |x| < 1 of 0; rungs multiply the squared radius by sqrt 2
+    found = enlarging(lambda x: np.clip(x**3, -1e9, 1e9), [5.0], samples=2000).whole(INNER, CORE)
+    assert 1.0 / np.sqrt(2.0) <= found.level <= 1.0
+
+
+def test_an_ellipsoid_that_is_all_basin_grows_to_the_width_asked_for():
+    trial = enlarging(lambda x: 0.5 * x, [5.0], samples=500)
+    found = trial.whole(INNER, CORE)
+    assert 5.0 / 2.0**0.25 <= found.half_widths()[0, 0] <= 5.0
+    assert trial.beyond(found) is found
+
+
+def test_an_ellipsoid_that_motions_leave_at_every_size_is_refused():
+    with pytest.raises(ConvergenceError, match="trapping region: .*motions leave it"):
+        enlarging(lambda x: x + 1.0, [5.0], samples=200).whole(INNER, CORE)
+
+
+def test_an_attractor_inside_the_ellipsoid_that_contracts_is_left_out():
+    # beside 0, on which all else ends, what starts near 0.05 stays there
+    inner, core = round_about(0.0, 0.1), round_about(0.0, 0.1 / 8.0)
+
+    def image(x):
+        return np.where(np.abs(x - 0.05) < 1e-3, 0.05 + 0.5 * (x - 0.05), 0.5 * x)
+
+    found = enlarging(image, [5.0], samples=4000).whole(inner, core)
+    assert core.level < found.level < 0.049**2
+
+
+def test_beyond_a_plane_side_of_the_basin_the_ellipsoid_goes_on_growing():
+    trial = enlarging(half_plane, [5.0, 5.0], samples=4000, states=("x", "y"))
+    whole = trial.whole(round_about([0.0, 0.0], 0.01), round_about([0.0, 0.0], 0.002))
+    assert 1.0 / 2.0**0.25 <= whole.half_widths()[0, 0] <= 1.0
+    region = trial.beyond(whole)
+    x = np.random.default_rng(2).uniform(-5.0, 5.0, (100_000, 2))
+    held = region.holds(x)
+    assert np.mean(x[held, 0] >= 1.0) < 3.0 / 4000
+    assert x[held, 0].min() < -1.5
+    assert held.sum() > 2.0 * whole.holds(x).sum()
+    # of a circle with a side cut off at 1, at least two fifths are left
+    assert np.sqrt(region.level) > 1.5
+    assert region.share(20_000, np.random.default_rng(3)) >= 0.35
+
+
+def test_states_that_motions_entered_and_left_are_cut_out_too():
+    trial = enlarging(lambda x: 0.5 * x, [5.0, 5.0], samples=500, states=("x", "y"))
+    whole, region = round_about([0.0, 0.0], 1.0), round_about([0.0, 0.0], 2.0)
+    left_out = np.array([[1.5, 0.1], [0.0, -1.6], [1.7, 0.1]])
+    found = trial.without(region, left_out, whole)
+    assert not found.holds(left_out).any()
+    assert found.offsets[0] == pytest.approx(np.sqrt(0.8) * np.array([np.hypot(1.5, 0.1), 1.6]))
+    assert found.holds(np.array([[-1.7, 0.5], [1.0, 0.1]])).all()
+    # nearer than the whole region no plane is left out by samples: they all end in it
+    assert trial.without(region, np.full((40, 2), [1.5, 0.1]), whole).offsets.shape == (1, 1)
+
+
+def test_too_many_planes_leave_the_whole_region():
+    trial = enlarging(lambda x: 0.5 * x, [5.0, 5.0], samples=500, states=("x", "y"))
+    angles = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
+    whole, around = round_about([0.0, 0.0], 1.0), 1.01 * np.column_stack([np.cos(angles), np.sin(angles)])
+    assert trial.without(round_about([0.0, 0.0], 2.0), around, whole) is whole
+
+
+def test_samples_of_a_cut_ellipsoid_are_uniform_in_what_is_left():
+    rng = np.random.default_rng(4)
+    metrics = np.array([[[2.0, 1.0], [0.0, 0.5]], [[1.0, 0.0], [0.0, 3.0]]])
+    whole = Ellipsoid(np.array([[1.0, 2.0], [-4.0, 0.0]]), metrics, 1.0)
+    # half of the second ellipsoid, and none of the first
+    region = whole.cut(np.array([[-4.0, 1e-9]]), np.array([1]), 1.0)
+    x, which = region.samples(20_000, rng)
+    assert np.array_equal(region.about(x), which)
+    assert region.offsets.tolist() == [[1.0], [pytest.approx(3e-9)]]
+    assert x[which == 1, 1].max() < 1e-8
+    assert np.mean(x[which == 1, 0] < -4.0) == pytest.approx(0.5, abs=0.015)
+    assert np.mean(x[which == 0, 1] < 2.0) == pytest.approx(0.5, abs=0.015)
+    assert region.share(20_000, rng) == pytest.approx(0.5, abs=0.015)
