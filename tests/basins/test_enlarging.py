@@ -75,6 +75,13 @@ def test_beyond_a_plane_side_of_the_basin_the_ellipsoid_goes_on_growing():
     assert region.share(20_000, np.random.default_rng(3)) >= 0.35
 
 
+def test_what_is_measured_is_the_part_that_ends_elsewhere():
+    trial = enlarging(half_plane, [5.0, 5.0], samples=4000, states=("x", "y"))
+    found = trial.measured(round_about([0.0, 0.0], 1.5), round_about([0.0, 0.0], 0.1), 20_000)
+    beyond = (np.arccos(2.0 / 3.0) - 2.0 / 3.0 * np.sqrt(5.0) / 3.0) / np.pi  # of a disc, past 2/3 of its radius
+    assert found / 20_000 == pytest.approx(beyond, abs=3.0 * np.sqrt(beyond * (1.0 - beyond) / 20_000))
+
+
 def test_states_that_motions_entered_and_left_are_cut_out_too():
     trial = enlarging(lambda x: 0.5 * x, [5.0, 5.0], samples=500, states=("x", "y"))
     whole, region = round_about([0.0, 0.0], 1.0), round_about([0.0, 0.0], 2.0)

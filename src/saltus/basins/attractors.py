@@ -429,7 +429,8 @@ class _Building:
                     f"function at least {distance} from 0; contraction {each.cage.contraction:.3g} < 1"
                 )
             if each.ellipsoid is not None and each.core is not None:
-                notes.append(self._measured(label, each.core.level < each.ellipsoid.level, entered.get(label, 0)))
+                has_core = each.core.level < each.ellipsoid.level
+                notes.append(self._measured(label, enlarging[label], has_core, entered.get(label, 0)))
             if notes:
                 self.notes[label] = "; ".join(notes)
         return self._with_cells()
@@ -480,21 +481,22 @@ class _Building:
         self.ellipsoids = dict(self.wholes)
         return {}
 
-    def _measured(self, label: int, has_core: bool, entered: int) -> str:
-        """What was measured of an attractor's ellipsoids."""
+    def _measured(self, label: int, enlarging: Enlarging, has_core: bool, entered: int) -> str:
+        """Measure how much of an attractor's ellipsoids is another's, and tell."""
         region, search = self.ellipsoids[label], self.hunt.search
         # of what starts in the core, only contraction was seen
         samples = search.samples if has_core else min(search.samples, CONTRACTING)
-        bound = wilson(0, samples)[1]
+        elsewhere = enlarging.measured(region, self.cores[label], samples)
+        bound = wilson(elsewhere, samples)[1]
         self.error = max(self.error, bound)
         radius = ", ".join(f"{value:.3g}" for value in region.half_widths()[0])
         points = f"each of {len(region.centres)} points" if len(region.centres) > 1 else "its point"
         planes = f", cut by {region.offsets.shape[1]} planes" if region.offsets.size else ""
         note = (
             f"ellipsoid of the discrete Lyapunov equation about {points}, half widths {radius}{planes}; measured: "
-            f"{samples} samples, none elsewhere: < {bound:.2g} at 95 %"
+            f"{samples} samples, {elsewhere or 'none'} elsewhere: < {bound:.2g} at 95 %"
         )
-        return f"{note}; nor any of {entered} motions that entered it" if entered else note
+        return f"{note}; none of {entered} motions that entered it" if entered else note
 
     def _with_cells(self) -> Traps:
         clouds = {

@@ -31,7 +31,7 @@ _SHARE, _SHRINKING = 20, 0.8
 """Part of the samples that tries a level of the whole ellipsoids; its factor where samples leave."""
 
 _PART, _TRIES, _LAST_TRIES = 4, 8, 12
-"""Part of the samples that tries a level with planes, how often it is cut at most, and how often the last one."""
+"""Part of the samples that tries the last whole level, and each with planes; how often that is cut; and the last one."""
 
 _MOST_PLANES, _LEAST_SHARE, _SHARE_SAMPLES = 32, 0.4, 4000
 """Planes of one ellipsoid, and the least part of its volume that they leave; points that tell it."""
@@ -82,11 +82,12 @@ class Enlarging:
         ConvergenceError
             Samples end elsewhere from ellipsoids that are hardly larger than `core`.
         """
-        samples, longest = self.search.samples, self.search.longest
+        samples, longest = max(self.search.samples // _PART, 100), self.search.longest
+        few = max(self.search.samples // _SHARE, 100)
         region = inner
         for _ in range(_GROWTHS):
             larger = self._larger(region)
-            if larger is None or len(self._leaving(larger, region, max(samples // _SHARE, 100), longest)[0]):
+            if larger is None or len(self._leaving(larger, region, few, longest)[0]):
                 break
             region = larger
         while len(self._leaving(region, core, samples, longest)[0]):
@@ -115,6 +116,10 @@ class Enlarging:
         """Return `region` without some states, shape (m, n), nor what samples show not to come to `whole`."""
         found = self._cut(self._parted(region, x, region.about(x)), whole, self.search.samples, _LAST_TRIES)
         return whole if found is None else found
+
+    def measured(self, region: Ellipsoid, core: Ellipsoid, samples: int) -> int:
+        """Return how many of fresh samples in a region do not end in `core`: none of those by which it was made."""
+        return len(self._leaving(region, core, samples, self.search.longest)[0])
 
     def _larger(self, region: Ellipsoid) -> Ellipsoid | None:
         larger = region.at(_GROWING * region.level)
