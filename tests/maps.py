@@ -20,7 +20,8 @@ def strobed(image, states=("x",)):
             x = image(x)
         return x, np.zeros(len(x), np.int64)
 
-    return SimpleNamespace(strobe=strobe, system=system, p=system.parameter_vector({}))
+    work = np.zeros(1, np.int64)
+    return SimpleNamespace(strobe=strobe, system=system, p=system.parameter_vector({}), work=work, left_over=0)
 
 
 def round_about(point, radius):

@@ -411,11 +411,11 @@ def _tell_basins(basins: Basins, *, inputs: bool = False) -> None:
     table.add_row("done", basins.stopped)
     if math.isfinite(basins.orbits_per_second):
         table.add_row("speed", f"{basins.orbits_per_second:,.0f} orbits/s")
+    if error := basins.noted_error:
+        anew = f"{error.wrong} of {error.cells} when followed again at tolerance {error.tolerance:g}"
+        by_events = f"{error.wrong_by_events} of {error.cells_by_events} by the event-driven flow"
+        table.add_row("wrong labels", f"{anew}: < {error.bound:.2g} at 95 %; {by_events}")
     if inputs:
-        if error := basins.noted_error:
-            anew = f"{error.wrong} of {error.cells} when followed again at tolerance {error.tolerance:g}"
-            by_events = f"{error.wrong_by_events} of {error.cells_by_events} by the event-driven flow"
-            table.add_row("wrong labels", f"{anew}: < {error.bound:.2g} at 95 %; {by_events}")
         for name in ("engine", "tolerance", "longest", "preview", "saltus_version"):
             if name in given:
                 table.add_row(name, f"{given[name]}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -21,8 +22,9 @@ from saltus import (
 )
 from saltus.basins.attractors import Search, attractors_from
 from saltus.basins.recurrence import Found, Hunt, Stay
+from saltus.basins.wilson import wilson
 from saltus.flow.ensemble import Ensemble
-from saltus.flow.traps import Ellipsoids, Traps
+from saltus.flow.traps import UNDECIDED, Ellipsoids, Traps
 
 QUICK = Search(samples=400)
 
@@ -98,8 +100,13 @@ def test_states_in_a_measured_trap_end_in_its_well(wells):
 
 
 def test_the_sample_count_of_a_measured_trap_is_told(wells):
-    assert wells.measured_error == pytest.approx(1.0 - 0.05 ** (1.0 / 400), rel=1e-9)
-    assert all("measured: 400 samples, none elsewhere: < 0.0075 at 95 %" in note for note in wells.notes.values())
+    pattern = r"measured: 400 samples, (\w+) elsewhere: < (\S+) at 95 %"
+    told = [re.search(pattern, note) for note in wells.notes.values()]
+    hits = [0 if found[1] == "none" else int(found[1]) for found in told]
+    bounds = [wilson(count, 400)[1] for count in hits]
+    assert max(hits) < 4
+    assert [float(found[2]) for found in told] == pytest.approx(bounds, rel=0.05)
+    assert wells.measured_error == pytest.approx(max(bounds), rel=1e-9)
 
 
 def test_attractors_survive_a_file(wells, tmp_path):
@@ -416,3 +423,39 @@ def test_tapping_mode_has_an_attractive_and_a_repulsive_motion(n):
     assert found.fates["undecided"] == found.fates["diverged"] == 0
     if n == 2:
         assert found.points["repulsive"][0, [1, 3]] == pytest.approx([-0.02950, 0.48413], abs=5e-6)
+
+
+def test_where_states_allow_two_modes_a_trap_holds_motions_in_one():
+    """A relay with hysteresis: for |x| < 0.6 both modes go on as they are."""
+    field = "-0.1*v - (x {} 0.3) + 0.02*cos(s)"
+    relay = HybridSystem(
+        ("x", "v"),
+        {"w": 1.7},
+        {"low": Mode({"x": "v", "v": field.format("+")}), "high": Mode({"x": "v", "v": field.format("-")})},
+        [Transition("low", "high", "x - 0.6", 1), Transition("high", "low", "x + 0.6", -1)],
+        phase=("s", "w"),
+    )
+    found = find_attractors(relay, {}, {"x": (-2, 2), "v": (-2, 2)}, search=Search(samples=2000))
+    assert len(found.names) == 2
+    assert (found.traps.ellipsoids.modes == 0).all()
+    x = np.random.default_rng(1).uniform(-2.0, 2.0, (2000, 2))
+    labels, _ = Ensemble(relay).settle(x, found.traps)
+    ends, _ = Ensemble(relay).strobe(x, count=200)
+    sides = [found.points[name][0, 0] > 0.0 for name in found.names]
+    assert np.array_equal(np.array(sides)[labels], ends[:, 0] > 0.0)
+
+
+def test_a_plane_may_go_through_the_sample_itself():
+    found = find_attractors(duffing(), {}, BOX, seeds=16, search=Search(samples=400, safety=1.0))
+    assert len(found.names) == 2
+
+
+def test_what_is_nearer_to_an_attractor_is_within_its_planes_too(wells):
+    from saltus.basins.labelling import _nearer
+
+    points = {label: wells.points[name] for label, name in enumerate(wells.names)}
+    nearer = _nearer(wells.traps, points)
+    x = np.random.default_rng(3).uniform(-0.2, 0.2, (2000, 2))
+    for label, own in points.items():
+        told = [(nearer.of(row, 0), wells.traps.of(row, 0)) for row in own[0] + x]
+        assert {pair for pair in told if pair[0] != UNDECIDED} == {(label, label)}

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.basins.cells import boxes_along
-from saltus.basins.enlarging import SOON, Enlarging
+from saltus.basins.enlarging import LEFT_OVER, SOON, Enlarging, pieces
 from saltus.basins.recurrence import Found, Hunt, Search
 from saltus.basins.trap_files import traps_as_variables, traps_from_variables
 from saltus.basins.trapping import CONTRACTING, Ellipsoid
 from saltus.basins.wilson import wilson
-from saltus.errors import InputError, nearest
+from saltus.errors import ConvergenceError, InputError, nearest
 from saltus.flow.counts import checked_count
 from saltus.flow.run import is_number
 from saltus.flow.traps import DIVERGED, UNDECIDED, Cages, Cells, Ellipsoids, Traps
@@ -39,6 +39,9 @@ _DIGITS = (7, 2)
 
 _ENTERING = 8
 """How often at most motions from the region enter the ellipsoids, until all end as they should."""
+
+_TOLERATED = 1e-3
+"""Part of the samples in the ellipsoid of an attractor with a cage that may end elsewhere, or it is dropped."""
 
 _LEFT = 0.05
 """Part of the motions that boxes labelled beyond which, if they go elsewhere, what the boxes hold is a transient."""
@@ -414,11 +417,10 @@ class _Building:
 
     def traps(self) -> Traps:
         """Return all trapping regions."""
-        enlarging = {
-            label: self._enlarged(label, each.ellipsoid, each.core)
-            for label, each in enumerate(self.found)
-            if each.ellipsoid is not None and each.core is not None
-        }
+        enlarging = {}
+        for label in self.cores:
+            if (made := self._enlarged(label, self.found[label])) is not None:
+                enlarging[label] = made
         entered = self._enter(enlarging)
         for label, each in enumerate(self.found):
             notes = []
@@ -428,11 +430,9 @@ class _Building:
                     f"cage, a theorem: the weighted modal amplitudes stay below {each.cage.bound:.6g} and every event "
                     f"function at least {distance} from 0; contraction {each.cage.contraction:.3g} < 1"
                 )
-            if each.ellipsoid is not None and each.core is not None:
-                has_core = each.core.level < each.ellipsoid.level
-                notes.append(self._measured(label, enlarging[label], has_core, entered.get(label, 0)))
-            if notes:
-                self.notes[label] = "; ".join(notes)
+            if label in self.ellipsoids:
+                notes.append(self._measured(label, enlarging[label], entered.get(label)))
+            self.notes[label] = "; ".join(filter(None, notes))
         return self._with_cells()
 
     def _regions(self, ellipsoids: Mapping[int, Ellipsoid], cells: Cells | None = None) -> Traps:
@@ -440,53 +440,93 @@ class _Building:
         n = len(self.hunt.low)
         return Traps(
             n,
-            _joined(ellipsoids) if ellipsoids else None,
+            Ellipsoids.joined([e.as_traps(label) for label, e in ellipsoids.items()]) if ellipsoids else None,
             _stacked(caged, n) if caged else None,
             cells,
             self.hunt.search.limit,
         )
 
-    def _enlarged(self, label: int, inner: Ellipsoid, core: Ellipsoid) -> Enlarging:
-        """Enlarge the ellipsoids of one attractor, while motions are accounted for in the cores of the others."""
+    def _enlarged(self, label: int, found: Found) -> Enlarging | None:
+        """Enlarge the ellipsoids of one attractor, while motions are accounted for in the cores of the others.
+
+        Where there is a cage they are to save time: none are made where they would cost it.
+        """
         hunt, search = self.hunt, self.hunt.search
+        inner, core = found.ellipsoid, found.core
+        assert inner is not None
+        assert core is not None
 
         def settles(x: NDArray[np.float64], region: Ellipsoid, longest: int) -> NDArray[np.bool_]:
             labels, _ = hunt.ensemble.settle(x, self._regions({**self.cores, label: region}), longest)
             return np.asarray(labels == label)
 
+        in_lanes = hunt.in_lanes(inner.centres[:1])
+        if found.cage is not None and not in_lanes:
+            return None
         enlarging = Enlarging(hunt.ensemble, settles, 2.0 * hunt.scale, hunt.rng, search)
-        self.wholes[label] = self.ellipsoids[label] = enlarging.whole(inner, core)
-        if hunt.in_lanes(inner.centres[:1]):
+        try:
+            self.wholes[label] = self.ellipsoids[label] = enlarging.whole(inner, core)
+        except ConvergenceError:
+            if found.cage is None:
+                raise
+            return None
+        if in_lanes:
             self.ellipsoids[label] = enlarging.beyond(self.wholes[label])
         return enlarging
 
-    def _enter(self, enlarging: Mapping[int, Enlarging]) -> dict[int, int]:
-        """Cut the ellipsoids until all motions from the region that enter one end in its attractor; count those."""
-        hunt = self.hunt
+    def _enter(self, enlarging: Mapping[int, Enlarging]) -> dict[int, tuple[int, int]]:
+        """Cut the ellipsoids until motions from the region that enter one end in its attractor.
+
+        How many of fresh ones do not in the end, and of how many, for each label whose ellipsoids are cut.
+        """
         for _ in range(_ENTERING):
-            cut = [label for label, whole in self.wholes.items() if self.ellipsoids[label] is not whole]
-            if not cut:
-                return {}
-            x = hunt.rng.uniform(hunt.low, hunt.high, (hunt.search.samples, len(hunt.low)))
-            labels, states = hunt.ensemble.arrivals(x, self._regions(self.ellipsoids), SOON)
-            entering = np.isin(labels, cut)
-            labels, states = labels[entering], states[entering]
-            ends, _ = hunt.ensemble.settle(states, self._regions(self.wholes), SOON)
-            elsewhere = ends != labels
+            labels, states, elsewhere = self._entries()
             if not elsewhere.any():
-                return {label: int((labels == label).sum()) for label in cut}
+                break
             for label in np.unique(labels[elsewhere]).tolist():
                 left_out = states[elsewhere & (labels == label)]
                 self.ellipsoids[label] = enlarging[label].without(self.ellipsoids[label], left_out, self.wholes[label])
-        self.ellipsoids = dict(self.wholes)
-        return {}
+        else:
+            self.ellipsoids = {label: whole for label, whole in self.wholes.items() if self.found[label].cage is None}
+        labels, _, elsewhere = self._entries()
+        return {
+            label: (int((elsewhere & (labels == label)).sum()), int((labels == label).sum()))
+            for label in np.unique(labels).tolist()
+        }
 
-    def _measured(self, label: int, enlarging: Enlarging, has_core: bool, entered: int) -> str:
-        """Measure how much of an attractor's ellipsoids is another's, and tell."""
-        region, search = self.ellipsoids[label], self.hunt.search
+    def _entries(self) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.bool_]]:
+        """Labels and states of motions that enter what is cut of ellipsoids, and whether they end elsewhere.
+
+        Fewer motions, where lanes leave many over.
+        """
+        hunt = self.hunt
+        cut = [label for label, region in self.ellipsoids.items() if region is not self.wholes[label]]
+        if not cut:
+            return np.empty(0, np.uint8), np.empty((0, len(hunt.low))), np.empty(0, bool)
+        left_over, found = hunt.ensemble.left_over, []
+        for count in pieces(hunt.search.samples):
+            x = hunt.rng.uniform(hunt.low, hunt.high, (count, len(hunt.low)))
+            labels, states, modes = hunt.ensemble.arrivals(x, self._regions(self.ellipsoids), SOON)
+            entering = np.isin(labels, cut)
+            labels, states, modes = labels[entering], states[entering], modes[entering]
+            ends, periods = hunt.ensemble.settle(states, self._regions(self.wholes), SOON, modes)
+            beyond = periods > 0
+            found.append((labels[beyond], states[beyond], (ends != labels)[beyond]))
+            if hunt.ensemble.left_over > left_over + LEFT_OVER:
+                break
+        labels, states, elsewhere = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return labels, states, elsewhere
+
+    def _measured(self, label: int, enlarging: Enlarging, entered: tuple[int, int] | None) -> str:
+        """Measure how much of an attractor's ellipsoids is another's, and tell; drop them where a cage does better."""
+        region, core, inner = self.ellipsoids[label], self.cores[label], self.found[label].ellipsoid
+        assert inner is not None
         # of what starts in the core, only contraction was seen
-        samples = search.samples if has_core else min(search.samples, CONTRACTING)
-        elsewhere = enlarging.measured(region, self.cores[label], samples)
+        samples = self.hunt.search.samples if core.level < inner.level else min(self.hunt.search.samples, CONTRACTING)
+        elsewhere = enlarging.elsewhere(region, core, samples)
+        if elsewhere > _TOLERATED * samples and self.found[label].cage is not None:
+            del self.ellipsoids[label]
+            return ""
         bound = wilson(elsewhere, samples)[1]
         self.error = max(self.error, bound)
         radius = ", ".join(f"{value:.3g}" for value in region.half_widths()[0])
@@ -496,7 +536,9 @@ class _Building:
             f"ellipsoid of the discrete Lyapunov equation about {points}, half widths {radius}{planes}; measured: "
             f"{samples} samples, {elsewhere or 'none'} elsewhere: < {bound:.2g} at 95 %"
         )
-        return f"{note}; none of {entered} motions that entered it" if entered else note
+        if entered is None:
+            return note
+        return f"{note}; {entered[0] or 'none'} of {entered[1]} motions that entered it beyond its largest ellipsoid"
 
     def _with_cells(self) -> Traps:
         clouds = {
@@ -546,21 +588,6 @@ class _Building:
             int(label): (int(elsewhere[first == label].sum()), int((first == label).sum()))
             for label in np.unique(cells.labels)
         }
-
-
-def _joined(ellipsoids: Mapping[int, Ellipsoid]) -> Ellipsoids:
-    """Ellipsoids of several attractors as arrays."""
-    own = list(ellipsoids.values())
-    most = max(e.offsets.shape[1] for e in own)
-    normals = [np.pad(e.planes(), ((0, 0), (0, most - e.offsets.shape[1]), (0, 0))) for e in own]
-    offsets = [np.pad(e.offsets, ((0, 0), (0, most - e.offsets.shape[1])), constant_values=1.0) for e in own]
-    return Ellipsoids(
-        frozen(np.concatenate([e.centres for e in own])),
-        frozen(np.concatenate([e.shapes() for e in own])),
-        frozen(np.repeat(list(ellipsoids), [len(e.centres) for e in own]), np.uint8),
-        frozen(np.concatenate(normals)),
-        frozen(np.concatenate(offsets)),
-    )
 
 
 def _stacked(caged: Mapping[int, Any], n: int) -> Cages:

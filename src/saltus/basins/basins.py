@@ -419,6 +419,8 @@ class Basins(Result):
             lines.append("  " + ", ".join(f"{name} {share:.4%}" for name, share in shares))
         else:
             lines.append(f"  of {', '.join(self.attractors.names)}; in {self.path}")
+        if error := self.noted_error:
+            lines.append(f"  wrong labels: {error.wrong} of {error.cells} followed again, < {error.bound:.2g} at 95 %")
         return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
 
 

@@ -11,7 +11,7 @@ from saltus.basins.trapping import admits_start
 from saltus.errors import ConvergenceError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
@@ -19,19 +19,25 @@ if TYPE_CHECKING:
     from saltus.basins.trapping import Ellipsoid
     from saltus.flow.ensemble import Ensemble
 
-__all__ = ["SOON", "Enlarging"]
+__all__ = ["LEFT_OVER", "SOON", "Enlarging", "pieces"]
 
 SOON = 256
 """Strobes within which motions from ellipsoids that are cut come to the whole ones."""
 
-_GROWING, _GROWTHS = math.sqrt(2.0), 120
-"""Ratio of the radii, squared, by which a region is enlarged; how often at most."""
+_GROWING = math.sqrt(2.0)
+"""Ratio of the radii, squared, by which a region is enlarged."""
+
+LEFT_OVER = 10
+"""Samples that lanes leave over beyond which a trial is not worth its time."""
+
+_FIRST = 64
+"""Samples that are followed first, then twice as many: those that lanes leave over take a hundred times as long."""
 
 _SHARE, _SHRINKING = 20, 0.8
 """Part of the samples that tries a level of the whole ellipsoids; its factor where samples leave."""
 
 _PART, _TRIES, _LAST_TRIES = 4, 8, 12
-"""Part of the samples that tries the last whole level, and each with planes; how often that is cut; and the last one."""
+"""Part of the samples that tries a level with planes; rounds of cuts of such a one, of the last."""
 
 _MOST_PLANES, _LEAST_SHARE, _SHARE_SAMPLES = 32, 0.4, 4000
 """Planes of one ellipsoid, and the least part of its volume that they leave; points that tell it."""
@@ -82,20 +88,20 @@ class Enlarging:
         ConvergenceError
             Samples end elsewhere from ellipsoids that are hardly larger than `core`.
         """
-        samples, longest = max(self.search.samples // _PART, 100), self.search.longest
-        few = max(self.search.samples // _SHARE, 100)
+        search = self.search
         region = inner
-        for _ in range(_GROWTHS):
-            larger = self._larger(region)
-            if larger is None or len(self._leaving(larger, region, few, longest)[0]):
+        while (larger := self._larger(region)) is not None:
+            leaving = self._leaving(larger, region, max(search.samples // _SHARE, 100), search.longest)
+            if leaving is None or len(leaving):
                 break
             region = larger
-        while len(self._leaving(region, core, samples, longest)[0]):
+        samples = search.samples
+        region = region.at(max(search.safety * region.level, inner.level))
+        while self.elsewhere(region, core, samples):
             region = region.at(_SHRINKING * region.level)
             if region.level < min(_LEAST * core.level, inner.level):
-                raise ConvergenceError(
-                    "trapping region", math.sqrt(region.level), samples, "motions leave it", unit="samples"
-                )
+                radius = math.sqrt(region.level)
+                raise ConvergenceError("trapping region", radius, samples, "motions leave it", unit="samples")
         return region
 
     def beyond(self, whole: Ellipsoid) -> Ellipsoid:
@@ -114,36 +120,49 @@ class Enlarging:
 
     def without(self, region: Ellipsoid, x: NDArray[np.float64], whole: Ellipsoid) -> Ellipsoid:
         """Return `region` without some states, shape (m, n), nor what samples show not to come to `whole`."""
-        found = self._cut(self._parted(region, x, region.about(x)), whole, self.search.samples, _LAST_TRIES)
+        cut = region.cut(x, math.sqrt(self.search.safety))
+        found = self._cut(cut, whole, self.search.samples, _LAST_TRIES)
         return whole if found is None else found
 
-    def measured(self, region: Ellipsoid, core: Ellipsoid, samples: int) -> int:
-        """Return how many of fresh samples in a region do not end in `core`: none of those by which it was made."""
-        return len(self._leaving(region, core, samples, self.search.longest)[0])
+    def elsewhere(self, region: Ellipsoid, core: Ellipsoid, samples: int) -> int:
+        """Return how many of fresh samples in a region do not end in `core`."""
+        return len(self._bad(region.samples(samples, self.rng), core, self.search.longest))
 
     def _larger(self, region: Ellipsoid) -> Ellipsoid | None:
         larger = region.at(_GROWING * region.level)
         return None if np.all(larger.half_widths() > self.widest) else larger
 
-    def _leaving(
-        self, region: Ellipsoid, within: Ellipsoid, samples: int, longest: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Samples in a region from which motions end elsewhere than `within`, and about which point each lies."""
-        x, which = region.samples(samples, self.rng)
+    def _leaving(self, region: Ellipsoid, within: Ellipsoid, samples: int, longest: int) -> NDArray[np.float64] | None:
+        """Samples in a region from which motions end elsewhere than `within`; None where lanes leave many over."""
+        work, left_over, found = self.ensemble.work.sum(), self.ensemble.left_over, []
+        for count in pieces(samples):
+            found.append(self._bad(region.samples(count, self.rng), within, longest))
+            if self.ensemble.left_over > left_over + LEFT_OVER and self.ensemble.work.sum() > work:
+                return None
+        return np.concatenate(found)
+
+    def _bad(self, x: NDArray[np.float64], within: Ellipsoid, longest: int) -> NDArray[np.float64]:
         bad = ~self.settles(x, within, longest)
         bad[bad] = [admits_start(self.ensemble, row) for row in x[bad]]
-        return x[bad], which[bad]
+        return np.asarray(x[bad])
 
     def _cut(self, region: Ellipsoid, within: Ellipsoid, samples: int, tries: int) -> Ellipsoid | None:
         """A region without what leaves it, once no sample does; None where planes leave too little."""
         for _ in range(tries):
             if region.offsets.shape[1] > _MOST_PLANES or region.share(_SHARE_SAMPLES, self.rng) < _LEAST_SHARE:
                 return None
-            x, which = self._leaving(region, within, samples, SOON)
+            x = self._leaving(region, within, samples, SOON)
+            if x is None:
+                return None
             if not len(x):
                 return region
-            region = self._parted(region, x, which)
+            region = region.cut(x, math.sqrt(self.search.safety))
         return None
 
-    def _parted(self, region: Ellipsoid, x: NDArray[np.float64], which: NDArray[np.int64]) -> Ellipsoid:
-        return region.cut(x, which, math.sqrt(self.search.safety))
+
+def pieces(count: int) -> Iterator[int]:
+    """Go through the sizes of the pieces in which some samples are followed."""
+    size = _FIRST
+    while count > 0:
+        yield min(size, count)
+        count, size = count - size, 2 * size

@@ -241,19 +241,15 @@ def _nearer(traps: Traps, points: Mapping[int, ArrayLike]) -> Traps:
     """Return ellipsoids about the attractors' points, so many times smaller than its ellipsoids and cages."""
     if traps.ellipsoids is None and traps.cages is None:
         return traps
-    n = traps.n
-    centres, shapes, labels = [np.empty((0, n))], [np.empty((0, n, n))], [np.empty(0, np.uint8)]
-    if (e := traps.ellipsoids) is not None:
-        centres, shapes, labels = [e.centres], [_NEARER * e.shapes], [e.labels]
+    parts = [] if traps.ellipsoids is None else [traps.ellipsoids.smaller(_NEARER)]
     if (c := traps.cages) is not None:
-        for rows, bound, label in zip(c.rows, c.bounds, c.labels, strict=True):
+        for rows, bound, label, mode in zip(c.rows, c.bounds, c.labels, c.modes, strict=True):
             own = np.atleast_2d(points[int(label)])
             shape = np.linalg.qr(np.concatenate([rows.real, rows.imag]))[1]  # |rows x| = |shape x|
-            centres.append(own)
-            shapes.append(np.broadcast_to(_NEARER / bound * shape, (len(own), n, n)))
-            labels.append(np.full(len(own), label, np.uint8))
-    smaller = Ellipsoids(np.concatenate(centres), np.concatenate(shapes), np.concatenate(labels))
-    return replace(traps, cages=None, ellipsoids=smaller)
+            shapes = np.broadcast_to(_NEARER / bound * shape, (len(own), *shape.shape))
+            modes = np.full(len(own), mode)
+            parts.append(Ellipsoids(own, shapes, np.full(len(own), label, np.uint8), modes=modes))
+    return replace(traps, cages=None, ellipsoids=Ellipsoids.joined(parts))
 
 
 def _points(grid: Grid, batch: Sequence[tuple[slice, ...]]) -> NDArray[np.float64]:

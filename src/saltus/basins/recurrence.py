@@ -17,7 +17,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ from saltus.errors import ConvergenceError, InputError, SaltusError
 from saltus.flow.classify import Criteria, classify
 from saltus.flow.counts import checked_count
 from saltus.flow.ensemble import Ensemble
-from saltus.flow.run import is_number, starting_mode
+from saltus.flow.run import allowed_modes, is_number, starting_mode
 from saltus.flow.simulate import events_after
 from saltus.flow.traps import DIVERGED, Traps
 from saltus.flow.variational import growth_along
@@ -83,6 +84,9 @@ _OVERLAP, _REACH, _TYPICAL = 0.9, 3.0, 0.98
 """Part of a motion's points that lie within so many typical distances of another's; quantile of these distances."""
 
 _EXTENT = 1e-9
+_STATES = 400
+"""Random states of the region that tell whether one may allow several modes."""
+
 _COMMENSURATE = 1e-3
 _GOLDEN = 0.6180339887
 
@@ -201,7 +205,7 @@ class Found:
         """Return which states, shape (m, n), in which modes, are certain to end here."""
         held = np.zeros(len(x), dtype=bool)
         if self.core is not None:
-            held |= self.core.holds(x)
+            held |= self.core.holds(x, modes)
         if self.cage is not None:
             held |= (modes == self.cage.mode) & (self.cage.sizes(x) < self.cage.bound)
         return held
@@ -257,6 +261,12 @@ class Hunt:
         self.astray = np.empty((0, len(low)))
 
     # ---- what is followed ----
+
+    @cached_property
+    def overlap(self) -> bool:
+        """Whether states of the region allow several modes, of which motions from samples have the first."""
+        x = np.random.default_rng(self.search.random_seed).uniform(self.low, self.high, (_STATES, len(self.low)))
+        return any(len(list(allowed_modes(self.system, self.system.full_state(row), self.p))) > 1 for row in x)
 
     def in_lanes(self, x: NDArray[np.float64]) -> bool:
         """Return whether lanes follow motions from some states: all others take a hundred times as long."""
@@ -450,6 +460,9 @@ class Hunt:
     def contracts(self, found: Found) -> bool:
         """Give a periodic attractor the ellipsoid in which motions contract; return whether there is one."""
         metric = self._metric(found)
+        if metric is not None and self.overlap:
+            full = [self.system.full_state(point) for point in found.points]
+            metric = replace(metric, modes=np.array([starting_mode(self.system, x, self.p) for x in full]))
         found.ellipsoid = None if metric is None else contracting(self.precise, metric, self.rng)
         found.core = None if found.ellipsoid is None else core_of(self.ensemble, found.ellipsoid, self.rng)
         return found.ellipsoid is not None

@@ -26,6 +26,7 @@ _FORMS: dict[str, tuple[type[Any], dict[str, tuple[tuple[str, ...], type]]]] = {
             "labels": (("ellipsoid",), np.uint8),
             "normals": (("ellipsoid", "plane", "state"), np.float64),
             "offsets": (("ellipsoid", "plane"), np.float64),
+            "modes": (("ellipsoid",), np.int64),
         },
     ),
     "cages": (

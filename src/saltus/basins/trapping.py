@@ -14,6 +14,7 @@ import numpy as np
 from saltus.errors import InputError
 from saltus.flow.run import starting_mode
 from saltus.flow.simulate import events_after
+from saltus.flow.traps import Ellipsoids
 from saltus.orbits.problem import EVENT_END, PHASE_END, OrbitProblem, Signature
 
 if TYPE_CHECKING:
@@ -69,6 +70,8 @@ class Ellipsoid:
         Unit vectors of planes that cut the ellipsoids, to where ``normal . metric (x - centre) < offset``; zero for
         a plane that an ellipsoid lacks.
     offsets : ndarray, shape (period, planes), optional
+    modes : ndarray of int64, shape (period,), optional
+        Of the motions that each holds; -1 for all.
     """
 
     centres: NDArray[np.float64]
@@ -76,19 +79,22 @@ class Ellipsoid:
     level: float
     normals: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0, 0)))
     offsets: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    modes: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
     def __post_init__(self) -> None:
         period, n = self.centres.shape
         if not self.offsets.size:
             object.__setattr__(self, "normals", np.empty((period, 0, n)))
             object.__setattr__(self, "offsets", np.empty((period, 0)))
+        if not self.modes.size:
+            object.__setattr__(self, "modes", np.full(period, -1))
 
     def at(self, level: float) -> Ellipsoid:
         """Return the same ellipsoids at another level, with the same planes."""
         return replace(self, level=level)
 
-    def cut(self, x: NDArray[np.float64], which: NDArray[np.int64], part: float) -> Ellipsoid:
-        """Return the ellipsoids cut by planes so that none of some states, shape (m, n), is in those about `which`.
+    def cut(self, x: NDArray[np.float64], part: float) -> Ellipsoid:
+        """Return the ellipsoids cut by planes so that none of some states, shape (m, n), is in any.
 
         Each plane is parallel to the tangent of the ellipsoid through the state nearest to the centre of those still
         inside, at a part of its distance.
@@ -102,13 +108,14 @@ class Ellipsoid:
             [(normal, offset) for normal, offset in zip(*pair, strict=True) if normal.any()]
             for pair in zip(self.normals, self.offsets, strict=True)
         ]
-        for k in np.unique(which):
-            y = (x[which == k] - self.centres[k]) @ self.metrics[k].T
+        for k, inside in enumerate(self._inside(x).T):
+            y = (x[inside] - self.centres[k]) @ self.metrics[k].T
             while len(y):
                 distances = np.linalg.norm(y, axis=1)
                 nearest = int(np.argmin(distances))
                 normal, offset = y[nearest] / distances[nearest], part * distances[nearest]
                 planes[k].append((normal, offset))
+                y = np.delete(y, nearest, axis=0)
                 y = y[y @ normal < offset]
         most = max(map(len, planes))
         normals, offsets = np.zeros((len(planes), most, x.shape[1])), np.ones((len(planes), most))
@@ -127,22 +134,24 @@ class Ellipsoid:
         """Return ``|metric (x - centre)|^2`` about each point, shape (m, period), of states, shape (m, n)."""
         return np.asarray((self._apart(x) ** 2).sum(axis=2))
 
-    def about(self, x: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return about which point the ellipsoid is that holds each state, shape (m,); -1 where none does."""
-        y = self._apart(x)
-        sizes = (y**2).sum(axis=2)
-        sizes[(np.einsum("kpi,mki->mkp", self.normals, y) >= self.offsets).any(axis=2)] = np.inf
-        return np.where(sizes.min(axis=1) < self.level, np.argmin(sizes, axis=1), -1)
+    def holds(self, x: NDArray[np.float64], modes: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
+        """Return whether each state, in its mode where told, lies in one of the ellipsoids."""
+        inside = self._inside(x)
+        if modes is not None:
+            inside &= (self.modes < 0) | (self.modes == modes[:, None])
+        return np.asarray(inside.any(axis=1))
 
-    def holds(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return whether each state lies in one of the ellipsoids."""
-        return self.about(x) >= 0
+    def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether each state lies in each ellipsoid, shape (m, period)."""
+        y = self._apart(x)
+        within = (np.einsum("kpi,mki->mkp", self.normals, y) < self.offsets).all(axis=2)
+        return np.asarray(within & ((y**2).sum(axis=2) < self.level))
 
     def _apart(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(np.einsum("kij,mkj->mki", self.metrics, x[:, None, :] - self.centres))
 
-    def samples(self, count: int, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return states uniform in each ellipsoid, `count` in all, shape (count, n), and about which point each is."""
+    def samples(self, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Return states uniform in each ellipsoid, `count` in all, shape (count, n); those of a point together."""
         period, n = self.centres.shape
         which = np.arange(count) * period // count
         y = np.empty((count, n))
@@ -153,19 +162,22 @@ class Ellipsoid:
             inside = (np.einsum("mpj,mj->mp", self.normals[own], y[outside]) < self.offsets[own]).all(axis=1)
             outside = outside[~inside]
         inverse = np.linalg.inv(self.metrics)
-        return np.asarray(self.centres[which] + np.einsum("mij,mj->mi", inverse[which], y)), which
+        return np.asarray(self.centres[which] + np.einsum("mij,mj->mi", inverse[which], y))
 
     def half_widths(self) -> NDArray[np.float64]:
         """Return the half widths of the boxes about the ellipsoids, shape (period, n)."""
         return np.asarray(np.sqrt(self.level * (np.linalg.inv(self.metrics) ** 2).sum(axis=2)))
 
-    def shapes(self) -> NDArray[np.float64]:
-        """Return matrices with ``|shape (x - centre)| < 1`` in the ellipsoids, shape (period, n, n)."""
-        return np.asarray(self.metrics / math.sqrt(self.level))
-
-    def planes(self) -> NDArray[np.float64]:
-        """Return vectors with ``normal . (x - centre) < offset`` within the planes, shape (period, planes, n)."""
-        return np.asarray(np.einsum("kpi,kij->kpj", self.normals, self.metrics))
+    def as_traps(self, label: int) -> Ellipsoids:
+        """Return the ellipsoids as trapping regions of an attractor's label."""
+        return Ellipsoids(
+            self.centres,
+            self.metrics / math.sqrt(self.level),
+            np.full(len(self.centres), label, np.uint8),
+            np.einsum("kpi,kij->kpj", self.normals, self.metrics),
+            self.offsets,
+            self.modes,
+        )
 
 
 def _in_ball(count: int, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -303,7 +315,8 @@ def contracting(ensemble: Ensemble, ellipsoid: Ellipsoid, rng: np.random.Generat
 
 def _contracts(ensemble: Ensemble, ellipsoid: Ellipsoid, rng: np.random.Generator) -> bool:
     period = len(ellipsoid.centres)
-    x, which = ellipsoid.samples(period * CONTRACTING, rng)
+    x = ellipsoid.samples(period * CONTRACTING, rng)
+    which = np.repeat(np.arange(period), CONTRACTING)
     rows = np.arange(len(x))
     before = ellipsoid.sizes(x)[rows, which]
     after = ellipsoid.sizes(ensemble.strobe(x)[0])[rows, (which + 1) % period]
@@ -319,7 +332,7 @@ def core_of(ensemble: Ensemble, inner: Ellipsoid, rng: np.random.Generator) -> E
     Motions are accounted for once they are in the core, so those that start elsewhere in the ellipsoids have to come
     there. Where they are too slow, as near a bifurcation, the core is all of `inner`.
     """
-    x, _ = inner.samples(len(inner.centres) * _CORE_SAMPLES, rng)
+    x = inner.samples(len(inner.centres) * _CORE_SAMPLES, rng)
     modes, typical = None, inner.level
     for _ in range(_STRETCHES):
         x, modes = ensemble.strobe(x, modes, _STRETCH)

@@ -68,6 +68,8 @@ class Ensemble:
         Time between two looks.
     work : ndarray of int64
         Steps made so far in each pool of lanes.
+    left_over : int
+        Motions so far that lanes could not follow.
 
     Raises
     ------
@@ -110,7 +112,7 @@ class Ensemble:
             raise InputError("scale", scale, f"a finite number > 0 for each of {', '.join(system.states)}")
         self.threads = threads or _processors()
         self.work = np.zeros(2 * len(system.modes), np.int64)
-        self.rate = 0.0
+        self.left_over, self.rate = 0, 0.0
         if interval is None:
             self.rate = float(system.compiled.field(0, system.full_state(np.zeros(self.n)), self.p)[-1])
             if not 0.0 < self.rate < math.inf:
@@ -143,9 +145,7 @@ class Ensemble:
             Shapes that do not fit, or a count below 1.
         """
         x = self._points(points)
-        starts = np.full(len(x), -1, np.int64) if modes is None else np.array(modes, dtype=np.int64)
-        if starts.shape != (len(x),):
-            raise InputError("modes", starts.shape, f"as many as points, {len(x)}")
+        starts = self._modes(modes, x)
         if count < 1:
             raise InputError("count", count, "at least 1")
         found = self._followed(x, starts, Traps(self.n, limit=_BOUND), count, growth=False)
@@ -153,14 +153,14 @@ class Ensemble:
         return found[2], found[3]
 
     def settle(
-        self, points: ArrayLike, traps: Traps, longest: int = 200
+        self, points: ArrayLike, traps: Traps, longest: int = 200, modes: ArrayLike | None = None
     ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
         """Return the label of the trap that each motion falls into, and after how many periods.
 
         The tolerance grows 4.5 times a period, up to 1e-4, unless motions must stay in the boxes of an attractor: an
         error late in a transient equals a smaller one at its start. Motions that have met no fate after 48 periods go
-        on at the first tolerance. Where transients are chaotic for very long, labels
-        near the boundary are less certain than elsewhere at any tolerance, and less so for this.
+        on at the first tolerance. Where transients are chaotic for very long, labels near the boundary are less certain
+        than elsewhere at any tolerance, and less so for this.
 
         Parameters
         ----------
@@ -170,6 +170,8 @@ class Ensemble:
             Trapping regions.
         longest : int, optional
             Periods after which a motion is undecided.
+        modes : array_like of int, shape (m,), optional
+            Indices of the modes at the start; by default the first that a state allows.
 
         Returns
         -------
@@ -181,11 +183,11 @@ class Ensemble:
         InputError
             Points of another shape.
         """
-        return self._settled(points, traps, longest)[:2]
+        return self._settled(points, traps, longest, modes)[:2]
 
     def arrivals(
         self, points: ArrayLike, traps: Traps, longest: int = 200
-    ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int64]]:
         """Return the label of the trap that each motion falls into, as `settle` does, and where it is told.
 
         Parameters
@@ -202,20 +204,28 @@ class Ensemble:
         labels : ndarray of uint8, shape (m,)
         states : ndarray, shape (m, n)
             The first states at phase 0 in a trap.
+        modes : ndarray of int, shape (m,)
+            Their modes.
 
         Raises
         ------
         InputError
             Points of another shape.
         """
-        labels, _, ends, _ = self._settled(points, traps, longest)
-        return labels, ends
+        labels, _, ends, modes = self._settled(points, traps, longest)
+        return labels, ends, modes
 
     def _settled(
-        self, points: ArrayLike, traps: Traps, longest: int
+        self, points: ArrayLike, traps: Traps, longest: int, modes: ArrayLike | None = None
     ) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.float64], NDArray[np.int64]]:
         x = self._points(points)
-        return self._followed(x, np.full(len(x), -1, np.int64), traps, longest, growth=traps.cells is None)
+        return self._followed(x, self._modes(modes, x), traps, longest, growth=traps.cells is None)
+
+    def _modes(self, modes: ArrayLike | None, x: NDArray[np.float64]) -> NDArray[np.int64]:
+        starts = np.full(len(x), -1, np.int64) if modes is None else np.array(modes, dtype=np.int64)
+        if starts.shape != (len(x),):
+            raise InputError("modes", starts.shape, f"as many as points, {len(x)}")
+        return starts
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
         x = np.array(points, dtype=np.float64)
@@ -240,7 +250,9 @@ class Ensemble:
                 float(traps.limit), longest, visits,
             )  # fmt: skip
             self._run(x, modes, tables, settings, (labels, strobes, ends, end_modes))
-        for i in np.flatnonzero(labels == LEFT_OVER):
+        alone = np.flatnonzero(labels == LEFT_OVER)
+        self.left_over += len(alone)
+        for i in alone:
             labels[i], strobes[i], ends[i], end_modes[i] = follow_alone(
                 self.system, self.parameters, x[i], int(modes[i]), traps, longest, self.period
             )
@@ -325,8 +337,7 @@ def _largest_tolerance(traps: Traps) -> float:
     """What a motion's tolerance may grow to: small against the narrowest ellipsoid too."""
     if traps.ellipsoids is None or not len(traps.ellipsoids.shapes):
         return _LARGEST_TOLERANCE
-    narrowest = 1.0 / float(np.linalg.norm(traps.ellipsoids.shapes, 2, axis=(1, 2)).max())
-    return min(_LARGEST_TOLERANCE, _OF_A_TRAP * narrowest)
+    return min(_LARGEST_TOLERANCE, _OF_A_TRAP * traps.ellipsoids.narrowest())
 
 
 def _processors() -> int:
@@ -343,10 +354,11 @@ def _trap_arrays(traps: Traps, n: int) -> tuple[Any, ...]:
         flat = rows.reshape(len(rows), -1)
         cages = np.concatenate([c.modes[:, None], c.bounds[:, None], c.centres, flat], axis=1)
         labels.append(c.labels)
-    ellipsoids = np.empty((0, n + n * n))
+    ellipsoids = np.empty((0, 1 + n + n * n))
     if (e := traps.ellipsoids) is not None:
         planes = np.concatenate([e.normals, e.offsets[:, :, None]], axis=2)
-        ellipsoids = np.concatenate([e.centres, *(a.reshape(len(a), -1) for a in (e.shapes, planes))], axis=1)
+        parts = (e.modes, e.centres, e.shapes, planes)
+        ellipsoids = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1, dtype=np.float64)
         labels.append(e.labels)
     names = np.concatenate([np.empty(0, np.int64), *labels]).astype(np.int64)
     if (boxes := traps.cells) is None:

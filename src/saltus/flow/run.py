@@ -10,12 +10,14 @@ import numpy as np
 from saltus.errors import ChatteringError, DivergenceError, InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import ArrayLike, NDArray
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["Run", "check_tolerances", "domain_value", "how_long", "is_number", "passed_event", "start_state",
-           "starting_mode"]  # fmt: skip
+__all__ = ["Run", "allowed_modes", "check_tolerances", "domain_value", "how_long", "is_number", "passed_event",
+           "start_state", "starting_mode"]  # fmt: skip
 
 _TWO_PI = 2.0 * math.pi
 _EVENTS_KEPT = 1024
@@ -212,16 +214,23 @@ def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.fl
             allowed = f"in the domain of mode {mode!r}, {system.modes[mode].domain} > 0"
             raise InputError("x0", x.tolist(), allowed, f"it is {value:.6g} there")
         return index
+    if (first := next(allowed_modes(system, x, p), None)) is not None:
+        return first
     reasons = []
     for index, name in enumerate(system.mode_names):
         if not (value := domain_value(system, index, x, p)) > 0.0:
             reasons.append(f"{name}: {system.modes[name].domain} is {value:.6g}, not positive")
-        elif passed := passed_event(system, index, x, p):
-            reasons.append(f"{name}: past its event {passed!r}")
         else:
-            return index
+            reasons.append(f"{name}: past its event {passed_event(system, index, x, p)!r}")
     allowed = "in the domain of a mode and before its events"
     raise InputError("x0", x.tolist(), allowed, "; ".join(reasons))
+
+
+def allowed_modes(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> Iterator[int]:
+    """Go through the indices of the modes in which a motion may start at x."""
+    for index in range(len(system.modes)):
+        if domain_value(system, index, x, p) > 0.0 and not passed_event(system, index, x, p):
+            yield index
 
 
 def passed_event(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> str:

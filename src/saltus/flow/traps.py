@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,8 @@ import numpy as np
 from saltus.system.pools import DIVERGED, NOT_DONE, UNDECIDED
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 __all__ = ["DIVERGED", "NOT_DONE", "UNDECIDED", "Cages", "Cells", "Ellipsoids", "Traps"]
@@ -27,6 +30,8 @@ class Ellipsoids:
     normals : ndarray, shape (count, planes, n), optional
     offsets : ndarray, shape (count, planes), optional
         All > 0. A plane that an ellipsoid lacks has the normal 0 and the offset 1.
+    modes : ndarray of int64, shape (count,), optional
+        Of the motions that it holds; -1 for all.
     """
 
     centres: NDArray[np.float64]
@@ -34,12 +39,38 @@ class Ellipsoids:
     labels: NDArray[np.uint8]
     normals: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0, 0)))
     offsets: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    modes: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
     def __post_init__(self) -> None:
         count, n = self.centres.shape
         if not self.offsets.size:
             object.__setattr__(self, "normals", np.empty((count, 0, n)))
             object.__setattr__(self, "offsets", np.empty((count, 0)))
+        if not self.modes.size:
+            object.__setattr__(self, "modes", np.full(count, -1))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Ellipsoids]) -> Ellipsoids:
+        """Return all ellipsoids of several."""
+        lacking = [(0, max(part.offsets.shape[1] for part in parts) - part.offsets.shape[1]) for part in parts]
+        normals = [np.pad(part.normals, ((0, 0), pad, (0, 0))) for part, pad in zip(parts, lacking, strict=True)]
+        offsets = [
+            np.pad(part.offsets, ((0, 0), pad), constant_values=1.0) for part, pad in zip(parts, lacking, strict=True)
+        ]
+        centres, shapes, labels, modes = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("centres", "shapes", "labels", "modes")
+        )
+        return cls(centres, shapes, labels, np.concatenate(normals), np.concatenate(offsets), modes)
+
+    def smaller(self, times: float) -> Ellipsoids:
+        """Return the ellipsoids so many times smaller, planes included."""
+        return replace(self, shapes=times * self.shapes, offsets=self.offsets / times)
+
+    def narrowest(self) -> float:
+        """Return the least distance of a centre from where its ellipsoid, or a plane, ends."""
+        half_width = 1.0 / float(np.linalg.norm(self.shapes, 2, axis=(1, 2)).max())
+        lengths = np.linalg.norm(self.normals, axis=2)
+        return min(half_width, float((self.offsets[lengths > 0.0] / lengths[lengths > 0.0]).min(initial=math.inf)))
 
 
 @dataclass(frozen=True)
@@ -124,6 +155,7 @@ class Traps:
             apart = x - e.centres
             sizes = (np.einsum("kij,kj->ki", e.shapes, apart) ** 2).sum(axis=1)
             sizes[(np.einsum("kpj,kj->kp", e.normals, apart) >= e.offsets).any(axis=1)] = np.inf
+            sizes[(e.modes >= 0) & (e.modes != mode)] = np.inf
             best = int(np.argmin(sizes))
             if sizes[best] < 1.0:
                 return int(e.labels[best])

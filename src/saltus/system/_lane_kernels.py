@@ -190,7 +190,8 @@ def fate(x, mode, limit, cages, ellipsoids, labels):
     """Label of the trap in which a state at phase 0 lies in a mode; UNDECIDED outside all.
 
     cages: (count, 2 + n + rows (1 + 2 n)): mode, bound, centre, then a floor, real and imaginary parts for each row.
-    ellipsoids: (count, n + n n + planes (n + 1)): centre, shape, then a normal and an offset for each plane.
+    ellipsoids: (count, 1 + n + n n + planes (n + 1)): mode or -1, centre, shape, then a normal and an offset for each
+    plane.
     labels: of the cages, then of the ellipsoids.
     """
     n = x.size
@@ -212,20 +213,22 @@ def fate(x, mode, limit, cages, ellipsoids, labels):
             return labels[c]
     found, least = UNDECIDED, 1.0
     for c in range(ellipsoids.shape[0]):
+        if ellipsoids[c, 0] >= 0.0 and ellipsoids[c, 0] != mode:
+            continue
         size = 0.0
-        for row in range(n):
+        for row in range(1 + n, 1 + n + n * n, n):
             total = 0.0
             for i in range(n):
-                total += ellipsoids[c, n + row * n + i] * (x[i] - ellipsoids[c, i])
+                total += ellipsoids[c, row + i] * (x[i] - ellipsoids[c, 1 + i])
             size += total * total
             if size >= least:
                 break
         if size >= least:
             continue
-        for plane in range(n + n * n, ellipsoids.shape[1], n + 1):
+        for plane in range(1 + n + n * n, ellipsoids.shape[1], n + 1):
             total = 0.0
             for i in range(n):
-                total += ellipsoids[c, plane + i] * (x[i] - ellipsoids[c, i])
+                total += ellipsoids[c, plane + i] * (x[i] - ellipsoids[c, 1 + i])
             if total >= ellipsoids[c, plane + n]:
                 break
         else:
