@@ -49,6 +49,13 @@ def test_axes_are_named_after_the_coordinates_in_the_order_asked_for(plane):
     assert plane.plot(y="q").get_xlabel() == "$v$"
 
 
+def test_a_new_figure_tells_what_is_frozen(plane):
+    from matplotlib.figure import Figure
+
+    assert plane.plot().get_title(loc="right") == "$w$ = 0.25"
+    assert plane.plot(ax=Figure().subplots()).get_title(loc="right") == ""
+
+
 def test_the_legend_has_each_label_s_part_of_the_cells(plane):
     texts = [text.get_text() for text in plane.plot().get_legend().get_texts()]
     assert texts == ["rest  83.3 %", "swing  16.7 %", "attractor", "attractor, projected"]

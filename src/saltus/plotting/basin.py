@@ -48,7 +48,8 @@ def plot_basins(
 
     Each cell has its true extent and the colour of its label; the legend gives each label's part of the cells. Dots
     are the attractors at phase 0: filled where they lie in the plane, to half a cell, open where they lie elsewhere
-    and are projected onto it. With one free coordinate the cells are a band.
+    and are projected onto it. With one free coordinate the cells are a band. The title of
+    a new figure has the values at which the other coordinates are frozen.
 
     Parameters
     ----------
@@ -84,7 +85,10 @@ def plot_basins(
     palette = colours_of(basins, colours)
     labels = np.asarray(basins.labels[...], dtype=np.uint8)
     shown = labels[None, :] if len(names) == 1 else labels if names[0] != basins.grid.names[0] else labels.T
+    title = style.values_of(basins.grid.fixed) if ax is None else ""
     ax = style.axes(ax)
+    if title:
+        ax.set_title(title, loc="right", fontsize="medium")
     edges = [_edges(basins, name) for name in names] + ([] if len(names) == 2 else [(0.0, 1.0)])
     ax.imshow(
         labelled_image(shown, basins, palette),

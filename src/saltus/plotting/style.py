@@ -23,6 +23,7 @@ __all__ = [
     "colour_of_mode",
     "label_of",
     "publication",
+    "values_of",
 ]
 
 CURVE = "#1b1b1e"
@@ -147,6 +148,18 @@ def axes(ax: Axes | None) -> Axes:
     from matplotlib import pyplot
 
     return pyplot.subplots(layout="constrained")[1]
+
+
+def values_of(values: Mapping[str, float], labels: Mapping[str, str] | None = None) -> str:
+    r"""Return quantities with their values as a title tells them.
+
+    Examples
+    --------
+    >>> values_of({"q2": 0.25, "v2": 0.48564})
+    '$q_{2}$ = 0.25, $v_{2}$ = 0.48564'
+    """
+    told = [f"{(labels or {}).get(name) or label_of(name)} = {value:.5g}" for name, value in values.items()]
+    return ", ".join(told).replace("-", "\N{MINUS SIGN}")
 
 
 def colour_of_mode(index: int) -> str:

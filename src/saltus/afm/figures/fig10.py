@@ -104,7 +104,7 @@ def draw(basins: Mapping[str, Basins]) -> Figure:
     from saltus.plotting import style
 
     with style.publication():
-        figure = Figure(figsize=(7.2, 5.5), layout="constrained")
+        figure = Figure(figsize=(7.2, 5.85), layout="constrained")
         panels = figure.subplots(2, 3, sharex=True, sharey=True)
         for letter, ax, section in zip("abcdef", panels.flat, basins.values(), strict=False):
             _draw_section(ax, section, letter)
@@ -117,12 +117,13 @@ def draw(basins: Mapping[str, Basins]) -> Figure:
 
 
 def _draw_section(ax: Axes, section: Basins, letter: str) -> None:
+    from saltus.plotting import style
     from saltus.plotting.basin import percent
 
     section.plot(ax=ax, legend=False, colours=_COLOURS, marks=MARKS)
     part = percent(section.fractions()["repulsive"])
     ax.set_title(f"({letter})", loc="left", fontweight="bold")
-    ax.set_title(f"{LABELS['q2']} = {section.grid.fixed['q2']:g}:  {part}".replace("-", "\N{MINUS SIGN}"), loc="right")
+    ax.set_title(f"{style.values_of({'q2': section.grid.fixed['q2']}, LABELS)}:  {part}", loc="right")
     ax.set(xlabel="", ylabel="", aspect="equal", xticks=range(-4, 5, 2), yticks=range(-4, 5, 2))
 
 
@@ -130,6 +131,7 @@ def _draw_legend(figure: Figure, sections: list[Basins]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    from saltus.plotting import style
     from saltus.plotting.basin import colours_of, mark_of
 
     parts = [section.fractions() for section in sections]
@@ -143,4 +145,8 @@ def _draw_legend(figure: Figure, sections: list[Basins]) -> None:
     ]
     for regime, colour in MARKS.items():
         handles.append(Line2D([], [], label=f"{regime} orbit, projected", **mark_of(colour, filled=False)))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), columnspacing=2.0)
+    everywhere = f"all at {style.values_of({'v2': sections[0].grid.fixed['v2']}, LABELS)}"
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=len(handles), columnspacing=2.0, title=everywhere,
+        title_fontsize="medium",
+    )  # fmt: skip

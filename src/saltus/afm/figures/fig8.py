@@ -167,17 +167,22 @@ def _draw_legend(figure: Figure, basins: Basins) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    from saltus.plotting import style
+
     height = basins.section(q2=_height(basins)).grid.fixed["q2"]
     handles: list[Any] = [
         Patch(
             facecolor=_REPULSIVE,
             edgecolor="0.4",
             linewidth=0.4,
-            label=f"repulsive, cut at {LABELS['q2']} = {height:.4g}".replace("-", "\N{MINUS SIGN}"),
+            label=f"repulsive, cut at {style.values_of({'q2': round(height, 3)}, LABELS)}",
         ),
         Patch(facecolor=_ATTRACTIVE, edgecolor="0.4", linewidth=0.4, label="attractive, empty in (a)"),
     ]
     for name, colour in _BALLS.items():
         mark: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 5.5, "color": colour}
         handles.append(Line2D([], [], label=f"{name} orbit", **mark))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, columnspacing=1.8, handletextpad=0.5)
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=4, columnspacing=1.8, handletextpad=0.5,
+        title=f"at {style.values_of(basins.grid.fixed, LABELS)}; orbits projected", title_fontsize="medium",
+    )  # fmt: skip

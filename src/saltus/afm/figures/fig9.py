@@ -158,6 +158,7 @@ def _draw_legend(figure: Figure, ax: Axes, basins: Mapping[str, Basins]) -> None
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    from saltus.plotting import style
     from saltus.plotting.basin import places_of
 
     areas = {"both": _BOTH, "two modes alone": _TWO, "one mode alone": _ONE, "neither": _NEITHER}
@@ -174,4 +175,8 @@ def _draw_legend(figure: Figure, ax: Axes, basins: Mapping[str, Basins]) -> None
             }  # fmt: skip
             ax.plot(*places_of(basins[name], regime)[0].T, **options)
             handles.append(Line2D([], [], label=f"{regime} orbit, {_TITLES[name]}", **options | {"markersize": 6.0}))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, columnspacing=1.6, handletextpad=0.5)
+    frozen = style.values_of(basins["two_modes"].grid.fixed, LABELS) if "two_modes" in basins else ""
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=4, columnspacing=1.6, handletextpad=0.5,
+        title=f"two modes at {frozen}" if frozen else None, title_fontsize="medium",
+    )  # fmt: skip
