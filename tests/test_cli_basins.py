@@ -206,6 +206,8 @@ def test_options_that_do_not_belong_together_are_told(config, capsys, options, t
     [
         ("system = ", "config = '{path}': must be a TOML file; Invalid value (at end of document)"),
         ("", "system = None: must be given"),
+        ("sytem = 'x'", "key = 'sytem': must be one of system, model, parameters, interval, grid, "
+         "plane, engine, attractors; did you mean 'system'?"),
         ("system = 'x'\nsytem = 'x'", "key = 'sytem': must be one of system, model, parameters, interval, grid, "
          "plane, engine, attractors; did you mean 'system'?"),
         ("system = 'tapping_mod'\n[grid]", "system = 'tapping_mod': must be tapping_mode, or module:attribute; "

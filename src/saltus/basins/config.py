@@ -134,8 +134,10 @@ def read_config(path: Path) -> Config:
 
 
 def _told(error: ValidationError, entries: Mapping[str, Any]) -> InputError:
-    """Return the first thing that is wrong in the words of the package, with the key that it is about."""
-    first = error.errors()[0]
+    """Return one thing that is wrong in the words of the package, with the key that it is about."""
+    mistakes = error.errors()
+    # a key that is missing may be one that is misspelt
+    first = next((one for one in mistakes if one["type"] == "extra_forbidden"), mistakes[0])
     place = [part for part in first["loc"] if isinstance(part, str | int)]
     key = ".".join(map(str, place))
     if first["type"] == "missing":
