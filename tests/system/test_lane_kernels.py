@@ -137,7 +137,7 @@ def no_cages(n):
 
 
 def no_ellipsoids(n):
-    return np.empty((0, n + n * n))
+    return np.empty((0, 1 + n + n * n))
 
 
 def test_ellipsoids_hold_what_their_quadratic_forms_say():
@@ -145,7 +145,7 @@ def test_ellipsoids_hold_what_their_quadratic_forms_say():
     n, count = 3, 4
     forms = [np.linalg.inv(np.cov(generator.normal(size=(n, 5)))) for _ in range(count)]
     centres = generator.normal(size=(count, n))
-    rows = [np.concatenate([c, np.linalg.cholesky(f).T.ravel()]) for c, f in zip(centres, forms, strict=True)]
+    rows = [np.concatenate([[-1.0], c, np.linalg.cholesky(f).T.ravel()]) for c, f in zip(centres, forms, strict=True)]
     labels = np.array([7, 2, 9, 4])
     seen = set()
     for x in generator.normal(size=(2000, n)):
@@ -175,15 +175,24 @@ def test_a_cage_holds_motions_of_its_mode_whose_moduli_and_floors_stay_below_its
 
 def test_a_cage_comes_before_an_ellipsoid():
     cages = np.array([[0.0, 10.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]])
-    ellipsoids = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]])
+    ellipsoids = np.array([[-1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]])
     x, labels = np.array([0.1, 0.2]), np.array([3, 8])
     assert kernels.fate(x, 0, 1e6, cages, ellipsoids, labels) == 3
     assert kernels.fate(x, 1, 1e6, cages, ellipsoids, labels) == 8
 
 
+def test_an_ellipsoid_holds_what_is_before_its_planes_in_its_mode():
+    # the unit disc where x < 1/2 and x + y < 1/2, for motions in mode 2
+    ellipsoid = np.array([[2.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.5, 1.0, 1.0, 0.5]])
+    for x in np.random.default_rng(8).uniform(-1.2, 1.2, (1000, 2)):
+        inside = x @ x < 1.0 and x[0] < 0.5 and x.sum() < 0.5
+        found = [kernels.fate(x, mode, 10.0, no_cages(2), ellipsoid, np.array([4])) for mode in (1, 2)]
+        assert found == [UNDECIDED, 4 if inside else UNDECIDED]
+
+
 @pytest.mark.parametrize("bad", [11.0, -11.0, 10.0, np.inf, -np.inf, np.nan])
 def test_a_component_beyond_the_limit_has_diverged(bad):
-    whole = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    whole = np.array([[-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
     labels = np.array([1])
     assert kernels.fate(np.array([0.0, 9.9]), 0, 10.0, no_cages(2), whole, labels) == 1
     for x in ([bad, 0.0], [0.0, bad]):

@@ -41,7 +41,7 @@ _ENTERING = 8
 """How often at most motions from the region enter the ellipsoids, until all end as they should."""
 
 _TOLERATED = 1e-3
-"""Part of the samples in the ellipsoid of an attractor with a cage that may end elsewhere, or it is dropped."""
+"""Part of the samples in an ellipsoid that is cut that may end elsewhere, or it is not used."""
 
 _LEFT = 0.05
 """Part of the motions that boxes labelled beyond which, if they go elsewhere, what the boxes hold is a transient."""
@@ -518,15 +518,23 @@ class _Building:
         return labels, states, elsewhere
 
     def _measured(self, label: int, enlarging: Enlarging, entered: tuple[int, int] | None) -> str:
-        """Measure how much of an attractor's ellipsoids is another's, and tell; drop them where a cage does better."""
-        region, core, inner = self.ellipsoids[label], self.cores[label], self.found[label].ellipsoid
+        """Measure how much of an attractor's ellipsoids is another's, and tell.
+
+        Where it is much, they are dropped if there is a cage, else taken as large as they are without planes.
+        """
+        core, inner = self.cores[label], self.found[label].ellipsoid
         assert inner is not None
         # of what starts in the core, only contraction was seen
         samples = self.hunt.search.samples if core.level < inner.level else min(self.hunt.search.samples, CONTRACTING)
-        elsewhere = enlarging.elsewhere(region, core, samples)
-        if elsewhere > _TOLERATED * samples and self.found[label].cage is not None:
-            del self.ellipsoids[label]
-            return ""
+        elsewhere = enlarging.elsewhere(self.ellipsoids[label], core, samples)
+        if elsewhere > _TOLERATED * samples:
+            if self.found[label].cage is not None:
+                del self.ellipsoids[label]
+                return ""
+            if self.ellipsoids[label] is not self.wholes[label]:
+                self.ellipsoids[label], entered = self.wholes[label], None
+                elsewhere = enlarging.elsewhere(self.wholes[label], core, samples)
+        region = self.ellipsoids[label]
         bound = wilson(elsewhere, samples)[1]
         self.error = max(self.error, bound)
         radius = ", ".join(f"{value:.3g}" for value in region.half_widths()[0])
