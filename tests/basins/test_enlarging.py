@@ -25,7 +25,7 @@ def enlarging(image, widest, *, samples, states=("x",)):
         return region.holds(x)
 
     rng, search = np.random.default_rng(1), Search(samples=samples)
-    return Enlarging(strobed(image, states), settles, np.asarray(widest), rng, search)
+    return Enlarging(strobed(image, states), settles, np.asarray(widest), np.empty((0, len(states))), rng, search)
 
 
 def half_plane(x):

@@ -463,7 +463,10 @@ class _Building:
         in_lanes = hunt.in_lanes(inner.centres[:1])
         if found.cage is not None and not in_lanes:
             return None
-        enlarging = Enlarging(hunt.ensemble, settles, 2.0 * hunt.scale, hunt.rng, search)
+        others = np.concatenate(
+            [np.empty((0, len(hunt.low))), *(each.points for each in self.found if each is not found)]
+        )
+        enlarging = Enlarging(hunt.ensemble, settles, 2.0 * hunt.scale, others, hunt.rng, search)
         try:
             self.wholes[label] = self.ellipsoids[label] = enlarging.whole(inner, core)
         except ConvergenceError:

@@ -27,10 +27,13 @@ SOON = 256
 _GROWING = math.sqrt(2.0)
 """Ratio of the radii, squared, by which a region is enlarged."""
 
-LEFT_OVER = 10
+_LONG = 4
+"""Times as many strobes within which those from the whole ones come to the core, most of them within as many."""
+
+LEFT_OVER = 3
 """Samples that lanes leave over beyond which a trial is not worth its time."""
 
-_FIRST = 64
+_FIRST = 16
 """Samples that are followed first, then twice as many: those that lanes leave over take a hundred times as long."""
 
 _SHARE, _SHRINKING = 20, 0.8
@@ -58,6 +61,8 @@ class Enlarging:
         told last.
     widest : ndarray, shape (n,)
         Half widths beyond which an ellipsoid is not enlarged.
+    others : ndarray, shape (m, n)
+        States of other attractors, which no region may hold.
     rng : numpy.random.Generator
     search : Search
         How many samples are followed in the end, how long, and how near to those that end elsewhere planes are set.
@@ -68,10 +73,12 @@ class Enlarging:
         ensemble: Ensemble,
         settles: Callable[[NDArray[np.float64], Ellipsoid, int], NDArray[np.bool_]],
         widest: NDArray[np.float64],
+        others: NDArray[np.float64],
         rng: np.random.Generator,
         search: Search,
     ) -> None:
-        self.ensemble, self.settles, self.widest, self.rng, self.search = ensemble, settles, widest, rng, search
+        self.ensemble, self.settles, self.widest, self.others = ensemble, settles, widest, others
+        self.rng, self.search = rng, search
 
     def whole(self, inner: Ellipsoid, core: Ellipsoid) -> Ellipsoid:
         """Return the ellipsoids, without planes, so large that samples in them still all end in `core`.
@@ -88,16 +95,16 @@ class Enlarging:
         ConvergenceError
             Samples end elsewhere from ellipsoids that are hardly larger than `core`.
         """
-        search = self.search
+        search, longest = self.search, min(self.search.longest, _LONG * SOON)
         region = inner
         while (larger := self._larger(region)) is not None:
-            leaving = self._leaving(larger, region, max(search.samples // _SHARE, 100), search.longest)
+            leaving = self._leaving(larger, region, max(search.samples // _SHARE, 100), longest)
             if leaving is None or len(leaving):
                 break
             region = larger
         samples = search.samples
         region = region.at(max(search.safety * region.level, inner.level))
-        while self.elsewhere(region, core, samples):
+        while (leaving := self._leaving(region, core, samples, longest)) is None or len(leaving):
             region = region.at(_SHRINKING * region.level)
             if region.level < min(_LEAST * core.level, inner.level):
                 radius = math.sqrt(region.level)
@@ -134,7 +141,8 @@ class Enlarging:
 
     def _leaving(self, region: Ellipsoid, within: Ellipsoid, samples: int, longest: int) -> NDArray[np.float64] | None:
         """Samples in a region from which motions end elsewhere than `within`; None where lanes leave many over."""
-        work, left_over, found = self.ensemble.work.sum(), self.ensemble.left_over, []
+        work, left_over = self.ensemble.work.sum(), self.ensemble.left_over
+        found = [self.others[region.holds(self.others)]]
         for count in pieces(samples):
             found.append(self._bad(region.samples(count, self.rng), within, longest))
             if self.ensemble.left_over > left_over + LEFT_OVER and self.ensemble.work.sum() > work:
