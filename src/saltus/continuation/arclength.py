@@ -91,6 +91,9 @@ class ZeroProblem(Protocol):
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return what is to be known of a corrected point, and whether it may follow the one before."""
 
+    def depart(self, point: Point) -> None:
+        """Normalise the equations at a point from which a step is to go; renew what of it depends on that."""
+
     def leading(self, names: list[str]) -> list[str]:
         """Return those of the monitor functions that change sign in a step which are to be located."""
 
@@ -118,7 +121,10 @@ class Examined:
 
 @dataclass(eq=False)
 class Point:
-    """A point of a branch with its tangent (unit arclength) and the sign and log of the bordered determinant."""
+    """A point of a branch with its tangent (unit arclength) and the sign and log of the bordered determinant.
+
+    `frame` is what the problem normalised its equations by, where it does so from place to place.
+    """
 
     u: NDArray[np.float64]
     J: NDArray[np.float64]
@@ -130,6 +136,7 @@ class Point:
     iterations: int = 0
     arc: float = 0.0
     examined: Examined = field(default_factory=lambda: Examined({}))
+    frame: Any = None
 
     @property
     def parameter(self) -> float:
@@ -289,10 +296,12 @@ class _Step:
 
 def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float, control: StepControl) -> _Step | str:
     """Return the step of length `h` from `point`, or why it is not to be taken."""
+    problem.depart(point)
     guess = _predict(point, before, h)
     new = correct(problem, guess, point.tangent, point.weights, control.iterations)
     if isinstance(new, str):
         return new
+    new.frame = point.frame
     new.arc = point.arc + _distance(point, new)
     moved, angle = math.sqrt(float(point.weights @ (new.u - guess) ** 2)), _angle(point, new)
     if (misstep := _misstep(point, new, moved, angle, control)) is not None:
@@ -314,7 +323,8 @@ def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float,
 
 def _predict(point: Point, before: Point | None, h: float) -> NDArray[np.float64]:
     """Return the point a step on, by the cubic through the last two points and their tangents."""
-    if before is None or before.u.size != point.u.size or point.arc <= before.arc:
+    apart = before is None or before.u.size != point.u.size or before.frame is not point.frame
+    if before is None or apart or point.arc <= before.arc:
         return point.u + h * point.tangent
     length = point.arc - before.arc
     if h > 3.0 * length:

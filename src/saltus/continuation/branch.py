@@ -23,7 +23,7 @@ class Branch(Curve):
     ----------
     parameter : str
         What varies; its values along the branch are in `values`, shape (point,). `Curve` tells the other attributes,
-        `special_points` being SN, PD, TR, BP, GR and users' events.
+        `special_points` being SN, PD, TR, BP, GR, HB and users' events.
     """
 
     parameter: str

@@ -34,6 +34,7 @@ _MEANING = {
     "TR": "torus (Neimark-Sacker)",
     "BP": "branch point",
     "GR": "grazing",
+    "HB": "Hopf: the cycle shrinks to an equilibrium",
     "CP": "cusp",
     "GPD": "generalised period doubling",
     "CH": "Chenciner",
@@ -53,9 +54,9 @@ class SpecialPoint:
     Attributes
     ----------
     type : str
-        On a branch ``SN``, ``PD``, ``TR``, ``BP``, ``GR`` or the name of a user's event; on a locus ``CP``, ``GPD``,
-        ``CH``, ``R1`` to ``R4``, ``FF``, ``SN``, ``PD``, ``TR``, ``GR`` or ``BP`` (where another locus meets it) and
-        ``TP`` (where a parameter turns); `Locus` tells more.
+        On a branch ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB`` or the name of a user's event; on a locus ``CP``,
+        ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF``, ``SN``, ``PD``, ``TR``, ``GR`` or ``BP`` (where another locus meets
+        it) and ``TP`` (where a parameter turns); `Locus` tells more.
     label : str
         The type with its number along the curve, as in ``SN1``.
     orbit : PeriodicOrbit
@@ -63,8 +64,8 @@ class SpecialPoint:
     test : float
         Test function there: the parameter's component of the tangent (SN, TP), ``mu + 1`` (PD), ``|mu|^2 - 1`` (TR),
         the determinant over its size nearby (BP, FF), the normal velocity or the distance from the surface (GR), the
-        coefficient of the normal form over its size nearby (CP, GPD, CH), the cosine of the multipliers' angle less
-        that of the resonance (R1 to R4), the distance from the wanted value (users' events).
+        coefficient of the normal form over its size nearby (CP, GPD, CH), the amplitude (HB), the cosine of the
+        multipliers' angle less that of the resonance (R1 to R4), the distance from the wanted value (users' events).
     position : float
         Where among the curve's points: 3.5 lies between points 3 and 4.
     arclength : float
@@ -401,7 +402,8 @@ class Curve(Result):
         p = self.system.parameter_vector(values)
         problem = OrbitProblem(self.system, self.forms[self.form[index]], p, tol=self.tol)
         u = np.array(self.unknowns[index])
-        problem.start(u)
+        states = len(self.system.states)
+        problem.start(u, np.maximum(np.abs(self.lows), np.abs(self.highs))[:, :states].max(axis=0))
         return problem, u
 
     def to_xarray(self) -> xr.Dataset:

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.arclength import Examined, Point, StepControl, ZeroProblem, correct
+from saltus.continuation.arclength import Examined, Point
 from saltus.continuation.curve import SpecialPoint, SpecialPoints
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.orbits.orbit import PeriodicOrbit
-    from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["SAME", "Found", "Half", "Joined", "alongside", "join", "passes", "turned"]
+__all__ = ["SAME", "Found", "Half", "Joined", "join", "turned"]
 
-SAME = 1e-6
-"""Distance at which two points of a curve are the same."""
+SAME = 1e-6  # distance at which two points of a curve are the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,42 +117,6 @@ def turned(point: Point, sign: float, odd: Collection[str]) -> Point:
     monitors = {name: -value if name in odd else value for name, value in point.examined.monitors.items()}
     examined = Examined(monitors, point.examined.fault, point.examined.data)
     return replace(point, tangent=-point.tangent, sign=-point.sign, examined=examined)
-
-
-def alongside(problem: OrbitProblem, u: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a copy of the unknowns `u` with the phase running in the same turn as that of `other`."""
-    moved, n = u.copy(), problem.n
-    if problem.system.phase is not None:
-        shift = 2.0 * math.pi * round(float(u[n - 1] - other[n - 1]) / (2.0 * math.pi))
-        moved[n - 1 : problem.size : n + 1] -= shift
-    return moved
-
-
-def passes(
-    branch: ZeroProblem, problem: OrbitProblem, origin: Point, last: Point, new: Point, control: StepControl
-) -> bool:
-    """Return whether the step from `last` to `new` passes `origin`, a point of the same signature."""
-    if new.arc < 3.0 * control.initial:
-        return False
-    reach = 20.0 * control.deviation
-    if abs(origin.parameter - last.parameter) > abs(new.parameter - last.parameter) + reach:
-        return False
-    w = last.weights
-    goal = alongside(problem, origin.u, last.u)
-    away, chord = goal - last.u, new.u - last.u
-    length = float(w @ chord**2)
-    share = float(w @ (away * chord)) / length
-    if not 0.0 < share <= 1.0:
-        return False
-    along = float(w @ (origin.tangent * chord))
-    near = math.sqrt(float(w @ (away - share * chord) ** 2)) < reach
-    if not (near and abs(along) > 0.9 * math.sqrt(length * float(w @ origin.tangent**2))):
-        return False
-    row = origin.weights * origin.tangent
-    guess = last.u + share * chord
-    guess -= origin.tangent * float(row @ (guess - goal))
-    there = correct(branch, guess, origin.tangent, origin.weights, control.iterations)
-    return isinstance(there, Point) and float(w @ (there.u - goal) ** 2) < SAME**2
 
 
 def join(start: Any, halves: list[Half], what: str) -> Joined:

@@ -9,17 +9,17 @@ import numpy as np
 
 from saltus.continuation.arclength import Event, Point, correct, locate, start_point
 from saltus.continuation.zero_problem import OrbitBranch
-from saltus.orbits.problem import CLOSED_END, PHASE_END, OrbitProblem, Signature
+from saltus.orbits.problem import CLOSED_END, PHASE_END, OrbitProblem
+from saltus.orbits.rounds import divided
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["halved", "once_round"]
+__all__ = ["halved"]
 
-_ALIKE, _SAME, _NEAR, _REACHES = 1e-2, 1e-6, 1e-4, (1e-3, 1e-2)
-"""Difference, over the orbit's size, of two halves that may be one, and of two that are; distance between the
-parameters of a branch point and of the period doubling that it is; steps along the shorter orbit's branch in which this
-is looked for."""
+_ALIKE = 1e-2  # difference, over the range of a state, of two halves that may be one
+_NEAR = 1e-4  # distance between the parameters of a branch point and of the period doubling that it is
+_REACHES = (1e-3, 1e-2)  # steps along the shorter orbit's branch in which the period doubling is looked for
 
 
 def halved(branch: OrbitBranch, point: Point) -> Point | None:
@@ -40,7 +40,7 @@ def halved(branch: OrbitBranch, point: Point) -> Point | None:
     Point or None
         None where the orbit is not a shorter one twice, or that one does not double its period there.
     """
-    short = once_round(branch.problem, point.u, _ALIKE)
+    short = divided(branch.problem, point.u, 2, _ALIKE)
     if short is None:
         return None
     signature, u = short
@@ -56,34 +56,6 @@ def halved(branch: OrbitBranch, point: Point) -> Point | None:
     found = Point(u, branch.evaluate(u)[1], point.tangent, point.weights, point.sign, point.log, 0.0, 1, point.arc)
     found.examined = branch.examine(found, None)
     return None if found.examined.data is None else found
-
-
-def once_round(
-    problem: OrbitProblem, u: NDArray[np.float64], alike: float = _SAME
-) -> tuple[Signature, NDArray[np.float64]] | None:
-    """Return signature and unknowns of the orbit that `u` goes round twice, if its halves differ by `alike` at most."""
-    signature, n = problem.signature, problem.n
-    if signature.turns % 2:
-        return None
-    blocks = u[: problem.size].reshape(problem.segments, n + 1).copy()
-    if signature.kinds[0] in (PHASE_END, CLOSED_END):
-        problem.survey(u)
-        blocks[0, n] *= 0.5
-        blocks = np.vstack([blocks[0], np.append(problem.state_on(0, 0.5), blocks[0, n])])
-        modes, transitions, kinds = signature.modes, signature.transitions, signature.kinds
-    else:
-        half = problem.segments // 2
-        modes, transitions, kinds = (part[:half] for part in (signature.modes, signature.transitions, signature.kinds))
-        if (modes + modes, transitions + transitions) != (signature.modes, signature.transitions):
-            return None
-    first, second = blocks[: len(modes)], blocks[len(modes) :]
-    if problem.system.phase is not None:
-        second[:, n - 1] -= math.pi * signature.turns
-    size = np.append(problem.state_scale, np.abs(blocks[:, n]).sum())
-    if np.max(np.abs(second - first) / size) > alike:
-        return None
-    once = Signature(modes, transitions, kinds, signature.turns // 2)
-    return once, np.append(0.5 * (first + second), u[problem.size :])
 
 
 def _doubling(branch: OrbitBranch, u: NDArray[np.float64]) -> Event | None:

@@ -18,8 +18,9 @@ from saltus.continuation.arclength import (
     follow,
     start_point,
 )
+from saltus.continuation.closure import alongside, passes
 from saltus.continuation.curve import SpecialPoint
-from saltus.continuation.directions import SAME, Found, Half, alongside, join, passes, turned
+from saltus.continuation.directions import SAME, Found, Half, join, turned
 from saltus.continuation.grazing import Neighbour, neighbour, touching
 from saltus.continuation.locus import Locus
 from saltus.continuation.locus_problem import LocusBranch, LocusData

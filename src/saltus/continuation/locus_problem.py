@@ -12,6 +12,8 @@ import numpy as np
 
 from saltus.continuation.arclength import Event, Examined, Point, correct
 from saltus.continuation.grazing import Neighbour, neighbour
+from saltus.continuation.guards import residual_fault, unconfirmed
+from saltus.continuation.phase_plane import astray, depart
 from saltus.continuation.zero_problem import at_grazing, grazing_monitors, shadowed_rates
 from saltus.orbits.critical import Branching, Critical, Grazing
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
@@ -150,7 +152,9 @@ class LocusBranch:
         u = self.orbit(point.u)
         survey = problem.survey(u)
         if survey.coarse:
+            plane = problem.phase_plane
             problem.start(u)
+            problem.phase_plane = plane
             better = correct(self, point.u, point.tangent, point.weights, 7)
             if isinstance(better, str):
                 return Examined({}, better)
@@ -158,6 +162,10 @@ class LocusBranch:
             point.sign, point.log, point.residual = better.sign, better.log, better.residual
             u = self.orbit(point.u)
             survey = problem.survey(u)
+        if before is not None:
+            doubt = astray(problem, u) or residual_fault(problem, survey, u)
+            if doubt is not None:
+                return Examined({}, doubt)
         if isinstance(self.condition, Grazing) and self.condition.kind == "rate":
             survey = replace(survey, faults=survey.faults & ~DIRECTION)
         # the multipliers next to a grazing vary so fast that the last Newton step shows in them
@@ -185,6 +193,15 @@ class LocusBranch:
             )
             fault = None if grazing else self._lost_motion()
         return Examined(monitors, fault, data)
+
+    def depart(self, point: Point) -> None:
+        """Lay the plane that fixes an autonomous cycle's phase anew where the flow has turned away from its normal."""
+        if depart(self, self.problem, self.orbit(point.u), point):
+            self.condition.adjust()
+            monitors = dict(point.examined.monitors)
+            turning = {name: self._measure(name, point) for name in ("TP 0", "TP 1") if monitors.get(name) is not None}
+            monitors |= {name: value for name, value in turning.items() if not math.isnan(monitors[name])}
+            point.examined = replace(point.examined, monitors=monitors)
 
     def monitor(self, name: str, point: Point) -> float:
         """Return one monitor function at a point that need not be quite corrected."""
@@ -223,27 +240,35 @@ class LocusBranch:
             survey = Survey(0, False, *(np.empty(0) for _ in range(6)))
         return LocusData(survey, values, unstable_count(inner[away]), angle, coefficient)
 
-    def _determinant(self, name: str, mu: float, problem: OrbitProblem, J: NDArray[np.float64]) -> float:
-        """Return det(A - mu B), mu = 1 or -1, over the size that it had first."""
+    def _determinant(
+        self, name: str, mu: float, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+    ) -> float:
+        """Return det(A - mu B), mu = 1 or -1, over the size that it had first and the factor of the phase condition."""
         if mu < 0.0:
             sign, log = doubling_determinant(problem, J)
         else:
             sign, log = (float(part) for part in np.linalg.slogdet(J[:, : problem.size]))
-        return sign * math.exp(min(log - self._sizes.setdefault(name, log), 600.0))
+        value = sign * math.exp(min(log - self._sizes.setdefault(name, log), 600.0))
+        return value / (problem.facing(u) or math.nan)
 
     def _at_SN(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
         condition = self.condition
         assert isinstance(condition, Critical)
+        u = self.orbit(point.u)
         coefficient = self._sized("CP", condition.curvature)
-        found = {"CP": coefficient, "R1": condition.twist, "FF": self._determinant("FF", -1.0, self.problem, self._J)}
-        values = multipliers(self.problem, self.orbit(point.u), self._J)
+        found = {
+            "CP": coefficient,
+            "R1": condition.twist,
+            "FF": self._determinant("FF", -1.0, self.problem, u, self._J),
+        }
+        values = multipliers(self.problem, u, self._J)
         return found, self._data(survey, values, 0.0, coefficient)
 
     def _at_PD(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
         condition = self.condition
         assert isinstance(condition, Critical)
-        found = {"R2": condition.twist, "FF": self._determinant("FF", 1.0, self.problem, self._J)}
         u = self.orbit(point.u)
+        found = {"R2": condition.twist, "FF": self._determinant("FF", 1.0, self.problem, u, self._J)}
         coefficient = math.nan
         if only in (None, "GPD"):
             # the coefficient has a pole where another multiplier is 1, and the determinant a zero
@@ -262,7 +287,7 @@ class LocusBranch:
         resonant = min(abs(kappa - value) for name, value in _RESONANCES.items() if name != "R4") < _RESONANT
         if abs(kappa) < 1.0 and only in (None, "CH") and not resonant:
             # the coefficient has a pole where another multiplier is 1, and this quotient a zero
-            others = self._determinant("others", 1.0, self.problem, self._J) / (2.0 - 2.0 * kappa)
+            others = self._determinant("others", 1.0, self.problem, u, self._J) / (2.0 - 2.0 * kappa)
             value = _or_infinity(_torus_coefficient, *self._graded(u, only), u, kappa)
             coefficient = self._sized("CH", value * others)
             found["CH"] = _known(coefficient, only)
@@ -307,8 +332,8 @@ class LocusBranch:
         values = multipliers(problem, u, J)
         finite = [v for v in nontrivial(values, autonomous=self._autonomous).tolist() if abs(v) < _INFINITE]
         found = {
-            f"SN {side}": self._determinant(f"SN {side}", 1.0, problem, J),
-            f"PD {side}": self._determinant(f"PD {side}", -1.0, problem, J),
+            f"SN {side}": self._determinant(f"SN {side}", 1.0, problem, u, J),
+            f"PD {side}": self._determinant(f"PD {side}", -1.0, problem, u, J),
             f"TR {side}": distance_from_circle(np.array(finite, dtype=np.complex128)),
         }
         return found, values
@@ -327,8 +352,18 @@ class LocusBranch:
         return [
             e
             for e in events
-            if at_grazing(e.name) or e.name in _PLAIN or all(abs(e.point.arc - arc) > _CLOSE for arc in grazings)
+            if at_grazing(e.name)
+            or e.name in _PLAIN
+            or (all(abs(e.point.arc - arc) > _CLOSE for arc in grazings) and not self._unconfirmed(e))
         ]
+
+    def _unconfirmed(self, event: Event) -> bool:
+        """Return whether an FF is located where no multiplier but the locus' own is critical."""
+        data = event.point.examined.data
+        if event.name != "FF" or data is None:
+            return False
+        other, u = "PD" if self.kind == "SN" else "SN", self.orbit(event.point.u)
+        return unconfirmed(self.problem, other, u, self.problem.evaluate(u)[1], data.multipliers)
 
     def _lost_motion(self) -> str | None:
         """Return why the step examined last leads from motions to what is none, if it does."""

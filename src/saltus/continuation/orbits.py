@@ -11,20 +11,26 @@ import numpy as np
 
 from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, follow, start_point
 from saltus.continuation.branch import Branch
-from saltus.continuation.directions import SAME, Found, Half, join, passes, turned
+from saltus.continuation.closure import passes
+from saltus.continuation.directions import SAME, Found, Half, join, turned
 from saltus.continuation.grazing import Neighbour, neighbour
-from saltus.continuation.halving import halved, once_round
+from saltus.continuation.halving import halved
+from saltus.continuation.shrinking import equilibrium_ahead
 from saltus.continuation.zero_problem import BIFURCATIONS, Interest, OrbitBranch, OrbitData, at_grazing
 from saltus.errors import InputError, nearest
 from saltus.orbits.critical import solve_branch_point
 from saltus.orbits.floquet import distance_from_circle
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem, Signature, Survey
+from saltus.orbits.rounds import divided
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["continue_orbit"]
+
+_LONG, _LONGEST = 3.0, 1e3
+"""Growth of the period along a branch with which the step's failure is its end; growth with which a branch is ended."""
 
 _ROUNDING, _TOUCHING, _NEAR = 1e-9, 1e-13, 1e-3
 """Share of the parameter's interval by which a start may miss a bound; what is left of a distance that vanishes; how
@@ -47,7 +53,9 @@ def continue_orbit(
 
     Saddle-nodes (SN), period doublings (PD), torus bifurcations (TR), branch points (BP) and grazings (GR) are located
     by Newton's method. At a grazing the branch goes on in the neighbouring signature, once round where the orbit there
-    is a shorter one twice; where there is none, it ends. A branch of doubled period ends where the period halves.
+    is a shorter one twice; where there is none, it ends. A branch of doubled period ends where the period halves, one
+    of autonomous cycles at the Hopf point (HB) to which the cycle shrinks. No point is kept of whose equations more
+    than 1e-8 of the orbit's size is left.
 
     Parameters
     ----------
@@ -269,8 +277,8 @@ class _Run:
         last = point
         for item in follow(branch, point, self.control, log=self.log, first_step=first):
             if isinstance(item, str):
-                value = last.parameter * self.scale
-                return f"{self.name} = {value:.9g}: {item}"
+                reason = _period_grows(start, half, _LONG) or item
+                return f"{self.name} = {last.parameter * self.scale:.9g}: {reason}"
             if isinstance(item, Event):
                 end = self._event(half, branch, item)
                 if end is not None:
@@ -284,6 +292,10 @@ class _Run:
                 half.closed = True
                 return "the branch is closed"
             half.points.append((branch, item))
+            if (rest := equilibrium_ahead(branch, last, item)) is not None:
+                return self._shrunk(half, *rest)
+            if (grown := _period_grows(start, half, _LONGEST)) is not None:
+                return f"{self.name} = {item.parameter * self.scale:.9g}: {grown}"
             self.count += 1
             if self.progress is not None:
                 self.progress(self.count, item.parameter * self.scale)
@@ -291,6 +303,14 @@ class _Run:
                 return f"{self.name} = {item.parameter * self.scale:.9g}: {self.control.most} points"
             last = item
         raise AssertionError("follow ends with a reason")
+
+    def _shrunk(self, half: Half, piece: OrbitBranch, end: Point) -> str:
+        """End a branch at the Hopf point that is its last point."""
+        data = end.examined.data
+        orbit = orbit_at(piece.problem, end.u, end.J, data.survey, data.multipliers)
+        half.specials.append(Found("HB", orbit, _amplitude(orbit), len(half.points), end.arc))
+        half.points.append((piece, end))
+        return f"{self.name} = {end.parameter * self.scale:.9g}: the cycle shrinks to an equilibrium"
 
     def _event(self, half: Half, branch: OrbitBranch, event: Event) -> str | tuple[OrbitBranch, Point, float] | None:
         kind = event.name.split(" ")[0]
@@ -341,7 +361,7 @@ class _Run:
     def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitBranch, Point, float]:
         """Return the neighbouring signature's branch at a grazing, its tangent towards admissible orbits."""
         branch = self.piece(found.signature, found.u)
-        if (once := once_round(branch.problem, found.u)) is not None:
+        if (once := divided(branch.problem, found.u, 2)) is not None:
             found = Neighbour(*once)
             branch = self.piece(found.signature, found.u)
         try:
@@ -408,6 +428,22 @@ def _sharpened(branch: OrbitBranch, point: Point) -> Point:
     found = replace(point, u=u, J=branch.evaluate(u)[1])
     found.examined = branch.examine(found, None)
     return point if found.examined.data is None else found
+
+
+def _period_grows(start: tuple[OrbitBranch, Point], half: Half, times: float) -> str | None:
+    """Return in words that the period has grown by a factor and grows on, as towards a homoclinic orbit; else None."""
+    if len(half.points) < 2:
+        return None
+    first, before, last = (
+        float(point.u[piece.n : piece.problem.size : piece.n + 1].sum()) for piece, point in (start, *half.points[-2:])
+    )
+    return f"the period grows without bound (T = {last:.6g})" if last > max(before, times * first) else None
+
+
+def _amplitude(orbit: PeriodicOrbit) -> float:
+    """Return half the range of the state that varies most."""
+    n = len(orbit.system.states)
+    return 0.5 * float(np.max(orbit.highs[:n] - orbit.lows[:n]))
 
 
 def _found(name: str, branch: OrbitBranch, event: Event, half: Half) -> Found:

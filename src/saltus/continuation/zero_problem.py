@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,8 @@ import numpy as np
 
 from saltus.continuation.arclength import Event, Examined, Point, correct
 from saltus.continuation.grazing import turned
+from saltus.continuation.guards import INFINITE, residual_fault, unconfirmed
+from saltus.continuation.phase_plane import astray, depart
 from saltus.orbits.floquet import (
     Passage,
     doubling_determinant,
@@ -30,9 +32,8 @@ __all__ = ["BIFURCATIONS", "Interest", "OrbitBranch", "OrbitData", "at_grazing",
 
 BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
 
-_SHORT, _CRITICAL, _INFINITE = 1e-5, 1e-6, 1e10
-"""Step below which several multipliers may cross the unit circle in it; height within which a multiplier is critical;
-size from which on it is infinite, at a grazing that leaves another one undetermined."""
+_SHORT = 1e-5  # step below which several multipliers may cross the unit circle in it
+_CRITICAL = 1e-6  # height within which a multiplier is critical
 
 
 @dataclass(frozen=True)
@@ -115,8 +116,8 @@ class OrbitBranch:
             "low": lambda point: _beyond(point.parameter - interest.low),
             "high": lambda point: _beyond(point.parameter - interest.high),
             "SN": lambda point: float(point.tangent[-1]),
-            "PD": lambda point: self._sized("PD", *doubling_determinant(problem, point.J)),
-            "BP": lambda point: self._sized("BP", point.sign, point.log),
+            "PD": lambda point: self._sized("PD", *doubling_determinant(problem, point.J), point),
+            "BP": lambda point: self._sized("BP", point.sign, point.log, point),
         }
         for name, i in self._durations.items():
             self._simple[name] = lambda point, at=i * (self.n + 1) + self.n: float(point.u[at])  # type: ignore[misc]
@@ -141,9 +142,16 @@ class OrbitBranch:
         table = self._scale[:-1].reshape(problem.segments, self.n + 1)
         table[:, : self.n], table[:, self.n] = problem.state_scale, period
 
-    def _sized(self, name: str, sign: float, log: float) -> float:
-        """Return a determinant over the size that it had first."""
-        return sign * math.exp(min(log - self._logs.setdefault(name, log), 600.0))
+    def _sized(self, name: str, sign: float, log: float, point: Point) -> float:
+        """Return a determinant over the size that it had first and the factor that the phase condition gives it."""
+        value = sign * math.exp(min(log - self._logs.setdefault(name, log), 600.0))
+        return value / (self.problem.facing(point.u) or math.nan)
+
+    def depart(self, point: Point) -> None:
+        """Lay the plane that fixes an autonomous cycle's phase anew where the flow has turned away from its normal."""
+        if depart(self, self.problem, point.u, point):
+            monitors = {name: value(point) for name, value in self._simple.items()}
+            point.examined = replace(point.examined, monitors={**point.examined.monitors, **monitors})
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residual and Jacobian."""
@@ -167,15 +175,21 @@ class OrbitBranch:
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return monitors, data and fault of a point; solve it again where its mesh passed over something."""
         problem = self.problem
+        if before is not None and (fault := astray(problem, point.u)) is not None:
+            return Examined({}, fault)
         survey = problem.survey(point.u)
         if survey.coarse:
+            plane = problem.phase_plane
             problem.start(point.u)
+            problem.phase_plane = plane
             better = correct(self, point.u, point.tangent, point.weights, 7)
             if isinstance(better, str):
                 return Examined({}, better)
             point.u, point.J, point.tangent = better.u, better.J, better.tangent
             point.sign, point.log, point.residual = better.sign, better.log, better.residual
             survey = problem.survey(point.u)
+        if before is not None and (fault := residual_fault(problem, survey, point.u)) is not None:
+            return Examined({}, fault)
         problem.prepare()
         problem.rescale(survey)
         self._adjust(point.u)
@@ -185,7 +199,7 @@ class OrbitBranch:
         data = OrbitData(survey, values, unstable_count(values[: len(followed)]), followed)
         monitors = {name: value(point) for name, value in self._simple.items()}
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
-        if abs(values[0]) < _INFINITE:
+        if abs(values[0]) < INFINITE:
             monitors |= {f"TR {i}": height(value) for i, value in enumerate(followed) if value.imag > 0.0}
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
@@ -232,8 +246,15 @@ class OrbitBranch:
         grazings = [event.point.arc for event in events if at_grazing(event.name)]
         kept = [e for e in events if e.name != "SN" or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
         kept = [e for e in kept if not bifurcates(e.name) or all(abs(e.point.arc - arc) > 1e-7 for arc in grazings)]
+        long = self._step is not None and self._step[1].arc - self._step[0].arc >= _SHORT
+        for event in [e for e in kept if e.name[:2] in ("SN", "PD", "TR")]:
+            u, data = event.point.u, event.point.examined.data
+            if data is not None and unconfirmed(self.problem, event.name[:2], u, event.point.J, data.multipliers):
+                if long:
+                    return f"location: the orbit at a zero of {event.name} has no multiplier that is critical"
+                kept.remove(event)
         first = next((e for e in kept if bifurcates(e.name) or at_grazing(e.name)), None)
-        if first is None or self._step is None or self._step[1].arc - self._step[0].arc < _SHORT:
+        if first is None or self._step is None or not long:
             return kept
         return self._unexplained(first, *self._step) or kept
 
@@ -257,7 +278,7 @@ class OrbitBranch:
             away = [abs(height(value)) if kind == "TR" else abs(value - at) for value in followed]
             critical |= set(sorted(range(len(away)), key=away.__getitem__)[: 2 if kind == "TR" else 1])
         unstable = sum(abs(value) > 1.0 for i, value in enumerate(followed) if i not in critical)
-        undetermined = sum(abs(value) >= _INFINITE for value in followed)
+        undetermined = sum(abs(value) >= INFINITE for value in followed)
         ends = (a,) if at_grazing(event.name) else (a, b)
         if all(unstable - undetermined <= end.unstable <= unstable + len(critical) for end in ends):
             return None

@@ -11,6 +11,7 @@ import numpy as np
 from saltus.errors import ConvergenceError, InputError, SaltusError
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import CLOSED_END, EVENT_END, PHASE_END, Signature
+from saltus.orbits.rounds import divided, rounds_of
 from saltus.orbits.solve import check_tol, converge
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ __all__ = ["find_orbit"]
 
 _LONGEST = 16
 _NEAR = 1e-3
-_SAME = 1e-6
 _FAR = 0.1
 
 
@@ -114,7 +114,7 @@ def _search_forced(
             recurrence = min(recurrence, gap)
             if gap < _NEAR:
                 try:
-                    orbit = _shortest(system, converge(system, *_read_forced(log, wraps, turns), p, tol), p)
+                    orbit = _once_round(system, converge(system, *_read_forced(log, wraps, turns), p, tol), p)
                 except SaltusError as error:
                     failure = str(error)
                     break
@@ -141,23 +141,12 @@ def _why_not(orbit: PeriodicOrbit) -> str:
     return "the orbit found is far from the motion" if orbit.stable else "the orbit near the motion is not stable"
 
 
-def _shortest(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64]) -> PeriodicOrbit:
-    """Return an orbit once round, where it was found as several turns of a shorter one (of slow transients)."""
-    from saltus.flow.run import starting_mode
-    from saltus.flow.simulate import events_after
-
-    turns = orbit.form.turns
-    if turns == 1 or not orbit.admissible:
-        return orbit
-    x = system.full_state(orbit.x0)
-    log = events_after(system, p, x, starting_mode(system, x, p), periods=turns + 1)
-    wraps = np.flatnonzero(log.transition == -1)
-    states = log.x_after[wraps][:, :-1]
-    scale = _scale(np.vstack([log.x_before, log.x_after])[:, :-1])
-    for fewer in range(1, turns):
-        if turns % fewer == 0 and np.max(np.abs(states[fewer] - states[0]) / scale) < _SAME:
-            return converge(system, *_read_forced(log, wraps, fewer), p, orbit.tol)
-    return orbit
+def _once_round(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64]) -> PeriodicOrbit:
+    """Return an orbit once round, where it was found as several rounds of a shorter one."""
+    problem, u = orbit.problem(), orbit.unknowns
+    count = rounds_of(problem, u)
+    once = divided(problem, u, count) if count > 1 else None
+    return orbit if once is None else converge(system, *once, p, orbit.tol)
 
 
 def _scale(states: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -225,20 +214,6 @@ def _search_autonomous(
         batch = min(2.0 * batch, max(longest - done, 1.0) / 2.0) if done < longest else batch
     hint = failure or "the motion is quasi-periodic or chaotic, at rest, or slower than the time allowed; pass settle="
     raise ConvergenceError("periodic attractor", recurrence, int(done), hint, unit="units of time")
-
-
-def _once_round(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64]) -> PeriodicOrbit:
-    """Return an autonomous orbit once round, where it was found as several turns of a shorter one."""
-    count = len(orbit.form)
-    scale = _scale(orbit.states)
-    for fewer in range(1, count):
-        turned = np.roll(orbit.states, -fewer, axis=0)
-        alike = all(np.roll(part, -fewer).tolist() == list(part) for part in (orbit.form.modes, orbit.form.transitions))
-        if count % fewer == 0 and alike and np.max(np.abs(turned - orbit.states) / scale) < _SAME:
-            form = orbit.form
-            signature = Signature(form.modes[:fewer], form.transitions[:fewer], (EVENT_END,) * fewer, 0)
-            return converge(system, signature, orbit.unknowns[: fewer * (orbit.states.shape[1] + 1)], p, orbit.tol)
-    return orbit
 
 
 def _read_autonomous(log: EventLog) -> tuple[Signature, NDArray[np.float64], float] | None:

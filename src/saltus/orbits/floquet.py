@@ -21,12 +21,15 @@ __all__ = [
     "distance_from_circle",
     "doubling_determinant",
     "height",
+    "multiplier_errors",
     "multipliers",
     "nontrivial",
     "passage",
     "unstable_count",
 ]
 
+_ERROR = 10.0  # change of the Jacobian's entries, in tolerances of the flow, by which errors are estimated
+_RESTING = 1e-9  # way of a state in a period, over its size, below which it rests
 _ON_CIRCLE, _REAL, _CLEARLY = 1e-9, 1e-12, 2.0
 """Height within which a multiplier is on neither side of the circle; share of its size below which an imaginary part is
 rounding; how many times nearer the multipliers paired must be than others."""
@@ -72,7 +75,7 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     if closing == PHASE_END:
         values = np.linalg.eigvals(P[:-1, :-1]).astype(np.complex128)
     elif closing == CLOSED_END:
-        values = np.linalg.eigvals(_quotient(P, flow)).astype(np.complex128)
+        values = _across(P, flow, period)
     elif n == 3:
         values = np.empty(2, dtype=np.complex128)
         problem.kernels.pair(P, R, 1, values)
@@ -81,6 +84,45 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     if n > 3 or closing in (PHASE_END, CLOSED_END):
         values = values[np.argsort(-np.abs(values), kind="stable")]
     return np.append(values, 1.0) if autonomous else values
+
+
+def multiplier_errors(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], values: NDArray[np.complex128]
+) -> NDArray[np.float64]:
+    """Return by how much each multiplier may be wrong, shape (states,): by its change where the Jacobian errs.
+
+    Every entry of the Jacobian is changed by ten times the flow's tolerance of itself, in a fixed pattern of signs.
+    Infinite multipliers err by infinity.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations.
+    u : ndarray, shape (size + active,)
+        The orbit.
+    J : ndarray, shape (size, size) or wider
+        Jacobian there.
+    values : ndarray of complex, shape (states,)
+        What `multipliers` returns for it.
+    """
+    rows, columns = np.indices(J.shape)
+    signs = np.where((3 * rows + 5 * columns + rows * columns) % 7 % 2, 1.0, -1.0)
+    other = multipliers(problem, u, J * (1.0 + _ERROR * max(problem.tol, 1e-14) * signs))
+    errors = np.full(values.size, math.inf)
+    finite = np.isfinite(values)
+    gaps = np.abs(values[finite][:, None] - other[np.isfinite(other)][None, :])
+    errors[finite] = gaps.min(axis=1, initial=math.inf)
+    if problem.system.phase is None:
+        errors[-1] = 0.0
+    return errors
+
+
+def _across(P: NDArray[np.float64], flow: NDArray[np.float64], period: float) -> NDArray[np.complex128]:
+    """Return a closed curve's multipliers but the trivial one; at an equilibrium that is the one nearest to 1."""
+    if np.linalg.norm(flow) * period > _RESTING:
+        return np.linalg.eigvals(_quotient(P, flow)).astype(np.complex128)
+    values = np.linalg.eigvals(P).astype(np.complex128)
+    return np.delete(values, int(np.argmin(np.abs(values - 1.0))))
 
 
 def _quotient(P: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:

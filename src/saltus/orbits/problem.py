@@ -26,6 +26,8 @@ periods; a closed curve of an autonomous mode; a surface is touched, and the mot
 _RESTING = 1e-9
 """Size of a state, over the largest one, below which it counts as resting at zero."""
 
+_OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
+
 DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE, COARSE = 1, 2, 4, 8, 16, 32, 64
 """Bits of what a survey finds; all but the last make an orbit inadmissible."""
 
@@ -206,14 +208,74 @@ class OrbitProblem:
                 return index
             meshes.append(buffer[: count + 1].copy())
         self._use(meshes)
-        if self.kinds[0] == CLOSED_END:
-            x = np.ascontiguousarray(blocks[0, : self.n])
-            slope = np.empty(self.n)
-            self.system.compiled.call("field", int(self.modes[0]), 0, x, self.extended, slope)
-            self._anchor[: self.n] = x
-            self._anchor[self.n :] = slope / max(float(np.linalg.norm(slope)), 1e-300)
-        self.rescale(self.survey(u))
+        survey = self.survey(u)
+        self.rescale(survey)
+        self.fix_phase(u, survey)
         return None
+
+    @property
+    def phase_plane(self) -> NDArray[np.float64]:
+        """Point and normal, shape (2 n,), of the plane on which a closed curve's first segment starts."""
+        return self._anchor
+
+    @phase_plane.setter
+    def phase_plane(self, plane: NDArray[np.float64]) -> None:
+        self._anchor = plane
+
+    @property
+    def slides(self) -> bool:
+        """Whether nothing but a plane fixes where on the orbit the first segment starts."""
+        return bool(self.kinds[0] == CLOSED_END)
+
+    def fix_phase(self, u: NDArray[np.float64], survey: Survey) -> None:
+        """Lay the plane of the phase condition through the start of the orbit `u`, across the flow.
+
+        The plane holds the orbit's centre, unless the flow would cross it at a small angle: a cycle that shrinks to its
+        centre keeps the angle. Angles are those of states in units of their sizes. The normal is of such a length that
+        `facing` is 1.
+        """
+        if not self.slides:
+            return
+        slope = self.flow_at_start(u) / self.state_scale
+        slope /= max(float(np.linalg.norm(slope)), 1e-300)
+        outwards = (u[: self.n] - 0.5 * (survey.lows[: self.n] + survey.highs[: self.n])) / self.state_scale
+        outwards /= max(float(np.linalg.norm(outwards)), 1e-300)
+        normal = slope - float(slope @ outwards) * outwards
+        if not float(normal @ normal) > _OBLIQUE**2:
+            normal = slope
+        normal /= max(float(slope @ normal), 1e-300)
+        self._anchor = np.concatenate([u[: self.n], normal / self.state_scale])
+
+    def facing(self, u: NDArray[np.float64]) -> float:
+        """Return how steeply the flow crosses the phase condition's plane, in units of that at the plane's point.
+
+        It is 1 there, and without a plane; at 0 the flow is tangent to the plane.
+        """
+        if not self.slides:
+            return 1.0
+        slope = self.flow_at_start(u)
+        size = float(np.linalg.norm(slope / self.state_scale))
+        return float(slope @ self._anchor[self.n :]) / size if size > 0.0 else 0.0
+
+    def event_sizes(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how much each segment's event function varies with the states' sizes, shape (segments,)."""
+        self.set_parameters(u)
+        sizes, gradient = np.zeros(self.segments), np.empty(2 + 2 * self.n)
+        blocks = u[: self.size].reshape(self.segments, self.n + 1)
+        for i, transition in enumerate(self.signature.transitions):
+            if transition >= 0:
+                x = np.ascontiguousarray(blocks[(i + 1) % self.segments, : self.n])
+                self.system.compiled.call("event_x", transition, 0, x, self.extended, gradient)
+                sizes[i] = float(np.abs(gradient[2 : 2 + self.n]) @ self.state_scale)
+        return sizes
+
+    def flow_at_start(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the vector field where the first segment starts, shape (n,)."""
+        self.set_parameters(u)
+        slope = np.empty(self.n)
+        x = np.ascontiguousarray(u[: self.n])
+        self.system.compiled.call("field", int(self.modes[0]), 0, x, self.extended, slope)
+        return slope
 
     def rescale(self, survey: Survey) -> None:
         """Take the states' typical sizes from an orbit; none shrinks below a hundredth of what it was."""

@@ -77,6 +77,7 @@ SPECIAL: Mapping[str, Marker] = MappingProxyType(
         "PD": Marker("period doubling", "o", "#7b3294", size=3.5),
         "TR": Marker("torus", "D", "#0f5fa8", filled=False),
         "BP": Marker("branch point", "s", "#000000"),
+        "HB": Marker("Hopf point", "D", "#b35900"),
         "CP": Marker("cusp", "^", "#1b1b1e", size=6.0),
         "GPD": Marker("generalised period doubling", "v", "#1b1b1e", size=6.0),
         "CH": Marker("Chenciner point", "p", "#1b1b1e", size=6.0),

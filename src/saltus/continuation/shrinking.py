@@ -1,0 +1,85 @@
+"""Where a branch of autonomous cycles ends in a Hopf point, since the cycle shrinks to an equilibrium."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.arclength import Examined, Point
+from saltus.continuation.zero_problem import OrbitBranch, OrbitData
+from saltus.orbits.hopf import HopfPoint, solve_hopf
+from saltus.orbits.problem import CLOSED_END, OrbitProblem, Signature
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["equilibrium_ahead"]
+
+_WITHIN = 5.0  # steps of the last one's length within which the amplitude would vanish
+_AGREES = 0.1  # share of what is left to the Hopf point by which it may differ from the extrapolated one
+_ROUNDING = 1e-9  # differences of parameter and period, over their sizes, that are none
+
+
+def equilibrium_ahead(branch: OrbitBranch, before: Point, point: Point) -> tuple[OrbitBranch, Point] | None:
+    """Return the equations of the equilibrium to which the cycle shrinks a step or two ahead, and it as a point.
+
+    The amplitude of a cycle vanishes linearly in the arclength, its parameter and period differ from those of the Hopf
+    point by the square of the amplitude. The Hopf point is solved for from there, and taken where it agrees with what
+    the last two points say of parameter and period.
+
+    Parameters
+    ----------
+    branch : OrbitBranch
+        The cycles.
+    before, point : Point
+        The last two points, examined.
+    """
+    problem = branch.problem
+    if problem.system.phase is not None or len(set(problem.signature.modes)) > 1:
+        return None
+    far, near = _amplitude(problem, before), _amplitude(problem, point)
+    if not 0.0 < near < _WITHIN * (far - near):
+        return None
+    ahead = near * near / (far * far - near * near)
+    last, other = _period(problem, point), _period(problem, before)
+    value = point.parameter + (point.parameter - before.parameter) * ahead
+    period = last + (last - other) * ahead
+    survey, n = point.examined.data.survey, problem.n
+    centre = 0.5 * (survey.lows[:n] + survey.highs[:n])
+    found = solve_hopf(problem, centre, value, 2.0 * math.pi / period)
+    if found is None or not np.max(np.abs(found.state - centre) / problem.state_scale) < near:
+        return None
+    left = _AGREES * abs(value - point.parameter) + _ROUNDING * max(1.0, abs(value))
+    if abs(found.parameter - value) > left or abs(found.period - period) > _AGREES * abs(period - last) + 1e-3 * period:
+        return None
+    return _at_rest(branch, point, found)
+
+
+def _amplitude(problem: OrbitProblem, point: Point) -> float:
+    """Return half the range of the state that varies most, over the states' sizes."""
+    survey, n = point.examined.data.survey, problem.n
+    return 0.5 * float(np.max((survey.highs[:n] - survey.lows[:n]) / problem.state_scale))
+
+
+def _period(problem: OrbitProblem, point: Point) -> float:
+    return float(point.u[problem.n : problem.size : problem.n + 1].sum())
+
+
+def _at_rest(branch: OrbitBranch, point: Point, found: HopfPoint) -> tuple[OrbitBranch, Point]:
+    """Return a Hopf point as the last point of a branch."""
+    old = branch.problem
+    signature = Signature((old.signature.modes[0],), (-1,), (CLOSED_END,), 0)
+    problem = OrbitProblem(old.system, signature, old.p, old.active, old.scales, old.tol)
+    u: NDArray[np.float64] = np.concatenate([found.state, [found.period, found.parameter]])
+    problem.start(u, old.state_scale)
+    piece = OrbitBranch(problem, u, branch.interest)
+    away = np.append((u[: old.n] - point.u[: old.n]) / old.state_scale, u[-1] - point.parameter)
+    weights = piece.metric(u)
+    end = Point(u, problem.evaluate(u)[1], np.zeros(u.size), weights, 1.0, 0.0, 0.0, arc=point.arc)
+    end.arc += float(np.linalg.norm(away))
+    values = found.multipliers
+    unstable = point.examined.data.unstable  # as the cycles that end there
+    end.examined = Examined({}, None, OrbitData(problem.survey(u), values, unstable, tuple(values[:-1].tolist())))
+    return piece, end

@@ -1,0 +1,121 @@
+"""The Hopf point to which a cycle of an autonomous mode shrinks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.orbits.problem import OrbitProblem
+
+__all__ = ["HopfPoint", "solve_hopf"]
+
+_ITERATIONS = 25
+_CONVERGED = 1e-12  # Newton step, over the unknowns' sizes, at which the point is taken
+_DIFFERENCE = 1e-6  # step of the differences for Newton's matrix, over the unknowns' sizes
+
+
+@dataclass(frozen=True, eq=False)
+class HopfPoint:
+    """An equilibrium with a pair of eigenvalues on the imaginary axis.
+
+    Attributes
+    ----------
+    state : ndarray, shape (states,)
+        The equilibrium.
+    parameter : float
+        The active parameter, in its unit.
+    eigenvalues : ndarray of complex, shape (states,)
+        The pair first.
+    """
+
+    state: NDArray[np.float64]
+    parameter: float
+    eigenvalues: NDArray[np.complex128]
+
+    @property
+    def period(self) -> float:
+        """Period of the cycles that leave the equilibrium there, as their size tends to 0."""
+        return 2.0 * math.pi / abs(float(self.eigenvalues[0].imag))
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Floquet multipliers of the equilibrium as a cycle: those of the pair are 1, the trivial one is last."""
+        others = np.exp(self.eigenvalues[2:] * self.period)
+        inner = np.append(others, 1.0)
+        return np.append(inner[np.argsort(-np.abs(inner), kind="stable")], 1.0)
+
+
+def solve_hopf(
+    problem: OrbitProblem, state: NDArray[np.float64], parameter: float, frequency: float
+) -> HopfPoint | None:
+    """Return the Hopf point near a guess, by Newton's method on f = 0 and Re lambda = 0; None where there is none.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations of a cycle nearby, with one active parameter; the mode is that of its first segment.
+    state : ndarray, shape (states,)
+        Guess of the equilibrium.
+    parameter : float
+        Guess of the active parameter, in its unit.
+    frequency : float
+        Guess of the pair's imaginary part, in radians per unit of time.
+    """
+    n = problem.n
+    sizes = np.append(problem.state_scale, 1.0)
+    y = np.append(state, parameter) / sizes
+
+    def conditions(y: NDArray[np.float64]) -> NDArray[np.float64]:
+        field, eigenvalues = _linearised(problem, sizes * y, frequency)
+        return np.append(field / problem.state_scale, eigenvalues[0].real) / frequency
+
+    for _ in range(_ITERATIONS):
+        F = conditions(y)
+        if not np.all(np.isfinite(F)):
+            return None
+        J = np.empty((n + 1, n + 1))
+        for k in range(n + 1):
+            h = np.zeros(n + 1)
+            h[k] = _DIFFERENCE * max(1.0, abs(float(y[k])))
+            J[:, k] = (conditions(y + h) - conditions(y - h)) / (2.0 * h[k])
+        try:
+            step = np.linalg.solve(J, -F)
+        except np.linalg.LinAlgError:
+            return None
+        y = y + step
+        if not np.all(np.abs(step) < 1e6):
+            return None
+        if np.max(np.abs(step)) < _CONVERGED * max(1.0, float(np.abs(y).max())):
+            eigenvalues = _linearised(problem, sizes * y, frequency)[1]
+            if not abs(eigenvalues[0].imag) > 0.0:
+                return None
+            return HopfPoint((sizes * y)[:n], float(y[n]), eigenvalues)
+    return None
+
+
+def _linearised(
+    problem: OrbitProblem, point: NDArray[np.float64], frequency: float
+) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Return the field and the eigenvalues of its Jacobian, those nearest to +-i `frequency` first."""
+    n = problem.n
+    u = np.zeros(problem.size + 1)
+    u[:n], u[-1] = point[:n], point[n]
+    problem.set_parameters(u)
+    frame, out = np.concatenate([point[:n], np.eye(n).ravel()]), np.empty(n + n * n)
+    problem.system.compiled.call("vary", int(problem.modes[0]), n, frame, problem.extended, out)
+    jacobian = out[n:].reshape(n, n)
+    if not np.all(np.isfinite(jacobian)):
+        return np.full(n, np.nan), np.full(n, np.nan + 0j)
+    values = np.linalg.eigvals(jacobian).astype(np.complex128)
+    order = np.argsort(np.abs(values - 1j * frequency), kind="stable")
+    above = values[order[0]]
+    others = np.delete(values, order[0])
+    twin = int(np.argmin(np.abs(others - above.conjugate()))) if others.size else 0
+    rest = np.delete(others, twin)
+    return out[:n], np.concatenate([[above], others[twin : twin + 1], rest])

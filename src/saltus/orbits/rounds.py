@@ -1,0 +1,84 @@
+"""How many times an orbit goes round a shorter one, and that shorter one."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.orbits.problem import CLOSED_END, PHASE_END, Signature
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.orbits.problem import OrbitProblem
+
+__all__ = ["clustered", "divided", "rounds_of"]
+
+_ALIKE = 1e-6  # difference between two rounds, over the range of a state, up to which they are the same
+_ROUNDING = 1e-12  # difference between two rounds, over the size of a state, that is rounding
+_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)
+
+
+def rounds_of(problem: OrbitProblem, u: NDArray[np.float64]) -> int:
+    """Return how many times the orbit `u` goes round the shortest one that it repeats; `problem` is started there."""
+    survey, states = problem.survey(u), len(problem.system.states)
+    rests = np.all(survey.highs[:states] - survey.lows[:states] <= _ROUNDING * problem.state_scale[:states])
+    if rests and problem.system.phase is None:
+        return 1
+    count = 1
+    for prime in _PRIMES:
+        while divided(problem, u, count * prime) is not None:
+            count *= prime
+    return count
+
+
+def divided(
+    problem: OrbitProblem, u: NDArray[np.float64], count: int, alike: float = _ALIKE
+) -> tuple[Signature, NDArray[np.float64]] | None:
+    """Return signature and unknowns of the orbit that `u` goes round `count` times; None where its rounds differ.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations, started near `u`.
+    u : ndarray, shape (size + active,)
+        An orbit.
+    count : int
+        Rounds, 2 or more.
+    alike : float
+        Difference between two rounds, over the range of a state, up to which they are the same.
+    """
+    signature, n, turns = problem.signature, problem.n, problem.signature.turns
+    blocks = u[: problem.size].reshape(problem.segments, n + 1)
+    if turns % count:
+        return None
+    survey = problem.survey(u)
+    if signature.kinds[0] in (PHASE_END, CLOSED_END):
+        starts = [blocks[0, :n], *(problem.state_on(0, clustered(j / count)) for j in range(1, count))]
+        rounds = np.array([[np.append(state, blocks[0, n] / count)] for state in starts])
+        modes, transitions, kinds = signature.modes, signature.transitions, signature.kinds
+    else:
+        part = problem.segments // count
+        modes, transitions, kinds = (
+            part_of[:part] for part_of in (signature.modes, signature.transitions, signature.kinds)
+        )
+        if modes * count != signature.modes or transitions * count != signature.transitions:
+            return None
+        rounds = blocks.reshape(count, part, n + 1).copy()
+    allowed = np.empty(n + 1)
+    allowed[:n] = alike * (survey.highs[:n] - survey.lows[:n]) + _ROUNDING * problem.state_scale
+    allowed[n] = alike * float(np.abs(blocks[:, n]).sum())
+    if problem.system.phase is not None:
+        rounds[:, :, n - 1] -= (2.0 * math.pi * turns / count) * np.arange(count)[:, None]
+        allowed[n - 1] = 2.0 * math.pi * alike
+    if np.any(np.abs(rounds - rounds[0]) > allowed):
+        return None
+    once = Signature(modes, transitions, kinds, turns // count)
+    return once, np.append(rounds.mean(axis=0).ravel(), u[problem.size :])
+
+
+def clustered(share: float) -> float:
+    """Return the clustered time s at which s^2 (3 - 2 s) is `share`."""
+    return 0.5 - math.sin(math.asin(1.0 - 2.0 * share) / 3.0)
