@@ -14,6 +14,7 @@ import numpy as np
 from saltus.flow.observables import Motion, observe
 from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
 from saltus.orbits.problem import FAULTS, OrbitProblem, Signature, Survey
+from saltus.orbits.rounds import rounds_of
 from saltus.orbits.sampling import motion_of, sample_orbit
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
@@ -125,6 +126,11 @@ class PeriodicOrbit(Result):
     def reasons(self) -> tuple[str, ...]:
         """Why the orbit is not admissible, in words."""
         return tuple(text for bit, text in FAULTS if self.faults & bit)
+
+    @cached_property
+    def rounds(self) -> int:
+        """How many times the orbit goes round the shortest one that it repeats; 1 for what `find_orbit` returns."""
+        return rounds_of(self.problem(), self.unknowns)
 
     @cached_property
     def min(self) -> Mapping[str, float]:
@@ -255,11 +261,12 @@ class PeriodicOrbit(Result):
             kind += f", not admissible ({'; '.join(self.reasons)})"
         path = " -> ".join(f"{mode}:{transition}" if transition else mode for mode, transition in self.signature)
         turns = f" = {self.form.turns} forcing period{'s' if self.form.turns > 1 else ''}" if self.form.turns else ""
+        rounds = f", {self.rounds} times round an orbit of a shorter one" if self.rounds > 1 else ""
         shown = ", ".join(f"{value:.6g}" for value in self.x0)
         sizes = ", ".join(f"{abs(value):.6g}" for value in self.multipliers)
         return (
             f"PeriodicOrbit of {self.system.name or 'a hybrid system'}: {kind}\n"
-            f"  period      {self.period:.12g}{turns}\n"
+            f"  period      {self.period:.12g}{turns}{rounds}\n"
             f"  signature   {path}\n"
             f"  x0          [{shown}]\n"
             f"  |multipliers| {sizes}\n"
