@@ -59,7 +59,7 @@ _LONGEST_PART = 255
 """Bytes in a part of a path, at most: the limit of common file systems."""
 
 _WHERE_FROM = {
-    "HybridSystem": "",
+    "Setup": "table1() returns the paper's",
     "PeriodicOrbit": "find_orbit and solve_orbit give one",
     "SpecialPoint": "branch['PD1'] is one",
     "Branch": "continue_orbit gives one",
@@ -246,8 +246,8 @@ def non_negative(name: str, value: object, unit: str = "") -> float:
     return found
 
 
-def between(name: str, value: object, least: float, most: float, *, open_: bool = False) -> float:
-    """Return a number in a closed interval, or in an open one.
+def between(name: str, value: object, least: float, most: float, *, strict: bool = False) -> float:
+    """Return a number in a closed interval; between its ends with `strict`.
 
     Raises
     ------
@@ -263,7 +263,7 @@ def between(name: str, value: object, least: float, most: float, *, open_: bool 
     """
     allowed = f"a number between {least:g} and {most:g}"
     found = number(name, value, allowed)
-    if not (least < found < most if open_ else least <= found <= most):
+    if not (least < found < most if strict else least <= found <= most):
         raise InputError(name, value, allowed)
     return found
 
