@@ -37,6 +37,7 @@ __all__ = [
     "instance",
     "interval",
     "is_real",
+    "listed",
     "mapping",
     "names",
     "non_negative",
@@ -44,6 +45,7 @@ __all__ = [
     "path",
     "positive",
     "refuse",
+    "size",
     "text",
 ]
 
@@ -305,6 +307,26 @@ def count(name: str, value: object, least: int = 1, most: int | None = None, wha
     if most is not None:
         allowed = f"an integer between {least} and {most}" if most > least else f"{least}"
     raise InputError(name, value, ", ".join(filter(None, (allowed, what))))
+
+
+def size(name: str, value: object, least: int = 1, most: int = LARGEST_LIST) -> int:
+    """Return a count of things that are held in memory at once.
+
+    Raises
+    ------
+    InputError
+        It is no integer, below `least`, or too large for the memory of any machine.
+
+    Examples
+    --------
+    >>> size("keep", 10**12)
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: keep = 1000000000000: must be at most 10000000, as all are held in memory
+    """
+    if (found := count(name, value, least)) > most:
+        raise InputError(name, value, f"at most {most}, as all are held in memory")
+    return found
 
 
 def _whole(value: object) -> int | None:
@@ -599,7 +621,7 @@ def mapping(name: str, value: object, what: str, *, known: Iterable[str] | None 
         if known is not None:
             chosen(name, key, known)
         elif not isinstance(key, str):
-            raise InputError(name, key, f"{allowed}, each name a text")
+            raise InputError(f"a name in {name}", key, "text")
     return found
 
 

@@ -48,7 +48,7 @@ class Cantilever:
     Raises
     ------
     InputError
-        A value is not a positive, finite number, or so extreme that `k` or `f0` is not.
+        A value is not a finite number > 0, or so extreme that `k` or `f0` is not.
 
     References
     ----------
@@ -105,7 +105,7 @@ class Cantilever:
         Raises
         ------
         InputError
-            A value is not a positive, finite number.
+            A value is not a finite number > 0.
 
         Examples
         --------

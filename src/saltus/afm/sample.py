@@ -37,7 +37,7 @@ class DMTSample:
     Raises
     ------
     InputError
-        `R` or `a0` is not a positive, finite number, `H` or `E_star` is negative or not finite.
+        `R` or `a0` is not a finite number > 0, `H` or `E_star` is negative or not finite.
 
     References
     ----------

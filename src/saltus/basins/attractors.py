@@ -247,7 +247,7 @@ def find_attractors(
     """
     checks.instance("system", system, HybridSystem)
     chosen = _checked_search(search)
-    count = checks.count("seeds", seeds, 1, checks.LARGEST_LIST)
+    count = checks.size("seeds", seeds)
     box = _checked_region(system, region)
     low, high = np.array(list(box.values())).T
     hunt = Hunt(system, parameters, low, high, interval, chosen)

@@ -310,7 +310,7 @@ class Basins(Result):
         InputError
             No cell, or basins of an array from elsewhere, which have no system.
         """
-        count, few = checks.count("cells", cells, 1, checks.LARGEST_LIST), checks.count("by_events", by_events, 0)
+        count, few = checks.size("cells", cells), checks.count("by_events", by_events, 0)
         tolerance = checks.between("tolerance", tolerance, 1e-14, 1e-2)
         numbers = np.random.default_rng(checks.count("seed", seed, 0)).integers(0, self.grid.size, count)
         at = np.unravel_index(numbers, self.grid.shape)

@@ -399,10 +399,11 @@ def _range(value: Sequence[Any], where: str) -> tuple[float, float, int]:
         raise InputError(where, tuple(value), "(low, high, count)")
     low, high = (checks.number(where, end) for end in value[:2])
     try:
-        count = checks.count(where, value[2], 1, _MOST_CELLS)
+        count = checks.count(where, value[2])
     except InputError:
-        allowed = f"(low, high, count) with count an integer between 1 and {_MOST_CELLS}"
-        raise InputError(where, tuple(value), allowed) from None
+        raise InputError(where, tuple(value), "(low, high, count) with count an integer >= 1") from None
+    if count > _MOST_CELLS:
+        raise InputError(where, tuple(value), f"(low, high, count) with count at most {_MOST_CELLS}")
     if not low < high:
         raise InputError(
             where, tuple(value), "(low, high, count) with low < high", "turn it round" if high < low else ""

@@ -122,10 +122,9 @@ class Search:
     criteria: Criteria = field(default_factory=Criteria)
 
     def __post_init__(self) -> None:
-        for name, least, most in (
-            ("random_seed", 0, None), ("longest", 1, None), ("samples", 100, checks.LARGEST_LIST)
-        ):  # fmt: skip
-            object.__setattr__(self, name, checks.count(f"Search.{name}", getattr(self, name), least, most))
+        for name, least in (("random_seed", 0), ("longest", 1)):
+            object.__setattr__(self, name, checks.count(f"Search.{name}", getattr(self, name), least))
+        object.__setattr__(self, "samples", checks.size("Search.samples", self.samples, 100))
         for name, largest in (("safety", 1.0), ("tolerance", 1e-2), ("limit", math.inf)):
             value = checks.positive(f"Search.{name}", getattr(self, name))
             object.__setattr__(self, name, checks.between(f"Search.{name}", value, 0.0, largest))

@@ -191,7 +191,7 @@ def uncertainty_by_shifts(
     """
     grid = checked_basins(basins, "grid", "classify").grid
     lengths, scale = _checked_lengths(scales), weights_of(grid, weights)
-    samples = checks.count("samples", samples, 1, checks.LARGEST_LIST)
+    samples = checks.size("samples", samples)
     random = np.random.default_rng(checks.count("seed", seed, 0))
     ends = np.array([(low, high) for low, high, _ in grid.ranges])
     changed, counts = np.zeros(lengths.size, np.int64), np.zeros(lengths.size, np.int64)

@@ -166,7 +166,7 @@ def _read_parameters(
         raise InputError("parameters", pair, "two different names")
     given = checks.mapping("bounds", bounds, f"{pair[0]} and {pair[1]} to intervals")
     if set(given) != set(pair):
-        raise InputError("bounds", bounds, f"a mapping with an interval for {pair[0]} and for {pair[1]}")
+        raise InputError("bounds", bounds, f"a mapping of {pair[0]} and {pair[1]} to intervals")
     first, second = sorted(pair, key=known.index)
     intervals = []
     for name in (first, second):

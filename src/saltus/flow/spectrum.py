@@ -68,7 +68,7 @@ def spectrum(
     checks.chosen("window", window, get_args(Window))
     if samples is None:
         samples = _EACH_STEP * len(motion.modes) if phase is None else _EACH_PERIOD * max(round(periods), 1)
-    samples = checks.count("samples", samples, 2, checks.LARGEST_LIST)
+    samples = checks.size("samples", samples, 2)
     places = np.arange(samples) / samples
     times = np.minimum(begin + (end - begin) * places, end)
     weights = np.ones(samples) if window == "none" else 0.5 - 0.5 * np.cos(2.0 * math.pi * places)

@@ -48,7 +48,7 @@ def sample_orbit(orbit: PeriodicOrbit, points: int = 400) -> xr.Dataset:
     """
     import xarray as xr
 
-    points = checks.count("points", points, 2, checks.LARGEST_LIST)
+    points = checks.size("points", points, 2)
     system = orbit.system
     times, states, modes = _follow(orbit, points)
     columns = dict(zip(system.all_states, states.T, strict=True))

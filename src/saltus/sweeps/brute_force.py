@@ -254,7 +254,7 @@ class _Task:
             system.resolve({**base, parameter: value})
         steady, places = on_section(system, options["section"])
         discard = checks.count("discard", options["discard"], 0)
-        keep = checks.count("keep", options["keep"], 1, checks.LARGEST_LIST // values.size)
+        keep = checks.size("keep", options["keep"], 1, checks.LARGEST_LIST // values.size)
         exponents = checks.count("exponents", options["exponents"], 1, len(system.states), "the states")
         check_tolerances(options["rtol"], options["atol"])
         criteria = options["criteria"]

@@ -170,7 +170,7 @@ class Sweep(Result):
         """
         i = self._row(direction)
         low, high = float(self.values[0]), float(self.values[-1])
-        value = checks.number("value", value)
+        value = checks.number("value", value, f"between {low:g} and {high:g}")
         if not low <= value <= high:
             raise InputError("value", value, f"between {low:g} and {high:g}")
         k = int(np.argmin(np.abs(self.values - value)))

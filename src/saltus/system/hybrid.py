@@ -341,14 +341,12 @@ class HybridSystem:
         """
         x = checks.array(name, x0, f"numbers, one for each of {', '.join(self.states)}", finite=False)
         n = len(self.states)
-        if x.shape == (n,) and self.phase is not None:
-            x = np.append(x, 0.0)
-        if x.shape != (len(self.all_states),):
+        if x.shape != (n,) and x.shape != (len(self.all_states),):
             wanted = f"of shape ({n},), one number for each of {', '.join(self.states)}"
             raise InputError(name, x.tolist(), wanted)
         if not np.all(np.isfinite(x)):
             raise InputError(name, x.tolist(), "finite")
-        return x
+        return np.append(x, 0.0) if x.shape == (n,) and self.phase is not None else x
 
     def mode_index(self, mode: str) -> int:
         """Return the index of a mode; raise `InputError` where there is none of that name."""
@@ -447,7 +445,7 @@ def _mapping(value: Any, where: str, what: str) -> Mapping[Any, Any]:
         raise DefinitionError(where, value, f"a mapping {what}")
     for key in value or {}:
         if not isinstance(key, str):
-            raise DefinitionError(where, key, f"a mapping {what}, each name a text")
+            raise DefinitionError(f"a name in {where}", key, "text")
     return value or {}
 
 
