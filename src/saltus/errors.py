@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Iterable
+from itertools import islice
+from typing import Any
 
 __all__ = [
     "ChatteringError",
@@ -13,7 +16,27 @@ __all__ = [
     "InputError",
     "SaltusError",
     "nearest",
+    "shortened",
+    "shown",
 ]
+
+_LONGEST_NAME = 60
+"""Characters of a message that name the argument, at most."""
+
+_LONGEST_VALUE = 80
+"""Characters of a message that show the value, at most."""
+
+_LONGEST_HINT = 90
+"""Characters of a message that give the hint, at most where the message as a whole is too long."""
+
+_LONGEST_STATE = 140
+"""Characters of a message that show a state, at most: some seven components with all digits."""
+
+_LONGEST = 299
+"""Characters of a message, at most."""
+
+_LONGEST_TEXT = 1000
+"""Characters of a text within which a name is looked for that is like another."""
 
 
 class SaltusError(Exception):
@@ -45,7 +68,26 @@ class InputError(SaltusError, ValueError):
 
     def __str__(self) -> str:
         name, value, allowed, hint = self.args
-        return f"{name} = {value!r}: must be {allowed}" + (f"; {hint}" if hint else "")
+        name, value = shortened(name, _LONGEST_NAME), shown(value)
+        room = _LONGEST - len(f"{name} = {value}: must be ")
+        if hint and len(allowed) + len(hint) + 2 > room:
+            hint = shortened(hint, max(_LONGEST_HINT, room - len(allowed) - 2))
+        allowed = shortened(allowed, room - (len(hint) + 2 if hint else 0))
+        return f"{name} = {value}: must be {allowed}" + (f"; {hint}" if hint else "")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        name, value, allowed, hint = self.args
+        plain = value is None or type(value) in (str, int, float, bool)
+        return type(self), (name, value if plain else _Told(shown(value)), allowed, hint), self.__dict__ or None
+
+
+class _Told(str):
+    """How a value was shown, in an error that came from another process: the value itself may not travel."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
 
 
 class DefinitionError(InputError):
@@ -84,9 +126,10 @@ class ChatteringError(SaltusError):
         return str(self.args[2])
 
     def __str__(self) -> str:
+        state = shortened(str(list(self.state)), _LONGEST_STATE)
         return (
             f"chattering: events accumulate at t = {self.time:.12g} in mode {self.mode!r}, "
-            f"state {list(self.state)}; the motion slides or rests there: add a mode for it"
+            f"state {state}; the motion slides or rests there: add a mode for it"
         )
 
 
@@ -131,7 +174,7 @@ class ConvergenceError(SaltusError):
     def __str__(self) -> str:
         what, residual, iterations, hint = self.args
         text = f"{what}: no convergence, residual {residual:.3g} after {iterations} {self.unit}"
-        return text + (f"; {hint}" if hint else "")
+        return shortened(text + (f"; {hint}" if hint else ""), _LONGEST)
 
 
 class DivergenceError(SaltusError):
@@ -154,16 +197,87 @@ class DivergenceError(SaltusError):
 
     def __str__(self) -> str:
         time, state, mode, reason = self.args
-        return f"the trajectory diverges at t = {time:.12g} in mode {mode!r}, state {list(state)}: {reason}"
+        where = f"t = {time:.12g} in mode {mode!r}, state {shortened(str(list(state)), _LONGEST_STATE)}"
+        return shortened(f"the trajectory diverges at {where}: {reason}", _LONGEST)
 
 
-def nearest(name: str, names: Iterable[str]) -> str:
-    """Return a hint naming the entry of `names` nearest to `name`, or an empty string.
+class _Short(reprlib.Repr):
+    """Representations of which no part is much longer than what is shown of a value."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel = 4
+        self.maxtuple = self.maxlist = self.maxarray = self.maxdict = 30
+        self.maxset = self.maxfrozenset = self.maxdeque = 30
+        self.maxstring = self.maxlong = self.maxother = 2 * _LONGEST_VALUE
+
+    def repr_dict(self, x: dict[Any, Any], level: int) -> str:
+        """Return entries in their own order."""
+        if level <= 0 and x:
+            return "{...}"
+        entries = [
+            f"{self.repr1(k, level - 1)}: {self.repr1(v, level - 1)}" for k, v in islice(x.items(), self.maxdict)
+        ]
+        return f"{{{', '.join(entries + ['...'] * (len(x) > self.maxdict))}}}"
+
+    def repr_int(self, x: int, level: int) -> str:
+        """Return the size of an integer of which Python does not give all digits."""
+        return repr(x) if x.bit_length() < 1000 else f"an integer of {x.bit_length()} bits"
+
+    def repr_instance(self, x: object, level: int) -> str:
+        """Return the name of the type where the object's own representation fails."""
+        try:
+            return shortened(repr(x), self.maxother)
+        except Exception:  # whatever a representation raises, the message is about something else
+            return f"<{type(x).__name__}>"
+
+    repr_bytes = reprlib.Repr.repr_str  # cut before it is represented
+
+
+_SHORT = _Short()
+
+
+def shown(value: object) -> str:
+    """Return the representation of a value on one short line, whatever the value.
+
+    Examples
+    --------
+    >>> shown({"d": [1.0, None]}), shown(10**5000)
+    ("{'d': [1.0, None]}", 'an integer of 16610 bits')
+    >>> len(shown("long " * 1000))
+    80
+    """
+    try:
+        text = _SHORT.repr(value)
+    except Exception:  # as a type that only bears the name of a container may raise
+        text = f"<{type(value).__name__}>"
+    return shortened(" ".join(text.split()), _LONGEST_VALUE)
+
+
+def shortened(text: str, most: int) -> str:
+    """Return a text of at most `most` characters, its middle left out where it is longer.
+
+    Examples
+    --------
+    >>> shortened("one of alpha, beta, gamma, delta", 20)
+    'one of al..., delta'
+    """
+    text = str(text)
+    if len(text) <= most:
+        return text
+    end = (most - 3) // 2
+    return f"{text[: most - 3 - end]}...{text[len(text) - end :]}"
+
+
+def nearest(name: object, names: Iterable[str]) -> str:
+    """Return a hint naming the entry of `names` nearest to `name`, or an empty string; so for what is no text.
 
     Examples
     --------
     >>> nearest("Omga", ["Omega", "ybar"])
     "did you mean 'Omega'?"
     """
+    if not isinstance(name, str) or len(name) > _LONGEST_TEXT:
+        return ""
     found = difflib.get_close_matches(name, list(names), n=1, cutoff=0.5)
     return f"did you mean {found[0]!r}?" if found else ""

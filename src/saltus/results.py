@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from saltus import checks
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ class Result(ABC):
         """
         from importlib.metadata import version
 
-        path = Path(path)
+        path = checks.path("path", path)
         dataset = self.to_xarray()
         dataset.attrs |= {"saltus_result": type(self).__name__, "saltus_version": version("saltus")}
         try:
@@ -128,6 +129,7 @@ def load(path: str | os.PathLike[str]) -> Result:
     """
     import xarray as xr
 
+    path = checks.path("path", path)
     if (Path(path) / _STORE).is_file():
         return _opened(Path(path))
     if not Path(path).is_file():

@@ -68,7 +68,7 @@ def test_panels_are_lettered_and_tell_the_repulsive_part(quarters):
 
 @pytest.mark.parametrize("resolution", [1, 2.5, True])
 def test_a_resolution_that_cannot_be_is_told(tmp_path, resolution):
-    with pytest.raises(InputError, match=f"resolution = {resolution}: must be a whole number, 2 or more"):
+    with pytest.raises(InputError, match=f"resolution = {resolution}: must be an integer >= 2"):
         fig9.run(tmp_path, resolution=resolution)
 
 

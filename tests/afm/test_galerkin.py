@@ -168,7 +168,7 @@ def test_count_of_modes_that_is_none_is_refused(n):
     for function in (wavenumbers, mode_shape_integrals):
         with pytest.raises(InputError) as error:
             function(n)
-        assert str(error.value) == f"n = {n!r}: must be an integer, 1 or more"
+        assert str(error.value) == f"n = {n!r}: must be an integer >= 1"
 
 
 def test_numpy_integers_count():
@@ -178,7 +178,7 @@ def test_numpy_integers_count():
 def test_number_of_a_mode_shape_that_is_none_is_refused():
     with pytest.raises(InputError) as error:
         mode_shape(0, 0.5)
-    assert str(error.value) == "i = 0: must be an integer, 1 or more"
+    assert str(error.value) == "i = 0: must be an integer >= 1"
 
 
 @pytest.mark.parametrize(
@@ -203,4 +203,4 @@ def test_gap_that_is_no_positive_length_is_refused(eta):
     setup = table1()
     with pytest.raises(InputError) as error:
         coefficients(setup.cantilever, setup.sample, eta, 1)
-    assert str(error.value) == f"eta = {eta!r}: must be a positive, finite number (in m)"
+    assert str(error.value) == f"eta = {eta!r}: must be a finite number > 0 (in m)"

@@ -39,7 +39,7 @@ def test_a_regime_without_a_stable_orbit_is_refused_with_where_motions_end(model
 
 
 def test_an_unknown_regime_is_answered_with_the_nearest():
-    with pytest.raises(InputError, match="^orbit = 'attactive': must be 'repulsive' or 'attractive'; did you mean"):
+    with pytest.raises(InputError, match="^orbit = 'attactive': must be one of repulsive, attractive; did you mean"):
         settled_orbit(afm.tapping_mode(afm.table1()), None, "attactive")
 
 

@@ -108,7 +108,7 @@ def test_table_1_has_the_sample_of_the_paper():
 def test_length_that_is_not_positive_is_refused(name, value):
     with pytest.raises(InputError) as error:
         DMTSample(**SAMPLE | {name: value})
-    assert str(error.value) == f"{name} = {value!r}: must be a positive, finite number (in m)"
+    assert str(error.value) == f"{name} = {value!r}: must be a finite number > 0 (in m)"
 
 
 @pytest.mark.parametrize("value", [-1e-30, float("nan"), float("inf"), "much", None, False], ids=repr)
@@ -116,7 +116,7 @@ def test_length_that_is_not_positive_is_refused(name, value):
 def test_strength_that_is_negative_is_refused(name, unit, value):
     with pytest.raises(InputError) as error:
         DMTSample(**SAMPLE | {name: value})
-    assert str(error.value) == f"{name} = {value!r}: must be a finite number, zero or positive (in {unit})"
+    assert str(error.value) == f"{name} = {value!r}: must be a finite number >= 0 (in {unit})"
 
 
 @pytest.mark.parametrize("value", [-1.0, 0.51, float("nan"), None], ids=repr)
@@ -131,7 +131,7 @@ def test_poisson_ratio_that_no_solid_has_is_refused(name, value):
 def test_modulus_that_is_not_positive_is_refused(name):
     with pytest.raises(InputError) as error:
         DMTSample.from_moduli(**MODULI | {name: 0.0})
-    assert str(error.value) == f"{name} = 0.0: must be a positive, finite number (in Pa)"
+    assert str(error.value) == f"{name} = 0.0: must be a finite number > 0 (in Pa)"
 
 
 @pytest.mark.parametrize(

@@ -186,7 +186,7 @@ def test_flight_is_defined_above_the_sample_and_contact_everywhere(systems):
 def test_count_of_modes_that_is_none_is_refused(modes):
     with pytest.raises(InputError) as error:
         tapping_mode(table1(), modes)
-    assert str(error.value) == f"modes = {modes!r}: must be an integer, 1 or more"
+    assert str(error.value) == f"modes = {modes!r}: must be an integer >= 1"
 
 
 @pytest.mark.parametrize(
@@ -196,7 +196,7 @@ def test_count_of_modes_that_is_none_is_refused(modes):
 def test_static_term_of_another_name_is_refused(static_term, hint):
     with pytest.raises(InputError) as error:
         tapping_mode(table1(), static_term=static_term)
-    assert str(error.value) == f"static_term = {static_term!r}: must be 'consistent' or 'as-printed'{hint}"
+    assert str(error.value) == f"static_term = {static_term!r}: must be one of consistent, as-printed{hint}"
 
 
 def test_setup_of_another_kind_is_refused():
@@ -210,8 +210,8 @@ def test_setup_of_another_kind_is_refused():
     [
         ({"cantilever": 1}, "cantilever = 1: must be a Cantilever"),
         ({"sample": None}, "sample = None: must be a DMTSample"),
-        ({"eta": -6e-8}, "eta = -6e-08: must be a positive, finite number (in m)"),
-        ({"eta": float("nan")}, "eta = nan: must be a positive, finite number (in m)"),
+        ({"eta": -6e-8}, "eta = -6e-08: must be a finite number > 0 (in m)"),
+        ({"eta": float("nan")}, "eta = nan: must be a finite number > 0 (in m)"),
         ({"eta": 2e-10}, "eta = 2e-10: must be larger than a0 = 2e-10, where contact begins (in m)"),
     ],
 )

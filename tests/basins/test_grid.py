@@ -112,9 +112,9 @@ def test_units_cover_every_cell_once():
         ({"q1": (-5, 5, 0)}, r"^grid\['q1'\] = \(-5, 5, 0\): must be .* with count an integer >= 1$"),
         ({"q1": (-5, 5, 4.0)}, r"^grid\['q1'\] = .*: must be .* with count an integer >= 1$"),
         ({"q1": (-5, 5, True)}, r"^grid\['q1'\] = .*: must be .* with count an integer >= 1$"),
-        ({"q1": (-5, math.inf, 4)}, r"^grid\['q1'\] = inf: must be finite$"),
+        ({"q1": (-5, math.inf, 4)}, r"^grid\['q1'\] = inf: must be a finite number$"),
         ({"q1": "wide"}, r"^grid\['q1'\] = 'wide': must be a number, or a range \(low, high, count\)$"),
-        ({"q3": 0.0}, r"^grid = 'q3': must be a state: q1, q2, v1, v2; did you mean 'q[12]'\?$"),
+        ({"q3": 0.0}, r"^grid = 'q3': must be one of q1, q2, v1, v2; did you mean 'q[12]'\?$"),
     ],
 )
 def test_a_grid_that_cannot_be_is_told(change, told):
@@ -131,7 +131,7 @@ def test_a_coordinate_that_is_neither_free_nor_frozen_is_named():
     ("change", "told"),
     [
         ({"u": {"q1": 1.0}, "v": {"q1": 2.0}}, r"^plane's u, v = .*: must be two vectors that span a plane$"),
-        ({"u": {"q": 1.0}}, r"^plane's u = 'q': must be a state: "),
+        ({"u": {"q": 1.0}}, r"^plane's u = 'q': must be one of "),
         ({"u": [1.0, 0.0]}, r"^plane's u = \[1\.0, 0\.0\]: must be a mapping of states to numbers$"),
         ({"origin": {"q1": 0.0}}, r"^plane's origin = .*: must be a value for each of .*; add 'q2'$"),
         ({"names": ("q1", "b")}, r"^plane's names = \('q1', 'b'\): must be two names that no state has$"),

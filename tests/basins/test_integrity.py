@@ -475,7 +475,7 @@ def test_bad_input_is_told():
         local_integrity(DISC, "a", centre=[0.0])
     with pytest.raises(InputError, match="name = 'a': must be an attractor whose points are known"):
         local_integrity(ANNULUS, "a")
-    with pytest.raises(InputError, match="samples = 0: must be an integer of at least 1"):
+    with pytest.raises(InputError, match="samples = 0: must be an integer >= 1"):
         basin_stability(DISC, "a", 0)
     with pytest.raises(InputError, match=r"region\['x'\] = \(1, 0\): must be \(low, high\) with low < high"):
         basin_stability(DISC, "a", 10, region={"x": (1, 0)})

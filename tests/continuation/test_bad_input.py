@@ -50,12 +50,12 @@ def test_bounds_that_are_no_interval(orbit, bounds):
 
 
 def test_unknown_directions(orbit):
-    with refuse("directions = 'left': must be 'both', 'up' or 'down'"):
+    with refuse("directions = 'left': must be one of both, up, down"):
         continue_orbit(orbit, "a", (2.0, 3.0), directions="left")
 
 
 def test_unknown_at_grazing(orbit):
-    with refuse("at_grazing = 'jump': must be 'switch', 'pass' or 'stop'"):
+    with refuse("at_grazing = 'jump': must be one of switch, pass, stop"):
         continue_orbit(orbit, "a", (2.0, 3.0), at_grazing="jump")
 
 
@@ -107,7 +107,7 @@ def test_an_unknown_label_names_those_there_are(orbit):
     branch = continue_orbit(orbit, "a", (2.2, 3.2))
     with refuse("label = 'PD2': must be one of PD1; did you mean 'PD1'?"):
         branch["PD2"]
-    with refuse(f"index = {len(branch)}: must be between {-len(branch)} and {len(branch) - 1}"):
+    with refuse(f"index = {len(branch)}: must be an integer between {-len(branch)} and {len(branch) - 1}"):
         branch.orbit(len(branch))
     with pytest.raises(InputError, match=r"^quantity = 'max_z': must be one of a, period, arclength, x, s, "):
         branch.column("max_z")

@@ -510,7 +510,7 @@ def test_a_client_needs_no_processes_and_must_be_one(orbit):
     [
         ({"parameter": "AA"}, "parameter = 'AA': must be one of k, c, d, e, w, A; did you mean 'A'?"),
         ({"bounds": (2.0, 1.0)}, "bounds = (2.0, 1.0): must be two numbers, the lower first"),
-        ({"directions": "left"}, "directions = 'left': must be 'both', 'up' or 'down'"),
+        ({"directions": "left"}, "directions = 'left': must be one of both, up, down"),
         ({"steps": 0.1}, "steps = 0.1: must be a StepControl"),
         ({"orbit": 3}, "orbit = 3: must be a PeriodicOrbit; find_orbit and solve_orbit give one"),
     ],

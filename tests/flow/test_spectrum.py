@@ -87,9 +87,9 @@ def test_a_spectrum_is_drawn_by_its_own_plot(lines):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"window": "han"}, "window = 'han': must be 'none' or 'hann'; did you mean 'hann'?"),
-        ({"samples": 1}, "samples = 1: must be a whole number, 2 or more"),
-        ({"samples": 2.5}, "samples = 2.5: must be a whole number, 2 or more"),
+        ({"window": "han"}, "window = 'han': must be one of none, hann; did you mean 'hann'?"),
+        ({"samples": 1}, "samples = 1: must be an integer >= 2"),
+        ({"samples": 2.5}, "samples = 2.5: must be an integer >= 2"),
         ({"t_end": -1.0}, "t_end = -1.0: must be between 0 and"),
         ({"expression": "q"}, "expression = 'q': must be in x, y, theta and pi, but 'q' is unknown"),
     ],

@@ -62,7 +62,7 @@ def test_samples_close_up_to_the_reset(impacting):
 
 @pytest.mark.parametrize("points", [1, 2.5, "many", True])
 def test_a_count_of_samples_that_cannot_be_is_told(impacting, points):
-    with pytest.raises(InputError, match="must be a whole number, 2 or more"):
+    with pytest.raises(InputError, match="must be an integer >= 2"):
         impacting.sample(points)
 
 

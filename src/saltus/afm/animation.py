@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.afm.galerkin import mode_shape
 from saltus.afm.movies import checked_movie, write_movie
-from saltus.afm.quantities import number
 from saltus.afm.regimes import tapping_modes
 from saltus.errors import InputError
 
@@ -163,14 +163,17 @@ def animate(
         ...
     saltus.errors.InputError: path = 'nowhere/tap.gif': must be a file in a folder that exists
     """
+    from saltus.orbits import PeriodicOrbit
+
+    checks.instance("orbit", orbit, PeriodicOrbit)
     path = checked_movie(path, fps)
     low, high = _SECONDS
     allowed = f"a number from {low:g} to {high:g} with {_FRAMES} frames at most"
-    seconds = number("seconds", seconds, allowed)
+    seconds = checks.number("seconds", seconds, allowed)
     if not low <= seconds <= high or (frames := max(2, round(seconds * fps))) > _FRAMES:
         raise InputError("seconds", seconds, allowed)
-    if not isinstance(width, int) or isinstance(width, bool) or not _WIDTHS[0] <= width <= _WIDTHS[1]:
-        raise InputError("width", width, f"a whole number from {_WIDTHS[0]} to {_WIDTHS[1]}, in pixels")
+    width = checks.count("width", width, *_WIDTHS, "in pixels")
+    checks.function("progress", progress, "of two counts")
     scene = Scene(orbit, setup, frames, seconds)
     shown = [partial(scene.show, frame) for frame in range(frames)]
     say = progress or (lambda done, total: None)
@@ -214,8 +217,8 @@ def motion_of(orbit: PeriodicOrbit, places: NDArray[np.float64], times: int, set
     n = tapping_modes(orbit.system)
     if not orbit.admissible:
         raise InputError("orbit", repr(orbit).splitlines()[0], "admissible", "; ".join(orbit.reasons))
-    if setup is not None and not isinstance(setup, Setup):
-        raise InputError("setup", setup, "a Setup", "table1() returns the paper's")
+    if setup is not None:
+        checks.instance("setup", setup, Setup)
     p = orbit.parameters
     eta = 1e9 * p["eta"]
     found = simulate(orbit.system, p, orbit.x0, periods=orbit.form.turns)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus import checks
 from saltus.afm.galerkin import wavenumbers
-from saltus.afm.quantities import positive
 
 if TYPE_CHECKING:
     from typing import Self
@@ -48,7 +48,7 @@ class Cantilever:
     Raises
     ------
     InputError
-        A value is not a positive, finite number, or so extreme that `k` or `f0` is not.
+        A value is not a finite number > 0, or so extreme that `k` or `f0` is not.
 
     References
     ----------
@@ -71,13 +71,18 @@ class Cantilever:
     Q: float | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
-        length, width = positive("length", self.length, "m"), positive("width", self.width, "m")
-        thickness, density = positive("thickness", self.thickness, "m"), positive("density", self.density, "kg/m**3")
-        young = positive("young", self.young, "Pa")
+        length, width = checks.positive("length", self.length, "m"), checks.positive("width", self.width, "m")
+        thickness, density = (
+            checks.positive("thickness", self.thickness, "m"),
+            checks.positive("density", self.density, "kg/m**3"),
+        )
+        young = checks.positive("young", self.young, "Pa")
         omega_1 = float(wavenumbers(1)[0]) ** 2 * thickness / length / length * math.sqrt(young / (12.0 * density))
         mass = density * width * thickness * length / 4.0
         self._set(length=length, width=width, thickness=thickness, density=density, young=young)
-        self._set(k=positive("k", mass * omega_1 * omega_1, "N/m"), f0=positive("f0", omega_1 / math.tau, "Hz"))
+        self._set(
+            k=checks.positive("k", mass * omega_1 * omega_1, "N/m"), f0=checks.positive("f0", omega_1 / math.tau, "Hz")
+        )
 
     @classmethod
     def from_measured(cls, *, k: float, f0: float, Q: float) -> Self:
@@ -100,7 +105,7 @@ class Cantilever:
         Raises
         ------
         InputError
-            A value is not a positive, finite number.
+            A value is not a finite number > 0.
 
         Examples
         --------
@@ -110,7 +115,7 @@ class Cantilever:
         """
         self = object.__new__(cls)
         self._set(length=None, width=None, thickness=None, density=None, young=None)
-        self._set(k=positive("k", k, "N/m"), f0=positive("f0", f0, "Hz"), Q=positive("Q", Q))
+        self._set(k=checks.positive("k", k, "N/m"), f0=checks.positive("f0", f0, "Hz"), Q=checks.positive("Q", Q))
         return self
 
     @property

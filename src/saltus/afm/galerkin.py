@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.afm.quantities import count, finite_array, positive, refuse
+from saltus import checks
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -114,7 +114,7 @@ def coefficients(cantilever: Cantilever, sample: DMTSample, eta: float, n: int) 
     >>> both.K.round(7).tolist(), both.B.round(8).tolist()
     ([1.0, 39.2739482], [1.56598351, -0.86787179])
     """
-    eta = positive("eta", eta, "m")
+    eta = checks.positive("eta", eta, "m")
     b = wavenumbers(n)
     phi, phi_squared = mode_shape_integrals(n)
     k = cantilever.k
@@ -157,7 +157,7 @@ def wavenumbers(n: int) -> NDArray[np.float64]:
     >>> print(*(f"{b:.14f}" for b in wavenumbers(3)))
     1.87510406871196 4.69409113297417 7.85475743823761
     """
-    middle = np.arange(1, count("n", n) + 1, dtype=np.float64) - 0.5
+    middle = np.arange(1, checks.count("n", n) + 1, dtype=np.float64) - 0.5
     s = _signs(n)
     d = np.zeros(n)
     for _ in range(_NEWTON_STEPS):
@@ -191,9 +191,9 @@ def mode_shape(i: int, x: ArrayLike) -> NDArray[np.float64]:
     >>> mode_shape(1, [0.0, 0.5, 1.0]).round(6).tolist()
     [0.0, 0.339523, 1.0]
     """
-    i = count("i", i)
-    x = finite_array("x", x)
-    refuse("x", x, (x < 0.0) | (x > 1.0), "from 0 (clamp) to 1 (tip), in units of the beam's length")
+    i = checks.count("i", i)
+    x = checks.array("x", x)
+    checks.refuse("x", x, (x < 0.0) | (x > 1.0), "from 0 (clamp) to 1 (tip), in units of the beam's length")
     b, s = wavenumbers(i)[-1], _signs(i)[-1]
     exponentials = (np.exp(-b * x) + s * np.exp(-b * (1.0 - x))) / (1.0 + s * np.exp(-b))
     return np.asarray(0.5 * s * (exponentials - np.cos(b * x) + np.tanh(b / 2.0) ** s * np.sin(b * x)))
@@ -231,7 +231,7 @@ def mode_shape_integrals(n: int) -> tuple[NDArray[np.float64], NDArray[np.float6
 
 def _signs(n: int) -> NDArray[np.float64]:
     """Sign of ``sin(b_i)``: 1, -1, 1, ... Shape (n,)."""
-    return np.where(np.arange(count("n", n)) % 2 == 0, 1.0, -1.0)
+    return np.where(np.arange(checks.count("n", n)) % 2 == 0, 1.0, -1.0)
 
 
 def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.errors import InputError, SaltusError
 
 if TYPE_CHECKING:
@@ -60,21 +61,18 @@ def checked_movie(path: str | os.PathLike[str], fps: int) -> Path:
         ...
     saltus.errors.InputError: path = 'tap.png': must be a file whose name ends in .gif or .mp4
     """
-    path = Path(path)
+    path = checks.path("path", path)
     if path.suffix.lower() not in _KINDS:
         raise InputError("path", str(path), f"a file whose name ends in {' or '.join(_KINDS)}")
     if not path.parent.is_dir():
         raise InputError("path", str(path), "a file in a folder that exists")
     if path.is_dir():
         raise InputError("path", str(path), "a file", "it is a folder")
-    whole = isinstance(fps, int) and not isinstance(fps, bool)
-    if path.suffix.lower() == ".gif":
-        if not whole or fps not in _GIF_RATES:
-            raise InputError("fps", fps, f"one of {', '.join(map(str, _GIF_RATES))} for a GIF")
-    else:
-        if not whole or not 1 <= fps <= _MP4_FASTEST:
-            raise InputError("fps", fps, f"a whole number from 1 to {_MP4_FASTEST}")
+    rate = checks.count("fps", fps, 1, _MP4_FASTEST)
+    if path.suffix.lower() == ".mp4":
         _ffmpeg()
+    elif rate not in _GIF_RATES:
+        raise InputError("fps", fps, f"one of {', '.join(map(str, _GIF_RATES))} for a GIF")
     return path
 
 

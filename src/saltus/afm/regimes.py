@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from saltus.errors import ConvergenceError, DivergenceError, InputError, nearest
+from saltus import checks
+from saltus.errors import ConvergenceError, DivergenceError, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -70,9 +71,7 @@ def settled_orbit(
     from saltus.orbits import find_orbit
 
     n = tapping_modes(system)
-    if regime not in get_args(Regime):
-        allowed = " or ".join(map(repr, get_args(Regime)))
-        raise InputError("orbit", regime, allowed, nearest(str(regime), get_args(Regime)))
+    checks.chosen("orbit", regime, get_args(Regime))
     ends: Counter[str] = Counter()
     for x0 in _starts(n, regime):
         try:
@@ -103,7 +102,9 @@ def tapping_modes(system: HybridSystem) -> int:
     >>> tapping_modes(tapping_mode(table1(), modes=3))
     3
     """
-    n = len(system.states) // 2
+    from saltus.system import HybridSystem
+
+    n = len(checks.instance("system", system, HybridSystem).states) // 2
     states = (*(f"q{i + 1}" for i in range(n)), *(f"v{i + 1}" for i in range(n)))
     tapping = n > 0 and system.states == states and system.mode_names == ("flight", "contact")
     if not (tapping and {"ybar", "k", "eta", "a0"} <= set(system.parameter_names)):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.afm.quantities import finite_array, non_negative, number, positive
+from saltus import checks
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class DMTSample:
     Raises
     ------
     InputError
-        `R` or `a0` is not a positive, finite number, `H` or `E_star` is negative or not finite.
+        `R` or `a0` is not a finite number > 0, `H` or `E_star` is negative or not finite.
 
     References
     ----------
@@ -55,10 +55,10 @@ class DMTSample:
     a0: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "R", positive("R", self.R, "m"))
-        object.__setattr__(self, "H", non_negative("H", self.H, "J"))
-        object.__setattr__(self, "E_star", non_negative("E_star", self.E_star, "Pa"))
-        object.__setattr__(self, "a0", positive("a0", self.a0, "m"))
+        object.__setattr__(self, "R", checks.positive("R", self.R, "m"))
+        object.__setattr__(self, "H", checks.non_negative("H", self.H, "J"))
+        object.__setattr__(self, "E_star", checks.non_negative("E_star", self.E_star, "Pa"))
+        object.__setattr__(self, "a0", checks.positive("a0", self.a0, "m"))
 
     @classmethod
     def from_moduli(
@@ -105,8 +105,10 @@ class DMTSample:
         >>> print(f"{silicon_on_polymer.E_star / 1e9:.3f} GPa")
         2.341 GPa
         """
-        tip = positive("young_tip", young_tip, "Pa") / (1.0 - _poisson("poisson_tip", poisson_tip) ** 2)
-        flat = positive("young_sample", young_sample, "Pa") / (1.0 - _poisson("poisson_sample", poisson_sample) ** 2)
+        tip = checks.positive("young_tip", young_tip, "Pa") / (1.0 - _poisson("poisson_tip", poisson_tip) ** 2)
+        flat = checks.positive("young_sample", young_sample, "Pa") / (
+            1.0 - _poisson("poisson_sample", poisson_sample) ** 2
+        )
         return cls(R=R, H=H, E_star=tip / (1.0 + tip / flat), a0=a0)
 
 
@@ -139,7 +141,8 @@ def tip_force(z: ArrayLike, sample: DMTSample) -> NDArray[np.float64]:
     >>> (tip_force([2e-9, 2e-10, -1e-10], sample) * 1e9).round(3).tolist()
     [-0.247, -24.667, -14.477]
     """
-    z = finite_array("z", z)
+    z = checks.array("z", z)
+    checks.instance("sample", sample, DMTSample)
     attraction = -sample.H * sample.R / (6.0 * np.maximum(z, sample.a0) ** 2)
     indentation = np.maximum(sample.a0 - z, 0.0)
     return np.asarray(attraction + 4.0 / 3.0 * sample.E_star * math.sqrt(sample.R) * indentation**1.5)
@@ -147,6 +150,6 @@ def tip_force(z: ArrayLike, sample: DMTSample) -> NDArray[np.float64]:
 
 def _poisson(name: str, value: float) -> float:
     allowed = "above -1 and at most 1/2"
-    if not -1.0 < (checked := number(name, value, allowed)) <= 0.5:
+    if not -1.0 < (checked := checks.number(name, value, allowed)) <= 0.5:
         raise InputError(name, value, allowed)
     return checked

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from saltus import checks
 from saltus.afm.cantilever import Cantilever
 from saltus.afm.galerkin import Coefficients, coefficients
-from saltus.afm.quantities import count, positive
 from saltus.afm.sample import DMTSample
-from saltus.errors import InputError, nearest
+from saltus.errors import InputError
 from saltus.system import HybridSystem, Mode, Transition
 
 if TYPE_CHECKING:
@@ -22,6 +22,9 @@ StaticTerm = Literal["consistent", "as-printed"]
 
 OMEGA, YBAR, D_ATT, D_REP = 1.0, 0.108, 0.025, 4.0
 """Drive and damping of the paper's figures, where they say nothing else."""
+
+_MOST_MODES = 100
+"""Modes of the cantilever, at most: the system's functions grow with their square."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +59,9 @@ class Setup:
     eta: float
 
     def __post_init__(self) -> None:
-        if not isinstance(self.cantilever, Cantilever):
-            raise InputError("cantilever", self.cantilever, "a Cantilever")
-        if not isinstance(self.sample, DMTSample):
-            raise InputError("sample", self.sample, "a DMTSample")
-        object.__setattr__(self, "eta", positive("eta", self.eta, "m"))
+        checks.instance("cantilever", self.cantilever, Cantilever)
+        checks.instance("sample", self.sample, DMTSample)
+        object.__setattr__(self, "eta", checks.positive("eta", self.eta, "m"))
         if self.eta <= self.sample.a0:
             raise InputError("eta", self.eta, f"larger than a0 = {self.sample.a0!r}, where contact begins (in m)")
 
@@ -140,12 +141,9 @@ def tapping_mode(
     >>> system.resolve({"D_rep": 2.0})["D_rep_2"]
     2.0
     """
-    if not isinstance(setup, Setup):
-        raise InputError("setup", setup, "a Setup", "table1() returns the paper's")
-    n = count("modes", modes)
-    if static_term not in get_args(StaticTerm):
-        allowed = " or ".join(map(repr, get_args(StaticTerm)))
-        raise InputError("static_term", static_term, allowed, nearest(str(static_term), get_args(StaticTerm)))
+    checks.instance("setup", setup, Setup)
+    n = checks.count("modes", modes, 1, _MOST_MODES)
+    checks.chosen("static_term", static_term, get_args(StaticTerm))
     definition = _definition(setup, n, static_term)
     system = HybridSystem(**definition)
     if not parameters:

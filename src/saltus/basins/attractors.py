@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.basins.cells import boxes_along
 from saltus.basins.enlarging import LEFT_OVER, SOON, Enlarging, pieces
 from saltus.basins.recurrence import Found, Hunt, Search
 from saltus.basins.trap_files import traps_as_variables, traps_from_variables
 from saltus.basins.trapping import CONTRACTING, Ellipsoid
 from saltus.basins.wilson import wilson
-from saltus.errors import ConvergenceError, InputError, nearest
-from saltus.flow.counts import checked_count
-from saltus.flow.run import is_number
+from saltus.errors import ConvergenceError, InputError
 from saltus.flow.traps import DIVERGED, UNDECIDED, Cages, Cells, Ellipsoids, Traps
 from saltus.orbits import PeriodicOrbit
 from saltus.results import Result, frozen
@@ -246,8 +245,9 @@ def find_attractors(
     >>> found.names
     ('period-1 A', 'period-1 B')
     """
+    checks.instance("system", system, HybridSystem)
     chosen = _checked_search(search)
-    count = checked_count("seeds", seeds, 1)
+    count = checks.size("seeds", seeds)
     box = _checked_region(system, region)
     low, high = np.array(list(box.values())).T
     hunt = Hunt(system, parameters, low, high, interval, chosen)
@@ -282,10 +282,11 @@ def attractors_from(
     InputError
         An orbit that is not stable, is no motion, or belongs to another system or other parameters.
     """
-    if not isinstance(orbits, Mapping) or not all(isinstance(orbit, PeriodicOrbit) for orbit in orbits.values()):
-        raise InputError("orbits", orbits, "a mapping of names to PeriodicOrbit")
+    orbits = checks.mapping("orbits", orbits, "names to PeriodicOrbit")
     if not orbits:
         raise InputError("orbits", {}, "at least one orbit")
+    for name, orbit in orbits.items():
+        checks.instance(f"orbits[{name!r}]", orbit, PeriodicOrbit)
     first = next(iter(orbits.values()))
     system, parameters = first.system, dict(first.parameters)
     if system.phase is None:
@@ -307,31 +308,27 @@ def attractors_from(
 
 
 def _checked_search(search: Search | None) -> Search:
-    if search is not None and not isinstance(search, Search):
-        raise InputError("search", search, "a Search")
-    return search or Search()
+    return Search() if search is None else checks.instance("search", search, Search)
 
 
 def _checked_region(system: HybridSystem, region: object) -> dict[str, tuple[float, float]]:
-    if not isinstance(region, Mapping):
-        raise InputError("region", region, f"an interval or a number for each of {', '.join(system.states)}")
-    for name in region:
-        if name not in system.states:
-            raise InputError("region", name, f"one of {', '.join(system.states)}", nearest(str(name), system.states))
+    given = checks.mapping("region", region, "each state to an interval or a number", known=system.states)
     box = {}
     for name in system.states:
-        if name not in region:
+        if name not in given:
             raise InputError(
-                "region", list(region), f"given for each of {', '.join(system.states)}", f"{name!r} is missing"
+                "region", list(given), f"given for each of {', '.join(system.states)}", f"{name!r} is missing"
             )
-        ends = region[name]
-        ends = (ends, ends) if is_number(ends) else ends
-        try:
-            low, high = (float(end) for end in ends)
-        except (TypeError, ValueError):
-            raise InputError(f"region[{name!r}]", ends, "the two ends of an interval, or a number") from None
-        if not (np.isfinite([low, high]).all() and low <= high):
-            raise InputError(f"region[{name!r}]", (low, high), "finite, the lower end first")
+        where, ends = f"region[{name!r}]", given[name]
+        if checks.is_real(ends):
+            box[name] = (checks.number(where, ends),) * 2
+            continue
+        pair = checks.listed(where, ends, "the two ends of an interval, or a number", most=2)
+        if len(pair) != 2:
+            raise InputError(where, ends, "the two ends of an interval, or a number")
+        low, high = (checks.number(where, end) for end in pair)
+        if not low <= high:
+            raise InputError(where, (low, high), "finite, the lower end first")
         box[name] = (low, high)
     return box
 

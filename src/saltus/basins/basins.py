@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.basins.attractors import Attractors
 from saltus.basins.grid import Grid, tiles
 from saltus.basins.labelling import ACCURACY, Labelling
 from saltus.basins.store import Store, Window, flags
 from saltus.basins.wilson import wilson
-from saltus.errors import InputError, nearest
-from saltus.flow.counts import checked_count
+from saltus.errors import InputError
 from saltus.flow.traps import DIVERGED, NOT_DONE, UNDECIDED
 from saltus.results import Result, frozen
 
@@ -156,17 +156,22 @@ class Basins(Result):
             Centres that are not evenly spaced, another shape, a label without a name, or names and points that cannot
             be.
         """
-        ranges = {name: _range(name, centres) for name, centres in axes.items()}
+        given = checks.mapping("axes", axes, "coordinates to centres of cells")
+        ranges = {name: _range(name, centres) for name, centres in given.items()}
         grid = Grid(tuple(ranges), ranges)
-        array = np.asarray(labels)
+        try:
+            array = np.asarray(labels)
+        except Exception as error:  # rows of different lengths, or whatever an object's __array__ raises
+            raise InputError("labels", labels, "an array of integers or booleans") from error
         if array.dtype.kind not in "biu":
             raise InputError("labels", f"an array of {array.dtype}", "integers or booleans")
         if array.shape != grid.shape:
             raise InputError("labels' shape", array.shape, f"that of the axes, {grid.shape}")
-        named = _named(names)
+        named = _named(checks.mapping("names", names, "outcomes to labels"))
         if unnamed := sorted(set(np.unique(array).tolist()) - set(named.values())):
             raise InputError("labels", unnamed[0], f"labels that are named: {', '.join(map(str, named.values()))}")
-        held = {name: _points_of(name, at, names, grid) for name, at in (points or {}).items()}
+        at_strobes = checks.mapping("points", points, "attractors to points")
+        held = {name: _points_of(name, at, names, grid) for name, at in at_strobes.items()}
         return cls(array.astype(np.uint8), grid, Outcomes(named, held), stopped=told(array.size, array.size))
 
     @classmethod
@@ -178,7 +183,7 @@ class Basins(Result):
         InputError
             It is no store of basins.
         """
-        store = Store.open(Path(path))
+        store = Store.open(checks.path("path", path, "the path of a folder"))
         return cls.of_store(store, outcomes_from(store.attractors, store.attributes["attractors"]))
 
     @classmethod
@@ -262,18 +267,12 @@ class Basins(Result):
         """
         labelling, n = self._labelling, len(self.grid.states)
         if engine is not None:
-            if engine not in ("cpu", "cuda"):
-                raise InputError("engine", engine, "cpu or cuda", nearest(str(engine), ("cpu", "cuda")))
+            checks.chosen("engine", engine, ("cpu", "cuda"))
             labelling = labelling if engine == labelling.engine else replace(labelling, engine=engine)
-        try:
-            x = np.asarray(points, dtype=np.float64)
-        except (TypeError, ValueError):
-            x = np.empty(())
+        wanted = f"an array of shape (..., {n}): {', '.join(self.grid.states)}"
+        x = checks.array("points", points, wanted)
         if not x.ndim or x.shape[-1] != n:
-            wanted = f"an array of shape (..., {n}): {', '.join(self.grid.states)}"
-            raise InputError("points", np.shape(x), wanted)
-        if not np.isfinite(x).all():
-            raise InputError("points", float(x[~np.isfinite(x)][0]), "finite")
+            raise InputError("points", x.shape, wanted)
         return np.asarray(labelling.of(x.reshape(-1, n)).reshape(x.shape[:-1]))
 
     def label_error(
@@ -311,8 +310,9 @@ class Basins(Result):
         InputError
             No cell, or basins of an array from elsewhere, which have no system.
         """
-        count, few = checked_count("cells", cells, 1), checked_count("by_events", by_events, 0)
-        numbers = np.random.default_rng(checked_count("seed", seed, 0)).integers(0, self.grid.size, count)
+        count, few = checks.size("cells", cells), checks.count("by_events", by_events, 0)
+        tolerance = checks.between("tolerance", tolerance, 1e-14, 1e-2)
+        numbers = np.random.default_rng(checks.count("seed", seed, 0)).integers(0, self.grid.size, count)
         at = np.unravel_index(numbers, self.grid.shape)
         labels = np.asarray(self.labels[at])
         said = (labels != NOT_DONE) & (labels != UNDECIDED)
@@ -389,7 +389,7 @@ class Basins(Result):
         InputError
             It cannot be written, or the store exists.
         """
-        path = Path(path)
+        path = checks.path("path", path)
         if path.suffix != ".zarr":
             return super().save(path)
         if path.exists():
@@ -497,9 +497,9 @@ def _named(names: Mapping[str, int]) -> dict[str, int]:
     named = {"diverged": DIVERGED, "undecided": UNDECIDED}
     for name, label in names.items():
         if name not in named:
-            checked_count(f"names[{name!r}]", label, 0, DIVERGED - 1)
-        elif label != named[name]:
-            raise InputError(f"names[{name!r}]", label, str(named[name]))
+            checks.count(f"names[{name!r}]", label, 0, DIVERGED - 1)
+        else:
+            checks.count(f"names[{name!r}]", label, named[name], named[name])
     found = {**names, **named}
     if len(set(found.values())) < len(found):
         raise InputError("names", dict(names), "a label of its own for each")
@@ -507,23 +507,17 @@ def _named(names: Mapping[str, int]) -> dict[str, int]:
 
 
 def _points_of(name: str, points: ArrayLike, names: Mapping[str, int], grid: Grid) -> NDArray[np.float64]:
-    if name not in names:
-        raise InputError("points", name, f"of attractors: {', '.join(names)}", nearest(str(name), names))
-    try:
-        found: NDArray[np.float64] = frozen(np.atleast_2d(np.asarray(points, dtype=np.float64)))
-    except (TypeError, ValueError):
-        found = np.empty((0, 0))
-    if found.ndim != 2 or found.shape[1] != len(grid.states) or not np.isfinite(found).all():
-        raise InputError(f"points[{name!r}]", points, f"rows of finite {', '.join(grid.states)}")
+    checks.chosen("points", name, names)
+    where, allowed = f"points[{name!r}]", f"rows of finite {', '.join(grid.states)}"
+    found: NDArray[np.float64] = frozen(np.atleast_2d(checks.array(where, points, allowed)))
+    if found.ndim != 2 or found.shape[1] != len(grid.states):
+        raise InputError(where, points, allowed)
     return found
 
 
 def _range(name: str, given: ArrayLike) -> tuple[float, float, int]:
     where = f"axes[{name!r}]"
-    try:
-        centres = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(where, given, "numbers") from None
+    centres = checks.array(where, given)
     if centres.ndim != 1 or centres.size < 2:
         raise InputError(where, np.shape(centres), "centres of cells, at least two")
     step = (centres[-1] - centres[0]) / (centres.size - 1)

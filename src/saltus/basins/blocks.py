@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from saltus import checks
 from saltus.basins.grid import tiles
-from saltus.errors import InputError, nearest
+from saltus.errors import InputError
 from saltus.flow.traps import NOT_DONE, UNDECIDED
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
     from saltus.basins.grid import Grid
 
-__all__ = ["BLOCK", "Labelled", "blocks", "label_of", "outcome_of", "read", "surroundings"]
+__all__ = ["BLOCK", "Labelled", "blocks", "checked_basins", "label_of", "outcome_of", "read", "surroundings"]
 
 BLOCK = 2**24
 """Cells that are read at once."""
@@ -48,10 +49,21 @@ def label_of(basins: Labelled, name: str) -> int:
     InputError
         There is no outcome of that name.
     """
-    known = basins.attractors.labels
-    if name not in known:
-        raise InputError("name", name, f"one of {', '.join(known)}", nearest(str(name), known))
-    return int(known[name])
+    known = checked_basins(basins, "grid", "attractors").attractors.labels
+    return int(known[checks.chosen("name", name, known)])
+
+
+def checked_basins(basins: Any, *parts: str) -> Any:
+    """Return basins, or what has the parts of them that are needed.
+
+    Raises
+    ------
+    InputError
+        It has not.
+    """
+    if isinstance(basins, type) or not all(hasattr(basins, part) for part in parts):
+        raise InputError("basins", basins, "a Basins", "map_basins gives one")
+    return basins
 
 
 def outcome_of(basins: Labelled, label: int) -> str:

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.basins.grid import Grid, Plane
-from saltus.basins.labelling import TOLERANCE, Labelling, checked_engine
+from saltus.basins.labelling import TOLERANCE, Labelling, checked_engine, checked_interval
 from saltus.basins.mapping import attractors_for
 from saltus.flow.traps import Traps
+from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from saltus.system import HybridSystem
 
 __all__ = ["Cost", "estimate_cost"]
 
@@ -98,10 +98,11 @@ def estimate_cost(
     >>> Cost(cells=10**9, sampled=10**5, orbits_per_second=1e5, bytes_per_cell=0.1).seconds(workers=10)
     1000.0
     """
+    checks.instance("system", system, HybridSystem)
     cells = grid if isinstance(grid, Grid) else Grid(system.states, grid)
     settings = Labelling(
-        system, system.resolve(parameters), Traps(len(system.states)), interval, tolerance, longest,
-        checked_engine(engine),
+        system, system.resolve(parameters), Traps(len(system.states)), checked_interval(interval),
+        checks.between("tolerance", tolerance, 1e-14, 1e-2), checks.count("longest", longest), checked_engine(engine),
     )  # fmt: skip
     found, _ = attractors_for(settings, cells, attractors)
     labelling = replace(settings, traps=found.traps, interval=found.interval)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.basins.blocks import BLOCK, blocks, read
+from saltus import checks
+from saltus.basins.blocks import BLOCK, blocks, checked_basins, read
 from saltus.errors import InputError
 from saltus.flow.traps import UNDECIDED
 
@@ -105,12 +106,13 @@ def basin_entropy(basins: Labelled, box: int = 5) -> BasinEntropy:
     >>> print("%.5f %.5f %s" % (found.value, found.boundary, found.fractal))
     0.06109 0.61086 False
     """
-    shape = tuple(basins.labels.shape)
-    if not isinstance(box, (int, np.integer)) or not 2 <= box <= min(shape):
-        raise InputError("box", box, f"an integer from 2 to {min(shape)}, the cells on the shortest axis")
+    shape = tuple(checked_basins(basins, "labels").labels.shape)
+    if min(shape) < 2:
+        raise InputError("basins", shape, "a grid of at least two cells along each coordinate")
+    box = checks.count("box", box, 2, min(shape), "the cells on the shortest axis")
     boxes, mixed = 0, []
-    for block in blocks(basins.labels, multiple=int(box), most=BLOCK // 4):
-        cells = _boxed(read(basins.labels, block), int(box))
+    for block in blocks(basins.labels, multiple=box, most=BLOCK // 4):
+        cells = _boxed(read(basins.labels, block), box)
         least = cells.min(axis=1)
         boxes += int((least < UNDECIDED).sum())
         mixed.append(_entropies(cells[least != cells.max(axis=1)]))
@@ -124,7 +126,7 @@ def basin_entropy(basins: Labelled, box: int = 5) -> BasinEntropy:
         error=_standard_error(total, squares, boxes),
         boundary=total / n if n else math.nan,
         boundary_error=_standard_error(total, squares, n),
-        box=int(box),
+        box=box,
         boxes=boxes,
         boundary_boxes=n,
     )

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from saltus import checks
 from saltus.basins.basins import Basins
 from saltus.basins.entropy import basin_entropy
 from saltus.basins.grid import Grid, Plane
@@ -36,7 +37,7 @@ from saltus.basins.integrity import (
 from saltus.basins.mapping import map_basins
 from saltus.basins.stability import Stability, basin_stability
 from saltus.basins.uncertainty import uncertainty_by_neighbours
-from saltus.errors import ConvergenceError, InputError, nearest
+from saltus.errors import ConvergenceError, InputError
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 
@@ -86,6 +87,9 @@ def _exponent(basins: Basins, name: str) -> Reading:
     found = uncertainty_by_neighbours(basins)
     return Reading(found.value, found.error)
 
+
+_OPTIONS = ("engine", "client", "longest", "tolerance", "preview", "interval")
+"""Options that `erosion_profile` passes on to `map_basins`."""
 
 MEASURES: Mapping[str, Measure] = MappingProxyType(
     {
@@ -167,9 +171,7 @@ class ErosionProfile(Result):
 
     def _place(self, kind: str, name: str) -> int:
         known = self.attractors if kind == "attractor" else self.measures
-        if name not in known:
-            raise InputError(kind, name, f"one of {', '.join(known)}", nearest(str(name), known))
-        return known.index(name)
+        return known.index(checks.chosen(kind, name, known))
 
     def __repr__(self) -> str:
         title = self.system.name or "a hybrid system"
@@ -298,23 +300,22 @@ def erosion_profile(
     attraction, J. Sound Vib. 135 (1989) 453-475; G. Rega, S. Lenci, Dynamical integrity and control of nonlinear
     mechanical oscillators, J. Vib. Control 14 (2008) 159-179.
     """
-    if not isinstance(system, HybridSystem):
-        raise InputError("system", system, "a HybridSystem")
+    checks.instance("system", system, HybridSystem)
+    checks.chosen("parameter", parameter, (*system.parameter_names, *system.groups))
+    checks.mapping("options", options, "names to options of map_basins", known=_OPTIONS)
     swept, taken = _ascending(values), _taken(measures)
-    base = system.resolve({**(parameters or {}), parameter: float(swept[0])})
-    if attractors is not None and not callable(attractors):
-        raise InputError("attractors", attractors, "a function of the parameters")
-    if progress is not None and not callable(progress):
-        raise InputError("progress", progress, "a function of two counts and a text")
-    if within is not None and not 0.0 < within < math.inf:
-        raise InputError("within", within, "a positive distance")
+    parameters = checks.mapping("parameters", parameters, "names to numbers, or None")
+    base = system.resolve({**parameters, parameter: float(swept[0])})
+    checks.function("attractors", attractors, "of the parameters")
+    checks.function("progress", progress, "of two counts and a text")
+    within = None if within is None else checks.positive("within", within)
     place = _folder(folder)
     known: dict[str, NDArray[np.float64]] = {}
     rows: list[dict[str, list[Reading]] | str] = []
     cells: dict[str, Any] = {}
     with suppress(KeyboardInterrupt):
         for value in swept:
-            at = {**(parameters or {}), parameter: float(value)}
+            at = {**parameters, parameter: float(value)}
             store = None if place is None else place / f"{parameter}={value:.12g}.zarr"
             try:
                 found = None if attractors is None else attractors(system.resolve(at))
@@ -420,28 +421,22 @@ def _reading(found: Any) -> Reading:
 def _taken(measures: Iterable[str] | Mapping[str, Measure]) -> dict[str, Measure]:
     """The measures by name."""
     if isinstance(measures, Mapping):
-        for name, measure in measures.items():
+        taken = checks.mapping("measures", measures, "names to functions")
+        for name, measure in taken.items():
             if not callable(measure):
                 raise InputError(f"measures[{name!r}]", measure, "a function of the basins and an attractor's name")
-        taken = {str(name): measure for name, measure in measures.items()}
     else:
-        names = [measures] if isinstance(measures, str) else list(measures)
-        for name in names:
-            if name not in MEASURES:
-                wanted = f"one of {', '.join(MEASURES)}"
-                raise InputError("measures", name, wanted, nearest(str(name), MEASURES))
-        taken = {name: MEASURES[name] for name in names}
+        given = [measures] if isinstance(measures, str) else measures
+        named = checks.names("measures", given, f"names of measures: {', '.join(MEASURES)}")
+        taken = {name: MEASURES[checks.chosen("measures", name, MEASURES)] for name in named}
     if not taken:
         raise InputError("measures", measures, "at least one")
     return taken
 
 
 def _ascending(values: ArrayLike) -> NDArray[np.float64]:
-    try:
-        array = np.atleast_1d(np.asarray(values, dtype=np.float64))
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    if array.ndim != 1 or not array.size or not np.isfinite(array).all() or not (np.diff(array) > 0.0).all():
+    array = np.atleast_1d(checks.array("values", values, "finite numbers, ascending"))
+    if array.ndim != 1 or not array.size or not (np.diff(array) > 0.0).all():
         raise InputError("values", values, "finite numbers, ascending")
     return array
 
@@ -449,8 +444,9 @@ def _ascending(values: ArrayLike) -> NDArray[np.float64]:
 def _folder(folder: str | os.PathLike[str] | None) -> Path | None:
     if folder is None:
         return None
+    place = checks.path("folder", folder, "the path of a folder")
     try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
+        place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError("folder", str(folder), "a folder that can be written", str(error)) from error
-    return Path(folder)
+        raise InputError("folder", str(place), "a folder that can be written", str(error)) from error
+    return place

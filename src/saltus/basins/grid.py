@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.errors import InputError, nearest
 from saltus.results import frozen
 
@@ -28,6 +29,9 @@ _UNITS = 16
 
 _ROUNDING = 1e-9
 """Part of a cell by which a point may lie beyond the grid's edge and belong to the cell there."""
+
+_MOST_CELLS = 2**31 - 1
+"""Cells along a coordinate, at most."""
 
 _LEAST, _MOST = 40_000, 2**19
 """Cells of a unit: half a second to five of computing."""
@@ -116,7 +120,7 @@ class Grid:
     """
 
     def __init__(self, states: Sequence[str], axes: Mapping[str, Any] | Plane) -> None:
-        names = tuple(states)
+        names = checks.names("states", states, "names of states", least=1)
         if isinstance(axes, Plane):
             self._hold(names, *_read_plane(names, axes))
         elif isinstance(axes, Mapping):
@@ -215,9 +219,9 @@ class Grid:
         for name, value in values.items():
             if name not in self.names:
                 wanted = f"a free coordinate: {', '.join(self.names)}"
-                hint = f"it is frozen at {self.fixed[name]:g}" if name in self.fixed else nearest(str(name), self.names)
+                hint = f"it is frozen at {self.fixed[name]:g}" if name in self.fixed else nearest(name, self.names)
                 raise InputError("coordinate", name, wanted, hint)
-            number = _number(value, name)
+            number = checks.number(name, value)
             inside = self.clipped(name, number)
             low, high, count = self.ranges[self.names.index(name)]
             if inside is None:
@@ -339,9 +343,7 @@ def tiles(shape: Sequence[int], tile: Sequence[int]) -> Iterator[tuple[slice, ..
 
 
 def _read_box(states: tuple[str, ...], axes: Mapping[str, Any]) -> tuple[Any, ...]:
-    for name in axes:
-        if name not in states:
-            raise InputError("grid", name, f"a state: {', '.join(states)}", nearest(str(name), states))
+    checks.mapping("grid", axes, "states to ranges and values", known=states)
     if missing := [name for name in states if name not in axes]:
         example = f"{missing[0]!r}: 0.0 or {missing[0]!r}: (-1, 1, 100)"
         raise InputError("grid", list(axes), f"a range or a value for each of {', '.join(states)}", f"add {example}")
@@ -352,7 +354,7 @@ def _read_box(states: tuple[str, ...], axes: Mapping[str, Any]) -> tuple[Any, ..
             names.append(name)
             ranges.append(_range(value, where))
         else:
-            origin[states.index(name)] = _number(value, where, "a number, or a range (low, high, count)")
+            origin[states.index(name)] = checks.number(where, value, "a number, or a range (low, high, count)")
     if not names:
         raise InputError("grid", dict(axes), "with a free coordinate", "give one a range (low, high, count)")
     vectors = np.array([[float(state == name) for state in states] for name in names])
@@ -361,23 +363,21 @@ def _read_box(states: tuple[str, ...], axes: Mapping[str, Any]) -> tuple[Any, ..
 
 def _read_plane(states: tuple[str, ...], plane: Plane) -> tuple[Any, ...]:
     for part in ("origin", "u", "v"):
-        given = getattr(plane, part)
-        if not isinstance(given, Mapping):
+        if not isinstance(given := getattr(plane, part), Mapping):
             raise InputError(f"plane's {part}", given, "a mapping of states to numbers")
-        for name in given:
-            if name not in states:
-                raise InputError(f"plane's {part}", name, f"a state: {', '.join(states)}", nearest(str(name), states))
+        checks.mapping(f"plane's {part}", given, "states to numbers", known=states)
     if missing := [name for name in states if name not in plane.origin]:
         raise InputError(
             "plane's origin", dict(plane.origin), f"a value for each of {', '.join(states)}", f"add {missing[0]!r}"
         )
     origin, *vectors = (
-        np.array([_number(given.get(name, 0.0), f"plane's {part}[{name!r}]") for name in states])
+        np.array([checks.number(f"plane's {part}[{name!r}]", given.get(name, 0.0)) for name in states])
         for part, given in (("origin", plane.origin), ("u", plane.u), ("v", plane.v))
     )
     if np.linalg.matrix_rank(np.array(vectors)) < 2:
         raise InputError("plane's u, v", (dict(plane.u), dict(plane.v)), "two vectors that span a plane")
-    if not _is_pair(plane.names) or len({*plane.names, *states}) < 2 + len(states):
+    named = _is_pair(plane.names) and all(isinstance(name, str) for name in plane.names)
+    if not named or len({*plane.names, *states}) < 2 + len(states):
         raise InputError("plane's names", plane.names, "two names that no state has")
     if not _is_pair(plane.extents) or not all(map(_is_pair, plane.extents)):
         raise InputError("plane's extents", plane.extents, "two pairs (low, high)")
@@ -397,24 +397,15 @@ def _is_pair(value: object) -> bool:
 def _range(value: Sequence[Any], where: str) -> tuple[float, float, int]:
     if len(value) != 3:
         raise InputError(where, tuple(value), "(low, high, count)")
-    low, high = (_number(end, where) for end in value[:2])
-    count = value[2]
-    if not isinstance(count, int | np.integer) or isinstance(count, bool) or count < 1:
-        raise InputError(where, tuple(value), "(low, high, count) with count an integer >= 1")
+    low, high = (checks.number(where, end) for end in value[:2])
+    try:
+        count = checks.count(where, value[2])
+    except InputError:
+        raise InputError(where, tuple(value), "(low, high, count) with count an integer >= 1") from None
+    if count > _MOST_CELLS:
+        raise InputError(where, tuple(value), f"(low, high, count) with count at most {_MOST_CELLS}")
     if not low < high:
         raise InputError(
             where, tuple(value), "(low, high, count) with low < high", "turn it round" if high < low else ""
         )
-    return low, high, int(count)
-
-
-def _number(value: Any, where: str, allowed: str = "a finite number") -> float:
-    try:
-        if isinstance(value, str | bytes | bool | np.bool_):
-            raise TypeError
-        number = float(value)
-    except (TypeError, ValueError):
-        raise InputError(where, value, allowed) from None
-    if not math.isfinite(number):
-        raise InputError(where, number, "finite")
-    return number
+    return low, high, count

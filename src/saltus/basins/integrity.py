@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus import checks
 from saltus.basins.blocks import blocks, label_of, outcome_of, read
-from saltus.errors import InputError, nearest
+from saltus.errors import InputError
 from saltus.flow.traps import NOT_DONE
 
 if TYPE_CHECKING:
@@ -404,27 +405,20 @@ def weights_of(grid: Grid, weights: Mapping[str, float] | None) -> NDArray[np.fl
     """
     if weights is None:
         return np.ones(len(grid.names))
-    if not isinstance(weights, Mapping):
-        raise InputError("weights", weights, f"a mapping of {', '.join(grid.names)} to lengths")
-    for given in weights:
-        if given not in grid.names:
-            wanted = f"a free coordinate: {', '.join(grid.names)}"
-            raise InputError("weights", given, wanted, nearest(str(given), grid.names))
-    if missing := [free for free in grid.names if free not in weights]:
-        raise InputError("weights", dict(weights), "given for every free coordinate", f"add {missing[0]!r}")
-    values = np.array([weights[free] for free in grid.names], dtype=np.float64)
-    if not (np.isfinite(values) & (values > 0.0)).all():
-        raise InputError("weights", dict(weights), "positive and finite")
-    return values
+    given = checks.mapping("weights", weights, "free coordinates to lengths", known=grid.names)
+    if missing := [free for free in grid.names if free not in given]:
+        raise InputError("weights", given, "given for every free coordinate", f"add {missing[0]!r}")
+    return np.array([checks.positive(f"weights[{free!r}]", given[free]) for free in grid.names])
 
 
 def _start(basins: Labelled, name: str, centre: ArrayLike | None) -> tuple[NDArray[np.float64], float]:
     """The centre in the free coordinates, and how far from the grid's plane the attractor's point is."""
     grid, off = basins.grid, 0.0
     if centre is not None:
-        start = np.array(centre, dtype=np.float64)
-        if start.shape != (len(grid.names),) or not np.isfinite(start).all():
-            raise InputError("centre", centre, f"a number for each of {', '.join(grid.names)}")
+        allowed = f"a number for each of {', '.join(grid.names)}"
+        start = checks.array("centre", centre, allowed)
+        if start.shape != (len(grid.names),):
+            raise InputError("centre", centre, allowed)
     else:
         if not np.size(basins.attractors.points.get(name, ())):
             raise InputError("name", name, "an attractor whose points are known", "or give the centre of the ball")

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from saltus import checks
 from saltus.basins.trap_files import traps_as_data, traps_from_data
-from saltus.errors import InputError
 from saltus.flow.alone import follow_alone
 from saltus.flow.traps import Ellipsoids, Traps
 from saltus.system import HybridSystem
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     _Labelled: TypeAlias = tuple[tuple[slice, ...], NDArray[np.uint8], int]
 
-__all__ = ["ACCURACY", "TOLERANCE", "Labelling", "checked_engine"]
+__all__ = ["ACCURACY", "TOLERANCE", "Labelling", "checked_engine", "checked_interval"]
 
 TOLERANCE = 3e-9
 """Of a step in the first period, by default: of Fig. 10's last plane 0.025 % of the labels are wrong, not 0.038 %."""
@@ -270,8 +270,11 @@ def _batches(units: Sequence[tuple[slice, ...]], most: int) -> Iterator[list[tup
         yield batch
 
 
+def checked_interval(interval: object) -> float | None:
+    """Return the time between two looks at a system without a phase, or None."""
+    return None if interval is None else checks.positive("interval", interval)
+
+
 def checked_engine(engine: object) -> str:
     """Return the arithmetic of an engine; `InputError` where there is no such engine."""
-    if engine not in ("cpu", "cuda", "dask"):
-        raise InputError("engine", engine, "one of cpu, cuda, dask")
-    return "cuda" if engine == "cuda" else "cpu"
+    return "cuda" if checks.chosen("engine", engine, ("cpu", "cuda", "dask")) == "cuda" else "cpu"

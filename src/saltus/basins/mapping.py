@@ -25,13 +25,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from saltus import checks
 from saltus.basins.attractors import Search, find_attractors
 from saltus.basins.basins import Basins, attractors_bytes, attributes_of, outcomes_from, told
 from saltus.basins.grid import Grid, Plane
-from saltus.basins.labelling import TOLERANCE, Labelling, checked_engine
+from saltus.basins.labelling import TOLERANCE, Labelling, checked_engine, checked_interval
 from saltus.basins.store import Store, check_same
 from saltus.errors import InputError, nearest
-from saltus.flow.counts import checked_count
 from saltus.flow.traps import NOT_DONE, UNDECIDED, Traps
 from saltus.system import HybridSystem
 
@@ -148,8 +148,9 @@ def map_basins(
     """
     _check_options(system, client, progress, engine=engine, preview=preview)
     settings = Labelling(
-        system, system.resolve(parameters), Traps(len(system.states)), interval, _tolerance(tolerance),
-        checked_count("longest", longest, 1), checked_engine(engine), preview,
+        system, system.resolve(parameters), Traps(len(system.states)), checked_interval(interval),
+        checks.between("tolerance", tolerance, 1e-14, 1e-2), checks.count("longest", longest, 1),
+        checked_engine(engine), bool(preview),
     )  # fmt: skip
     cells, path = _grid(system, grid), _path(store)
     if path is None and cells.size > _IN_MEMORY:
@@ -242,21 +243,16 @@ def _count(cells: Sequence[slice]) -> int:
 
 def _check_options(system: object, client: object, progress: object, *, engine: str, preview: object) -> None:
     """Raise `InputError` where an argument is of another kind, or does not belong to the engine."""
-    if not isinstance(system, HybridSystem):
-        raise InputError("system", system, "a HybridSystem")
+    checks.instance("system", system, HybridSystem)
     checked_engine(engine)
     if (client is not None) != (engine == "dask"):
         raise InputError("client", client, "given for engine='dask', and for no other")
-    if progress is not None and not callable(progress):
-        raise InputError("progress", progress, "a function of two counts, a rate and a time")
-    if not isinstance(preview, bool):
-        raise InputError("preview", preview, "True or False")
+    checks.function("progress", progress, "of two counts, a rate and a time")
+    checks.flag("preview", preview)
 
 
 def _path(store: object) -> Path | None:
-    if not isinstance(store, str | os.PathLike | None) or store == "":
-        raise InputError("store", store, "the path of a folder")
-    return None if store is None else Path(store)
+    return None if store is None else checks.path("store", store, "the path of a folder")
 
 
 def _grid(system: HybridSystem, grid: Any) -> Grid:
@@ -267,16 +263,6 @@ def _grid(system: HybridSystem, grid: Any) -> Grid:
             raise InputError("grid's states", grid.states, f"those of the system: {', '.join(system.states)}")
         return grid
     return Grid(system.states, grid)
-
-
-def _tolerance(tolerance: object) -> float:
-    try:
-        value = float(tolerance)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        value = math.nan
-    if isinstance(tolerance, str | bool) or not 1e-14 <= value <= 1e-2:
-        raise InputError("tolerance", tolerance, "a number between 1e-14 and 0.01")
-    return value
 
 
 def attractors_for(
@@ -328,7 +314,7 @@ def _search(grid: Grid, given: Mapping[str, Any]) -> dict[str, Any]:
     usual = {"region": region, "seeds": _SEEDS, "search": Search()}
     for name in given:
         if name not in usual:
-            hint = nearest(str(name), usual) or "attractors_from makes attractors of orbits by name"
+            hint = nearest(name, usual) or "attractors_from makes attractors of orbits by name"
             raise InputError("attractors", name, f"options among {', '.join(usual)}", hint)
     return usual | dict(given)
 

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus import checks
 from saltus.basins.cage import Cage, cage_of
 from saltus.basins.trapping import (
     Ellipsoid,
@@ -36,9 +37,8 @@ from saltus.basins.trapping import (
 )
 from saltus.errors import ConvergenceError, InputError, SaltusError
 from saltus.flow.classify import Criteria, classify
-from saltus.flow.counts import checked_count
 from saltus.flow.ensemble import Ensemble
-from saltus.flow.run import allowed_modes, is_number, starting_mode
+from saltus.flow.run import allowed_modes, starting_mode
 from saltus.flow.simulate import events_after
 from saltus.flow.traps import DIVERGED, Traps
 from saltus.flow.variational import growth_along
@@ -122,14 +122,13 @@ class Search:
     criteria: Criteria = field(default_factory=Criteria)
 
     def __post_init__(self) -> None:
-        for name, least in (("random_seed", 0), ("longest", 1), ("samples", 100)):
-            object.__setattr__(self, name, checked_count(f"Search.{name}", getattr(self, name), least))
-        for name, most in (("safety", 1.0), ("tolerance", 1e-2), ("limit", math.inf)):
-            if not is_number(value := getattr(self, name)) or not 0.0 < value < math.inf or value > most:
-                raise InputError(f"Search.{name}", value, f"a number between 0 and {most:g}")
-            object.__setattr__(self, name, float(value))
-        if not isinstance(self.criteria, Criteria):
-            raise InputError("Search.criteria", self.criteria, "a Criteria")
+        for name, least in (("random_seed", 0), ("longest", 1)):
+            object.__setattr__(self, name, checks.count(f"Search.{name}", getattr(self, name), least))
+        object.__setattr__(self, "samples", checks.size("Search.samples", self.samples, 100))
+        for name, largest in (("safety", 1.0), ("tolerance", 1e-2), ("limit", math.inf)):
+            value = checks.positive(f"Search.{name}", getattr(self, name))
+            object.__setattr__(self, name, checks.between(f"Search.{name}", value, 0.0, largest))
+        checks.instance("Search.criteria", self.criteria, Criteria)
 
 
 class Stay(NamedTuple):

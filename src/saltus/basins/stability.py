@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.basins.blocks import label_of
+from saltus import checks
+from saltus.basins.blocks import checked_basins, label_of
 from saltus.basins.wilson import checked_confidence, wilson
-from saltus.errors import InputError, nearest
-from saltus.flow.counts import checked_count
 from saltus.flow.traps import UNDECIDED
 
 if TYPE_CHECKING:
@@ -113,15 +111,12 @@ def basin_stability(
     >>> found.low < 0.09 * np.pi < found.high
     True
     """
-    label, grid = label_of(basins, name), basins.grid
-    checked_confidence(confidence)
-    if not isinstance(samples, (int, np.integer)) or samples < 1:
-        raise InputError("samples", samples, "an integer of at least 1")
+    label, grid = label_of(checked_basins(basins, "classify"), name), basins.grid
+    confidence = checked_confidence(confidence)
+    samples = checks.count("samples", samples)
     ranges = _ranges(grid, region)
-    random, options = (
-        np.random.default_rng(checked_count("seed", seed, 0)),
-        {} if engine is None else {"engine": engine},
-    )
+    random = np.random.default_rng(checks.count("seed", seed, 0))
+    options = {} if engine is None else {"engine": engine}
     hits = undecided = 0
     for first in range(0, samples, _BATCH):
         count = min(_BATCH, samples - first)
@@ -129,22 +124,13 @@ def basin_stability(
         found = np.asarray(basins.classify(grid.origin + drawn @ grid.vectors, **options))
         hits += int((found == label).sum())
         undecided += int((found == UNDECIDED).sum())
-    low, high = wilson(hits, int(samples), confidence)
-    return Stability(hits / samples, low, high, confidence, hits, undecided, int(samples))
+    low, high = wilson(hits, samples, confidence)
+    return Stability(hits / samples, low, high, confidence, hits, undecided, samples)
 
 
 def _ranges(grid: Grid, region: Mapping[str, tuple[float, float]] | None) -> NDArray[np.float64]:
     """The ranges from which points are drawn, shape (free coordinates, 2)."""
     ranges = {name: (low, high) for name, (low, high, _) in zip(grid.names, grid.ranges, strict=True)}
-    for name, ends in (region or {}).items():
-        if name not in ranges:
-            wanted = f"a free coordinate: {', '.join(grid.names)}"
-            raise InputError("region", name, wanted, nearest(str(name), grid.names))
-        try:
-            low, high = map(float, ends)
-        except (TypeError, ValueError):
-            low = high = math.nan
-        if not -math.inf < low < high < math.inf:
-            raise InputError(f"region[{name!r}]", ends, "(low, high) with low < high")
-        ranges[name] = (low, high)
+    for name, ends in checks.mapping("region", region, "free coordinates to intervals", known=grid.names).items():
+        ranges[name] = checks.interval(f"region[{name!r}]", ends, finite=True)
     return np.array([ranges[name] for name in grid.names])

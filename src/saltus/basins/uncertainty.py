@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.basins.blocks import BLOCK, blocks, read, surroundings
+from saltus import checks
+from saltus.basins.blocks import BLOCK, blocks, checked_basins, read, surroundings
 from saltus.basins.integrity import weights_of
 from saltus.errors import InputError
 from saltus.flow.traps import UNDECIDED
@@ -105,7 +106,7 @@ def uncertainty_by_neighbours(basins: Labelled, scales: Sequence[int] = (1, 2, 4
     >>> print("%.2f" % uncertainty_by_neighbours(halves).value)
     1.00
     """
-    labels = basins.labels
+    labels = checked_basins(basins, "labels").labels
     shape = tuple(labels.shape)
     steps = _checked_steps(scales, min(shape))
     reach, uncertain, count = steps[-1], np.zeros(len(steps), np.int64), 0
@@ -188,10 +189,10 @@ def uncertainty_by_shifts(
     >>> abs(found.value - 1.0) < 3.0 * found.error
     True
     """
-    lengths, scale, grid = _checked_lengths(scales), weights_of(basins.grid, weights), basins.grid
-    if not isinstance(samples, (int, np.integer)) or samples < 1:
-        raise InputError("samples", samples, "an integer of at least 1")
-    random = np.random.default_rng(seed)
+    grid = checked_basins(basins, "grid", "classify").grid
+    lengths, scale = _checked_lengths(scales), weights_of(grid, weights)
+    samples = checks.size("samples", samples)
+    random = np.random.default_rng(checks.count("seed", seed, 0))
     ends = np.array([(low, high) for low, high, _ in grid.ranges])
     changed, counts = np.zeros(lengths.size, np.int64), np.zeros(lengths.size, np.int64)
     for i, length in enumerate(lengths):
@@ -244,17 +245,18 @@ def _check_enough(used: NDArray[np.bool_]) -> None:
 
 
 def _checked_steps(scales: Sequence[int], shortest: int) -> list[int]:
-    steps = sorted(set(scales))
-    whole = all(isinstance(step, (int, np.integer)) and step >= 1 for step in steps)
-    if len(steps) < 3 or len(steps) != len(scales) or not whole:
-        raise InputError("scales", scales, "at least three distinct positive integers")
+    allowed = "at least three distinct positive integers"
+    given = [checks.count(f"scales[{i}]", step) for i, step in enumerate(checks.listed("scales", scales, allowed))]
+    steps = sorted(set(given))
+    if len(steps) < 3 or len(steps) != len(given):
+        raise InputError("scales", scales, allowed)
     if 2 * steps[-1] >= shortest:
         raise InputError("scales", scales, f"less than half of {shortest}, the cells on the shortest axis")
-    return [int(step) for step in steps]
+    return steps
 
 
 def _checked_lengths(scales: ArrayLike) -> NDArray[np.float64]:
-    lengths = np.sort(np.asarray(scales, dtype=np.float64).ravel())
-    if lengths.size < 3 or not np.isfinite(lengths).all() or lengths[0] <= 0.0 or (np.diff(lengths) == 0.0).any():
+    lengths = np.sort(checks.array("scales", scales).ravel())
+    if lengths.size < 3 or lengths[0] <= 0.0 or (np.diff(lengths) == 0.0).any():
         raise InputError("scales", scales, "at least three distinct positive lengths")
     return lengths

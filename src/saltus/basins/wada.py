@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.basins.blocks import BLOCK, blocks, outcome_of, read, surroundings
-from saltus.errors import InputError
+from saltus import checks
+from saltus.basins.blocks import BLOCK, blocks, checked_basins, outcome_of, read, surroundings
 from saltus.flow.traps import UNDECIDED
 from saltus.results import frozen
 
@@ -91,9 +91,7 @@ def wada_by_merging(basins: Labelled, reach: int = 5) -> WadaTest:
     >>> wada_by_merging(basins).wada
     False
     """
-    if not isinstance(reach, (int, np.integer)) or reach < 1:
-        raise InputError("reach", reach, "a positive integer")
-    reach, shape = int(reach), tuple(basins.labels.shape)
+    reach, shape = checks.count("reach", reach), tuple(checked_basins(basins, "labels", "attractors").labels.shape)
     present = np.zeros(256, np.bool_)
     for block in blocks(basins.labels):
         present[np.unique(read(basins.labels, block))] = True

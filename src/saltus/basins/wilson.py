@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from saltus.errors import InputError
+from saltus import checks
 
 __all__ = ["checked_confidence", "wilson"]
 
@@ -47,11 +47,9 @@ def wilson(hits: int, samples: int, confidence: float = 0.95) -> tuple[float, fl
     """
     from scipy.special import ndtri
 
-    checked_confidence(confidence)
-    if samples < 1:
-        raise InputError("samples", samples, "at least 1")
-    if not 0 <= hits <= samples:
-        raise InputError("hits", hits, f"from 0 to {samples}, the count of samples")
+    confidence = checked_confidence(confidence)
+    samples = checks.count("samples", samples)
+    hits = checks.count("hits", hits, 0, samples, "the count of samples")
     if hits in (0, samples):
         room = -math.expm1(math.log1p(-confidence) / samples)
         return (0.0, room) if hits == 0 else (1.0 - room, 1.0)
@@ -64,6 +62,4 @@ def wilson(hits: int, samples: int, confidence: float = 0.95) -> tuple[float, fl
 
 def checked_confidence(confidence: float) -> float:
     """Return a confidence between 0 and 1, exclusive."""
-    if not 0.0 < confidence < 1.0:
-        raise InputError("confidence", confidence, "between 0 and 1")
-    return confidence
+    return checks.between("confidence", confidence, 0.0, 1.0, strict=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from saltus import checks
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -55,13 +56,9 @@ class StepControl:
 
     def __post_init__(self) -> None:
         for name in ("initial", "smallest", "largest", "deviation", "angle"):
-            value = getattr(self, name)
-            if not (isinstance(value, int | float) and math.isfinite(value) and value > 0.0):
-                raise InputError(f"StepControl.{name}", value, "a finite number > 0")
+            object.__setattr__(self, name, checks.positive(f"StepControl.{name}", getattr(self, name)))
         for name in ("iterations", "most"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise InputError(f"StepControl.{name}", value, "an integer >= 1")
+            object.__setattr__(self, name, checks.count(f"StepControl.{name}", getattr(self, name)))
         if not self.smallest <= self.largest:
             raise InputError("StepControl.smallest", self.smallest, f"<= largest, {self.largest!r}")
 

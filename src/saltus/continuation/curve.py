@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 
-from saltus.errors import InputError, nearest
+from saltus import checks
+from saltus.errors import InputError
 from saltus.flow.observables import check_observables, observe, read_observable
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.normal_form import NORMAL_FORMS, NormalForm, normal_form
@@ -259,13 +260,8 @@ class Curve(Result):
 
     def __getitem__(self, label: str) -> SpecialPoint:
         """Return the special point of that label."""
-        for point in self.special_points:
-            if point.label == label:
-                return point
-        known = [point.label for point in self.special_points]
-        raise InputError(
-            "label", label, f"one of {', '.join(known) or 'no special points'}", nearest(str(label), known)
-        )
+        known = {point.label: point for point in self.special_points}
+        return known[checks.chosen("label", label, known)]
 
     def __iter__(self) -> Iterator[PeriodicOrbit]:
         """Go through the orbits of all points."""
@@ -301,10 +297,8 @@ class Curve(Result):
         if self.system.phase is not None:
             for side in ("min", "max"):
                 columns.pop(f"{side}_{self.system.phase[0]}")
-        if name not in columns:
-            allowed = f"one of {', '.join(columns)}, or an observable, as in 'mean({self.quantities[0]})'"
-            raise InputError("quantity", name, allowed, nearest(str(name), columns))
-        found: NDArray[np.float64] = columns[name]
+        instead = f", or an observable, as in 'mean({self.quantities[0]})'"
+        found: NDArray[np.float64] = columns[checks.chosen("quantity", name, columns, instead=instead)]
         return found
 
     def observe(self, *names: str) -> xr.Dataset:
@@ -363,7 +357,8 @@ class Curve(Result):
 
     def at(self, point: SpecialPoint, name: str) -> float:
         """Return the quantity that `column` names at a special point."""
-        orbit = point.orbit
+        orbit = checks.instance("point", point, SpecialPoint).orbit
+        checks.text("quantity", name, "the name of a quantity")
         if name.startswith(("min_", "max_")) and name[4:] in self.quantities:
             source = orbit.lows if name.startswith("min_") else orbit.highs
             return float(source[self.quantities.index(name[4:])])
@@ -383,15 +378,12 @@ class Curve(Result):
 
     def signature(self, index: int) -> tuple[tuple[str, str], ...]:
         """Return the (mode, transition) names of a point's segments."""
-        form: Signature = self.forms[self.form[index]]
+        form: Signature = self.forms[self.form[checks.count("index", index, -len(self), len(self) - 1)]]
         return form.names(self.system)
 
     def orbit(self, index: int) -> PeriodicOrbit:
         """Return the orbit of one point, from which another continuation can start."""
-        if isinstance(index, bool) or not isinstance(index, int | np.integer):
-            raise InputError("index", index, "an integer")
-        if not -len(self) <= index < len(self):
-            raise InputError("index", index, f"between {-len(self)} and {len(self) - 1}")
+        index = checks.count("index", index, -len(self), len(self) - 1)
         problem, u = self._solved(index)
         return orbit_at(problem, u, problem.evaluate(u)[1])
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from saltus import checks
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.branch import Branch
 from saltus.continuation.orbits import continue_orbit
@@ -81,13 +82,10 @@ class Family(Result):
 
     def __getitem__(self, index: int) -> Branch:
         """Return the branch of a member; raise `InputError` with the reason where there is none."""
-        if isinstance(index, bool) or not isinstance(index, int | np.integer):
-            raise InputError("index", index, "an integer")
-        if not -len(self) <= index < len(self):
-            raise InputError("index", index, f"between {-len(self)} and {len(self) - 1}")
+        index = checks.count("index", index, -len(self), len(self) - 1)
         branch = self.branches[index]
         if branch is None:
-            raise InputError("index", index, "that of a member with a branch", self.failures[int(index) % len(self)])
+            raise InputError("index", index, "that of a member with a branch", self.failures[index % len(self)])
         return branch
 
     def __iter__(self) -> Iterator[Branch | None]:
@@ -346,28 +344,27 @@ def _is_interrupted(branch: Branch) -> bool:
 
 def _read_over(system: HybridSystem, parameter: str, over: object) -> dict[str, NDArray[np.float64]]:
     """Return the values of what varies from member to member, checked."""
-    if not isinstance(over, Mapping) or not over:
+    given = checks.mapping("over", over, "parameters to values, as {'d': [0.9, 1.0, 1.1]}")
+    if not given:
         raise InputError("over", over, "a mapping of parameters to values, as {'d': [0.9, 1.0, 1.1]}")
     known = [name for name in system.parameter_names if name != parameter]
     known += [name for name, members in system.groups.items() if parameter not in members]
     table: dict[str, NDArray[np.float64]] = {}
     taken: dict[str, str] = {}
-    for name, values in over.items():
+    for name, values in given.items():
         if name not in known:
             along = name == parameter or parameter in system.groups.get(name, ())
-            hint = f"{parameter!r} varies along the branches" if along else nearest(str(name), known)
+            hint = f"{parameter!r} varies along the branches" if along else nearest(name, known)
             raise InputError("over", name, f"one of {', '.join(known)}", hint)
         for member in system.groups.get(name, (name,)):
             if member in taken:
                 raise InputError("over", name, f"without {member!r}, which {taken[member]!r} sets already")
             taken[member] = name
-        try:
-            column = np.asarray(values)
-        except ValueError:  # rows of different lengths
-            column = np.empty(0)
-        if column.ndim != 1 or not len(column) or column.dtype.kind not in "iuf":
-            raise InputError(f"over[{name!r}]", values, "a sequence of numbers, one for each member, at least one")
-        table[name] = column.astype(np.float64)
+        allowed = "a sequence of numbers, one for each member, at least one"
+        column = checks.array(f"over[{name!r}]", values, allowed, finite=False)
+        if column.ndim != 1 or not column.size:
+            raise InputError(f"over[{name!r}]", values, allowed)
+        table[name] = column
     lengths = {name: len(values) for name, values in table.items()}
     if len(set(lengths.values())) > 1:
         told = ", ".join(f"{count} of {name}" for name, count in lengths.items())
@@ -505,8 +502,7 @@ def _workers(task: _Task, processes: object, client: Any, members: int) -> _Work
     if processes is None:
         available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         processes = available
-    if isinstance(processes, bool) or not isinstance(processes, int) or processes < 1:
-        raise InputError("processes", processes, "an integer >= 1")
+    processes = checks.count("processes", processes)
     return _Here(task) if min(processes, members) == 1 else _Pool(task, min(processes, members))
 
 

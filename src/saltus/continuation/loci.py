@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.continuation.arclength import (
     Event,
     Failure,
@@ -24,8 +25,9 @@ from saltus.continuation.directions import SAME, Found, Half, join, turned
 from saltus.continuation.grazing import Neighbour, neighbour, touching
 from saltus.continuation.locus import Locus
 from saltus.continuation.locus_problem import LocusBranch, LocusData
+from saltus.continuation.orbits import read_stops
 from saltus.continuation.zero_problem import BIFURCATIONS, at_grazing
-from saltus.errors import InputError, nearest
+from saltus.errors import InputError
 from saltus.orbits.critical import Branching, Condition, Critical, Grazing, TorusCondition
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import DIRECTION, DURATION, MEAN_END, OrbitProblem, Signature
@@ -113,19 +115,12 @@ def continue_locus(
     >>> f"{locus['CP1'].parameters['h']:.9f}"
     '1.000000000'
     """
-    control = StepControl() if steps is None else steps
-    if not isinstance(control, StepControl):
-        raise InputError("steps", steps, "a StepControl")
+    control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
+    checks.function("progress", progress, "of a count and two numbers")
     orbit, kind = _read_start(start, type)
     names, intervals = _read_parameters(orbit, parameters, bounds)
-    if directions not in ("both", "up", "down"):
-        raise InputError("directions", directions, "'both', 'up' or 'down'")
-    if not isinstance(stop_at, str | Iterable):
-        raise InputError("stop_at", stop_at, "the name of a type of special point, or several")
-    stops = {stop_at} if isinstance(stop_at, str) else {str(name) for name in stop_at}
-    if unknown := stops - set(_CODIMENSION_TWO):
-        known = _CODIMENSION_TWO
-        raise InputError("stop_at", min(unknown), f"one of {', '.join(known)}", nearest(min(unknown), known))
+    checks.chosen("directions", directions, ("both", "up", "down"))
+    stops = read_stops(stop_at, _CODIMENSION_TWO)
     run = _Run(start, orbit, kind, names, intervals, control, stops, progress)
     origin = run.begin(names.index(parameters[1]))
     halves: list[Half] = []
@@ -143,14 +138,13 @@ def continue_locus(
 
 
 def _read_start(start: SpecialPoint | PeriodicOrbit, kind: str | None) -> tuple[PeriodicOrbit, str]:
-    if kind is not None and kind not in BIFURCATIONS:
-        raise InputError("type", kind, f"one of {', '.join(BIFURCATIONS)}", nearest(str(kind), BIFURCATIONS))
+    if kind is not None:
+        checks.chosen("type", kind, BIFURCATIONS)
     if isinstance(start, PeriodicOrbit):
         if kind is None:
             raise InputError("start", "a PeriodicOrbit", "a special point, or an orbit with its type", "type='SN'")
         return start, kind
-    if not isinstance(start, SpecialPoint):
-        raise InputError("start", start, "a special point of a branch or of a locus", "branch['SN1'] is one")
+    checks.instance("start", start, SpecialPoint)
     if kind is None:
         kind = _LOCI.get(start.type, start.locus if start.type == "TP" else None)
     if kind is None:
@@ -164,24 +158,20 @@ def _read_parameters(
 ) -> tuple[tuple[str, str], tuple[tuple[float, float], tuple[float, float]]]:
     """Return the two names in the system's order, and their intervals."""
     known = orbit.system.parameter_names
-    if isinstance(parameters, str) or not isinstance(parameters, Sequence) or len(parameters) != 2:
+    pair = checks.listed("parameters", parameters, "two names, as ('A', 'w')", most=2)
+    if len(pair) != 2:
         raise InputError("parameters", parameters, "two names, as ('A', 'w')")
-    for name in parameters:
-        if name not in known:
-            raise InputError("parameters", name, f"one of {', '.join(known)}", nearest(str(name), known))
-    if parameters[0] == parameters[1]:
-        raise InputError("parameters", tuple(parameters), "two different names")
-    if not isinstance(bounds, Mapping) or set(bounds) != set(parameters):
-        raise InputError("bounds", bounds, f"a mapping with an interval for {parameters[0]} and for {parameters[1]}")
-    first, second = sorted(parameters, key=known.index)
+    for name in pair:
+        checks.chosen("parameters", name, known)
+    if pair[0] == pair[1]:
+        raise InputError("parameters", pair, "two different names")
+    given = checks.mapping("bounds", bounds, f"{pair[0]} and {pair[1]} to intervals")
+    if set(given) != set(pair):
+        raise InputError("bounds", bounds, f"a mapping of {pair[0]} and {pair[1]} to intervals")
+    first, second = sorted(pair, key=known.index)
     intervals = []
     for name in (first, second):
-        try:
-            low, high = (float(bound) for bound in bounds[name])
-        except (TypeError, ValueError):
-            raise InputError(f"bounds[{name!r}]", bounds[name], "two numbers, the lower first") from None
-        if not (math.isfinite(low) and math.isfinite(high) and low < high):
-            raise InputError(f"bounds[{name!r}]", bounds[name], "two finite numbers, the lower first")
+        low, high = checks.interval(f"bounds[{name!r}]", given[name], finite=True)
         lowest, highest = orbit.system.allowed(name)
         if low < lowest or high > highest:
             allowed = f"within [{lowest:g}, {highest:g}], where {name} may lie"

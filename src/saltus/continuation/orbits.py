@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, follow, start_point
 from saltus.continuation.branch import Branch
 from saltus.continuation.closure import passes
@@ -27,7 +28,7 @@ from saltus.orbits.rounds import divided
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["continue_orbit"]
+__all__ = ["continue_orbit", "read_stops"]
 
 _LONG, _LONGEST = 3.0, 1e3
 """Growth of the period along a branch with which the step's failure is its end; growth with which a branch is ended."""
@@ -103,19 +104,13 @@ def continue_orbit(
     >>> f"{branch['SN1'].parameters['A']:.9f} {branch['GR1'].parameters['A']:.9f}"
     '0.099970754 0.100000000'
     """
-    control = StepControl() if steps is None else steps
-    if not isinstance(control, StepControl):
-        raise InputError("steps", steps, "a StepControl")
-    if not isinstance(orbit, PeriodicOrbit):
-        raise InputError("orbit", orbit, "a PeriodicOrbit", "find_orbit and solve_orbit give one")
+    control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
+    checks.instance("orbit", orbit, PeriodicOrbit)
+    checks.function("progress", progress, "of a count and a number")
     low, high = _check(orbit, parameter, bounds, directions, at_grazing)
-    wanted = _read_events(orbit, parameter, {} if events is None else events)
-    if not isinstance(stop_at, str | Iterable):
-        raise InputError("stop_at", stop_at, "the name of a type of special point, or several")
-    stops = {stop_at} if isinstance(stop_at, str) else {str(name) for name in stop_at}
-    if unknown := stops - {*BIFURCATIONS, *(name for name, *_ in wanted)}:
-        known = [*BIFURCATIONS, *(events or {})]
-        raise InputError("stop_at", min(unknown), f"one of {', '.join(known)}", nearest(min(unknown), known))
+    events = checks.mapping("events", events, "names to values, as {'gap': 0.02}")
+    wanted = _read_events(orbit, parameter, events)
+    stops = read_stops(stop_at, [*BIFURCATIONS, *events])
     scale = _scale(low, high, orbit.parameters[parameter])
     run = _Run(
         orbit, parameter, Interest(low / scale, high / scale, scale, wanted), control, stops, at_grazing, progress
@@ -130,30 +125,28 @@ def continue_orbit(
         "bounds": [low, high],
         "steps": asdict(control),
         "directions": directions,
-        "events": dict(events or {}),
+        "events": {name: float(value) for name, value in events.items()},
         "stop_at": sorted(stops),
         "at_grazing": at_grazing,
     }
     return _assemble(orbit, parameter, scale, start, halves, run, options)
 
 
+def read_stops(stop_at: object, known: Sequence[str]) -> set[str]:
+    """Return the types of special points at which a curve ends, checked."""
+    given = [stop_at] if isinstance(stop_at, str) else stop_at
+    allowed = "types of special points"
+    return {checks.chosen("stop_at", name, known) for name in checks.names("stop_at", given, allowed)}
+
+
 def _check(
     orbit: PeriodicOrbit, parameter: str, bounds: tuple[float, float], directions: str, at_grazing: str
 ) -> tuple[float, float]:
-    names = orbit.system.parameter_names
-    if parameter not in names:
-        raise InputError("parameter", parameter, f"one of {', '.join(names)}", nearest(str(parameter), names))
-    if directions not in ("both", "up", "down"):
-        raise InputError("directions", directions, "'both', 'up' or 'down'")
-    if at_grazing not in ("switch", "pass", "stop"):
-        raise InputError("at_grazing", at_grazing, "'switch', 'pass' or 'stop'")
-    try:
-        low, high = (float(bound) for bound in bounds)
-    except (TypeError, ValueError):
-        raise InputError("bounds", bounds, "two numbers, the lower first") from None
+    checks.chosen("parameter", parameter, orbit.system.parameter_names)
+    checks.chosen("directions", directions, ("both", "up", "down"))
+    checks.chosen("at_grazing", at_grazing, ("switch", "pass", "stop"))
+    low, high = checks.interval("bounds", bounds)
     value = orbit.parameters[parameter]
-    if math.isnan(low) or math.isnan(high) or not low < high:
-        raise InputError("bounds", bounds, "two numbers, the lower first")
     lowest, highest = orbit.system.allowed(parameter)
     if (math.isfinite(low) and low < lowest) or (math.isfinite(high) and high > highest):
         raise InputError("bounds", bounds, f"within [{lowest:g}, {highest:g}], where {parameter} may lie")
@@ -176,19 +169,16 @@ def _read_events(
     orbit: PeriodicOrbit, parameter: str, events: Mapping[str, float]
 ) -> tuple[tuple[str, str, float], ...]:
     """Return (name, kind, value) for each event, kind being ``parameter`` or an extreme."""
-    if not isinstance(events, Mapping):
-        raise InputError("events", events, "a mapping of names to values, as {'gap': 0.02}")
     found = []
     quantities = [*orbit.min]
-    for name, value in events.items():
-        if not (isinstance(value, int | float) and math.isfinite(value)):
-            raise InputError(f"events[{name!r}]", value, "a finite number")
+    for name, given in events.items():
+        value = checks.number(f"events[{name!r}]", given)
         if name == parameter:
-            found.append((name, "parameter", float(value)))
+            found.append((name, "parameter", value))
         elif name in quantities:
-            found += [(name, f"min_{name}", float(value)), (name, f"max_{name}", float(value))]
+            found += [(name, f"min_{name}", value), (name, f"max_{name}", value)]
         elif name.startswith(("min_", "max_")) and name[4:] in quantities:
-            found.append((name, name, float(value)))
+            found.append((name, name, value))
         else:
             known = [parameter, *quantities, *(f"min_{q}" for q in quantities), *(f"max_{q}" for q in quantities)]
             raise InputError("events", name, f"one of {', '.join(known)}", nearest(name, known))

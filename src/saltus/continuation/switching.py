@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus import checks
 from saltus.continuation.arclength import StepControl, correct
 from saltus.continuation.branch import Branch
 from saltus.continuation.curve import SpecialPoint
@@ -71,8 +72,7 @@ def switch_branch(point: SpecialPoint) -> PeriodicOrbit | list[PeriodicOrbit]:
     >>> len(doubled.signature), doubled.stable, doubled.parameters["r"] > 3.0
     (2, True, True)
     """
-    if not isinstance(point, SpecialPoint):
-        raise InputError("point", point, "a special point of a branch", "branch['PD1'] is one")
+    checks.instance("point", point, SpecialPoint)
     if point.type == "GR":
         return _signatures(point.orbit)
     if point.type == "PD":
@@ -315,12 +315,12 @@ def follow_cascade(
     >>> [f"{value:.9f}" for value in cascade.values]
     ['3.000000000', '3.449489743', '3.544090360']
     """
-    if not isinstance(start, SpecialPoint) or start.type != "PD" or len(start.varied) != 1:
-        raise InputError("start", getattr(start, "type", start), "a PD of a branch", "branch['PD1'] is one")
-    if isinstance(doublings, bool) or not isinstance(doublings, int) or doublings < 1:
-        raise InputError("doublings", doublings, "an integer >= 1")
+    checks.instance("start", start, SpecialPoint)
+    if start.type != "PD" or len(start.varied) != 1:
+        raise InputError("start", start.type, "a PD of a branch", "branch['PD1'] is one")
+    doublings = checks.count("doublings", doublings)
     name = start.varied[0]
-    control = StepControl() if steps is None else steps
+    control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
     points, branches = [start], []
     stopped = f"{doublings} doublings followed"
     for level in range(doublings):

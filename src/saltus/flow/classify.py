@@ -31,9 +31,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.errors import InputError
-from saltus.flow.counts import checked_count
-from saltus.flow.run import is_number
+from saltus import checks
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -106,19 +104,16 @@ class Criteria:
 
     def __post_init__(self) -> None:
         for name in ("recurrence", "settling", "exponent", "doubling", "gap", "disorder", "push"):
-            if not is_number(value := getattr(self, name)) or not 0.0 < value < 1.0:
-                raise InputError(f"Criteria.{name}", value, "a number between 0 and 1")
-            object.__setattr__(self, name, float(value))
+            value = checks.between(f"Criteria.{name}", getattr(self, name), 0.0, 1.0, strict=True)
+            object.__setattr__(self, name, value)
         for name in ("noise", "absence"):
-            if not is_number(value := getattr(self, name)) or not 0.0 < value < math.inf:
-                raise InputError(f"Criteria.{name}", value, "a finite number > 0")
-            object.__setattr__(self, name, float(value))
+            object.__setattr__(self, name, checks.positive(f"Criteria.{name}", getattr(self, name)))
         for name, least in (("longest", 1), ("fewest", _ENOUGH), ("patience", 1)):
-            object.__setattr__(self, name, checked_count(f"Criteria.{name}", getattr(self, name), least))
+            object.__setattr__(self, name, checks.count(f"Criteria.{name}", getattr(self, name), least))
 
     def looked_at(self, keep: int) -> int:
         """Return how many returns a label is founded on where `keep` are kept."""
-        return max(keep, 4 * self.longest, self.fewest)
+        return max(checks.count("keep", keep), 4 * self.longest, self.fewest)
 
 
 class Kind(NamedTuple):

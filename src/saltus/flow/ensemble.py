@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.errors import InputError
 from saltus.flow.alone import follow_alone
 from saltus.flow.linear_part import LinearPart, linear_parts
-from saltus.flow.run import is_number
 from saltus.flow.traps import Traps
 from saltus.system.pools import DIVERGED, LEFT_OVER, NOT_DONE
 
@@ -99,15 +99,13 @@ class Ensemble:
     ) -> None:
         if (interval is None) == (system.phase is None):
             raise InputError("interval", interval, "given for a system without a phase, and for no other")
-        if not is_number(tolerance) or not 1e-14 <= tolerance <= 1e-2:
-            raise InputError("tolerance", tolerance, "a number between 1e-14 and 0.01")
-        if interval is not None and not (is_number(interval) and 0.0 < interval < math.inf):
-            raise InputError("interval", interval, "a finite number > 0")
+        tolerance = checks.between("tolerance", tolerance, 1e-14, 1e-2)
+        interval = None if interval is None else checks.positive("interval", interval)
         self.system, self.parameters = system, dict(parameters or {})
         self.p = system.parameter_vector(self.parameters)
-        self.tolerance = float(tolerance)
+        self.tolerance = tolerance
         self.n = len(system.states)
-        self.scale = np.ones(self.n) if scale is None else np.array(scale, dtype=np.float64)
+        self.scale = np.ones(self.n) if scale is None else checks.array("scale", scale, finite=False)
         if self.scale.shape != (self.n,) or not ((self.scale > 0.0) & (self.scale < np.inf)).all():
             raise InputError("scale", scale, f"a finite number > 0 for each of {', '.join(system.states)}")
         self.threads = threads or _processors()
@@ -117,7 +115,7 @@ class Ensemble:
             self.rate = float(system.compiled.field(0, system.full_state(np.zeros(self.n)), self.p)[-1])
             if not 0.0 < self.rate < math.inf:
                 raise InputError(f"rate of the phase {system.all_states[-1]}", self.rate, "> 0 and finite")
-        self.period = 2.0 * math.pi / self.rate if interval is None else float(interval)
+        self.period = 2.0 * math.pi / self.rate if interval is None else interval
 
     def strobe(
         self, points: ArrayLike, modes: ArrayLike | None = None, count: int = 1
@@ -228,7 +226,7 @@ class Ensemble:
         return starts
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
-        x = np.array(points, dtype=np.float64)
+        x = checks.array("points", points, finite=False)
         if x.ndim != 2 or x.shape[1] != self.n:
             names = ", ".join(self.system.states)
             raise InputError("points", x.shape, f"of shape (m, {self.n})", f"a row holds {names}")

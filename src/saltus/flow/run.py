@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["Run", "allowed_modes", "check_tolerances", "domain_value", "how_long", "is_number", "passed_event",
+__all__ = ["Run", "allowed_modes", "check_tolerances", "domain_value", "how_long", "passed_event",
            "start_state", "starting_mode"]  # fmt: skip
 
 _TWO_PI = 2.0 * math.pi
@@ -173,15 +174,8 @@ def start_state(system: HybridSystem, x0: ArrayLike) -> NDArray[np.float64]:
 
 def check_tolerances(rtol: object, atol: object) -> None:
     """Raise `InputError` where a tolerance cannot be used."""
-    if not is_number(rtol) or not 1e-14 <= rtol <= 0.1:
-        raise InputError("rtol", rtol, "a number between 1e-14 and 0.1")
-    if not is_number(atol) or not 0.0 < atol < math.inf:
-        raise InputError("atol", atol, "a finite number > 0")
-
-
-def is_number(value: object) -> TypeGuard[float]:
-    """Return whether a value is a number, and no boolean."""
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    checks.between("rtol", rtol, 1e-14, 0.1)
+    checks.positive("atol", atol)
 
 
 def how_long(system: HybridSystem, periods: int | None, t: float | None) -> tuple[float, int | None]:
@@ -190,9 +184,7 @@ def how_long(system: HybridSystem, periods: int | None, t: float | None) -> tupl
         raise InputError("t, periods", {"t": t, "periods": periods}, "exactly one of the two given")
     if periods is not None and system.phase is None:
         raise InputError("periods", periods, "left out for a system without a phase", "give t")
-    if t is not None and not (is_number(t) and 0.0 < t < math.inf):
-        raise InputError("t", t, "a finite number > 0")
-    return math.inf if t is None else t, periods
+    return math.inf if t is None else checks.positive("t", t), periods
 
 
 def domain_value(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> float:

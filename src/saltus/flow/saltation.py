@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.errors import InputError, nearest
+from saltus import checks
+from saltus.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -71,10 +72,7 @@ def saltation_matrix(
            [ 1.5, -0.5]])
     """
     names = system.transition_names
-    if transition not in names:
-        known = ", ".join(names) or "the system's transitions; it has none"
-        raise InputError("transition", transition, f"one of {known}", nearest(str(transition), names))
-    k = names.index(transition)
+    k = names.index(checks.chosen("transition", transition, names))
     compiled, x = system.compiled, system.full_state(x_before, "x_before")
     n, p = compiled.n, system.parameter_vector(parameters)
     extended = compiled.extended(p)

@@ -23,9 +23,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from saltus import checks
 from saltus.errors import InputError
 from saltus.flow.observables import Motion, dense_states, observe
-from saltus.flow.run import Run, check_tolerances, how_long, is_number, start_state, starting_mode
+from saltus.flow.run import Run, check_tolerances, how_long, start_state, starting_mode
 from saltus.results import Result, frozen
 from saltus.system.evaluate import evaluate
 from saltus.system.hybrid import HybridSystem
@@ -316,7 +317,7 @@ class Trajectory(Result):
         )
 
     def _times(self, t: ArrayLike) -> NDArray[np.float64]:
-        times = np.asarray(t, dtype=np.float64)
+        times = checks.array("t", t, "a number or a list of numbers", finite=False)
         if times.ndim > 1:
             raise InputError("t", f"an array of shape {times.shape}", "a number or a list of numbers")
         outside = ~((times >= 0.0) & (times <= self.t_end))
@@ -325,13 +326,14 @@ class Trajectory(Result):
         return times
 
     def _stretch(self, t_start: float | None, t_end: float | None) -> tuple[float, float]:
-        begin, end = 0.0 if t_start is None else t_start, self.t_end if t_end is None else t_end
+        begin = 0.0 if t_start is None else checks.number("t_start", t_start)
+        end = self.t_end if t_end is None else checks.number("t_end", t_end)
         for name, time in (("t_start", begin), ("t_end", end)):
-            if not (is_number(time) and 0.0 <= time <= self.t_end):
+            if not 0.0 <= time <= self.t_end:
                 raise InputError(name, time, f"between 0 and {self.t_end:.12g}, where the trajectory ends")
         if begin >= end:
             raise InputError("t_start", begin, f"less than t_end = {end:.12g}")
-        return float(begin), float(end)
+        return begin, end
 
     def _steps_at(self, times: NDArray[np.float64]) -> NDArray[np.intp]:
         return np.maximum(np.searchsorted(self.step_times, times, side="right") - 1, 0)
@@ -446,32 +448,27 @@ def simulate(
     >>> print(round(fall.events["time"][0], 12), fall(1.5).round(12))
     1.0 [0.275 0.3  ]
     """
-    if not isinstance(system, HybridSystem):
-        raise InputError("system", system, "a HybridSystem")
+    checks.instance("system", system, HybridSystem)
     p = system.parameter_vector(parameters)
     x = start_state(system, x0)
     check_tolerances(rtol, atol)
     if (t_end is None) == (periods is None):
         given = {"t_end": t_end, "periods": periods}
         raise InputError("t_end, periods", given, "exactly one of the two given")
-    if t_end is not None and not (is_number(t_end) and 0.0 < t_end < math.inf):
-        raise InputError("t_end", t_end, "a finite number > 0")
+    end = math.inf if t_end is None else checks.positive("t_end", t_end)
     if periods is not None:
         if system.phase is None:
             raise InputError("periods", periods, "left out for a system without a phase", "give t_end")
-        if isinstance(periods, bool) or not isinstance(periods, int | np.integer) or periods < 1:
-            raise InputError("periods", periods, "an integer >= 1")
-    if isinstance(max_events, bool) or not isinstance(max_events, int | np.integer) or max_events < 1:
-        raise InputError("max_events", max_events, "an integer >= 1")
+        periods = checks.count("periods", periods)
+    max_events = checks.count("max_events", max_events)
     start = starting_mode(system, x, p, mode)
     run = Run(system, p, x, start, rtol, atol, steps_kept=_STEPS_KEPT)
-    end = float(t_end) if t_end is not None else math.inf
-    run.follow(end, periods, int(max_events))
+    run.follow(end, periods, max_events)
     full = run.time
     short = run.events_passed >= max_events and full < end and (periods is None or run.wraps < periods)
     stopped = f"max_events = {max_events} reached at t = {full:.12g}" if short else ""
     if not stopped:
-        stopped = f"t_end = {t_end:.12g} reached" if periods is None else f"{periods} periods reached"
+        stopped = f"t_end = {end:.12g} reached" if periods is None else f"{periods} periods reached"
     times, modes, starts, dense = run.steps()
     return Trajectory(
         system=system,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from saltus.errors import InputError, nearest
+from saltus import checks
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,13 +65,10 @@ def spectrum(
     fits = phase is not None and motion.whole() is motion
     if window is None:
         window = "none" if fits else "hann"
-    if window not in get_args(Window):
-        allowed = " or ".join(map(repr, get_args(Window)))
-        raise InputError("window", window, allowed, nearest(str(window), get_args(Window)))
+    checks.chosen("window", window, get_args(Window))
     if samples is None:
         samples = _EACH_STEP * len(motion.modes) if phase is None else _EACH_PERIOD * max(round(periods), 1)
-    if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < 2:
-        raise InputError("samples", samples, "a whole number, 2 or more")
+    samples = checks.size("samples", samples, 2)
     places = np.arange(samples) / samples
     times = np.minimum(begin + (end - begin) * places, end)
     weights = np.ones(samples) if window == "none" else 0.5 - 0.5 * np.cos(2.0 * math.pi * places)
@@ -93,6 +90,6 @@ def spectrum(
         "t_start": begin,
         "t_end": end,
         "window": window,
-        "samples": int(samples),
+        "samples": samples,
     }
     return xr.DataArray(amplitudes, coords, [next(iter(coords))], "amplitude", attrs)

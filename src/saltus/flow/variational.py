@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.errors import InputError
-from saltus.flow.run import Run, check_tolerances, how_long, is_number, start_state
+from saltus import checks
+from saltus.flow.run import Run, check_tolerances, how_long, start_state
 from saltus.results import frozen
 
 if TYPE_CHECKING:
@@ -146,20 +146,18 @@ def growth_along(
     dynamic systems with discontinuities, Chaos, Solitons & Fractals 5 (1995) 1671-1681.
     """
     check_tolerances(rtol, atol)
-    how_long(system, periods, t)
+    length = how_long(system, periods, t)[0]
     n, most = len(system.states), np.iinfo(np.int64).max
-    columns = n if exponents is None else exponents
-    if not _is_count(columns) or not 1 <= columns <= n:
-        raise InputError("exponents", exponents, f"an integer between 1 and {n}, the number of states")
+    columns = n if exponents is None else checks.count("exponents", exponents, 1, n, "the number of states")
     run = Run(system, p, start_state(system, x), mode, rtol, atol, steps_kept=_STEPS_KEPT)
     if periods is None:
-        assert t is not None
-        row_times = _checked_time(discard, 0.5 * t) + np.linspace(0.0, t, _ROWS + 1)
+        first_time = 0.5 * length if discard is None else checks.non_negative("discard", discard)
+        row_times = first_time + np.linspace(0.0, length, _ROWS + 1)
         row_wraps = np.full(row_times.size, most)
     else:
-        if not _is_count(periods) or periods < 2:
-            raise InputError("periods", periods, "an integer >= 2")
-        first = max(_checked_periods(discard, periods // 2), 1 if run.offset > 0.0 else 0)
+        periods = checks.count("periods", periods, 2)
+        dropped = periods // 2 if discard is None else checks.count("discard", discard, 0, what="a number of periods")
+        first = max(dropped, 1 if run.offset > 0.0 else 0)
         row_wraps = first + np.round(np.linspace(0, periods, min(_ROWS, periods) + 1)).astype(np.int64)
         row_times = np.full(row_wraps.size, math.inf)
     frame = np.zeros((len(system.all_states), columns))
@@ -169,26 +167,6 @@ def growth_along(
     order = np.argsort(-logs[1:].sum(axis=0), kind="stable")
     times = frozen(ends[1:] - ends[0])
     return Growth(times, frozen(logs[1:, order]), frozen(run.x), run.mode, grazed, float(ends[0]))
-
-
-def _is_count(value: object) -> TypeGuard[int]:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
-
-
-def _checked_time(discard: object, default: float) -> float:
-    if discard is None:
-        return default
-    if not is_number(discard) or not 0.0 <= discard < math.inf:
-        raise InputError("discard", discard, "a finite number >= 0")
-    return discard
-
-
-def _checked_periods(discard: object, default: int) -> int:
-    if discard is None:
-        return default
-    if not _is_count(discard) or discard < 0:
-        raise InputError("discard", discard, "an integer >= 0, a number of periods")
-    return discard
 
 
 def _run_rows(

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.errors import ConvergenceError, InputError, SaltusError
+from saltus import checks
+from saltus.errors import ConvergenceError, SaltusError
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import CLOSED_END, EVENT_END, PHASE_END, Signature
 from saltus.orbits.rounds import divided, rounds_of
 from saltus.orbits.solve import check_tol, converge
+from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from saltus.flow.simulate import EventLog
-    from saltus.system import HybridSystem
 
 __all__ = ["find_orbit"]
 
@@ -84,13 +85,12 @@ def find_orbit(
     """
     from saltus.flow.run import starting_mode
 
-    check_tol(tol)
+    checks.instance("system", system, HybridSystem)
+    tol = check_tol(tol)
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)
-    if settle is not None and not (isinstance(settle, int | float) and 0.0 < settle < math.inf):
-        raise InputError("settle", settle, "a finite number > 0")
+    longest = 3000.0 if settle is None else checks.positive("settle", settle)
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
-    longest = 3000.0 if settle is None else float(settle)
     search = _search_forced if system.phase is not None else _search_autonomous
     return search(system, p, x, start, longest, tol)
 

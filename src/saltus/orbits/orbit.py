@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus import checks
 from saltus.flow.observables import Motion, observe
 from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
 from saltus.orbits.problem import FAULTS, OrbitProblem, Signature, Survey
@@ -155,7 +156,9 @@ class PeriodicOrbit(Result):
     def problem(self, active: str | None = None, scale: float = 1.0) -> OrbitProblem:
         """Return the orbit's equations, meshes made, with a parameter among the unknowns if one is named."""
         p = self.system.parameter_vector(self.parameters)
-        index = [] if active is None else [self.system.parameter_names.index(active)]
+        known = self.system.parameter_names
+        index = [] if active is None else [known.index(checks.chosen("active", active, known))]
+        scale = checks.positive("scale", scale)
         problem = OrbitProblem(self.system, self.form, p, index, np.full(len(index), scale), self.tol)
         u = self.unknowns if active is None else np.append(self.unknowns, p[index] / scale)
         problem.start(u)

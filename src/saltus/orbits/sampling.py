@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.errors import InputError
+from saltus import checks
 from saltus.flow.observables import Motion, dense_states
 from saltus.system.evaluate import evaluate
 
@@ -48,10 +48,9 @@ def sample_orbit(orbit: PeriodicOrbit, points: int = 400) -> xr.Dataset:
     """
     import xarray as xr
 
-    if not isinstance(points, int | np.integer) or isinstance(points, bool) or points < 2:
-        raise InputError("points", points, "a whole number, 2 or more")
+    points = checks.size("points", points, 2)
     system = orbit.system
-    times, states, modes = _follow(orbit, int(points))
+    times, states, modes = _follow(orbit, points)
     columns = dict(zip(system.all_states, states.T, strict=True))
     columns |= {name: evaluate(system, name, states, modes, orbit.parameters) for name in system.output_names}
     if system.phase is not None:

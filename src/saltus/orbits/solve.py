@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.errors import ConvergenceError, InputError, nearest
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, OrbitProblem, Signature
+from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
-
-    from saltus.system import HybridSystem
 
 __all__ = ["check_tol", "converge", "settle_signature", "solve_orbit", "solve_unknowns"]
 
@@ -74,16 +74,16 @@ def solve_orbit(
     >>> orbit.signature, round(orbit.period, 6)
     ((('flight', 'hit'),), 6.283185)
     """
-    check_tol(tol)
+    checks.instance("system", system, HybridSystem)
+    tol = check_tol(tol)
     p = system.parameter_vector(parameters)
     signature, u = _read_segments(system, p, segments)
     return converge(system, signature, u, p, tol)
 
 
-def check_tol(tol: object) -> None:
-    """Raise `InputError` unless `tol` can be the relative tolerance of a step."""
-    if isinstance(tol, bool) or not isinstance(tol, int | float) or not 1e-14 <= tol <= 1e-3:
-        raise InputError("tol", tol, "a number between 1e-14 and 1e-3")
+def check_tol(tol: object) -> float:
+    """Return the relative tolerance of a step; raise `InputError` where `tol` cannot be one."""
+    return checks.between("tol", tol, 1e-14, 1e-3)
 
 
 def converge(
@@ -202,24 +202,24 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
 
 
 def _read_segments(
-    system: HybridSystem, p: NDArray[np.float64], segments: Sequence[tuple[Any, ...]]
+    system: HybridSystem, p: NDArray[np.float64], given: Sequence[tuple[Any, ...]]
 ) -> tuple[Signature, NDArray[np.float64]]:
+    segments = checks.listed("segments", given, "a sequence of (mode, transition, x0, duration)")
     if not segments:
-        raise InputError("segments", list(segments), "one (mode, transition, x0, duration) or more")
+        raise InputError("segments", segments, "one (mode, transition, x0, duration) or more")
     n = len(system.all_states)
     phase = None if system.phase is None else system.phase[0]
     rate = 0.0
     blocks, modes, transitions = np.empty((len(segments), n + 1)), [], []
     elapsed = 0.0
     for i, segment in enumerate(segments):
-        try:
-            mode, transition, x0, duration = segment
-        except (TypeError, ValueError):
-            raise InputError(f"segments[{i}]", segment, "(mode, transition, x0, duration)") from None
+        parts = checks.listed(f"segments[{i}]", segment, "(mode, transition, x0, duration)", most=4)
+        if len(parts) != 4:
+            raise InputError(f"segments[{i}]", segment, "(mode, transition, x0, duration)")
+        mode, transition, x0, duration = parts
         modes.append(system.mode_index(mode))
         transitions.append(_transition_index(system, mode, transition, i))
-        if not (isinstance(duration, int | float | np.number) and 0.0 < duration < math.inf):
-            raise InputError(f"segments[{i}] duration", duration, "a finite number > 0")
+        duration = checks.positive(f"segments[{i}] duration", duration)
         x = system.full_state(x0, f"segments[{i}] x0")
         if phase is not None:
             if i == 0:
@@ -267,12 +267,13 @@ def _read_segments(
 
 
 def _transition_index(system: HybridSystem, mode: str, transition: str | None, i: int) -> int:
-    if transition is None or (system.phase is not None and transition == system.phase[0]):
+    closes = isinstance(transition, str) and system.phase is not None and transition == system.phase[0]
+    if transition is None or closes:
         return -1
     names = [t.name for t in system.transitions if t.source == mode]
-    if transition not in names:
+    if not isinstance(transition, str) or transition not in names:
         closing = [] if system.phase is None else [system.phase[0]]
         known = [*names, *closing]
         wanted = f"a transition out of {mode!r}: {', '.join(known) or 'none'}"
-        raise InputError(f"segments[{i}] transition", transition, wanted, nearest(str(transition), known))
+        raise InputError(f"segments[{i}] transition", transition, wanted, nearest(transition, known))
     return system.transition_names.index(transition)

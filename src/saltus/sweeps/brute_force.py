@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -31,9 +31,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from saltus.errors import ChatteringError, DivergenceError, InputError, nearest
+from saltus import checks
+from saltus.errors import ChatteringError, DivergenceError, InputError
 from saltus.flow.classify import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
-from saltus.flow.counts import checked_count
 from saltus.flow.poincare import Iterates, admits, iterate
 from saltus.flow.run import Run, check_tolerances, starting_mode
 from saltus.flow.simulate import simulate
@@ -168,9 +168,8 @@ def run_sweep(
     )  # fmt: skip
     directions = _directions(follow)
     most, what = (1, "as every value starts anew") if follow == "restart" else (grid.size, "the number of values")
-    chunks = checked_count("chunks", chunks, 1, most, what)
-    if progress is not None and not callable(progress):
-        raise InputError("progress", progress, "a function of two counts and a text")
+    chunks = checks.count("chunks", chunks, 1, most, what)
+    checks.function("progress", progress, "of two counts and a text")
     task.load(float(grid[0]))
     settings = {**task.settings, "follow": follow, "chunks": chunks}
     record = _Record.begun(task, grid, directions, settings, path, progress)
@@ -248,27 +247,24 @@ class _Task:
         **options: Any,
     ) -> _Task:
         """Return the task, all input looked at."""
-        if not isinstance(system, HybridSystem):
-            raise InputError("system", system, "a HybridSystem")
-        known = (*system.parameter_names, *system.groups)
-        if parameter not in known:
-            raise InputError("parameter", parameter, f"one of {', '.join(known)}", nearest(str(parameter), known))
+        checks.instance("system", system, HybridSystem)
+        checks.chosen("parameter", parameter, (*system.parameter_names, *system.groups))
         base = system.resolve(parameters)
         for value in values.tolist():
             system.resolve({**base, parameter: value})
         steady, places = on_section(system, options["section"])
-        discard = checked_count("discard", options["discard"], 0)
-        keep = checked_count("keep", options["keep"], 1)
-        exponents = checked_count("exponents", options["exponents"], 1, len(system.states), "the states")
+        discard = checks.count("discard", options["discard"], 0)
+        keep = checks.size("keep", options["keep"], 1, checks.LARGEST_LIST // values.size)
+        exponents = checks.count("exponents", options["exponents"], 1, len(system.states), "the states")
         check_tolerances(options["rtol"], options["atol"])
-        criteria = Criteria() if options["criteria"] is None else options["criteria"]
-        if not isinstance(criteria, Criteria):
-            raise InputError("criteria", criteria, "a Criteria")
+        criteria = options["criteria"]
+        criteria = Criteria() if criteria is None else checks.instance("criteria", criteria, Criteria)
         start = system.full_state(np.zeros(len(system.states)) if x0 is None else x0)
+        quantities = system.states if options["quantities"] is None else options["quantities"]
         task = cls(
             system, steady, places, parameter, base, start, mode, discard, keep,
-            _texts("quantities", system.states if options["quantities"] is None else options["quantities"]),
-            _texts("observables", options["observables"]), exponents, criteria,
+            checks.names("quantities", quantities, "texts, as ['v1']", least=1),
+            checks.names("observables", options["observables"], "texts, as ['mean(v1)']"), exponents, criteria,
             float(options["rtol"]), float(options["atol"]), {},
         )  # fmt: skip
         _check_start(task, values, given=x0 is not None)
@@ -458,14 +454,9 @@ def _pushed(x: NDArray[np.float64], system: HybridSystem, push: float) -> NDArra
 
 
 def _ascending(values: ArrayLike) -> NDArray[np.float64]:
-    try:
-        grid = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        grid = np.empty((0, 0))
+    grid = checks.array("values", values, "a sequence of numbers, at least one")
     if grid.ndim != 1 or not grid.size:
         raise InputError("values", values, "a sequence of numbers, at least one")
-    if not np.all(np.isfinite(grid)):
-        raise InputError("values", float(grid[~np.isfinite(grid)][0]), "finite")
     if falls := np.flatnonzero(np.diff(grid) <= 0.0).tolist():
         pair = f"{grid[falls[0]]:.12g}, {grid[falls[0] + 1]:.12g}"
         raise InputError("values", pair, "ascending, each once", "follow='down' goes from the last to the first")
@@ -473,21 +464,7 @@ def _ascending(values: ArrayLike) -> NDArray[np.float64]:
 
 
 def _directions(follow: object) -> tuple[str, ...]:
-    if not isinstance(follow, str) or follow not in _FOLLOW:
-        raise InputError("follow", follow, f"one of {', '.join(_FOLLOW)}", nearest(str(follow), _FOLLOW))
-    return _FOLLOW[follow]
-
-
-def _texts(name: str, texts: object) -> tuple[str, ...]:
-    if isinstance(texts, str) or not isinstance(texts, Iterable):
-        raise InputError(name, texts, "a sequence of texts, as ['v1']")
-    listed = tuple(texts)
-    for i, text in enumerate(listed):
-        if text in listed[:i]:
-            raise InputError(name, text, "named once")
-    if name == "quantities" and not listed:
-        raise InputError(name, listed, "a sequence of texts, at least one")
-    return listed
+    return _FOLLOW[checks.chosen("follow", follow, _FOLLOW)]
 
 
 def _check_expressions(task: _Task) -> None:
@@ -578,7 +555,7 @@ class _Record:
             "modes": np.full(shape, -1, np.int64),
             "settings": dict(settings),
         }
-        file = None if path is None else Path(path)
+        file = None if path is None else checks.path("path", path)
         if file is not None and file.exists():
             _resume(sweep, Sweep.load(file), file)
         elif file is not None and not (file.parent.is_dir() and os.access(file.parent, os.W_OK)):

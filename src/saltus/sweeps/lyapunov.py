@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus import checks
 from saltus.errors import InputError
 from saltus.flow.run import starting_mode
 from saltus.flow.variational import BATCHES, CONFIDENCE, growth_along
@@ -271,6 +272,7 @@ def lyapunov_spectrum(
     >>> print(round(found.exponents[0], 2))
     0.92
     """
+    checks.instance("system", system, HybridSystem)
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)
     start = starting_mode(system, x, p, mode)

@@ -6,6 +6,7 @@ import ast
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from saltus import checks
 from saltus.errors import InputError, nearest
 from saltus.system import HybridSystem, Transition
 from saltus.system.evaluate import check_expression
@@ -39,8 +40,9 @@ class Section:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "event", text_of(self.event, "section"))
-        if isinstance(self.direction, bool) or self.direction not in (-1, 0, 1):
-            raise InputError("direction", self.direction, "-1 (falling), 0 (either) or 1 (rising)")
+        allowed = "-1 (falling), 0 (either) or 1 (rising)"
+        if checks.number("direction", self.direction, allowed) not in (-1.0, 0.0, 1.0):
+            raise InputError("direction", self.direction, allowed)
         object.__setattr__(self, "direction", int(self.direction))
 
 
@@ -72,7 +74,7 @@ def on_section(system: HybridSystem, section: object) -> tuple[HybridSystem, tup
         return _with(system, own), tuple(range(len(names), len(names) + len(own)))
     if not isinstance(section, str) or section not in names:
         known = f"one of the transitions {', '.join(names)}, " if names else ""
-        hint = nearest(str(section), names)
+        hint = nearest(section, names)
         if isinstance(section, str) and not section.isidentifier():
             hint = f"a surface of one's own is Section({section!r})"
         raise InputError("section", section, f"{known}a Section, or None for phase 0", hint)

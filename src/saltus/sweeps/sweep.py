@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from saltus.errors import InputError, nearest
-from saltus.flow.run import is_number
+from saltus import checks
+from saltus.errors import InputError
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 
@@ -170,7 +170,8 @@ class Sweep(Result):
         """
         i = self._row(direction)
         low, high = float(self.values[0]), float(self.values[-1])
-        if not is_number(value) or not low <= value <= high:
+        value = checks.number("value", value, f"between {low:g} and {high:g}")
+        if not low <= value <= high:
             raise InputError("value", value, f"between {low:g} and {high:g}")
         k = int(np.argmin(np.abs(self.values - value)))
         if not self.labels[i, k]:
@@ -198,12 +199,10 @@ class Sweep(Result):
         InputError
             It was not recorded.
         """
+        checks.chosen("quantity", name, (*self.quantities, *self.observables))
         if name in self.quantities:
             return self.points[..., self.quantities.index(name)]
-        if name in self.observables:
-            return self.observed[..., self.observables.index(name)]
-        known = (*self.quantities, *self.observables)
-        raise InputError("quantity", name, f"one of {', '.join(known)}", nearest(str(name), known))
+        return self.observed[..., self.observables.index(name)]
 
     def runs(self, direction: str | None = None) -> list[tuple[str, float, float, int]]:
         """Return the stretches of equal labels of a pass: label, first and last value, count of values."""
@@ -217,9 +216,7 @@ class Sweep(Result):
     def _row(self, direction: str | None) -> int:
         if direction is None:
             return 0
-        if direction not in self.directions:
-            raise InputError("direction", direction, f"one of {', '.join(self.directions)}")
-        return self.directions.index(direction)
+        return self.directions.index(checks.chosen("direction", direction, self.directions))
 
     def __repr__(self) -> str:
         count, settings = len(self.values), self.settings

@@ -11,8 +11,8 @@ from importlib import import_module
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
+from saltus import checks
 from saltus.errors import InputError
-from saltus.flow.counts import checked_count
 
 if TYPE_CHECKING:
     import numpy as np
@@ -85,7 +85,7 @@ def rows_of(
         return _on_cluster(compute, values, pieces, client)
     if workers is None:
         workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    threads = min(checked_count("workers", workers, 1), len(pieces))
+    threads = min(checks.count("workers", workers), len(pieces))
     return _here(compute, values, pieces) if threads <= 1 else _in_threads(compute, values, pieces, threads)
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.errors import DefinitionError, InputError, nearest
 from saltus.system.expressions import check_name, text_of
 
@@ -168,24 +169,24 @@ class HybridSystem:
         regimes: Mapping[str, Sequence[str]] | None = None,
         name: str = "",
     ) -> None:
+        if not isinstance(name, str):
+            raise DefinitionError("name", name, "text")
         self.name = str(name)
         self.states = _names(states, "states")
         parameters = _mapping(parameters, "parameters", "of names to numbers")
         self.parameters = {check_name(key, "parameters"): _number(value, key) for key, value in parameters.items()}
         self.phase = _clean_phase(phase)
         modes = _mapping(modes, "modes", "of names to Mode")
-        self.modes = {str(key): _clean_mode(str(key), mode) for key, mode in modes.items()}
+        self.modes = {key: _clean_mode(key, mode) for key, mode in modes.items()}
         self.transitions = tuple(map(_clean_transition, _sequence(transitions, "transitions", "of Transition")))
         self.outputs = self._clean_outputs(_mapping(outputs, "outputs", "of names to expressions"))
         groups = _mapping(groups, "groups", "of names to sequences of parameters")
-        self.groups = {
-            str(key): _sequence(members, f"group {key!r}", "of parameters") for key, members in groups.items()
-        }
-        self.positive = _sequence(positive, "positive", "of parameters")
+        self.groups = {key: _texts(members, f"group {key!r}", "names of parameters") for key, members in groups.items()}
+        self.positive = _texts(positive, "positive", "names of parameters")
         bounds = _mapping(parameter_bounds, "parameter_bounds", "of parameters to intervals")
         self.parameter_bounds = {key: _clean_bounds(key, interval) for key, interval in bounds.items()}
         regimes = _mapping(regimes, "regimes", "of names to sequences of modes")
-        self.regimes = {str(key): _sequence(visited, f"regime {key!r}", "of modes") for key, visited in regimes.items()}
+        self.regimes = {key: _texts(visited, f"regime {key!r}", "names of modes") for key, visited in regimes.items()}
         self._check_structure()
         from saltus.system import codegen
 
@@ -274,10 +275,14 @@ class HybridSystem:
     @classmethod
     def from_definition(cls, definition: Mapping[str, Any]) -> HybridSystem:
         """Return the system that `definition` describes."""
-        data = dict(definition)
-        modes = {key: Mode(**mode) for key, mode in data.pop("modes").items()}
-        transitions = [Transition(**transition) for transition in data.pop("transitions")]
-        return cls(modes=modes, transitions=transitions, **data)
+        data = dict(_mapping(definition, "definition", "as HybridSystem.definition returns it"))
+        try:
+            modes = {key: Mode(**mode) for key, mode in data.pop("modes").items()}
+            transitions = [Transition(**transition) for transition in data.pop("transitions")]
+            return cls(modes=modes, transitions=transitions, **data)
+        except (AttributeError, KeyError, TypeError) as error:
+            hint = f"{type(error).__name__}: {error}"
+            raise DefinitionError("definition", list(data), "as HybridSystem.definition returns it", hint) from error
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, HybridSystem) and json.dumps(self.definition()) == json.dumps(other.definition())
@@ -296,13 +301,11 @@ class HybridSystem:
         InputError
             An unknown name, a value that is not finite, or one out of its bounds.
         """
-        if parameters is not None and not isinstance(parameters, Mapping):
-            raise InputError("parameters", parameters, "a mapping of names to numbers, or None")
+        given = checks.mapping("parameters", parameters, "names to numbers, or None")
         values = dict(self.parameters)
-        for key, value in (parameters or {}).items():
+        for key, value in given.items():
             if key not in values and key not in self.groups:
-                known = (*values, *self.groups)
-                raise InputError("parameter", key, f"one of {', '.join(known)}", nearest(str(key), known))
+                checks.chosen("parameter", key, (*values, *self.groups))
             for member in self.groups.get(key, (key,)):
                 values[member] = value
         for key, value in values.items():
@@ -310,9 +313,7 @@ class HybridSystem:
         return values
 
     def _checked(self, key: str, value: object) -> float:
-        number = _number(value, key, InputError)
-        if not math.isfinite(number):
-            raise InputError(key, number, "finite")
+        number = checks.number(key, value)
         if key in self.positive and number <= 0.0:
             raise InputError(key, number, "> 0")
         low, high = self.parameter_bounds.get(key, (-math.inf, math.inf))
@@ -322,6 +323,7 @@ class HybridSystem:
 
     def allowed(self, parameter: str) -> tuple[float, float]:
         """Return the closed interval in which a parameter may lie; a positive one begins just above 0."""
+        checks.chosen("parameter", parameter, self.parameters)
         low, high = self.parameter_bounds.get(parameter, (-math.inf, math.inf))
         return (max(low, math.ulp(0.0)), high) if parameter in self.positive else (low, high)
 
@@ -337,25 +339,18 @@ class HybridSystem:
         InputError
             Another length, or a value that is not finite.
         """
-        try:
-            x = np.array(x0, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise InputError(name, x0, f"numbers, one for each of {', '.join(self.states)}") from None
+        x = checks.array(name, x0, f"numbers, one for each of {', '.join(self.states)}", finite=False)
         n = len(self.states)
-        if x.shape == (n,) and self.phase is not None:
-            x = np.append(x, 0.0)
-        if x.shape != (len(self.all_states),):
+        if x.shape != (n,) and x.shape != (len(self.all_states),):
             wanted = f"of shape ({n},), one number for each of {', '.join(self.states)}"
-            raise InputError(name, np.array(x0).tolist(), wanted)
+            raise InputError(name, x.tolist(), wanted)
         if not np.all(np.isfinite(x)):
-            raise InputError(name, np.array(x0).tolist(), "finite")
-        return x
+            raise InputError(name, x.tolist(), "finite")
+        return np.append(x, 0.0) if x.shape == (n,) and self.phase is not None else x
 
     def mode_index(self, mode: str) -> int:
         """Return the index of a mode; raise `InputError` where there is none of that name."""
-        if not isinstance(mode, str) or mode not in self.modes:
-            raise InputError("mode", mode, f"one of {', '.join(self.modes)}", nearest(str(mode), self.modes))
-        return self.mode_names.index(mode)
+        return self.mode_names.index(checks.chosen("mode", mode, self.modes))
 
     def field(self, mode: str, state: ArrayLike, parameters: Mapping[str, float] | None = None) -> NDArray[np.float64]:
         """Return the vector field of `mode` at a full state (phase last), shape (all states,)."""
@@ -448,6 +443,9 @@ def _names(names: Sequence[str], where: str) -> tuple[str, ...]:
 def _mapping(value: Any, where: str, what: str) -> Mapping[Any, Any]:
     if value is not None and not isinstance(value, Mapping):
         raise DefinitionError(where, value, f"a mapping {what}")
+    for key in value or {}:
+        if not isinstance(key, str):
+            raise DefinitionError(f"a name in {where}", key, "text")
     return value or {}
 
 
@@ -457,14 +455,18 @@ def _sequence(value: Any, where: str, what: str) -> tuple[Any, ...]:
     return tuple(value)
 
 
-def _number(value: Any, name: str, error: type[InputError] = DefinitionError) -> float:
-    """A parameter's value; texts and booleans are none."""
+def _texts(value: Any, where: str, what: str) -> tuple[str, ...]:
     try:
-        if isinstance(value, str | bytes | bool | np.bool_):
-            raise TypeError
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise error(name, value, "a number") from None
+        return checks.names(where, value, what)
+    except InputError as error:
+        raise DefinitionError(*error.args) from None
+
+
+def _number(value: Any, name: str, *, finite: bool = True) -> float:
+    try:
+        return checks.number(name, value, "a finite number" if finite else "a number", finite=finite)
+    except InputError as error:
+        raise DefinitionError(*error.args) from None
 
 
 def _clean_phase(phase: Any) -> tuple[str, str] | None:
@@ -479,7 +481,7 @@ def _clean_bounds(parameter: str, interval: Any) -> tuple[float, float]:
     where = f"parameter_bounds of {parameter!r}"
     if not isinstance(interval, tuple | list) or len(interval) != 2:
         raise DefinitionError(where, interval, "the two ends of an interval, as in (0.0, 1.0)")
-    low, high = (_number(end, where) for end in interval)
+    low, high = (_number(end, where, finite=False) for end in interval)
     if not low <= high:
         raise DefinitionError(where, interval, "an interval with the lower end first")
     return low, high
@@ -498,9 +500,9 @@ def _clean_mode(key: str, mode: Mode) -> Mode:
 def _clean_transition(transition: Transition) -> Transition:
     if not isinstance(transition, Transition):
         raise DefinitionError("transitions", transition, "a sequence of Transition")
-    where = f"transition {transition.name!r}"
     if not isinstance(transition.name, str):
-        raise DefinitionError(where, transition.name, "text as its name")
+        raise DefinitionError("transition", transition.name, "text as its name")
+    where = f"transition {transition.name!r}"
     if not isinstance(transition.reset, Mapping):
         raise DefinitionError(where, transition.reset, "a mapping of states to new values as its reset")
     if not isinstance(transition.direction, int | float | np.integer) or transition.direction not in _DIRECTIONS:

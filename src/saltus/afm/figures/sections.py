@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.afm.figures.files import write_figure
-from saltus.errors import InputError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -135,8 +135,7 @@ def write_sections(
     InputError
         The resolution is no whole number of 2 or more, or the store there is of another one.
     """
-    if not isinstance(resolution, int) or isinstance(resolution, bool) or resolution < 2:
-        raise InputError("resolution", resolution, "a whole number, 2 or more")
+    resolution = checks.count("resolution", resolution, 2)
     say = progress or (lambda _: None)
     basins: dict[str, Basins] = {}
     found = compute(out / f"{name}.zarr", resolution, say)

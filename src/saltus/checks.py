@@ -1,0 +1,661 @@
+"""Arguments as a user hands them in: one check for each kind, with the same words wherever it is asked for.
+
+Each function returns the argument as what it stands for (a float, an integer, an array, a path), or raises
+`InputError`. Its first parameter is what the message calls the argument.
+
+A *real number* is an integer, a float, a fraction, a decimal, a real number of NumPy or of SymPy, or what is
+registered as `numbers.Real`. Booleans, complex numbers, texts, bytes, dates and durations are none, whatever `float`
+makes of them.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import os
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from decimal import Decimal
+from numbers import Real
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from saltus.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = [
+    "array",
+    "between",
+    "chosen",
+    "count",
+    "flag",
+    "function",
+    "instance",
+    "interval",
+    "is_real",
+    "listed",
+    "mapping",
+    "names",
+    "non_negative",
+    "number",
+    "path",
+    "positive",
+    "refuse",
+    "size",
+    "text",
+]
+
+Kind = TypeVar("Kind")
+
+LARGEST_COUNT = 2**53
+"""The largest count: beyond it floats are no longer exact, and no computation ends."""
+
+LARGEST_LIST = 10**7
+"""The largest count of things that are held in memory at once."""
+
+_LONGEST_PART = 255
+"""Bytes in a part of a path, at most: the limit of common file systems."""
+
+_WHERE_FROM = {
+    "Setup": "table1() returns the paper's",
+    "PeriodicOrbit": "find_orbit and solve_orbit give one",
+    "SpecialPoint": "branch['PD1'] is one",
+    "Branch": "continue_orbit gives one",
+    "Basins": "map_basins gives one",
+    "Attractors": "find_attractors and attractors_from give one",
+}
+"""Where an object of a kind comes from, for the message."""
+
+
+# ---- objects and callables ----
+
+
+def instance(name: str, value: object, kind: type[Kind], hint: str = "") -> Kind:
+    """Return `value` if it is of a kind.
+
+    Parameters
+    ----------
+    name : str
+        The argument, for the message; so in all functions of this module.
+    value : object
+        What was given.
+    kind : type
+        What it must be.
+    hint : str, optional
+        What to do about it; by default where such an object comes from.
+
+    Raises
+    ------
+    InputError
+        It is of another kind.
+
+    Examples
+    --------
+    >>> instance("orbit", [0.0], slice)
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: orbit = [0.0]: must be a slice
+    """
+    if isinstance(value, kind):
+        return value
+    article = "an" if kind.__name__[0] in "AEIO" else "a"
+    hint = hint or (f"it is the class, not {article} {kind.__name__}" if value is kind else "")
+    raise InputError(name, value, f"{article} {kind.__name__}", hint or _WHERE_FROM.get(kind.__name__, ""))
+
+
+def function(name: str, value: object, what: str) -> Any:
+    """Return `value` if it can be called, or is None; `what` says with what it is called, as in "of two counts".
+
+    Raises
+    ------
+    InputError
+        It cannot be called.
+    """
+    if value is not None and not callable(value):
+        raise InputError(name, value, f"a function {what}")
+    return value
+
+
+def flag(name: str, value: object) -> bool:
+    """Return a truth value.
+
+    Raises
+    ------
+    InputError
+        It is neither True nor False.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(name, value, "True or False")
+    return bool(value)
+
+
+# ---- numbers ----
+
+
+def is_real(value: object) -> bool:
+    """Return whether a value is a real number, NaN and infinities among them, as this module's title says.
+
+    Examples
+    --------
+    >>> from fractions import Fraction
+    >>> [is_real(value) for value in (1, np.float32(0.5), Fraction(1, 3), Decimal("0.1"), np.array(2.0))]
+    [True, True, True, True, True]
+    >>> [is_real(value) for value in (True, 1j, "1", b"1", None, np.timedelta64(1), np.array([1.0]))]
+    [False, False, False, False, False, False, False]
+    """
+    if type(value) in (float, int):
+        return True
+    if isinstance(value, np.generic | np.ndarray):
+        if value.dtype.kind == "O" and value.shape == ():
+            return is_real(value.item())
+        return value.shape == () and value.dtype.kind in "iuf" and value is not np.ma.masked
+    if isinstance(value, bool):
+        return False
+    if isinstance(value, Real | Decimal):
+        return True
+    sympy = sys.modules.get("sympy")  # where it is not imported, none of its numbers is at hand
+    if sympy is not None and isinstance(value, sympy.Expr):
+        return bool(value.is_number and value.is_extended_real)
+    of_array = getattr(value, "__array__", None) is not None and getattr(value, "shape", None) == ()
+    return of_array and getattr(getattr(value, "dtype", None), "kind", "") in ("i", "u", "f")
+
+
+def number(name: str, value: object, allowed: str = "a finite number", *, finite: bool = True, unit: str = "") -> float:
+    """Return a real number as a float.
+
+    Parameters
+    ----------
+    name : str
+        The argument.
+    value : object
+        What was given.
+    allowed : str, optional
+        What the message says is allowed.
+    finite : bool, optional
+        Whether an infinity is refused; NaN is refused always.
+    unit : str, optional
+        Its unit, for the message.
+
+    Raises
+    ------
+    InputError
+        It is no real number, or not finite, or too large for a float.
+
+    Examples
+    --------
+    >>> number("t_end", "much")
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: t_end = 'much': must be a finite number
+    """
+    allowed += f" (in {unit})" if unit else ""
+    if not is_real(value):
+        raise InputError(name, value, allowed)
+    try:
+        found = float(value)  # type: ignore[arg-type]
+    except OverflowError:
+        raise InputError(name, value, allowed, "it is beyond the range of floating-point numbers") from None
+    except Exception as error:  # what a number of one's own raises, or a signalling NaN
+        raise InputError(name, value, allowed, f"float says: {error}") from error
+    if math.isnan(found) or (finite and math.isinf(found)):
+        raise InputError(name, value, allowed)
+    return found
+
+
+def positive(name: str, value: object, unit: str = "") -> float:
+    """Return a finite number above zero.
+
+    Raises
+    ------
+    InputError
+        It is none.
+
+    Examples
+    --------
+    >>> positive("length", 240e-6, "m")
+    0.00024
+    >>> positive("length", -1, "m")
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: length = -1: must be a finite number > 0 (in m)
+    """
+    allowed = "a finite number > 0"
+    if (found := number(name, value, allowed, unit=unit)) <= 0.0:
+        raise InputError(name, value, allowed + (f" (in {unit})" if unit else ""))
+    return found
+
+
+def non_negative(name: str, value: object, unit: str = "") -> float:
+    """Return a finite number, zero or above.
+
+    Raises
+    ------
+    InputError
+        It is none.
+
+    Examples
+    --------
+    >>> non_negative("H", 0, "J")
+    0.0
+    """
+    allowed = "a finite number >= 0"
+    if (found := number(name, value, allowed, unit=unit)) < 0.0:
+        raise InputError(name, value, allowed + (f" (in {unit})" if unit else ""))
+    return found
+
+
+def between(name: str, value: object, least: float, most: float, *, strict: bool = False) -> float:
+    """Return a number in a closed interval; between its ends with `strict`.
+
+    Raises
+    ------
+    InputError
+        It is none.
+
+    Examples
+    --------
+    >>> between("tol", 0.1, 1e-14, 1e-3)
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: tol = 0.1: must be a number between 1e-14 and 0.001
+    """
+    allowed = f"a number between {least:g} and {most:g}"
+    found = number(name, value, allowed)
+    if not (least < found < most if strict else least <= found <= most):
+        raise InputError(name, value, allowed)
+    return found
+
+
+def count(name: str, value: object, least: int = 1, most: int | None = None, what: str = "") -> int:
+    """Return a count as an integer.
+
+    Parameters
+    ----------
+    name : str
+        What is counted.
+    value : object
+        What was given.
+    least, most : int, optional
+        Bounds, included; the upper one is `LARGEST_COUNT` for None.
+    what : str, optional
+        What the upper bound is, in words.
+
+    Raises
+    ------
+    InputError
+        It is no integer, or out of bounds.
+
+    Examples
+    --------
+    >>> count("keep", np.int64(3))
+    3
+    >>> count("chunks", 2, 1, 1, "the number of values")
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: chunks = 2: must be 1, the number of values
+    """
+    found = _whole(value)
+    if found is not None and least <= found <= (LARGEST_COUNT if most is None else most):
+        return found
+    if most is None and found is not None and found > LARGEST_COUNT:
+        most = LARGEST_COUNT
+    allowed = f"an integer >= {least}"
+    if most is not None:
+        allowed = f"an integer between {least} and {most}" if most > least else f"{least}"
+    raise InputError(name, value, ", ".join(filter(None, (allowed, what))))
+
+
+def size(name: str, value: object, least: int = 1, most: int = LARGEST_LIST) -> int:
+    """Return a count of things that are held in memory at once.
+
+    Raises
+    ------
+    InputError
+        It is no integer, below `least`, or too large for the memory of any machine.
+
+    Examples
+    --------
+    >>> size("keep", 10**12)
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: keep = 1000000000000: must be at most 10000000, as all are held in memory
+    """
+    if (found := count(name, value, least)) > most:
+        raise InputError(name, value, f"at most {most}, as all are held in memory")
+    return found
+
+
+def _whole(value: object) -> int | None:
+    """Return an integer; None for what is none."""
+    if isinstance(value, bool | np.bool_) or not is_real(value):
+        return None
+    try:
+        return operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        return None
+
+
+def interval(name: str, value: object, *, finite: bool = False) -> tuple[float, float]:
+    """Return the two ends of an interval, the lower first; with `finite` neither may be infinite.
+
+    Raises
+    ------
+    InputError
+        They are none.
+
+    Examples
+    --------
+    >>> interval("bounds", (1, 0))
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: bounds = (1, 0): must be two numbers, the lower first
+    """
+    allowed = "two finite numbers, the lower first" if finite else "two numbers, the lower first"
+    ends = listed(name, value, allowed, most=2)
+    if len(ends) != 2:
+        raise InputError(name, value, allowed)
+    try:
+        low, high = (number(name, end, finite=finite) for end in ends)
+    except InputError:
+        raise InputError(name, value, allowed) from None
+    if not low < high:
+        raise InputError(name, value, allowed)
+    return low, high
+
+
+# ---- arrays ----
+
+
+def array(
+    name: str, value: object, allowed: str = "an array of real numbers", *, finite: bool = True
+) -> NDArray[np.float64]:
+    """Return numbers in any nesting as an array of floats of the same shape, a copy.
+
+    Parameters
+    ----------
+    name : str
+        The argument.
+    value : object
+        What was given: a number, a sequence, an array.
+    allowed : str, optional
+        What the message says is allowed where something else than numbers is given.
+    finite : bool, optional
+        Whether infinities and NaN are refused; the message says which they are.
+
+    Raises
+    ------
+    InputError
+        It is not made of real numbers, or one of them is not finite.
+
+    Examples
+    --------
+    >>> array("z", [1, float("nan")])
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: z[1] = nan: must be finite
+    """
+    found = _floats(name, value, allowed)
+    if finite:
+        refuse(name, found, ~np.isfinite(found), "finite")
+    return found
+
+
+def _floats(name: str, value: object, allowed: str) -> NDArray[np.float64]:
+    if isinstance(value, np.ndarray) and value.dtype == np.float64 and not isinstance(value, np.ma.MaskedArray):
+        return np.array(value, dtype=np.float64)
+    try:
+        given = value if isinstance(value, np.ndarray) else np.asarray(value)
+        if given.dtype.kind in "iuf" and isinstance(value, list | tuple):
+            given = np.asarray(value, dtype=object)  # in which truth values are still what they are
+    except Exception as error:  # rows of different lengths, or whatever an object's __array__ raises
+        raise InputError(name, value, allowed) from error
+    if given.dtype.kind not in "iufO" or isinstance(value, bytearray | memoryview):
+        raise InputError(name, value, allowed)
+    if given.dtype.kind == "O" and not {float, int}.issuperset(map(type, given.flat)):
+        return _of_objects(name, value, given, allowed)
+    try:
+        with np.errstate(over="ignore"):  # of numbers longer than a float; what is too large is not finite
+            found = np.array(given, dtype=np.float64)
+    except OverflowError:
+        return _of_objects(name, value, given, allowed)
+    if isinstance(given, np.ma.MaskedArray):
+        found[np.ma.getmaskarray(given)] = math.nan
+    return found
+
+
+def _of_objects(name: str, value: object, given: NDArray[Any], allowed: str) -> NDArray[np.float64]:
+    found = np.full(given.shape, math.nan)
+    for place in np.ndindex(given.shape):
+        entry = given[place]
+        if not is_real(entry):
+            raise InputError(name, value, allowed)
+        where = f"{name}[{', '.join(map(str, place))}]" if place else name
+        try:
+            found[place] = float(entry)
+        except Exception:  # told as for a number by itself
+            number(where, entry)
+    return found
+
+
+def refuse(name: str, found: NDArray[np.float64], wrong: NDArray[np.bool_], allowed: str) -> None:
+    """Raise `InputError` for the first entry of an array that is `wrong`; return if there is none.
+
+    Parameters
+    ----------
+    name : str
+        The argument.
+    found : ndarray
+        What was given.
+    wrong : ndarray of bool, shape of `found`
+        Which entries cannot be used.
+    allowed : str
+        What the message says is allowed.
+
+    Raises
+    ------
+    InputError
+        An entry is wrong.
+
+    Examples
+    --------
+    >>> refuse("x", np.array([0.5, 2.0]), np.array([False, True]), "at most 1")
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: x[1] = 2.0: must be at most 1
+    """
+    if wrong.any():
+        first = tuple(int(i) for i in np.argwhere(wrong)[0])
+        where = f"[{', '.join(map(str, first))}]" if first else ""
+        raise InputError(name + where, float(found[first]), allowed)
+
+
+# ---- names and texts ----
+
+
+def text(name: str, value: object, allowed: str = "text") -> str:
+    """Return a text.
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
+    if not isinstance(value, str):
+        raise InputError(name, value, allowed)
+    return value
+
+
+def chosen(name: str, value: object, known: Iterable[str], *, instead: str = "", hint: str = "") -> str:
+    """Return a name that is among those known.
+
+    Parameters
+    ----------
+    name : str
+        The argument.
+    value : object
+        What was given.
+    known : iterable of str
+        What it may be.
+    instead : str, optional
+        What else is allowed, to be read after "one of a, b".
+    hint : str, optional
+        What to do about it; by default which of the names is nearest.
+
+    Raises
+    ------
+    InputError
+        It is not among them.
+
+    Examples
+    --------
+    >>> chosen("mode", "fligth", ("flight", "contact"))
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: mode = 'fligth': must be one of flight, contact; did you mean 'flight'?
+    """
+    names_ = tuple(known)
+    if isinstance(value, str) and value in names_:
+        return value
+    allowed = f"one of {', '.join(names_)}" if names_ else "left out, as there is none"
+    raise InputError(name, value, allowed + instead, nearest(value, names_) or hint)
+
+
+def listed(name: str, value: object, allowed: str, *, most: int = LARGEST_LIST) -> tuple[Any, ...]:
+    """Return the items of a sequence or of any other iterable, but a text or a mapping; at most one more than `most`.
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
+    if isinstance(value, str | bytes | bytearray | Mapping) or not isinstance(value, Iterable):
+        raise InputError(name, value, allowed)
+    try:
+        return tuple(item for item, _ in zip(value, range(most + 1), strict=False))
+    except Exception as error:  # a generator of one's own, or an array without dimensions
+        raise InputError(name, value, allowed, f"{type(error).__name__}: {error}") from error
+
+
+def names(name: str, value: object, what: str, *, least: int = 0) -> tuple[str, ...]:
+    """Return the texts of a sequence, each of them once; `what` says what they are, as in "names of states".
+
+    Raises
+    ------
+    InputError
+        It is no sequence of texts, one stands there twice, or they are fewer than `least`.
+
+    Examples
+    --------
+    >>> names("observables", "max(z)", "observables")
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: observables = 'max(z)': must be a sequence of observables; put it into a list
+    """
+    allowed = f"a sequence of {what}" + (", at least one" if least == 1 else "")
+    if isinstance(value, str):
+        raise InputError(name, value, allowed, "put it into a list")
+    found: dict[str, None] = {}
+    for item in _lazily(name, value, allowed):
+        if not isinstance(item, str):
+            raise InputError(name, item, allowed)
+        if item in found:
+            raise InputError(name, item, "named once")
+        found[item] = None
+    if len(found) < least:
+        raise InputError(name, value, allowed)
+    return tuple(found)
+
+
+def _lazily(name: str, value: object, allowed: str) -> Iterator[Any]:
+    """Go through an iterable up to where the caller has seen enough of it."""
+    if isinstance(value, bytes | bytearray | Mapping) or not isinstance(value, Iterable):
+        raise InputError(name, value, allowed)
+    try:
+        yield from value
+    except InputError:
+        raise
+    except Exception as error:  # a generator of one's own, or an array without dimensions
+        raise InputError(name, value, allowed, f"{type(error).__name__}: {error}") from error
+
+
+def mapping(name: str, value: object, what: str, *, known: Iterable[str] | None = None) -> dict[str, Any]:
+    """Return a mapping whose keys are texts, as a dict; empty for None.
+
+    Parameters
+    ----------
+    name : str
+        The argument.
+    value : object
+        What was given.
+    what : str
+        What it maps, as in "names to numbers".
+    known : iterable of str, optional
+        The keys it may have.
+
+    Raises
+    ------
+    InputError
+        It is no mapping, a key is no text, or not among those known.
+
+    Examples
+    --------
+    >>> mapping("weights", [1.0], "coordinates to lengths")
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: weights = [1.0]: must be a mapping of coordinates to lengths
+    """
+    allowed = f"a mapping of {what}"
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise InputError(name, value, allowed)
+    try:
+        found = dict(value)
+    except Exception as error:  # a mapping of one's own
+        raise InputError(name, value, allowed, f"{type(error).__name__}: {error}") from error
+    for key in found:
+        if known is not None:
+            chosen(name, key, known)
+        elif not isinstance(key, str):
+            raise InputError(f"a name in {name}", key, "text")
+    return found
+
+
+# ---- places on disk ----
+
+
+def path(name: str, value: object, what: str = "the path of a file") -> Path:
+    """Return a path on disk; whether anything is there is not looked at.
+
+    Raises
+    ------
+    InputError
+        It is neither a text nor path-like, or no file system takes it.
+
+    Examples
+    --------
+    >>> path("path", 3)
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: path = 3: must be the path of a file; a text, or path-like
+    """
+    try:
+        given = os.fspath(value)  # type: ignore[call-overload]
+    except Exception:
+        given = None
+    if not isinstance(given, str) or not given:
+        hint = "os.fsdecode makes a text of bytes" if isinstance(given, bytes) else "a text, or path-like"
+        raise InputError(name, value, what, hint)
+    try:
+        parts = [len(os.fsencode(part)) for part in Path(given).parts]
+    except UnicodeEncodeError:
+        raise InputError(name, value, what, "it has characters that file names cannot have here") from None
+    if "\0" in given:
+        raise InputError(name, value, what, "it has a null character")
+    if max(parts, default=0) > _LONGEST_PART:
+        raise InputError(name, value, what, f"a part of it is longer than {_LONGEST_PART} bytes")
+    return Path(given)
