@@ -64,12 +64,15 @@ def transition(**changes):
             "transition 'impact' = 'impact': must be named once; pass name=",
         ),
         ({"transitions": ["impact"]}, "transitions = 'impact': must be a sequence of Transition"),
-        ({"states": ("z", "pi")}, "states = 'pi': must be a name that is not a constant of SymPy"),
+        ({"states": ("z", "__v")}, "states = '__v': must be a name that does not begin with two underscores"),
         ({"states": ("z", "lambda")}, "states = 'lambda': must be a name that is not a Python keyword"),
         ({"states": ("z", "z")}, "= 'z': must be named once"),
         ({"states": "zv"}, "states = 'zv': must be a sequence of names"),
         ({"parameters": {"g": 1.0, "e": 0.5, "a": 1.2, "w": 1.0, "z": 1.0}}, "= 'z': must be named once"),
-        ({"phase": ("sin", "w")}, "phase = 'sin': must be a name that is not a function"),
+        (
+            {"parameters": {"g": 1.0, "e": 0.5, "a": 1.2, "w": 1.0, "sin": 2.0}},
+            r"'z - a\*sin\(theta\) \+ 1': must be an expression in which 'sin' is not called: the definition declares",
+        ),
         ({"phase": ("theta", "w*z")}, "phase = 'w\\*z'.*'z' is unknown"),
         ({"outputs": {"gap": "zz"}}, "output 'gap' = 'zz'"),
         (

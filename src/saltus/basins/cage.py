@@ -204,9 +204,11 @@ def _domain_held(symbolic: Any, mode: int, linear: _Linear, values: Mapping[symp
     domain = symbolic.domain[mode]
     if not domain.free_symbols & set(symbolic.x):
         return bool(domain.subs(values) > 0)
+    from saltus.system.expansion import expanded
+
     events = [symbolic.event[k] for k, source in enumerate(symbolic.source) if source == mode]
     beyond = [
-        (domain - int(sign) * event).expand().subs(values) for event, sign in zip(events, linear.signs, strict=True)
+        expanded(domain - int(sign) * event).subs(values) for event, sign in zip(events, linear.signs, strict=True)
     ]
     return any(more.is_number and more >= 0 for more in beyond)
 
@@ -227,7 +229,9 @@ class _Rest:
     ) -> _Rest | None:
         import sympy
 
-        h = sympy.Symbol("h", real=True)
+        from saltus.system.expansion import expanded
+
+        h = sympy.Dummy("h", real=True)  # no state of that name is meant
         numeric = sympy.nsimplify(expression.subs(values), rational=True)
         for k, row in enumerate(split.events):
             terms = [
@@ -238,7 +242,7 @@ class _Rest:
             if pivot is None:
                 continue
             solved = sympy.solve(sympy.Add(*terms) - h, pivot)[0]
-            reduced = sympy.expand(numeric.subs(pivot, solved))
+            reduced = expanded(numeric.subs(pivot, solved))
             if not reduced.free_symbols <= {h}:
                 reduced = sympy.simplify(reduced)
             if reduced.free_symbols <= {h} and reduced.is_rational_function(h):

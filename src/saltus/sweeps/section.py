@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import ast
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from itertools import accumulate
+from typing import Any
 
 from saltus import checks
 from saltus.errors import InputError, nearest
 from saltus.system import HybridSystem, Transition
 from saltus.system.evaluate import check_expression
 from saltus.system.expressions import text_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
+from saltus.system.grammar import syntax_tree
 
 __all__ = ["Section", "on_section"]
 
@@ -92,15 +91,17 @@ def _with(system: HybridSystem, transitions: list[Transition]) -> HybridSystem:
 
 def _written_out(system: HybridSystem, text: str, mode: str) -> str:
     """Return an expression without outputs, those of a mode written out."""
-    outputs = {name: by_mode[mode] for name, by_mode in system.outputs.items()}
-    return ast.unparse(_WriteOut(outputs).visit(ast.parse(text.strip(), mode="eval")))
-
-
-class _WriteOut(ast.NodeTransformer):
-    def __init__(self, outputs: Mapping[str, str]) -> None:
-        self.outputs = outputs
-
-    def visit_Name(self, node: ast.Name) -> ast.AST:  # the name is what ast calls
-        if node.id in self.outputs:
-            return ast.parse(self.outputs[node.id], mode="eval").body
-        return node
+    text = text.strip()
+    known = (*system.all_states, *system.parameter_names, *system.output_names)
+    tree = syntax_tree(text, known, "section", InputError)
+    lines = text.encode().splitlines(keepends=True)  # the tree counts bytes
+    starts = [0, *accumulate(map(len, lines))]
+    found = [node for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id in system.outputs]
+    written = text.encode()
+    for node in sorted(found, key=lambda node: (node.lineno, node.col_offset), reverse=True):
+        start = starts[node.lineno - 1] + node.col_offset
+        end = start + (node.end_col_offset or 0) - node.col_offset
+        output = system.outputs[node.id][mode]
+        closed = f"({output}\n)" if "#" in output else f"({output})"
+        written = written[:start] + closed.encode() + written[end:]
+    return written.decode()

@@ -11,6 +11,7 @@ import contextlib
 import hashlib
 import importlib.util
 import json
+import math
 import os
 import stat
 import sys
@@ -18,11 +19,12 @@ import tempfile
 import threading
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from saltus.errors import InputError
+from saltus.errors import DefinitionError, InputError
+from saltus.system.grammar import clipped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -660,16 +662,29 @@ def _printer() -> Any:
     import sympy
     from sympy.printing.pycode import PythonCodePrinter
 
+    def refused(_: object, expr: Any) -> NoReturn:
+        shown = "a number that no float can hold" if expr.is_Number else clipped(str(expr), 40)
+        raise DefinitionError("derivatives of the definition", shown, "of real numbers and functions of expressions")
+
     class Printer(PythonCodePrinter):  # type: ignore[misc]
         """Python text that Numba compiles: exact floats, powers as products, roots clamped at zero."""
 
-        def _print_Float(self, expr: Any) -> str:
-            return repr(float(expr))
+        _print_ImaginaryUnit = _print_Infinity = _print_NegativeInfinity = _print_ComplexInfinity = _print_NaN = refused
+        _print_not_supported = emptyPrinter = refused
 
-        def _print_Rational(self, expr: Any) -> str:
-            return repr(float(expr))
+        def _print_Float(self, expr: Any) -> str:
+            try:
+                value = float(expr)
+            except OverflowError:
+                value = math.inf
+            if not math.isfinite(value) or (value == 0.0 and not expr.is_zero):
+                refused(self, expr)
+            return repr(value)
+
+        _print_Rational = _print_Float
 
         def _print_Integer(self, expr: Any) -> str:
+            self._print_Float(expr)
             return f"{int(expr)}.0"
 
         def _print_Pi(self, expr: Any) -> str:

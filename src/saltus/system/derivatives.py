@@ -105,12 +105,22 @@ class Symbolic:
 
 
 def _smooth_diff(expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
-    derivative = sympy.diff(expression, symbol)
-    return (
-        derivative.replace(sympy.DiracDelta, lambda *args: sympy.Integer(0))
-        if expression.has(sympy.sign)
-        else derivative
-    )
+    """Derivative without the terms at jumps of signs."""
+    corners = {a for a in expression.atoms(sympy.Abs, sympy.sign) if not a.args[0].is_extended_real}
+    if not corners:
+        derivative = sympy.diff(expression, symbol)
+        if not expression.has(sympy.sign):
+            return derivative
+        return derivative.replace(sympy.DiracDelta, lambda *args: sympy.Integer(0))
+    # SymPy takes abs(log(x)) for that of a complex number, since x may be negative
+    stands_for = {corner: sympy.Dummy(real=True) for corner in corners}
+    smooth = expression.xreplace(stands_for)
+    terms = [_smooth_diff(smooth, symbol)]
+    for corner, dummy in stands_for.items():
+        if corner.func is sympy.Abs and smooth.has(dummy):
+            inner = corner.args[0]
+            terms.append(_smooth_diff(smooth, dummy) * sympy.sign(inner) * _smooth_diff(inner, symbol))
+    return sympy.Add(*terms).xreplace({dummy: corner for corner, dummy in stands_for.items()})
 
 
 def _sampled(expression: sympy.Expr, theta: sympy.Symbol, angle: float) -> complex:

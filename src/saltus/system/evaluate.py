@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from saltus.errors import InputError, nearest
-from saltus.system.expressions import FUNCTIONS
+from saltus.errors import InputError
+from saltus.system.grammar import FUNCTIONS, chain, syntax_tree
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -57,7 +57,7 @@ def evaluate(
     Raises
     ------
     InputError
-        The text is not an expression, or uses a name that is not there.
+        The text is not an expression, uses a name that is not there, or has a constant part without a value.
 
     Examples
     --------
@@ -70,6 +70,7 @@ def evaluate(
     table = np.atleast_2d(np.asarray(states, dtype=np.float64))
     at = np.broadcast_to(np.asarray(modes, dtype=np.int64), len(table))
     constants: dict[str, _Value] = {name: np.float64(value) for name, value in system.resolve(parameters).items()}
+    known = (*system.all_states, *system.parameter_names)
     values = np.empty(len(table))
     with np.errstate(all="ignore"):
         for mode in np.unique(at).tolist():
@@ -78,7 +79,7 @@ def evaluate(
             names = constants | dict(zip(system.all_states, columns, strict=True))
             outputs = expression.names.intersection(system.output_names)
             key = system.mode_names[mode]
-            here = {name: _read(system.outputs[name][key]).value(names) for name in outputs}
+            here = {name: _read(system.outputs[name][key], known).value(names) for name in outputs}
             values[rows] = expression.value(names | here)
     return values
 
@@ -99,55 +100,35 @@ class _Expression:
 def _known(system: HybridSystem, text: str) -> _Expression:
     if not isinstance(text, str):
         raise InputError("expression", text, "text")
-    expression = _read(text.strip())
-    known = (*system.all_states, *system.parameter_names, *system.output_names)
-    if unknown := sorted(expression.names.difference(known)):
-        allowed = f"in {', '.join(known)} and pi, but {unknown[0]!r} is unknown"
-        raise InputError("expression", text, allowed, nearest(unknown[0], known))
-    return expression
+    return _read(text, (*system.all_states, *system.parameter_names, *system.output_names))
 
 
 @lru_cache(maxsize=512)
-def _read(text: str) -> _Expression:
-    try:
-        tree = ast.parse(text, mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise InputError("expression", text, "an expression", "as in 'a*sin(theta) - v**2'") from None
-    return _build(tree, text)
+def _read(text: str, names: tuple[str, ...]) -> _Expression:
+    return _build(syntax_tree(text, names, "expression", InputError), frozenset(names))
 
 
-def _build(node: ast.expr, text: str) -> _Expression:
-    """Return the expression of a node; the grammar is that of `saltus.system.expressions.parse`."""
+def _build(node: ast.expr, names: frozenset[str]) -> _Expression:
+    """Return the expression of a checked tree."""
     match node:
-        case ast.Constant(value=bool()):
-            pass
         case ast.Constant(value=int(number) | float(number)):
             return _constant(float(number))
-        case ast.Name(id="pi"):
-            return _constant(math.pi)
-        case ast.Name(id=name):
+        case ast.Name(id=name) if name in names:
             return _Expression(lambda values: values[name], frozenset((name,)))
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            inner = _build(operand, text)
-            return _Expression(lambda values: -inner.value(values), inner.names)
-        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-            return _build(operand, text)
+        case ast.Name():
+            return _constant(math.pi)
+        case ast.UnaryOp(op=sign, operand=operand):
+            inner = _build(operand, names)
+            return _applied(np.negative, inner) if isinstance(sign, ast.USub) else inner
         case ast.BinOp(left=base, op=ast.Pow(), right=exponent):
-            return _power(_build(base, text), _build(exponent, text))
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
-            return _applied(_OPERATORS[type(op)], _build(left, text), _build(right, text))
-        case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
-            wanted = 2 if name == "atan2" else 1
-            if len(args) == wanted:
-                return _applied(_function(FUNCTIONS[name]), *(_build(argument, text) for argument in args))
-            raise InputError("expression", text, f"an expression in which {name} has {wanted} argument(s)")
-        case ast.Call(func=ast.Name(id=name)) if name not in FUNCTIONS:
-            allowed = f"in the functions {', '.join(FUNCTIONS)}, but {name!r} is unknown"
-            raise InputError("expression", text, allowed, nearest(name, FUNCTIONS))
-        case _:
-            pass
-    allowed = "an expression of numbers, names, + - * / **, parentheses and functions"
-    raise InputError("expression", text, allowed, "'^' is written '**'" if "^" in text else "")
+            return _power(_build(base, names), _build(exponent, names))
+        case ast.BinOp():
+            first, operations = chain(node)
+            steps = [(_OPERATORS[type(operation.op)], _build(operation.right, names)) for operation in operations]
+            return _chained(_build(first, names), steps)
+        case ast.Call(func=ast.Name(id=name), args=args):
+            return _applied(_function(FUNCTIONS[name]), *(_build(argument, names) for argument in args))
+    raise AssertionError(node)
 
 
 _OPERATORS: Mapping[type[ast.operator], Callable[..., _Value]] = {
@@ -184,6 +165,18 @@ def _applied(function: Callable[..., _Value], *terms: _Expression) -> _Expressio
         return _Expression(lambda values: function(only.value(values)), names)
     left, right = terms
     return _Expression(lambda values: function(left.value(values), right.value(values)), names)
+
+
+def _chained(first: _Expression, steps: list[tuple[Callable[..., _Value], _Expression]]) -> _Expression:
+    """Return a sum or a product, however long."""
+
+    def value(values: Mapping[str, _Value]) -> _Value:
+        total = first.value(values)
+        for operator, term in steps:
+            total = operator(total, term.value(values))
+        return total
+
+    return _Expression(value, first.names.union(*(term.names for _, term in steps)))
 
 
 def _power(base: _Expression, exponent: _Expression) -> _Expression:

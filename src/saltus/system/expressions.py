@@ -4,69 +4,122 @@ from __future__ import annotations
 
 import ast
 import keyword
+import math
+import numbers
 from collections.abc import Collection
-from typing import TYPE_CHECKING
+from decimal import Decimal
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from saltus.errors import DefinitionError, nearest
+from saltus.errors import DefinitionError
+from saltus.system.grammar import FUNCTIONS, chain, clipped, syntax_tree
 
 if TYPE_CHECKING:
     import sympy
 
-__all__ = ["CONSTANTS", "FUNCTIONS", "check_name", "parse", "text_of"]
+__all__ = ["check_name", "parse", "text_of"]
 
-CONSTANTS = ("pi", "E", "I", "oo", "zoo", "nan", "EulerGamma", "GoldenRatio", "Catalan", "TribonacciConstant")
-"""Names that mean a constant in SymPy; of these an expression may use `pi` only."""
-
-FUNCTIONS = {
-    "sin": "sin", "cos": "cos", "tan": "tan", "asin": "asin", "acos": "acos", "atan": "atan", "atan2": "atan2",
-    "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "asinh": "asinh", "acosh": "acosh", "atanh": "atanh",
-    "exp": "exp", "log": "log", "sqrt": "sqrt", "abs": "Abs", "Abs": "Abs", "sign": "sign", "erf": "erf",
-}  # fmt: skip
-"""Functions that an expression may call, and SymPy's names for them."""
-
-_BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+_EXPONENT = 1000  # largest exponent of what varies
+_DIGITS = 30_000  # most digits of an exact power of two whole numbers
+_DERIVATIVES = 200_000  # most operations that the first derivatives of an expression may have, by a bound from above
 
 
 def check_name(name: object, where: str) -> str:
-    """Return `name` if it can name a state, parameter, mode output or phase; raise `DefinitionError` otherwise."""
+    """Return `name` if it can name a state, parameter, output or phase; raise `DefinitionError` otherwise.
+
+    Names that are declared win over functions and constants: only what cannot be read in an expression is refused.
+    """
     if not isinstance(name, str) or not name.isidentifier():
         raise DefinitionError(where, name, "an identifier: letters, digits and underscores, no digit first")
     if keyword.iskeyword(name):
         raise DefinitionError(where, name, "a name that is not a Python keyword", f"call it {name + '_'!r}")
-    if name in CONSTANTS:
-        raise DefinitionError(where, name, "a name that is not a constant of SymPy", f"call it {name + '_0'!r}")
-    if name in FUNCTIONS:
-        raise DefinitionError(where, name, "a name that is not a function of expressions", f"call it {name + '_0'!r}")
+    if name.startswith("__"):
+        raise DefinitionError(where, name, "a name that does not begin with two underscores")
     return name
 
 
-def text_of(expression: object, where: str) -> str:
-    """Return an expression (text, number or SymPy) as the text that `parse` reads back as the same expression."""
-    if isinstance(expression, bool):
-        raise DefinitionError(where, expression, "an expression: text, a number or SymPy")
+def text_of(expression: object, where: str, names: Collection[str] = ("pi",)) -> str:
+    """Return an expression (text, number or SymPy) as the text that `parse` reads back as the same expression.
+
+    `names` are those that the definition declares: where ``pi`` is among them, SymPy's constant is written otherwise.
+    """
     if isinstance(expression, str):
         return expression.strip()
-    if isinstance(expression, int | float):
-        return repr(expression)
+    if isinstance(expression, numbers.Real | Decimal) and not isinstance(expression, bool):
+        return _number_text(expression, where)
     if hasattr(expression, "free_symbols"):
-        import sympy
-
-        return str(sympy.sstr(expression, full_prec=True))
+        return _sympy_text(expression, where, "acos(-1)" if "pi" in names else "pi")
     raise DefinitionError(where, expression, "an expression: text, a number or SymPy")
+
+
+def _number_text(number: numbers.Real | Decimal, where: str) -> str:
+    try:
+        value = float(number)
+    except (OverflowError, ValueError):
+        value = math.inf
+    if not math.isfinite(value):
+        raise DefinitionError(where, value, "a finite number")
+    match number:
+        case numbers.Integral():
+            return repr(int(number))
+        case numbers.Rational():
+            return f"{int(number.numerator)}/{int(number.denominator)}"
+        case _:
+            return repr(value)
+
+
+def _sympy_text(expression: Any, where: str, pi: str) -> str:
+    import sympy
+    from sympy.printing.str import StrPrinter
+
+    def refused(_printer: object, part: object) -> NoReturn:
+        raise DefinitionError(where, clipped(str(expression)), f"of real, finite numbers, but {part} is in it")
+
+    class Printer(StrPrinter):  # type: ignore[misc]
+        """Text in which no constant has the name of a symbol."""
+
+        _print_ImaginaryUnit = _print_Infinity = _print_NegativeInfinity = _print_ComplexInfinity = _print_NaN = refused
+
+        def _print_Symbol(self, expr: Any) -> str:
+            if not str(expr.name).isidentifier():
+                raise DefinitionError(where, expr.name, "a symbol whose name is an identifier")
+            return str(expr.name)
+
+        _print_Dummy = _print_Symbol
+
+        def _print_Float(self, expr: Any) -> str:
+            return repr(float(expr))
+
+        def _print_Exp1(self, _: Any) -> str:
+            return "exp(1)"
+
+        def _print_Pi(self, _: Any) -> str:
+            return pi
+
+        def _print_NumberSymbol(self, expr: Any) -> str:
+            return repr(float(expr))
+
+        _print_EulerGamma = _print_Catalan = _print_GoldenRatio = _print_TribonacciConstant = _print_NumberSymbol
+
+    if not isinstance(expression, sympy.Expr):
+        raise DefinitionError(where, clipped(str(expression)), "an expression: text, a number or SymPy")
+    try:
+        return str(Printer().doprint(expression))
+    except RecursionError:
+        raise DefinitionError(where, type(expression), "an expression", "it is nested too deeply") from None
 
 
 def parse(text: str, names: Collection[str], where: str) -> sympy.Expr:
     """Return the SymPy expression that `text` writes in the given names.
 
-    Only numbers, names, ``+ - * / **``, parentheses and the functions of `FUNCTIONS` are read: the text is taken apart
-    by Python's own grammar and never run.
+    Only numbers, names, ``+ - * / **``, parentheses, ``pi`` and the functions of `FUNCTIONS` are read: the text is
+    taken apart by Python's own grammar and never run.
 
     Parameters
     ----------
     text : str
         The expression.
     names : collection of str
-        Symbols that it may use (all real).
+        Symbols that it may use (all real); they win over ``pi`` and over functions.
     where : str
         Which part of the definition it is, for messages.
 
@@ -77,71 +130,151 @@ def parse(text: str, names: Collection[str], where: str) -> sympy.Expr:
     Raises
     ------
     DefinitionError
-        The text is not an expression, or uses a name that is not there.
+        The text is not an expression, uses a name that is not there, has a part without a real and finite value, or is
+        larger than can be differentiated.
 
     Examples
     --------
     >>> parse("a*sin(theta)**2 - 1/3", ["a", "theta"], "event")
     a*sin(theta)**2 - 1/3
     """
+    text = text.strip()
+    tree = syntax_tree(text, names, where)
     try:
-        tree = ast.parse(text, mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise DefinitionError(where, text, "an expression", "as in 'a*sin(theta) - v**2'") from None
-    return _build(tree, text, names, where)
+        return _Builder(text, frozenset(names), where).built(tree)
+    except DefinitionError:
+        raise
+    except Exception as error:  # SymPy raises many kinds, of its own faults as well
+        allowed = "an expression that SymPy can work out"
+        raise DefinitionError(where, clipped(text), allowed, f"{type(error).__name__} in SymPy") from error
 
 
-def _build(node: ast.expr, text: str, names: Collection[str], where: str) -> sympy.Expr:
-    import sympy
+class _Builder:
+    """The SymPy expression of a checked tree."""
 
-    match node:
-        case ast.Constant(value=bool()):
-            pass
-        case ast.Constant(value=int(value)):
-            return sympy.Integer(value)
-        case ast.Constant(value=float(value)):
-            return sympy.Float(value, 17)
-        case ast.Name(id="pi"):
-            return sympy.pi
-        case ast.Name(id=name):
-            if name in names:
-                return sympy.Symbol(name, real=True)
-            raise DefinitionError(
-                where, text, f"in {', '.join(sorted(names))} and pi, but {name!r} is unknown", nearest(name, names)
-            )
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -_build(operand, text, names, where)
-        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-            return _build(operand, text, names, where)
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-            a, b = _build(left, text, names, where), _build(right, text, names, where)
-            match _BINARY[type(op)]:
-                case "+":
-                    return a + b
-                case "-":
-                    return a - b
-                case "*":
-                    return a * b
-                case "/":
-                    if b == 0:
-                        raise DefinitionError(where, text, "an expression", "it divides by zero")
-                    return a / b
-                case _:
-                    half = b.is_Float and float(2 * b).is_integer()
-                    return a ** (sympy.Rational(int(2 * b), 2) if half else b)
-        case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
-            wanted = 2 if name == "atan2" else 1
-            if len(args) == wanted:
-                return getattr(sympy, FUNCTIONS[name])(*(_build(arg, text, names, where) for arg in args))
-            raise DefinitionError(where, text, f"an expression in which {name} has {wanted} argument(s)")
-        case ast.Call(func=ast.Name(id=name)) if name not in FUNCTIONS:
-            raise DefinitionError(
-                where,
-                text,
-                f"in the functions {', '.join(FUNCTIONS)}, but {name!r} is unknown",
-                nearest(name, FUNCTIONS),
-            )
-        case _:
-            pass
-    allowed = "an expression of numbers, names, + - * / **, parentheses and functions"
-    raise DefinitionError(where, text, allowed, "'^' is written '**'" if "^" in text else "")
+    def __init__(self, text: str, names: frozenset[str], where: str) -> None:
+        self.text, self.names, self.where = text, names, where
+
+    def built(self, tree: ast.expr) -> sympy.Expr:
+        """The expression, if its numbers and exponents are in range and its derivatives not too large."""
+        import sympy
+
+        expression = self.real(self.build(tree), tree)
+        if not all(map(_fits, expression.atoms(sympy.Number))):
+            self.no_value(tree)
+        for power in expression.atoms(sympy.Pow):
+            if not power.base.is_number and power.exp.is_number:
+                self.check_exponent(power.exp)
+        if _size_of_derivatives(expression)[1] > _DERIVATIVES:
+            self.refuse(f"an expression whose derivatives have at most {_DERIVATIVES} operations")
+        return expression
+
+    def build(self, node: ast.expr) -> sympy.Expr:
+        import sympy
+
+        match node:
+            case ast.Constant(value=int(value)):
+                return sympy.Integer(value)
+            case ast.Constant(value=float(value)):
+                return sympy.Float(value, 17)
+            case ast.Name(id=name):
+                return sympy.Symbol(name, real=True) if name in self.names else sympy.pi
+            case ast.UnaryOp(op=sign, operand=operand):
+                inner = self.build(operand)
+                return -inner if isinstance(sign, ast.USub) else inner
+            case ast.BinOp(op=ast.Add() | ast.Sub()):
+                first, operations = chain(node)
+                terms = [self.build(first)]
+                for operation in operations:
+                    term = self.build(operation.right)
+                    terms.append(term if isinstance(operation.op, ast.Add) else -term)
+                return self.finite(sympy.Add(*terms), node)
+            case ast.BinOp(op=ast.Mult() | ast.Div()):
+                return self.product(node)
+            case ast.BinOp(left=left, op=ast.Pow(), right=right):
+                return self.real(self.power(self.build(left), self.build(right)), node)
+            case ast.Call(func=ast.Name(id=name), args=args):
+                return self.real(self.call(name, [self.build(arg) for arg in args]), node)
+        raise AssertionError(node)
+
+    def product(self, node: ast.BinOp) -> sympy.Expr:
+        first, operations = chain(node)
+        total = self.build(first)
+        for operation in operations:
+            factor = self.build(operation.right)
+            if isinstance(operation.op, ast.Div) and factor.is_zero:
+                self.refuse("an expression", "it divides by zero")
+            total = self.finite(total * factor if isinstance(operation.op, ast.Mult) else total / factor, operation)
+        return total
+
+    def power(self, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
+        import sympy
+
+        if exponent.is_Float and float(2 * exponent).is_integer():
+            exponent = sympy.Rational(int(2 * exponent), 2)
+        if base.is_Rational and exponent.is_Rational:
+            if abs(float(exponent)) * math.log10(max(abs(base.p), base.q)) > _DIGITS:
+                self.refuse(f"of exact numbers of at most {_DIGITS} digits", "2.0 for 2 makes a number a float")
+        elif not base.is_Float and exponent.is_number:
+            self.check_exponent(exponent)
+        return base**exponent
+
+    def call(self, name: str, arguments: list[sympy.Expr]) -> sympy.Expr:
+        import sympy
+
+        if name == "exp":  # SymPy writes exp(c*log(x)) as a power
+            for term in sympy.Add.make_args(arguments[0]):
+                if term.has(sympy.log) and not term.is_number:
+                    self.check_exponent(term.as_coeff_Mul()[0])
+        return getattr(sympy, FUNCTIONS[name])(*arguments)
+
+    def real(self, expression: sympy.Expr, node: ast.expr) -> sympy.Expr:
+        """The expression, if it is real and finite as far as SymPy can tell."""
+        import sympy
+
+        if expression.has(sympy.I, sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.AccumBounds):
+            self.no_value(node)
+        is_negative = expression.is_Pow and expression.base.is_number and expression.base.is_negative
+        if is_negative and not expression.exp.is_integer:
+            self.refuse("of real numbers", "a negative number has no power that varies")
+        return self.finite(expression, node)
+
+    def finite(self, expression: sympy.Expr, node: ast.expr) -> sympy.Expr:
+        """The expression, if its leading number is one that a float can hold."""
+        import sympy
+
+        if expression is sympy.zoo or not _fits(expression.as_coeff_Mul()[0]):
+            self.no_value(node)
+        return expression
+
+    def check_exponent(self, exponent: sympy.Expr) -> None:
+        if abs(exponent) > _EXPONENT:
+            self.refuse(f"of exponents between -{_EXPONENT} and {_EXPONENT}")
+
+    def no_value(self, node: ast.expr) -> NoReturn:
+        source = clipped(ast.get_source_segment(self.text, node) or self.text)
+        self.refuse(f"of real numbers that a float can hold, but {source} has none")
+
+    def refuse(self, allowed: str, hint: str = "") -> NoReturn:
+        raise DefinitionError(self.where, clipped(self.text), allowed, hint)
+
+
+def _fits(number: sympy.Expr) -> bool:
+    """Whether a number is one that a float can hold."""
+    try:
+        value = float(number)
+    except (OverflowError, TypeError):
+        return False
+    return math.isfinite(value) and (value != 0.0 or bool(number.is_zero))
+
+
+def _size_of_derivatives(expression: sympy.Expr) -> tuple[int, int]:
+    """Operations of an expression, and a bound from above for those of its derivative."""
+    if not expression.args:
+        return 1, int(expression.is_Symbol)
+    parts = [_size_of_derivatives(argument) for argument in expression.args]
+    size = 1 + sum(own for own, _ in parts)
+    varying = [slope for _, slope in parts if slope]
+    if expression.is_Add:
+        return size, sum(varying)
+    return size, sum(slope + size for slope in varying)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import math
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -175,11 +176,13 @@ class HybridSystem:
         self.states = _names(states, "states")
         parameters = _mapping(parameters, "parameters", "of names to numbers")
         self.parameters = {check_name(key, "parameters"): _number(value, key) for key, value in parameters.items()}
-        self.phase = _clean_phase(phase)
+        self.phase = _clean_phase(phase, (*self.states, *self.parameters))
+        names = (*self.all_states, *self.parameters)
         modes = _mapping(modes, "modes", "of names to Mode")
-        self.modes = {key: _clean_mode(key, mode) for key, mode in modes.items()}
-        self.transitions = tuple(map(_clean_transition, _sequence(transitions, "transitions", "of Transition")))
-        self.outputs = self._clean_outputs(_mapping(outputs, "outputs", "of names to expressions"))
+        self.modes = {key: _clean_mode(key, mode, names) for key, mode in modes.items()}
+        listed = _sequence(transitions, "transitions", "of Transition")
+        self.transitions = tuple(_clean_transition(transition, names) for transition in listed)
+        self.outputs = self._clean_outputs(_mapping(outputs, "outputs", "of names to expressions"), names)
         groups = _mapping(groups, "groups", "of names to sequences of parameters")
         self.groups = {key: _texts(members, f"group {key!r}", "names of parameters") for key, members in groups.items()}
         self.positive = _texts(positive, "positive", "names of parameters")
@@ -356,7 +359,7 @@ class HybridSystem:
         """Return the vector field of `mode` at a full state (phase last), shape (all states,)."""
         return self.compiled.field(self.mode_index(mode), self.full_state(state), self.parameter_vector(parameters))
 
-    def _clean_outputs(self, outputs: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    def _clean_outputs(self, outputs: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, dict[str, str]]:
         clean: dict[str, dict[str, str]] = {}
         for key, value in outputs.items():
             where = f"output {key!r}"
@@ -364,15 +367,15 @@ class HybridSystem:
             by_mode = value if isinstance(value, Mapping) else dict.fromkeys(self.modes, value)
             if set(by_mode) != set(self.modes):
                 raise DefinitionError(where, list(by_mode), f"given for each of the modes {', '.join(self.modes)}")
-            clean[key] = {mode: text_of(by_mode[mode], where) for mode in self.modes}
+            clean[key] = {mode: text_of(by_mode[mode], where, names) for mode in self.modes}
         return clean
 
     def _check_structure(self) -> None:
         taken: set[str] = set()
         for name in (*self.all_states, *self.parameters, *self.outputs):
-            if name in taken:
+            if (read := unicodedata.normalize("NFKC", name)) in taken:
                 raise DefinitionError("states, parameters, phase and outputs", name, "named once")
-            taken.add(name)
+            taken.add(read)
         if not self.modes:
             raise DefinitionError("modes", {}, "at least one mode")
         for key, mode in self.modes.items():
@@ -469,12 +472,13 @@ def _number(value: Any, name: str, *, finite: bool = True) -> float:
         raise DefinitionError(*error.args) from None
 
 
-def _clean_phase(phase: Any) -> tuple[str, str] | None:
+def _clean_phase(phase: Any, names: tuple[str, ...]) -> tuple[str, str] | None:
     if phase is None:
         return None
     if not isinstance(phase, tuple | list) or len(phase) != 2:
         raise DefinitionError("phase", phase, "a name and a rate, as in ('theta', 'w')")
-    return check_name(phase[0], "phase"), text_of(phase[1], "phase")
+    name = check_name(phase[0], "phase")
+    return name, text_of(phase[1], "phase", (*names, name))
 
 
 def _clean_bounds(parameter: str, interval: Any) -> tuple[float, float]:
@@ -487,17 +491,17 @@ def _clean_bounds(parameter: str, interval: Any) -> tuple[float, float]:
     return low, high
 
 
-def _clean_mode(key: str, mode: Mode) -> Mode:
+def _clean_mode(key: str, mode: Mode, names: tuple[str, ...]) -> Mode:
     where = f"mode {key!r}"
     if not isinstance(mode, Mode):
         raise DefinitionError(where, mode, "a Mode")
     if not isinstance(mode.field, Mapping):
         raise DefinitionError(where, mode.field, "a mapping of each state to its rate as the field")
-    field_ = {name: text_of(rate, where) for name, rate in mode.field.items()}
-    return Mode(field_, None if mode.domain is None else text_of(mode.domain, where))
+    field_ = {name: text_of(rate, where, names) for name, rate in mode.field.items()}
+    return Mode(field_, None if mode.domain is None else text_of(mode.domain, where, names))
 
 
-def _clean_transition(transition: Transition) -> Transition:
+def _clean_transition(transition: Transition, names: tuple[str, ...]) -> Transition:
     if not isinstance(transition, Transition):
         raise DefinitionError("transitions", transition, "a sequence of Transition")
     if not isinstance(transition.name, str):
@@ -510,10 +514,10 @@ def _clean_transition(transition: Transition) -> Transition:
     return Transition(
         transition.source,
         transition.target,
-        text_of(transition.event, where),
+        text_of(transition.event, where, names),
         int(transition.direction),
-        {name: text_of(value, where) for name, value in transition.reset.items()},
-        None if transition.when is None else text_of(transition.when, where),
+        {name: text_of(value, where, names) for name, value in transition.reset.items()},
+        None if transition.when is None else text_of(transition.when, where, names),
         transition.name,
     )
 

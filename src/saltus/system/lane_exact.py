@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import sympy
 
+from saltus.system.expansion import expanded
 from saltus.system.pools import AT_STROBE, CHANGES, GOES_ON, HUGE
 from saltus.system.split import NODES, WEIGHTS
 
@@ -252,7 +253,7 @@ class _Rest:
         def by_gap(total: sympy.Expr) -> sympy.Expr:
             for symbol, event in zip(self.symbols, sums, strict=True):
                 for sign in (1, -1):
-                    if not (constant := sympy.expand(total - sign * event)).free_symbols & varying:
+                    if not (constant := expanded(total - sign * event)).free_symbols & varying:
                         return sign * symbol + constant
             return total
 

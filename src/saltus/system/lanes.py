@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import sympy
 
 from saltus.system.codegen import Writer
+from saltus.system.expansion import expanded
 from saltus.system.lane_driver import DRIVER, HEAD
 from saltus.system.lane_exact import exact_step
 from saltus.system.lane_taylor import taylor_step
@@ -274,7 +275,7 @@ class LaneWriter(Writer):
         bits = 0
         for j, k in enumerate(self.events[target]):
             event = s.event[k].xreplace(moved)
-            if any(sympy.expand(event + sign * s.event[transition]) == 0 for sign in (-1, 1)):
+            if any(expanded(event + sign * s.event[transition]) == 0 for sign in (-1, 1)):
                 bits |= 1 << j
         return bits
 

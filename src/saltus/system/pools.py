@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import sympy
 
 from saltus.errors import SaltusError
+from saltus.system.expansion import expanded
 from saltus.system.regularise import regularised
 from saltus.system.split import split_of_mode
 
@@ -102,7 +103,7 @@ def domain_to_check(system: Symbolic, mode: int) -> sympy.Expr | None:
     for k, source in enumerate(system.source):
         direction = system.system.transitions[k].direction
         if source == mode and direction and system.when[k] == 1:
-            margin = sympy.expand((domain + direction * system.event[k]).xreplace(positive))
+            margin = expanded((domain + direction * system.event[k]).xreplace(positive))
             if margin.is_nonnegative:
                 return None
     return domain

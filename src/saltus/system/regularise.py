@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 import sympy
 
+from saltus.system.expansion import can_be_expanded, expanded
+
 if TYPE_CHECKING:
     from saltus.system.derivatives import Symbolic
 
@@ -60,8 +62,8 @@ class Regularised:
         if not slopes or theta in plain.free_symbols:
             return None
         i = max(slopes, key=lambda i: (abs(slopes[i]), i))
-        rest = sympy.expand(event - slopes[i] * states[i])
-        return i, sympy.expand((self.sign * self.w**2 - rest) / slopes[i])
+        rest = expanded(event - slopes[i] * states[i])
+        return i, expanded((self.sign * self.w**2 - rest) / slopes[i])
 
 
 def regularised(system: Symbolic, mode: int) -> Regularised | None:
@@ -115,15 +117,16 @@ def regularised(system: Symbolic, mode: int) -> Regularised | None:
 def _ratio(system: Symbolic, base: sympy.Expr, event: sympy.Expr) -> tuple[sympy.Expr, int] | None:
     """What `base` is a multiple of `event` by, and its sign, where that is a constant of known sign; None otherwise."""
     positive = {symbol: sympy.Dummy(positive=True) for symbol in system.p if symbol.name in system.system.positive}
-    base, event = sympy.expand(base.xreplace(positive)), sympy.expand(event.xreplace(positive))
+    base, event = expanded(base.xreplace(positive)), expanded(event.xreplace(positive))
     for symbol in system.x:
         slope = sympy.diff(event, symbol)
         if slope == 0:
             continue
-        ratio = sympy.cancel(sympy.diff(base, symbol) / slope)
+        ratio = sympy.diff(base, symbol) / slope
+        ratio = sympy.cancel(ratio) if can_be_expanded(ratio) else ratio
         if ratio.free_symbols & set(system.x) or not (ratio.is_positive or ratio.is_negative):
             return None
-        if sympy.expand(base - ratio * event) != 0:
+        if expanded(base - ratio * event) != 0:
             return None
         sign = 1 if ratio.is_positive else -1
         return ratio.xreplace({dummy: symbol for symbol, dummy in positive.items()}), sign

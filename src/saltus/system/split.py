@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 
+from saltus.system.expansion import can_be_expanded
+
 if TYPE_CHECKING:
     from saltus.system.derivatives import Symbolic
 
@@ -178,19 +180,26 @@ class _Parts:
         linear: dict[sympy.Expr, sympy.Expr] = {}
         rest = sympy.Integer(0)
         varying = {*self.states, *(symbol for pair in self.phasors.values() for symbol in pair)}
-        terms = [sympy.expand_mul(term, deep=False) for term in sympy.Add.make_args(expression)]
+        terms = [
+            sympy.expand_mul(term, deep=False) if can_be_expanded(term) else term
+            for term in sympy.Add.make_args(expression)
+        ]
         for term in (part for total in terms for part in sympy.Add.make_args(total)):
             found = term.free_symbols & varying
             if not found:
                 linear[sympy.Integer(1)] = linear.get(sympy.Integer(1), sympy.Integer(0)) + term
                 continue
             (symbol, *others) = found
-            coefficient = sympy.cancel(term / symbol) if not others else term
+            coefficient = sympy.cancel(term / symbol) if not others and can_be_expanded(term) else term
             if others or coefficient.free_symbols & varying:
                 rest += term
             else:
                 linear[symbol] = linear.get(symbol, sympy.Integer(0)) + coefficient
         return linear, rest
+
+    def _symbol(self, name: str) -> sympy.Symbol:
+        symbol = sympy.Symbol(name, real=True)
+        return sympy.Dummy(name, real=True) if symbol in {*self.states, *self.parameters} else symbol
 
     def _turning(self, argument: sympy.Expr, function: Callable[..., sympy.Expr]) -> sympy.Expr:
         turns = sympy.diff(argument, self.theta)
@@ -198,7 +207,7 @@ class _Parts:
             return function(argument)
         j = abs(int(turns))
         if j not in self.phasors:
-            self.phasors[j] = (sympy.Symbol(f"cos_{j}_theta", real=True), sympy.Symbol(f"sin_{j}_theta", real=True))
+            self.phasors[j] = (self._symbol(f"cos_{j}_theta"), self._symbol(f"sin_{j}_theta"))
         cosine, sine = self.phasors[j]
         sine = sine if turns > 0 else -sine
         offset = argument.subs(self.theta, 0)

@@ -1,0 +1,45 @@
+"""Expansion of products and powers of sums, where the sum that it gives has a length that can be written out."""
+
+from __future__ import annotations
+
+from math import comb
+
+import sympy
+
+__all__ = ["can_be_expanded", "expanded"]
+
+_TERMS = 20_000  # most terms of an expansion, some seconds
+
+
+def expanded(expression: sympy.Expr) -> sympy.Expr:
+    """Return `sympy.expand` of an expression; the expression itself where that has too many terms."""
+    return sympy.expand(expression) if can_be_expanded(expression) else expression
+
+
+def can_be_expanded(expression: sympy.Expr) -> bool:
+    """Whether no sum in the expanded expression has more than 20 000 terms.
+
+    Examples
+    --------
+    >>> x, y, z = sympy.symbols("x y z")
+    >>> can_be_expanded((x + y + z) ** 100), can_be_expanded((x + y + z) ** 500)
+    (True, False)
+    """
+    return _terms(expression) <= _TERMS
+
+
+def _terms(expression: sympy.Expr) -> int:
+    """Terms of the expanded expression, by a bound from above; of its arguments where those have more."""
+    if not expression.args:
+        return 1
+    inner = [_terms(argument) for argument in expression.args]
+    if expression.is_Add:
+        return sum(inner)
+    count = 1
+    if expression.is_Mul:
+        for terms in inner:
+            count = min(count * terms, _TERMS + 1)
+    elif expression.is_Pow and expression.exp.is_Rational:
+        power = int(abs(expression.exp))
+        count = comb(power + inner[0] - 1, power) if power * inner[0] <= _TERMS else _TERMS + 1
+    return max(count, *inner)
