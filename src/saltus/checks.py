@@ -160,8 +160,11 @@ def is_real(value: object) -> bool:
     sympy = sys.modules.get("sympy")  # where it is not imported, none of its numbers is at hand
     if sympy is not None and isinstance(value, sympy.Expr):
         return bool(value.is_number and value.is_extended_real)
-    of_array = getattr(value, "__array__", None) is not None and getattr(value, "shape", None) == ()
-    return of_array and getattr(getattr(value, "dtype", None), "kind", "") in ("i", "u", "f")
+    try:
+        kind, shape = value.dtype.kind, value.shape  # type: ignore[attr-defined]
+    except Exception:  # no array of any library; an object may raise what it likes
+        return False
+    return isinstance(shape, tuple) and not shape and isinstance(kind, str) and kind in ("i", "u", "f")
 
 
 def number(name: str, value: object, allowed: str = "a finite number", *, finite: bool = True, unit: str = "") -> float:
@@ -615,7 +618,7 @@ def mapping(name: str, value: object, what: str, *, known: Iterable[str] | None 
         raise InputError(name, value, allowed)
     try:
         found = dict(value)
-    except Exception as error:  # a mapping of one's own
+    except Exception as error:  # of a mapping that only seems to be one
         raise InputError(name, value, allowed, f"{type(error).__name__}: {error}") from error
     for key in found:
         if known is not None:

@@ -157,7 +157,7 @@ def wavenumbers(n: int) -> NDArray[np.float64]:
     >>> print(*(f"{b:.14f}" for b in wavenumbers(3)))
     1.87510406871196 4.69409113297417 7.85475743823761
     """
-    middle = np.arange(1, checks.count("n", n) + 1, dtype=np.float64) - 0.5
+    middle = np.arange(1, checks.size("n", n) + 1, dtype=np.float64) - 0.5
     s = _signs(n)
     d = np.zeros(n)
     for _ in range(_NEWTON_STEPS):
@@ -231,7 +231,7 @@ def mode_shape_integrals(n: int) -> tuple[NDArray[np.float64], NDArray[np.float6
 
 def _signs(n: int) -> NDArray[np.float64]:
     """Sign of ``sin(b_i)``: 1, -1, 1, ... Shape (n,)."""
-    return np.where(np.arange(checks.count("n", n)) % 2 == 0, 1.0, -1.0)
+    return np.where(np.arange(checks.size("n", n)) % 2 == 0, 1.0, -1.0)
 
 
 def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:

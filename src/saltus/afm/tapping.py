@@ -144,6 +144,7 @@ def tapping_mode(
     checks.instance("setup", setup, Setup)
     n = checks.count("modes", modes, 1, _MOST_MODES)
     checks.chosen("static_term", static_term, get_args(StaticTerm))
+    parameters = checks.mapping("parameters", parameters, "names to numbers, or None")
     definition = _definition(setup, n, static_term)
     system = HybridSystem(**definition)
     if not parameters:

@@ -246,6 +246,8 @@ def find_attractors(
     ('period-1 A', 'period-1 B')
     """
     checks.instance("system", system, HybridSystem)
+    parameters = checks.mapping("parameters", parameters, "names to numbers, or None")
+    interval = None if interval is None else checks.positive("interval", interval)
     chosen = _checked_search(search)
     count = checks.size("seeds", seeds)
     box = _checked_region(system, region)

@@ -61,7 +61,11 @@ def checked_basins(basins: Any, *parts: str) -> Any:
     InputError
         It has not.
     """
-    if isinstance(basins, type) or not all(hasattr(basins, part) for part in parts):
+    try:
+        whole = not isinstance(basins, type) and all(hasattr(basins, part) for part in parts)
+    except Exception:  # of an object that raises what it likes
+        whole = False
+    if not whole:
         raise InputError("basins", basins, "a Basins", "map_basins gives one")
     return basins
 

@@ -216,7 +216,7 @@ class Grid:
             No free coordinate has the name, or the value lies outside its range.
         """
         found = {}
-        for name, value in values.items():
+        for name, value in checks.mapping("coordinates", values, "free coordinates to values").items():
             if name not in self.names:
                 wanted = f"a free coordinate: {', '.join(self.names)}"
                 hint = f"it is frozen at {self.fixed[name]:g}" if name in self.fixed else nearest(name, self.names)

@@ -116,7 +116,7 @@ def basin_stability(
     samples = checks.count("samples", samples)
     ranges = _ranges(grid, region)
     random = np.random.default_rng(checks.count("seed", seed, 0))
-    options = {} if engine is None else {"engine": engine}
+    options = {} if engine is None else {"engine": checks.chosen("engine", engine, ("cpu", "cuda"))}
     hits = undecided = 0
     for first in range(0, samples, _BATCH):
         count = min(_BATCH, samples - first)

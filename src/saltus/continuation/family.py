@@ -269,13 +269,16 @@ def continue_family(
     >>> [round(branch["GR1"].parameters["A"], 9) for branch in family]
     [0.1, 0.2, 0.3]
     """
-    control = StepControl() if steps is None else steps
-    stops = stop_at if isinstance(stop_at, str) or not isinstance(stop_at, Iterable) else tuple(stop_at)
-    options: dict[str, Any] = {"directions": directions, "events": events, "stop_at": stops, "at_grazing": at_grazing}
-    one = replace(control, most=1) if isinstance(control, StepControl) else control
-    trial = continue_orbit(orbit, parameter, bounds, steps=one, **options)  # says what is wrong with any of these
+    control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
+    checks.function("progress", progress, "of two counts and a text")
+    trial = continue_orbit(  # says what is wrong with any of these
+        orbit, parameter, bounds, steps=replace(control, most=1), directions=directions, events=events,
+        stop_at=stop_at, at_grazing=at_grazing,
+    )  # fmt: skip
     if _is_interrupted(trial):
         raise KeyboardInterrupt
+    bounds = tuple(trial.options["bounds"])
+    options = {name: trial.options[name] for name in ("directions", "events", "stop_at", "at_grazing")}
     table = _read_over(orbit.system, parameter, over)
     places = _places(orbit.system, table)
     workers = _workers(_Task(parameter, bounds, {"steps": control} | options), processes, client, len(places))

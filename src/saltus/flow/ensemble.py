@@ -101,7 +101,7 @@ class Ensemble:
             raise InputError("interval", interval, "given for a system without a phase, and for no other")
         tolerance = checks.between("tolerance", tolerance, 1e-14, 1e-2)
         interval = None if interval is None else checks.positive("interval", interval)
-        self.system, self.parameters = system, dict(parameters or {})
+        self.system, self.parameters = system, checks.mapping("parameters", parameters, "names to numbers, or None")
         self.p = system.parameter_vector(self.parameters)
         self.tolerance = tolerance
         self.n = len(system.states)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.basins.basins import Basins
 from saltus.errors import InputError, nearest
 from saltus.plotting import plot, style
@@ -81,6 +82,8 @@ def plot_basins(
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['left  55.0 %', 'right  45.0 %']
     """
+    style.check_options(ax, x, y, legend=legend)
+    marks = checks.mapping("marks", marks, "names of attractors to colours")
     names = _order(basins, x, y)
     palette = colours_of(basins, colours)
     labels = np.asarray(basins.labels[...], dtype=np.uint8)
@@ -97,7 +100,7 @@ def plot_basins(
         interpolation="nearest",
         aspect="auto",
     )
-    filled, opened = draw_attractors(ax, basins, names, marks or {})
+    filled, opened = draw_attractors(ax, basins, names, marks)
     ax.set(xlim=edges[0], ylim=edges[1], xlabel=style.label_of(names[0]))
     if len(names) == 2:
         ax.set_ylabel(style.label_of(names[1]))
@@ -134,10 +137,7 @@ def colours_of(basins: Basins, chosen: Mapping[str, Any] | None = None) -> dict[
     """
     named = [name for name in basins.attractors.labels if name not in _OUTCOMES]
     usual = {name: _LIGHT[i % len(_LIGHT)] for i, name in enumerate(named)} | dict(_OUTCOMES)
-    for name in chosen or {}:
-        if name not in usual:
-            raise InputError("colours", name, f"labels: {', '.join(usual)}", nearest(name, usual))
-    return usual | dict(chosen or {})
+    return usual | checks.mapping("colours", chosen, "labels to colours", known=usual)
 
 
 def labelled_image(labels: NDArray[np.uint8], basins: Basins, colours: Mapping[str, Any]) -> NDArray[np.uint8]:

@@ -76,6 +76,7 @@ def plot_branch(
     InputError
         A quantity of another name.
     """
+    style.check_options(ax, x, y, special=special, legend=legend)
     x = branch.parameter if x is None else x
     if y is None:
         outputs = branch.system.output_names

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus import checks
 from saltus.basins.erosion import ErosionProfile
-from saltus.errors import InputError, nearest
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:
@@ -47,10 +47,8 @@ def plot_erosion(
     InputError
         It was not measured.
     """
-    if measure is not None and measure not in profile.measures:
-        wanted = f"one of {', '.join(profile.measures)}"
-        raise InputError("measure", measure, wanted, nearest(str(measure), profile.measures))
-    shown = profile.measures if measure is None else (measure,)
+    style.check_options(ax, legend=legend)
+    shown = profile.measures if measure is None else (checks.chosen("measure", measure, profile.measures),)
     ax, alone = style.axes(ax), len(shown) == 1
     for i in range(len(profile.attractors)):
         colour = style.colour_of_mode(i)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import checks
 from saltus.continuation.branch import Branch
 from saltus.continuation.family import Family
-from saltus.errors import InputError, nearest
+from saltus.errors import InputError
 from saltus.plotting import plot, style
 from saltus.plotting.branch import pieces_of
 
@@ -77,14 +78,12 @@ def plot_family(
     InputError
         A quantity of another name, or nothing to draw.
     """
+    style.check_options(ax, x, y, special=special, legend=legend)
     members = [(i, branch) for i, branch in enumerate(family.branches) if branch is not None]
     if not members:
         hint = next(iter(family.failures.values()), "")
         raise InputError("family", f"{len(family)} members without a branch", "a family with a branch to draw", hint)
-    over = next(iter(family.over)) if over is None else over
-    if over not in family.over:
-        known = ", ".join(family.over)
-        raise InputError("over", over, f"one of {known}", nearest(str(over), family.over))
+    over = next(iter(family.over)) if over is None else checks.chosen("over", over, family.over)
     x = family.parameter if x is None else x
     if y is None:
         outputs = family.system.output_names
@@ -121,8 +120,8 @@ def plot_family(
 
 def _axes(ax: Axes | None, projection: str | None) -> tuple[Axes, bool]:
     """Return the axes, those of a new figure unless given, and whether they are in space."""
-    if projection not in (None, "2d", "3d"):
-        raise InputError("projection", projection, "'3d' or '2d'")
+    if projection is not None:
+        checks.chosen("projection", projection, ("2d", "3d"))
     if ax is not None:
         deep = ax.name == "3d"
         if projection is not None and deep != (projection == "3d"):

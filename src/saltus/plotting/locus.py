@@ -52,6 +52,7 @@ def plot_locus(
     InputError
         A quantity of another name, or `z` with axes in the plane.
     """
+    style.check_options(ax, x, y, z, special=special, legend=legend)
     names = [locus.names[0] if x is None else x, locus.names[1] if y is None else y]
     names += [] if z is None else [z]
     stretches = stretches_of(locus, names)

@@ -34,6 +34,7 @@ def plot_lyapunov(spectrum: LyapunovSpectrum, *, ax: Axes | None = None, legend:
     legend : bool, optional
         Whether the values are given.
     """
+    style.check_options(ax, legend=legend)
     ax = style.axes(ax)
     forced = spectrum.system.phase is not None
     t = spectrum.times / spectrum.period if forced else spectrum.times

@@ -45,6 +45,7 @@ def plot_orbit(
     InputError
         No expression, or a name in it that is not there.
     """
+    style.check_options(ax, x, y, legend=legend)
     system = orbit.system
     x = system.states[0] if x is None else x
     y = (system.states[1] if len(system.states) > 1 else "t") if y is None else y

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from saltus import checks
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -20,6 +22,7 @@ __all__ = [
     "SURFACE",
     "Marker",
     "axes",
+    "check_options",
     "colour_of_mode",
     "label_of",
     "publication",
@@ -140,6 +143,19 @@ def publication() -> Iterator[None]:
 
     with matplotlib.rc_context(_PRINT):
         yield
+
+
+def check_options(ax: object, *names: object, **flags: object) -> None:
+    """Raise `InputError` where `ax` is no Axes, a name of a quantity no text (or None), or a flag no truth value."""
+    if ax is not None:
+        from matplotlib.axes import Axes
+
+        checks.instance("ax", ax, Axes)
+    for name in names:
+        if name is not None:
+            checks.text("quantity", name, "the name of a quantity")
+    for name, value in flags.items():
+        checks.flag(name, value)
 
 
 def axes(ax: Axes | None) -> Axes:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.errors import InputError, nearest
+from saltus import checks
+from saltus.errors import InputError
 from saltus.flow.classify import CHAOTIC, DIVERGED, NO_RETURN, QUASI_PERIODIC
 from saltus.plotting import plot, style
 from saltus.sweeps.sweep import Sweep
@@ -77,12 +78,12 @@ def plot_sweep(
     InputError
         A quantity that was not recorded, a panel of another name, or panels in given Axes.
     """
+    style.check_options(ax, y, legend=legend)
     name = sweep.quantities[0] if y is None else y
     column = sweep.column(name)
-    chosen = (PANELS if ax is None else ()) if panels is None else tuple(panels)
+    chosen = (PANELS if ax is None else ()) if panels is None else checks.names("panels", panels, "names of panels")
     for panel in chosen:
-        if panel not in PANELS:
-            raise InputError("panels", panel, f"among {', '.join(PANELS)}", nearest(str(panel), PANELS))
+        checks.chosen("panels", panel, PANELS)
     if ax is not None and chosen:
         raise InputError("panels", list(chosen), "left out where Axes are given", "they have axes of their own")
     axes = _new_axes(sweep, chosen) if ax is None else [ax]

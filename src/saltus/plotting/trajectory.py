@@ -46,6 +46,7 @@ def plot_trajectory(
     InputError
         No expression, or a name in it that is not there.
     """
+    style.check_options(ax, x, y, legend=legend)
     system = trajectory.system
     y = system.states[0] if y is None else y
     stretches = _stretches(trajectory)

@@ -6,10 +6,10 @@ import html
 import json
 import math
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from saltus.system.codegen import Compiled, CompiledLinear, CompiledSecond, CompiledSeries
 
 __all__ = ["HybridSystem", "Mode", "Transition"]
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
 
 _DIRECTIONS = {-1: "falls", 0: "passes", 1: "rises"}
 
@@ -444,12 +447,7 @@ def _names(names: Sequence[str], where: str) -> tuple[str, ...]:
 
 
 def _mapping(value: Any, where: str, what: str) -> Mapping[Any, Any]:
-    if value is not None and not isinstance(value, Mapping):
-        raise DefinitionError(where, value, f"a mapping {what}")
-    for key in value or {}:
-        if not isinstance(key, str):
-            raise DefinitionError(f"a name in {where}", key, "text")
-    return value or {}
+    return _as_definition(checks.mapping, where, value, what.removeprefix("of "))
 
 
 def _sequence(value: Any, where: str, what: str) -> tuple[Any, ...]:
@@ -459,15 +457,17 @@ def _sequence(value: Any, where: str, what: str) -> tuple[Any, ...]:
 
 
 def _texts(value: Any, where: str, what: str) -> tuple[str, ...]:
-    try:
-        return checks.names(where, value, what)
-    except InputError as error:
-        raise DefinitionError(*error.args) from None
+    return _as_definition(checks.names, where, value, what)
 
 
 def _number(value: Any, name: str, *, finite: bool = True) -> float:
+    return _as_definition(checks.number, name, value, "a finite number" if finite else "a number", finite=finite)
+
+
+def _as_definition(check: Callable[_P, _T], *arguments: _P.args, **options: _P.kwargs) -> _T:
+    """Return what a check returns; what it refuses is a fault of the definition."""
     try:
-        return checks.number(name, value, "a finite number" if finite else "a number", finite=finite)
+        return check(*arguments, **options)
     except InputError as error:
         raise DefinitionError(*error.args) from None
 
