@@ -1,10 +1,10 @@
 """Thirty branches of smooth autonomous cycles: do five starts and three sizes of steps find the same special points?
 
 Each branch is continued from five values of its parameter, each cycle found from a state of its own, with steps of at
-most 0.05, 0.1 and 0.2. All must have the same special points, to 1e-8 in the parameter, and the same ends. SciPy's DOP853
-integrates field and variational equations, from the texts, at 1e-12 along each orbit: a special point whose multipliers
-it does not confirm is false, a change of stability between two special points is one that is missing. Points `HB` are
-compared with equilibria whose Jacobian has imaginary eigenvalues.
+most 0.05, 0.1 and 0.2. All must have the same special points, to 1e-8 in the parameter, and the same ends. SciPy's
+DOP853 integrates field and variational equations, from the texts, at 1e-12 along each orbit: a special point whose
+multipliers it does not confirm is false, a change of stability between two special points is one that is missing.
+Points `HB` are compared with equilibria whose Jacobian has imaginary eigenvalues.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import sympy
@@ -310,7 +311,7 @@ class Examination:
             counts.append(int(np.sum(np.abs(moved) > 1.0 + 1e-7)) if np.all(np.abs(np.abs(moved) - 1.0) > 1e-5) else -1)
         known = [(i, c) for i, c in enumerate(counts) if c >= 0]
         positions = [p.position for p in branch.special_points if p.type in ("SN", "PD", "TR", "BP", "HB")]
-        for (i, c), (j, e) in zip(known, known[1:], strict=False):
+        for (i, c), (j, e) in pairwise(known):
             if c != e and not any(i - 0.01 <= place <= j + 0.01 for place in positions):
                 values = branch.values[i], branch.values[j]
                 self._note(

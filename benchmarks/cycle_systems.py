@@ -1,4 +1,4 @@
-"""Thirty smooth autonomous systems with cycles: from textbooks, with known normal forms, and random near a Hopf point."""
+"""Thirty smooth autonomous systems with cycles: from textbooks, with known normal forms, random near Hopf points."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def rotated_hopf(n: int, growth: str, seed: int, turning: float = 1.0) -> dict[s
 
 
 def random_hopf(n: int, seed: int) -> CycleSystem:
-    """Return a random polynomial field of degree three whose rest at 0 has the eigenvalues mu +- i w, the others stable."""
+    """Return a random field of degree three whose rest at 0 has the eigenvalues mu +- i w and stable ones."""
     rng = np.random.default_rng(seed)
     names = [f"x{i + 1}" for i in range(n)]
     q = np.linalg.qr(rng.normal(size=(n, n)))[0]
@@ -140,9 +140,10 @@ SYSTEMS = (
     CycleSystem("Goodwin", _GOODWIN, {"k": 0.4}, "k", (0.15, 1.0), (0.2, 0.3, 0.35, 0.4, 0.45), (0.5, 0.5, 1.0)),
     CycleSystem("repressilator", {"x": "a/(1 + z**4) - x", "y": "a/(1 + x**4) - y", "z": "a/(1 + y**4) - z"},
                 {"a": 4.0}, "a", (1.2, 12.0), (2.3, 2.6, 3.0, 4.0, 6.0), (1.0, 1.4, 0.6), {"HB": (2.0,)}),
-    CycleSystem("Colpitts", {"x": "g/0.7*(1 - exp(-y) + z)", "y": "g/0.7*z", "z": "-0.35/g*(x + y) - z/1.4"}, {"g": 1.3},
-                "g", (0.8, 1.9), (1.03, 1.1, 1.2, 1.4, 1.6), (0.1, 0.1, 0.1), {"HB": (1.0,)}),
-    CycleSystem("Hindmarsh-Rose", {"x": "y - x**3 + 3*x**2 - z + i0", "y": "1 - 5*x**2 - y", "z": "r*(4*(x + 1.6) - z)"},
+    CycleSystem("Colpitts", {"x": "g/0.7*(1 - exp(-y) + z)", "y": "g/0.7*z", "z": "-0.35/g*(x + y) - z/1.4"},
+                {"g": 1.3}, "g", (0.8, 1.9), (1.03, 1.1, 1.2, 1.4, 1.6), (0.1, 0.1, 0.1), {"HB": (1.0,)}),
+    CycleSystem("Hindmarsh-Rose", {"x": "y - x**3 + 3*x**2 - z + i0", "y": "1 - 5*x**2 - y",
+                                   "z": "r*(4*(x + 1.6) - z)"},
                 {"i0": 4.0, "r": 0.02}, "i0", (3.2, 7.0), (3.7, 4.0, 4.5, 5.0, 5.4), (0.5, 0.0, 3.5)),
     CycleSystem("Langford", {"x": "(z - 0.7)*x - 3.5*y", "y": "3.5*x + (z - 0.7)*y",
                              "z": "0.6 + a*z - z**3/3 - (x**2 + y**2)*(1 + 0.25*z) + 0.1*z*x**3"}, {"a": 0.4}, "a",
@@ -153,9 +154,11 @@ SYSTEMS = (
                 (0.02, 0.1, 0.3, 0.7, 1.2), (0.2, 0.2, 0.2), {"HB": (0.0,), "SN": (), "PD": (), "TR": ()}),
     CycleSystem("Bautin form, turned, 4 states", rotated_hopf(4, "mu + r2 - r2**2", 2), {"mu": 0.1}, "mu", (-0.5, 1.0),
                 (-0.2, -0.1, 0.1, 0.4, 0.8), (0.8, 0.8, 0.8, 0.8), {"HB": (0.0,), "SN": (-0.25,), "PD": (), "TR": ()}),
-    CycleSystem("Lorenz-84", {"x": "-y**2 - z**2 - 0.25*x + 0.25*f", "y": "x*y - 4*x*z - y + g", "z": "4*x*y + x*z - z"},
+    CycleSystem("Lorenz-84", {"x": "-y**2 - z**2 - 0.25*x + 0.25*f", "y": "x*y - 4*x*z - y + g",
+                              "z": "4*x*y + x*z - z"},
                 {"f": 1.6, "g": 0.2}, "f", (0.9, 2.2), (1.2, 1.25, 1.3, 1.35, 1.4), (1.0, 0.3, 0.1)),
-    CycleSystem("Wilson-Cowan", {"u": "-u + 1/(1 + exp(-(10*u - 10*v + p)))", "v": "-v + 1/(1 + exp(-(10*u + 2*v - 4.0)))"},
+    CycleSystem("Wilson-Cowan", {"u": "-u + 1/(1 + exp(-(10*u - 10*v + p)))",
+                                 "v": "-v + 1/(1 + exp(-(10*u + 2*v - 4.0)))"},
                 {"p": -0.5}, "p", (-3.0, 3.0), (-0.6, -0.3, 0.0, 0.2, 0.4), (0.3, 0.2)),
     CycleSystem("two Brusselators", _COUPLED, {"b": 2.3, "d": 0.05}, "b", (1.8, 2.6), (2.05, 2.1, 2.2, 2.3, 2.4),
                 (1.2, 2.0, 0.8, 2.2)),

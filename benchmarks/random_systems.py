@@ -236,7 +236,7 @@ class Reference:
         return float((t["h"](x + step * f) - t["h"](x - step * f)) / (2.0 * step))
 
     def run(self, x0: np.ndarray, mode: str, span: float, times: np.ndarray | None = None, fired: str = "") -> Motion:
-        """Return the motion from a full state over a span of time; `fired` is the transition that has just led there."""
+        """Return the motion from a full state over a span of time; `fired` is the transition that led there."""
         times = np.empty(0) if times is None else times
         motion = Motion([], np.full((times.size, len(self.names)), np.nan), 0.0, np.array(x0, dtype=float), mode)
         crowd = 0

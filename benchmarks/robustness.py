@@ -1,6 +1,7 @@
 """How often a branch from a random start ends well, and whether half the step finds the same special points.
 
-`robustness.py systems` makes public calls on random hybrid systems instead, and compares with SciPy: `random_calls`.
+`robustness.py systems` makes public calls on random hybrid systems instead, and compares with SciPy:
+`random_systems` draws them, `random_calls` makes the calls, `random_watch` stops what takes too long.
 
 Orbits of the tapping-mode AFM with one or two modes, at random parameters and from random states, are continued in a
 random parameter over its interval, twice: by the default steps and by steps at most half as long. A branch ends well at
@@ -23,8 +24,9 @@ from dataclasses import dataclass, field
 from functools import lru_cache, partial
 
 import numpy as np
-import random_calls
 from measure import machine
+from random_calls import CALLS
+from random_watch import run as run_systems
 
 import saltus
 from saltus import afm
@@ -207,14 +209,14 @@ def main() -> None:
     parser.add_argument(
         "--calls",
         nargs="+",
-        choices=random_calls.CALLS,
-        default=random_calls.CALLS,
+        choices=CALLS,
+        default=CALLS,
         help="which calls on systems (all)",
     )
     options = parser.parse_args()
     starts = range(options.first, options.first + options.starts)
     if options.what == "systems":
-        random_calls.run(starts, options.seed, options.processes, tuple(options.calls))
+        run_systems(starts, options.seed, options.processes, tuple(options.calls))
         return
     table, begin = Table(), time.perf_counter()
     try:
