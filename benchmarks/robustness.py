@@ -1,5 +1,8 @@
 """How often a branch from a random start ends well, and whether half the step finds the same special points.
 
+`robustness.py systems` makes public calls on random hybrid systems instead, and compares with SciPy:
+`random_systems` draws them, `random_calls` makes the calls, `random_watch` stops what takes too long.
+
 Orbits of the tapping-mode AFM with one or two modes, at random parameters and from random states, are continued in a
 random parameter over its interval, twice: by the default steps and by steps at most half as long. A branch ends well at
 a bound, closed, at chatter, or where the period halves. Where two modes meet a surface without velocity, both damping
@@ -22,6 +25,8 @@ from functools import lru_cache, partial
 
 import numpy as np
 from measure import machine
+from random_calls import CALLS
+from random_watch import run as run_systems
 
 import saltus
 from saltus import afm
@@ -195,13 +200,24 @@ def outcomes(starts: range, seed: int, processes: int) -> Iterator[Outcome]:
 
 def main() -> None:
     """Run the starts that the command line asks for, and print the table."""
-    parser = argparse.ArgumentParser(description="How often a branch from a random start ends well.")
-    parser.add_argument("--starts", type=int, default=200, help="how many starts (200)")
-    parser.add_argument("--first", type=int, default=0, help="number of the first start, to run them in pieces (0)")
+    parser = argparse.ArgumentParser(description="How branches from random starts, or calls on random systems, end.")
+    parser.add_argument("what", nargs="?", choices=("afm", "systems"), default="afm", help="what is drawn (afm)")
+    parser.add_argument("--starts", "--count", type=int, default=200, help="how many starts, or systems (200)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first, to run them in pieces (0)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the draws (1)")
-    parser.add_argument("--processes", type=int, default=2, help="processes that share the starts (2)")
+    parser.add_argument("--processes", type=int, default=2, help="processes that share the work (2)")
+    parser.add_argument(
+        "--calls",
+        nargs="+",
+        choices=CALLS,
+        default=CALLS,
+        help="which calls on systems (all)",
+    )
     options = parser.parse_args()
     starts = range(options.first, options.first + options.starts)
+    if options.what == "systems":
+        run_systems(starts, options.seed, options.processes, tuple(options.calls))
+        return
     table, begin = Table(), time.perf_counter()
     try:
         for outcome in outcomes(starts, options.seed, options.processes):
