@@ -311,7 +311,7 @@ class _Run:
             return f"{self.name} = {point.parameter * self.scale:.9g}: bound reached"
         if kind == "event":
             name = self.interest.events[int(event.name.split(" ")[1])][0]
-        elif kind in ("margin", "duration", "rate"):
+        elif at_grazing(event.name):
             name = "GR"
         else:
             name = kind
@@ -333,7 +333,7 @@ class _Run:
         half.specials.append(_found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < branch.problem.segments:
             fewer = self.piece(found.signature, found.u)
-            orbit = orbit_at(fewer.problem, found.u, fewer.problem.evaluate(found.u)[1])
+            orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
             half.specials[-1] = replace(half.specials[-1], orbit=orbit)
         half.points.append((branch, point))
         if self.at_grazing == "stop" or name in self.stops:
@@ -359,8 +359,9 @@ class _Run:
         except ValueError as error:
             return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no branch goes on: {error}"
         point.arc = old.arc
+        onward = math.copysign(1.0, float(old.tangent[-1]))
         for probe in (1e-5, 1e-6, 1e-4):
-            for sign in (1.0, -1.0):
+            for sign in (onward, -onward):
                 start = turned(point, sign, OrbitBranch.odd)
                 start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
                 trial = follow(
