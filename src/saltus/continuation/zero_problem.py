@@ -159,7 +159,7 @@ class OrbitBranch:
     def depart(self, point: Point) -> None:
         """Lay the plane that fixes an autonomous cycle's phase anew where the flow has turned away from its normal."""
         if depart(self, self.problem, point.u, point):
-            monitors = {name: value(point) for name, value in self._simple.items()}
+            monitors = self._measured(point)
             point.examined = replace(point.examined, monitors={**point.examined.monitors, **monitors})
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -206,9 +206,7 @@ class OrbitBranch:
         way = self._follow(point, before, values)
         followed = way.followed
         data = OrbitData(survey, values, unstable_count(values[: len(followed)]), followed)
-        monitors = {name: value(point) for name, value in self._simple.items()}
-        if abs(monitors["SN"]) < RESTS:
-            monitors["SN"] = 0.0
+        monitors = self._measured(point)
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
         if abs(values[0]) < INFINITE:
             monitors |= {f"TR {i}": height(value) for i, value in enumerate(followed) if value.imag > 0.0}
@@ -218,6 +216,13 @@ class OrbitBranch:
             return Examined(monitors, None, data)
         self._step = before, point
         return Examined(monitors, _fault(point, before, monitors, data, way), data)
+
+    def _measured(self, point: Point) -> dict[str, float]:
+        """Return the monitors that need no survey; that of folds is 0 where the parameter rests."""
+        monitors = {name: value(point) for name, value in self._simple.items()}
+        if abs(monitors["SN"]) < RESTS:
+            monitors["SN"] = 0.0
+        return monitors
 
     def _follow(self, point: Point, before: Point | None, values: NDArray[np.complex128]) -> Passage:
         """Return how the multipliers before a point, or at the nearer end of the step examined last, become its own."""

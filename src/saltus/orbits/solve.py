@@ -145,7 +145,7 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
                 break
             factor *= 0.5
             if factor < 1e-3:
-                raise ConvergenceError("periodic orbit", size, iteration, _why(problem, size))
+                raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
         u, F, J, size = trial, F_new, J_new, new
         # next to a grazing the equations are so badly conditioned that rounding alone makes longer steps
         rounding = size < _ROUNDING * float(problem.state_scale.max()) and length < _SHORT
@@ -157,8 +157,7 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
             if u[problem.n :: problem.n + 1].sum() < _VANISHED * given[problem.n :: problem.n + 1].sum():
                 raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
             if _extent(problem, u) < _VANISHED**2 * extent:
-                place = ", ".join(f"{value:.6g}" for value in u[: problem.n])
-                raise ConvergenceError("periodic orbit", size, iteration, f"it shrinks to a rest at [{place}]")
+                raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
             if fine and not coarse:
                 return u, J
             if remeshed >= _REMESHED:
@@ -174,7 +173,7 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
             u = _within_reach(problem, u)
             F, J = problem.evaluate(u)
             size = float(np.abs(F).max())
-    raise ConvergenceError("periodic orbit", size, _ITERATIONS, _why(problem, size))
+    raise ConvergenceError("periodic orbit", size, _ITERATIONS, _why(problem, u, size, extent))
 
 
 def _extent(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
@@ -187,8 +186,10 @@ def _extent(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
     return moved if math.isfinite(moved) else 0.0
 
 
-def _why(problem: OrbitProblem, size: float) -> str:
-    """Return what may help where Newton's steps lead no further at that residual."""
+def _why(problem: OrbitProblem, u: NDArray[np.float64], size: float, extent: float) -> str:
+    """Return why Newton's steps lead no further than `u`, with that residual, from an orbit of that extent."""
+    if _extent(problem, u) < _VANISHED**2 * extent:
+        return f"it shrinks to a rest at [{', '.join(f'{value:.6g}' for value in u[: problem.n])}]"
     if size < _ROUNDED * float(problem.state_scale.max()):
         return "the equations are singular there, as at a saddle-node or a branch point"
     return "start from a nearer guess"
