@@ -369,7 +369,7 @@ class _Run:
                      log=[],
                 )  # fmt: skip
                 item = next(trial)
-                if isinstance(item, Point) and _beyond_grazings(item):
+                if isinstance(item, Point) and _beyond_grazings(branch.problem, item):
                     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
                     return branch, item, min(self.control.initial, 1e-3)
         return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no admissible orbit beyond it"
@@ -378,10 +378,15 @@ class _Run:
 _INADMISSIBLE = Survey(1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
 
 
-def _beyond_grazings(point: Point) -> bool:
+def _beyond_grazings(problem: OrbitProblem, point: Point) -> bool:
     """Whether a point is admissible by more than rounding: some distances from a grazing grow slowly."""
-    monitors = point.examined.monitors.items()
-    grazings = (value for name, value in monitors if at_grazing(name) and not math.isnan(value))
+    monitors, transitions = point.examined.monitors.items(), problem.system.transitions
+    grazings = (
+        # an event in either direction has no side of its own
+        abs(value) if name.startswith("side") and transitions[int(name.split(" ")[2])].direction == 0 else value
+        for name, value in monitors
+        if at_grazing(name) and not math.isnan(value)
+    )
     return point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
 
 

@@ -13,14 +13,14 @@ from saltus import checks
 from saltus.continuation.arclength import StepControl, correct
 from saltus.continuation.branch import Branch
 from saltus.continuation.curve import SpecialPoint
-from saltus.continuation.grazing import Neighbour, neighbour
+from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.orbits import continue_orbit
 from saltus.continuation.zero_problem import Interest, OrbitBranch
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.normal_form import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import CLOSED_END, DIRECTION, DURATION, MEAN_END, PHASE_END, OrbitProblem, Signature
+from saltus.orbits.problem import CLOSED_END, DIRECTION, DURATION, MEAN_END, PHASE_END, WHOLE, OrbitProblem, Signature
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -210,7 +210,8 @@ def _signatures(orbit: PeriodicOrbit) -> list[PeriodicOrbit]:
         for i, transition in enumerate(orbit.form.transitions)
         if transition >= 0 and abs(survey.rates[i, 0]) * period < _TOUCHING * size and not touching
     ]
-    touching += [f"margin {i} {k}" for i, k in np.argwhere(np.abs(survey.margins) < _TOUCHING * size).tolist()]
+    near = (np.abs(survey.margins) < _TOUCHING * size) & (survey.places != WHOLE)
+    touching += [*(f"margin {i} {k}" for i, k in np.argwhere(near).tolist()), *sorted(sides_met(problem, u))[:1]]
     for monitor in touching:
         beside = neighbour(problem, monitor, u)
         if isinstance(beside, Neighbour):

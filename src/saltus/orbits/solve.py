@@ -28,8 +28,7 @@ nearer guess makes smaller."""
 _REMESHED = 12
 _PERHAPS_SINGULAR = 0.3  # least singular value, over the next one, of equations that may have a family of solutions
 _FAMILY = (
-    "orbits form a family there at fixed parameters, as where nothing dissipates (a multiplier 1 besides any trivial "
-    "one): none is isolated; add damping and what drives it, or follow single motions with simulate"
+    "orbits form a family there at fixed parameters, as in a conservative system: add damping and a drive, or simulate"
 )
 
 
