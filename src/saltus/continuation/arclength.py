@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
+    "RESTS",
     "Event",
     "Failure",
     "Point",
@@ -159,11 +160,14 @@ class Event:
     value: float
 
 
-_ACCEPT, _REMESHED, _CROWDED, _ZERO, _JUMP, _BENT, _CONSTANT = 2e-9, 20, 1e-5, 1e-6, 1e-3, 2.0, 1e-9
+RESTS = 1e-7
+"""Slope of the parameter, in units of arclength, below which it rests: a family at one value has one of rounding."""
+
+_ACCEPT, _REMESHED, _CROWDED, _ZERO, _JUMP, _BENT = 2e-9, 20, 1e-5, 1e-6, 1e-3, 2.0
 """Newton step at which a point is taken; evaluations more in which the mesh may become fine enough for a point that is
 found; step below which several events may share it; value of a monitor function, over those at the step's ends, that is
 rounding of a zero, and above which a change of sign is a jump; what the curvature of a monitor function is multiplied
-with where a zero may be overlooked; slope of the parameter below which it rests."""
+with where a zero may be overlooked."""
 
 _SETTLED, _STALLED, _EXACT = 1e-9, 1e-7, 1e-11
 """Newton step at which a located point is taken; below which it may be where steps no longer shrink; value of a monitor
@@ -214,11 +218,12 @@ def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float
     weights = problem.metric(u)
     root = np.sqrt(np.maximum(weights, 1e-12))
     J = np.empty(0)
-    for _ in range(6):
+    for _ in range(6 + _REMESHED):
         F, J = problem.evaluate(u)
+        fine = problem.accurate()
         step = np.linalg.lstsq(J / root, -F, rcond=None)[0] / root
         u = u + step
-        if np.abs(step / problem.scale()).max() < _ACCEPT:
+        if fine and np.abs(step / problem.scale()).max() < _ACCEPT:
             break
     null = np.linalg.svd(J / root)[2][-1] / root
     null *= np.sign(orientation * null[-1]) or 1.0
@@ -352,7 +357,7 @@ def _misstep(point: Point, new: Point, moved: float, angle: float, control: Step
 
 def _turns_twice(a: float, b: float, chord: float) -> bool:
     """Whether the cubic with slopes a and b at a step's ends and `chord` between them has two turning points inside."""
-    if a * b <= 0.0 or max(abs(a), abs(b), abs(chord)) < _CONSTANT:
+    if a * b <= 0.0 or max(abs(a), abs(b), abs(chord)) < RESTS:
         return False
     side = math.copysign(1.0, a)
     a, b, chord = a * side, b * side, chord * side

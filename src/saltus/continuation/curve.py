@@ -385,7 +385,7 @@ class Curve(Result):
         """Return the orbit of one point, from which another continuation can start."""
         index = checks.count("index", index, -len(self), len(self) - 1)
         problem, u = self._solved(index)
-        return orbit_at(problem, u, problem.evaluate(u)[1])
+        return orbit_at(problem, u, problem.resolve(u)[1])
 
     def _solved(self, index: int) -> tuple[OrbitProblem, NDArray[np.float64]]:
         """Return the equations of one point's orbit, meshes made, and their solution."""

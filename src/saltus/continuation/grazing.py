@@ -8,13 +8,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.orbits.problem import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, TOUCH_END, OrbitProblem, Signature
+from saltus.orbits.problem import (
+    CLOSED_END,
+    EVENT_END,
+    MEAN_END,
+    PHASE_END,
+    TOUCH_END,
+    WHOLE,
+    OrbitProblem,
+    Signature,
+)
 from saltus.orbits.solve import settle_signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Neighbour", "neighbour", "touching", "turned"]
+__all__ = ["Neighbour", "neighbour", "sides_met", "touching", "turned"]
 
 _NEAR = 1e-6
 _TURNED = "the event met without velocity changes the mode, but the motion turns back at once"
@@ -36,8 +45,8 @@ def neighbour(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> Ne
     problem : OrbitProblem
         The signature in which it was found.
     monitor : str
-        What vanishes: ``margin i k`` (segment i touches the surface of transition k), ``rate i`` (segment i's event is
-        met without velocity) or ``duration i`` (segment i has no length).
+        What vanishes: ``margin i k`` (segment i touches the surface of transition k), ``side i k`` (all of it lies on
+        that surface), ``rate i`` (segment i's event is met without velocity), ``duration i`` (segment i has no length).
     u : ndarray, shape (size + 1,)
         The orbit and the parameter.
     """
@@ -47,6 +56,8 @@ def neighbour(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> Ne
         kind, numbers = _vanishing(problem, blocks, int(numbers[0]))
     if kind == "margin":
         found = _insert(problem, blocks, u, int(numbers[0]), int(numbers[1]))
+    elif kind == "side":
+        found = _change_modes(problem, blocks, u, int(numbers[1]))
     elif kind == "duration":
         found = _remove(problem, blocks, u, int(numbers[0]))
     else:
@@ -113,6 +124,79 @@ def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
         same = [(m, t, b) for m, t, b in zip(old.modes, old.transitions, blocks, strict=True)]
         rows = [*same[:i], *cut, (mode, old.transitions[i], rest), *same[i + 1 :]]
     return _gather(rows, old.turns)
+
+
+def _change_modes(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], k: int) -> _Found | str:
+    """Move every segment that lies on a surface as a whole to the mode to which its transition leads."""
+    system, old, names = problem.system, problem.signature, problem.system.mode_names
+    if (first := system.transitions[k]).target == first.source:
+        return f"the whole orbit meets the surface of {first.name!r}, and no orbit near it does so"
+    modes = list(old.modes)
+    for i, j in _on_surfaces(problem, u):
+        transition = system.transitions[j]
+        if transition.target != transition.source and modes[i] == old.modes[i]:
+            if not _rests(problem, i, j):
+                return f"the reset of {transition.name!r} moves the state: no neighbouring signature is continuous"
+            modes[i] = names.index(transition.target)
+    chosen = []
+    for i, end in enumerate(old.transitions):
+        following = (i + 1) % len(modes)
+        like: int | None = end
+        if end >= 0 and (modes[i], modes[following]) != (old.modes[i], old.modes[following]):
+            like = _same_event(problem, end, modes[i], modes[following], problem.state_on(i, 1.0))
+        if like is None:
+            return f"no transition out of {names[modes[i]]!r} is like {system.transitions[end].name!r}"
+        chosen.append(like)
+    signature = Signature(tuple(modes), tuple(chosen), old.kinds, old.turns)
+    fresh = OrbitProblem(system, signature, problem.parameters_at(u), tol=problem.tol)
+    fresh.start(blocks.ravel())
+    gaps = fresh.evaluate(blocks.ravel())[0].reshape(problem.segments, problem.n + 1)[:, : problem.n]
+    if not np.max(np.abs(gaps) / problem.state_scale) < _NEAR:
+        return f"the field jumps on the surface of {first.name!r}, so that no orbit near it goes on beyond"
+    return signature, blocks
+
+
+def _on_surfaces(problem: OrbitProblem, u: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Return the segments that lie on a surface as a whole, each with the transition."""
+    found, n = [], problem.n
+    for i, k in np.argwhere(problem.survey(u).places == WHOLE).tolist():
+        distance, gradient = problem.distance(u, i, k)
+        if abs(distance) < _NEAR * float(np.abs(gradient[i * (n + 1) : i * (n + 1) + n]) @ problem.state_scale):
+            found.append((i, k))
+    return found
+
+
+def sides_met(problem: OrbitProblem, u: NDArray[np.float64]) -> set[str]:
+    """Return the monitor functions ``side i k`` that vanish at an orbit."""
+    return {f"side {i} {k}" for i, k in _on_surfaces(problem, u)}
+
+
+def _rests(problem: OrbitProblem, segment: int, transition: int) -> bool:
+    """Whether a reset leaves every state of a segment, as last surveyed, as it is."""
+    after = np.empty(problem.n)
+    for place in np.linspace(0.0, 1.0, 7):
+        x = problem.state_on(segment, float(place))
+        problem.system.compiled.call("reset", transition, 0, x, problem.extended, after)
+        if np.max(np.abs(after - x) / problem.state_scale) > _NEAR:
+            return False
+    return True
+
+
+def _same_event(problem: OrbitProblem, transition: int, source: int, target: int, x: NDArray[np.float64]) -> int | None:
+    """Return a transition between two modes that does at a state what another one does between two others."""
+    system, n = problem.system, problem.n
+    names, like = system.mode_names, system.transitions[transition]
+    event, wanted, after = np.empty(2 + 2 * n), np.empty(n), np.empty(n)
+    system.compiled.call("reset", transition, 0, x, problem.extended, wanted)
+    for k, other in enumerate(system.transitions):
+        if (other.source, other.target, other.direction) != (names[source], names[target], like.direction):
+            continue
+        system.compiled.call("event_x", k, 0, x, problem.extended, event)
+        system.compiled.call("reset", k, 0, x, problem.extended, after)
+        near = abs(event[0]) < _NEAR * float(np.abs(event[2 : 2 + n]) @ problem.state_scale)
+        if near and np.max(np.abs(after - wanted) / problem.state_scale) < _NEAR:
+            return k
+    return None
 
 
 def touching(problem: OrbitProblem, u: NDArray[np.float64], i: int, k: int) -> Neighbour:

@@ -30,7 +30,7 @@ from saltus.continuation.zero_problem import BIFURCATIONS, at_grazing
 from saltus.errors import InputError
 from saltus.orbits.critical import Branching, Condition, Critical, Grazing, TorusCondition
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import DIRECTION, DURATION, MEAN_END, OrbitProblem, Signature
+from saltus.orbits.problem import DIRECTION, DURATION, MEAN_END, WHOLE, OrbitProblem, Signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -258,7 +258,7 @@ class _Run:
 
     def _condition(self, problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Condition, NDArray[np.float64]]:
         """Return the condition of an SN, PD, TR or BP, and a guess of its further unknowns."""
-        J = problem.evaluate(u)[1]
+        J = problem.resolve(u)[1]
         if self.kind == "BP":
             branching = Branching(problem, self._branching_parameter(), u, J)
             if not branching.distance(J) < _CRITICAL:
@@ -319,6 +319,8 @@ class _Run:
                 raise InputError(
                     "start", f"{least:.3g} from the nearest surface", "an orbit that grazes one", "a GR does"
                 )
+            if survey.places[i, k] == WHOLE:
+                return problem, u, Grazing(problem, "side", int(i), int(k))
             larger = neighbour(problem, f"margin {i} {k}", u)
             if not isinstance(larger, Neighbour):
                 larger = touching(problem, u, int(i), int(k))

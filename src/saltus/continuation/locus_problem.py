@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.arclength import Event, Examined, Point, correct
-from saltus.continuation.grazing import Neighbour, neighbour
+from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.guards import residual_fault, unconfirmed
 from saltus.continuation.phase_plane import astray, depart
-from saltus.continuation.zero_problem import at_grazing, grazing_monitors, shadowed_rates
+from saltus.continuation.zero_problem import at_grazing, grazing_monitors, shadowed_rates, side_of
 from saltus.orbits.critical import Branching, Critical, Grazing
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.normal_form import flip_coefficient, null_vectors, torus_coefficient
@@ -93,9 +93,11 @@ class LocusBranch:
         kinds = problem.signature.kinds
         self._durations = {f"duration {i}": i for i, end in enumerate(kinds) if end == MEAN_END}
         if isinstance(condition, Grazing):
-            own = {f"{condition.kind} {condition.segment}"}
+            own = {condition.monitor}
             if condition.kind == "duration":
                 own |= shadowed_rates([condition.segment], problem.segments)
+            elif condition.kind == "side":
+                own |= sides_met(problem, self.orbit(z))
             self._surveyed = {name: value for name, value in self._surveyed.items() if name not in own}
             self._durations = {name: i for name, i in self._durations.items() if name not in own}
         self._adjust(self.orbit(z))
@@ -192,6 +194,9 @@ class LocusBranch:
                 for name, value in monitors.items()
             )
             fault = None if grazing else self._lost_motion()
+        grazed = self.condition
+        if isinstance(grazed, Grazing) and grazed.left(survey):
+            fault = "the orbit does not lie on the surface as a whole any more"
         return Examined(monitors, fault, data)
 
     def depart(self, point: Point) -> None:
@@ -205,6 +210,8 @@ class LocusBranch:
 
     def monitor(self, name: str, point: Point) -> float:
         """Return one monitor function at a point that need not be quite corrected."""
+        if name.startswith("side"):
+            return side_of(self.problem, name, self.orbit(point.u))
         if name in self._surveyed:
             return float(self._surveyed[name](self.problem.survey(self.orbit(point.u))))
         if name in _PLAIN or name in self._durations:
@@ -303,7 +310,7 @@ class LocusBranch:
             fine.system, fine.signature, fine.parameters_at(u), fine.active, fine.scales, max(fine.tol, _ROUGH)
         )
         rough.start(u)
-        return rough, rough.evaluate(u)[1]
+        return rough, rough.resolve(u)[1]
 
     def _at_BP(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
         values = multipliers(self.problem, self.orbit(point.u), self._J)
@@ -316,12 +323,12 @@ class LocusBranch:
         if TOUCH_END not in self.problem.signature.kinds:
             found = self._critical_beside("larger", self.problem, u, self._J)[0]
         values = np.full(len(self.problem.system.states), math.inf + 0j)
-        beside = neighbour(self.problem, f"{condition.kind} {condition.segment}", u)
+        beside = neighbour(self.problem, condition.monitor, u)
         if isinstance(beside, Neighbour):
             p, active, scales = self.problem.parameters_at(u), self.problem.active, self.problem.scales
             problem = OrbitProblem(self.problem.system, beside.signature, p, active, scales, self.problem.tol)
             problem.start(beside.u)
-            more, values = self._critical_beside("smaller", problem, beside.u, problem.evaluate(beside.u)[1])
+            more, values = self._critical_beside("smaller", problem, beside.u, problem.resolve(beside.u)[1])
             found |= more
         return found, self._data(survey, values, math.nan, math.nan)
 

@@ -311,7 +311,7 @@ class _Run:
             return f"{self.name} = {point.parameter * self.scale:.9g}: bound reached"
         if kind == "event":
             name = self.interest.events[int(event.name.split(" ")[1])][0]
-        elif kind in ("margin", "duration", "rate"):
+        elif at_grazing(event.name):
             name = "GR"
         else:
             name = kind
@@ -333,7 +333,7 @@ class _Run:
         half.specials.append(_found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < branch.problem.segments:
             fewer = self.piece(found.signature, found.u)
-            orbit = orbit_at(fewer.problem, found.u, fewer.problem.evaluate(found.u)[1])
+            orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
             half.specials[-1] = replace(half.specials[-1], orbit=orbit)
         half.points.append((branch, point))
         if self.at_grazing == "stop" or name in self.stops:
@@ -359,8 +359,9 @@ class _Run:
         except ValueError as error:
             return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no branch goes on: {error}"
         point.arc = old.arc
+        onward = math.copysign(1.0, float(old.tangent[-1]))
         for probe in (1e-5, 1e-6, 1e-4):
-            for sign in (1.0, -1.0):
+            for sign in (onward, -onward):
                 start = turned(point, sign, OrbitBranch.odd)
                 start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
                 trial = follow(
@@ -368,7 +369,7 @@ class _Run:
                      log=[],
                 )  # fmt: skip
                 item = next(trial)
-                if isinstance(item, Point) and _beyond_grazings(item):
+                if isinstance(item, Point) and _beyond_grazings(branch.problem, item):
                     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
                     return branch, item, min(self.control.initial, 1e-3)
         return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no admissible orbit beyond it"
@@ -377,10 +378,15 @@ class _Run:
 _INADMISSIBLE = Survey(1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
 
 
-def _beyond_grazings(point: Point) -> bool:
+def _beyond_grazings(problem: OrbitProblem, point: Point) -> bool:
     """Whether a point is admissible by more than rounding: some distances from a grazing grow slowly."""
-    monitors = point.examined.monitors.items()
-    grazings = (value for name, value in monitors if at_grazing(name) and not math.isnan(value))
+    monitors, transitions = point.examined.monitors.items(), problem.system.transitions
+    grazings = (
+        # an event in either direction has no side of its own
+        abs(value) if name.startswith("side") and transitions[int(name.split(" ")[2])].direction == 0 else value
+        for name, value in monitors
+        if at_grazing(name) and not math.isnan(value)
+    )
     return point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
 
 

@@ -13,14 +13,14 @@ from saltus import checks
 from saltus.continuation.arclength import StepControl, correct
 from saltus.continuation.branch import Branch
 from saltus.continuation.curve import SpecialPoint
-from saltus.continuation.grazing import Neighbour, neighbour
+from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.orbits import continue_orbit
 from saltus.continuation.zero_problem import Interest, OrbitBranch
 from saltus.errors import ConvergenceError, InputError
-from saltus.orbits.critical import Branching
+from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.normal_form import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import CLOSED_END, DIRECTION, DURATION, MEAN_END, PHASE_END, OrbitProblem, Signature
+from saltus.orbits.problem import CLOSED_END, DIRECTION, DURATION, MEAN_END, PHASE_END, WHOLE, OrbitProblem, Signature
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,6 +32,10 @@ _AMPLITUDES = tuple(1e-3 * 0.25**k for k in range(8))
 """Steps along the other branch, in sizes of the orbit: the first that converges is taken."""
 
 _TOUCHING, _FEIGENBAUM = 1e-6, 4.669201609
+_PERHAPS_ZERO = 1e-6
+"""Value of a parameter below which it may be rounding."""
+_ALIKE = 1e-9
+"""Difference from 1 of the cosine between two branches that have the same direction."""
 
 
 def switch_branch(point: SpecialPoint) -> PeriodicOrbit | list[PeriodicOrbit]:
@@ -83,16 +87,27 @@ def switch_branch(point: SpecialPoint) -> PeriodicOrbit | list[PeriodicOrbit]:
 
 
 def _parameter(point: SpecialPoint) -> tuple[int, float]:
-    """Return the index of the parameter along which the point was found, and a unit for it."""
-    name = point.varied[-1]
-    return point.orbit.system.parameter_names.index(name), abs(point.parameters[name]) or 1.0
+    """Return the index of the parameter along which the point was found, and a unit for it.
+
+    That is its value, or, of one that may be zero but for rounding, what changes the equations' Jacobian by its size.
+    """
+    name, orbit = point.varied[-1], point.orbit
+    index, value = orbit.system.parameter_names.index(name), abs(point.parameters[name])
+    if value > _PERHAPS_ZERO:
+        return index, value
+    problem = orbit.problem(name)
+    u = np.append(orbit.unknowns, point.parameters[name])
+    columns, rows = scaling(problem, J := problem.resolve(u)[1], u)
+    change = problem.second(u, np.append(np.zeros(problem.size), 1.0))
+    sizes = [float(np.linalg.norm(rows[:, None] * part[:, : problem.size] * columns)) for part in (J, change)]
+    return index, max(value, sizes[0] / sizes[1]) if sizes[1] > 0.0 else value or 1.0
 
 
 def _doubled(point: SpecialPoint, level: int = 0) -> PeriodicOrbit:
     """Return the orbit of doubled period beside a period doubling; `level` doublings came before in a cascade."""
     orbit = point.orbit
     problem, u = orbit.problem(), orbit.unknowns
-    q = null_vectors(problem, u, problem.evaluate(u)[1], -1.0)[0].real
+    q = null_vectors(problem, u, problem.resolve(u)[1], -1.0)[0].real
     form, n = orbit.form, problem.n
     if form.kinds[0] in (PHASE_END, CLOSED_END):
         signature = Signature(form.modes, form.transitions, form.kinds, 2 * form.turns)
@@ -121,7 +136,7 @@ def _other(point: SpecialPoint) -> PeriodicOrbit:
     problem = OrbitProblem(orbit.system, orbit.form, p, [index], np.array([scale]), orbit.tol)
     u = np.append(orbit.unknowns, orbit_value(orbit, index) / scale)
     problem.start(u, point.sizes)
-    J = problem.evaluate(u)[1]
+    J = problem.resolve(u)[1]
     condition = Branching(problem, 0, u, J)
     condition.evaluate(u, np.zeros(1), J)
     first, second = condition.right
@@ -130,13 +145,18 @@ def _other(point: SpecialPoint) -> PeriodicOrbit:
     root = math.sqrt(max(b * b - a * c, 0.0))
     # a x^2 + 2 b x y + c y^2 = 0
     far = -(b + math.copysign(root, b))
-    ways = [(far, a), (c, far)] if max(abs(far), abs(a)) > 0.0 else [(1.0, 0.0), (0.0, 1.0)]
-    directions = [x * first + y * second for x, y in ways]
+    ways = [(far, a), (c, far)] if max(abs(far), abs(a), abs(c)) > 0.0 else [(1.0, 0.0), (0.0, 1.0)]
+    # of a double root one of the two pairs may be zero
+    directions = [x * first + y * second for x, y in ways if (x, y) != (0.0, 0.0)]
     if point.tangent is None:
         raise InputError("point", point.label, "a branch point of a branch", "one of a locus has no branch of its own")
     units = np.append(np.tile(np.append(problem.state_scale, orbit.period), problem.segments), 1.0)
     own = point.tangent / units
+    own /= np.linalg.norm(own)
     likeness = [abs(float(own @ (d / units))) / float(np.linalg.norm(d / units)) for d in directions]
+    if min(likeness) > 1.0 - _ALIKE:
+        hint = "to second order both branches leave in the same direction"
+        raise ConvergenceError("other branch", abs(root), 0, hint)
     chosen = directions[int(np.argmin(likeness))]
     return _step_off(orbit, orbit.form, u, chosen, index, scale, "other branch", sizes=point.sizes)
 
@@ -190,14 +210,15 @@ def _signatures(orbit: PeriodicOrbit) -> list[PeriodicOrbit]:
         for i, transition in enumerate(orbit.form.transitions)
         if transition >= 0 and abs(survey.rates[i, 0]) * period < _TOUCHING * size and not touching
     ]
-    touching += [f"margin {i} {k}" for i, k in np.argwhere(np.abs(survey.margins) < _TOUCHING * size).tolist()]
+    near = (np.abs(survey.margins) < _TOUCHING * size) & (survey.places != WHOLE)
+    touching += [*(f"margin {i} {k}" for i, k in np.argwhere(near).tolist()), *sorted(sides_met(problem, u))[:1]]
     for monitor in touching:
         beside = neighbour(problem, monitor, u)
         if isinstance(beside, Neighbour):
             p = orbit.system.parameter_vector(orbit.parameters)
             other = OrbitProblem(orbit.system, beside.signature, p, tol=orbit.tol)
             other.start(beside.u)
-            again = orbit_at(other, beside.u, other.evaluate(beside.u)[1])
+            again = orbit_at(other, beside.u, other.resolve(beside.u)[1])
             # where a duration or a velocity vanishes, its sign is rounding
             found.append(replace(again, faults=again.faults & ~(DURATION | DIRECTION)))
     return found

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.arclength import Event, Examined, Point, correct
+from saltus.continuation.arclength import RESTS, Event, Examined, Point, correct
 from saltus.continuation.grazing import turned
 from saltus.continuation.guards import INFINITE, residual_fault, unconfirmed
 from saltus.continuation.phase_plane import astray, depart
@@ -23,12 +23,21 @@ from saltus.orbits.floquet import (
     passage,
     unstable_count,
 )
-from saltus.orbits.problem import MEAN_END, OrbitProblem, Survey
+from saltus.orbits.problem import MEAN_END, WHOLE, OrbitProblem, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["BIFURCATIONS", "Interest", "OrbitBranch", "OrbitData", "at_grazing", "grazing_monitors", "shadowed_rates"]
+__all__ = [
+    "BIFURCATIONS",
+    "Interest",
+    "OrbitBranch",
+    "OrbitData",
+    "at_grazing",
+    "grazing_monitors",
+    "shadowed_rates",
+    "side_of",
+]
 
 BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
 
@@ -83,9 +92,9 @@ class OrbitBranch:
 
     Monitor functions are the bounds (``low``, ``high``), the bifurcations (``SN``, ``PD``, ``BP``, and ``TR i``, the
     height of the i-th multiplier followed, where it is of a complex pair the one above the real axis), what vanishes at
-    a grazing (``margin i k``: segment i's distance from the surface of transition k; ``duration i`` of a
-    segment that starts on its own event; ``rate i``: the normal velocity at segment i's end), and users' events
-    (``event i``).
+    a grazing (``margin i k``: segment i's distance from the surface of transition k; ``side i k``: that of a segment
+    that is equally far from it throughout; ``duration i`` of a segment that starts on its own event; ``rate i``: the
+    normal velocity at segment i's end), and users' events (``event i``).
 
     Parameters
     ----------
@@ -150,7 +159,7 @@ class OrbitBranch:
     def depart(self, point: Point) -> None:
         """Lay the plane that fixes an autonomous cycle's phase anew where the flow has turned away from its normal."""
         if depart(self, self.problem, point.u, point):
-            monitors = {name: value(point) for name, value in self._simple.items()}
+            monitors = self._measured(point)
             point.examined = replace(point.examined, monitors={**point.examined.monitors, **monitors})
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -197,7 +206,7 @@ class OrbitBranch:
         way = self._follow(point, before, values)
         followed = way.followed
         data = OrbitData(survey, values, unstable_count(values[: len(followed)]), followed)
-        monitors = {name: value(point) for name, value in self._simple.items()}
+        monitors = self._measured(point)
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
         if abs(values[0]) < INFINITE:
             monitors |= {f"TR {i}": height(value) for i, value in enumerate(followed) if value.imag > 0.0}
@@ -207,6 +216,13 @@ class OrbitBranch:
             return Examined(monitors, None, data)
         self._step = before, point
         return Examined(monitors, _fault(point, before, monitors, data, way), data)
+
+    def _measured(self, point: Point) -> dict[str, float]:
+        """Return the monitors that need no survey; that of folds is 0 where the parameter rests."""
+        monitors = {name: value(point) for name, value in self._simple.items()}
+        if abs(monitors["SN"]) < RESTS:
+            monitors["SN"] = 0.0
+        return monitors
 
     def _follow(self, point: Point, before: Point | None, values: NDArray[np.complex128]) -> Passage:
         """Return how the multipliers before a point, or at the nearer end of the step examined last, become its own."""
@@ -228,6 +244,8 @@ class OrbitBranch:
             way = self._follow(point, None, multipliers(self.problem, point.u, point.J))
             value = way.followed[int(name[3:])]
             return height(value) if value.imag != 0.0 else math.nan
+        if name.startswith("side"):
+            return side_of(self.problem, name, point.u)
         return self._surveyed[name](self.problem.survey(point.u))
 
     def leading(self, names: list[str]) -> list[str]:
@@ -269,7 +287,7 @@ class OrbitBranch:
             return None
         if turned(self.problem, event.name, event.point.u):
             return "not admissible: a segment touches its surface inside before it does where it starts"
-        if not a.followed:
+        if not a.followed or _rests(before, after):
             return None
         kind, followed = event.name[:2], here.followed
         critical = {i for i, value in enumerate(followed) if abs(height(value)) < _CRITICAL}
@@ -290,17 +308,31 @@ class OrbitBranch:
 
 
 def grazing_monitors(problem: OrbitProblem) -> dict[str, Callable[[Survey], float]]:
-    """Return what a survey tells of grazings: ``margin i k`` and ``rate i``, each positive on the admissible side."""
+    """Return what a survey tells of grazings: ``margin i k``, ``side i k`` and ``rate i``.
+
+    Each is positive on the admissible side, but for a side where either direction of the event counts.
+    """
     found: dict[str, Callable[[Survey], float]] = {}
     system, signature = problem.system, problem.signature
     for i, (mode, end) in enumerate(zip(signature.modes, signature.transitions, strict=True)):
         for k, transition in enumerate(system.transitions):
             if transition.source == system.mode_names[mode]:
-                found[f"margin {i} {k}"] = lambda s, i=i, k=k: float(s.margins[i, k])  # type: ignore[misc]
+                found[f"margin {i} {k}"] = lambda s, at=(i, k): (  # type: ignore[misc]
+                    float(s.margins[at]) if s.places[at] != WHOLE else math.inf
+                )
+                found[f"side {i} {k}"] = lambda s, at=(i, k): (  # type: ignore[misc]
+                    float(s.margins[at]) if s.places[at] == WHOLE else math.nan
+                )
         if end >= 0:
             way = float(system.transitions[end].direction or -1)
             found[f"rate {i}"] = lambda s, i=i, way=way: way * float(s.rates[i, 0])  # type: ignore[misc]
     return found
+
+
+def side_of(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> float:
+    """Return the monitor ``side i k`` of an orbit that need not be quite corrected."""
+    segment, transition = (int(number) for number in monitor.split(" ")[1:])
+    return problem.distance(u, segment, transition)[0]
 
 
 def shadowed_rates(vanishing: list[int], count: int) -> set[str]:
@@ -314,8 +346,13 @@ def bifurcates(name: str) -> bool:
 
 
 def at_grazing(name: str) -> bool:
-    """Return whether a monitor function vanishes at grazings; it is positive on the admissible side."""
-    return name.startswith(("margin", "duration", "rate"))
+    """Return whether a monitor function vanishes at grazings."""
+    return name.startswith(("margin", "side", "duration", "rate"))
+
+
+def _rests(a: Point, b: Point) -> bool:
+    """Whether the parameter rests in a step: it does along a family at one value, whose multiplier 1 is rounded."""
+    return max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1]))) < RESTS
 
 
 def _beyond(distance: float) -> float:
@@ -335,7 +372,7 @@ def _fault(point: Point, before: Point, monitors: Mapping[str, float], data: Orb
     grazing = any(at_grazing(name) for name in changed)
     if old.survey.admissible and not data.survey.admissible and not grazing:
         return "not admissible: " + "; ".join(data.survey.reasons())
-    if point.arc - before.arc < _SHORT or grazing or not old.survey.admissible:
+    if point.arc - before.arc < _SHORT or grazing or not old.survey.admissible or _rests(before, point):
         return None
     if not way.sure:
         return "stability: multipliers may have crossed the unit circle in opposite ways"

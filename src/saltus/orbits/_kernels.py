@@ -11,6 +11,8 @@ from saltus.flow._kernels import INNER, call, dense_value, keep, outlined, point
 from saltus.flow._linear_kernels import solve_flat
 from saltus.flow._segment_kernels import FIELD, dense, flow, missed, redistribute
 from saltus.orbits.problem import (
+    BEYOND,
+    BOUNDARY,
     CLOSED_END,
     COARSE,
     DIRECTION,
@@ -20,9 +22,11 @@ from saltus.orbits.problem import (
     EVENT_END,
     MEAN_END,
     PHASE_END,
+    SECTION,
     TOUCH_END,
     VALUE,
     WHEN,
+    WHOLE,
 )
 from saltus.system.codegen import FUNCTIONS
 
@@ -33,6 +37,9 @@ DERIVE, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = (
 FINE = 3  # samples of a step in the survey
 PEAK = 0.02  # share of a quantity's range by which a sampled extreme may miss the true one
 FINEST, COARSEST, AIM = 5.0, 5e-3, 0.2  # errors of a step, in tolerances: most, least, aimed at
+LEVEL = 1e-8  # share of an event function's variation within which a segment is as a whole equally far from its surface
+ZERO = 1e-13  # share of an event function's variation below which it is rounding
+BRIEF = 1e-4  # share of the period below which a segment is too short to tell that of it
 SHORT = 0.01  # share of the period below which a mean rate is integrated rather than taken from its ends
 
 
@@ -534,6 +541,7 @@ def survey(
     turns,
     sources,
     directions,
+    surfaces,
     n,
     n_modes,
     n_outputs,
@@ -556,8 +564,10 @@ def survey(
 ):
     """Follow an orbit densely: extremes of every state and output, margins to other events, normal velocities, state at phase 0.
 
+    surfaces: (transitions,), BOUNDARY, STOP or SECTION.
     lows, highs: (n + n_outputs,). margins, places: (segments, transitions): the least interior local minimum of each event
-    function in its firing direction (inf where there is none), and where in clustered time. rates: (segments, 3): Lie
+    function in its firing direction (inf where there is none), and where in clustered time; its value at the segment's
+    start and WHOLE where it is level. rates: (segments, 3): Lie
     derivative of each segment's event at its end and at its start; in rates[:, 2] how far the segment's end is from the next
     one's start, or from its event. Returns the bits of what makes the orbit inadmissible, and
     COARSE where a step passed over something.
@@ -568,7 +578,8 @@ def survey(
     block = np.empty(5 * n + 4 + max(n_outputs, 2) + (n + n_outputs + n_transitions) * most)
     functions, modes = pointer(functions, 0), pointer(modes, 0)
     transitions, kinds = pointer(transitions, 0), pointer(kinds, 0)
-    sources, directions, u, p = pointer(sources, 0), pointer(directions, 0), pointer(u, 0), pointer(p, 0)
+    sources, directions, surfaces = pointer(sources, 0), pointer(directions, 0), pointer(surfaces, 0)
+    u, p = pointer(u, 0), pointer(p, 0)
     mesh, mesh_at = pointer(mesh, 0), pointer(mesh_at, 0)
     nodes, coefficients = pointer(nodes, 0), pointer(coefficients, 0)
     lows, highs, margins, places = pointer(lows, 0), pointer(highs, 0), pointer(margins, 0), pointer(places, 0)
@@ -582,7 +593,9 @@ def survey(
         lows[q] = np.inf
         highs[q] = -np.inf
     found_zero = False
-    target = 0.0
+    target = period = 0.0
+    for i in range(segments):
+        period += abs(u[i * wide + n])
     if has_phase:
         target = 2.0 * math.pi * math.ceil(u[n - 1] / (2.0 * math.pi) - 1e-13)
     for i in range(segments):
@@ -690,14 +703,27 @@ def survey(
                 sign = -1.0
                 for j in range(total + 1):
                     height[j] = -height[j]
-            size = 0.0
+            size, top, bottom = 0.0, height[0], height[0]
             for j in range(total + 1):
                 size = max(size, abs(height[j]))
+                top, bottom = max(top, height[j]), min(bottom, height[j])
             call(functions[EVENT_X], k, 0, states, 0, p, slope, 0)
             reach = 0.0
             for e in range(n):
                 reach += abs(slope[2 + e]) * sizes[e]
             small = 1e-9 * (1e-3 * reach + size)
+            level = duration > BRIEF * period and top - bottom <= LEVEL * reach + 1e-14 * size
+            passed = top < -small and directions[k] != 0 and surfaces[k] == BOUNDARY
+            if k != transition and k != before and (level or passed):
+                held = _held(functions, n_modes + k, grid, count, n, states, curves, p, x, one)
+                if passed and held == total + 1:
+                    bad |= BEYOND
+                if level:
+                    if held > 0 and surfaces[k] != SECTION:
+                        distance = sign * height[0] if directions[k] == 0 else height[0]
+                        margins[i * n_transitions + k] = distance if abs(distance) > ZERO * reach else 0.0
+                        places[i * n_transitions + k] = WHOLE
+                    continue
             armed = seen = False
             for j in range(total + 1):
                 if 2 <= j and height[j - 1] < height[j - 2] and height[j - 1] <= height[j] and seen:
@@ -740,6 +766,20 @@ def survey(
             at_zero[e] = u[e]
     keep(block)
     return bad
+
+
+@njit(**INNER)
+def _held(functions, guard, mesh, count, n, nodes, coefficients, p, x, out):
+    """Return at how many of a segment's fine samples a transition's condition holds."""
+    outlined()
+    held = 0
+    for j in range(count * FINE + 1):
+        step = min(j // FINE, count - 1)
+        dense_value(coefficients, step * 7 * n, n, nodes, step * n, (j - step * FINE) / FINE, x)
+        call(functions[GUARD], guard, 0, x, 0, p, out, 0)
+        if out[0] > 0.0:
+            held += 1
+    return held
 
 
 @njit(**INNER)

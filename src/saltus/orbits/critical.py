@@ -20,10 +20,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from saltus.orbits.problem import WHOLE
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.orbits.problem import OrbitProblem
+    from saltus.orbits.problem import OrbitProblem, Survey
 
 __all__ = ["Branching", "Condition", "Critical", "Grazing", "TorusCondition", "closing", "scaling",
            "solve_branch_point"]  # fmt: skip
@@ -255,22 +257,24 @@ class Branching:
 
 
 class Grazing:
-    """A grazing: a segment without length, or an event met without velocity.
+    """A grazing: a segment without length, one that lies on a surface as a whole, or an event met without velocity.
 
     Parameters
     ----------
     problem : OrbitProblem
         The equations.
-    kind : {"duration", "rate"}
+    kind : {"duration", "side", "rate"}
         What vanishes.
     segment : int
         Of which segment.
+    transition : int, optional
+        On whose surface the segment lies.
     """
 
     extra, rows = 0, 1
 
-    def __init__(self, problem: OrbitProblem, kind: str, segment: int) -> None:
-        self.problem, self.kind, self.segment = problem, kind, segment
+    def __init__(self, problem: OrbitProblem, kind: str, segment: int, transition: int = -1) -> None:
+        self.problem, self.kind, self.segment, self.transition = problem, kind, segment, transition
         self.place = segment * (problem.n + 1) + problem.n
 
     def evaluate(
@@ -280,9 +284,20 @@ class Grazing:
         if self.kind == "duration":
             value, gradient = float(u[self.place]), np.zeros(u.size)
             gradient[self.place] = 1.0
+        elif self.kind == "side":
+            value, gradient = self.problem.distance(u, self.segment, self.transition)
         else:
             value, gradient = self.problem.rate(u, self.segment)
         return np.array([value]), gradient[None, :], np.empty((1, 0))
+
+    def left(self, survey: Survey) -> bool:
+        """Whether an orbit that was on a surface as a whole is so no more."""
+        return self.kind == "side" and survey.places[self.segment, self.transition] != WHOLE
+
+    @property
+    def monitor(self) -> str:
+        """Name of the monitor function that vanishes."""
+        return f"{self.kind} {self.segment}" + (f" {self.transition}" if self.kind == "side" else "")
 
     def adjust(self) -> None:
         """Do nothing: there are no borders."""

@@ -105,7 +105,7 @@ def normal_form(orbit: PeriodicOrbit, kind: str) -> NormalForm:
         raise InputError("type", kind, f"one of {', '.join(NORMAL_FORMS)}")
     problem = orbit.problem()
     u = orbit.unknowns
-    J = problem.evaluate(u)[1]
+    J = problem.resolve(u)[1]
     mu = _critical_multiplier(orbit, kind)
     if kind == "SN":
         q, p, twist = null_vectors(problem, u, J, 1.0)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from saltus.system import HybridSystem
+    from saltus.system import HybridSystem, Transition
 
 __all__ = ["CLOSED_END", "EVENT_END", "FAULTS", "MEAN_END", "PHASE_END", "TOUCH_END", "OrbitProblem", "Signature",
            "Survey"]  # fmt: skip
@@ -28,8 +28,22 @@ _RESTING = 1e-9
 
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
 
-DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE, COARSE = 1, 2, 4, 8, 16, 32, 64
-"""Bits of what a survey finds; all but the last make an orbit inadmissible."""
+_NEARBY, _NOTHING = 1e-6, 1e-13
+"""Size of an orbit at rest, over that of those on its branch, below which it tells nothing; size above which it is no
+rounding of 0."""
+
+_REMESHED = 12
+"""Times that meshes are moved for one orbit."""
+
+DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE, COARSE, BEYOND = 1, 2, 4, 8, 16, 32, 64, 128
+"""Bits of what a survey finds; all but COARSE make an orbit inadmissible."""
+
+BOUNDARY, STOP, SECTION = 0, 1, 2
+"""What an event does to motions that meet its surface: it leads to another mode, so that the mode's motions are on one
+side; it moves the state; neither, and they pass freely."""
+
+WHOLE = -1.0
+"""In place of the clustered time of a least distance: the whole segment is equally far from the surface."""
 
 FAULTS = (
     (DURATION, "a segment's duration is not positive"),
@@ -38,6 +52,7 @@ FAULTS = (
     (WHEN, "a transition's condition does not hold"),
     (DOMAIN, "a mode's domain is left"),
     (VALUE, "the state is not finite"),
+    (BEYOND, "a segment lies wholly beyond an event of its mode"),
 )
 
 
@@ -83,7 +98,9 @@ class Survey:
     lows, highs : ndarray, shape (states + outputs,)
         Extremes over the period.
     margins, places : ndarray, shape (segments, transitions)
-        Least interior minimum of each event function in its firing direction, and the clustered time of it.
+        Least interior minimum of each event function in its firing direction, and the clustered time of it. Where a
+        whole segment is equally far from the surface, as at rest or on a circle round it, the distance and `WHOLE`: it
+        is positive before the event, negative beyond it, and the event function itself where either direction counts.
     rates : ndarray, shape (segments, 3)
         Lie derivative of each segment's event at its end and start, and what is left of the segment's equations.
     x0 : ndarray, shape (states,)
@@ -169,6 +186,7 @@ class OrbitProblem:
         transitions = self.system.transitions
         self._sources = np.array([self.system.mode_index(t.source) for t in transitions], dtype=np.int64)
         self._directions = np.array([t.direction for t in transitions], dtype=np.int64)
+        self._surfaces = np.array([_surface(t) for t in transitions], dtype=np.int64)
 
     def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return all parameters, shape (parameters,), where the unknowns are `u`."""
@@ -187,7 +205,7 @@ class OrbitProblem:
         """
         from saltus.flow import _segment_kernels
 
-        if sizes is not None:
+        if sizes is not None and np.max(sizes) > 0.0:
             self._largest = 100.0 * sizes  # of which `rescale` keeps a hundredth
 
         self.set_parameters(u)
@@ -211,7 +229,39 @@ class OrbitProblem:
         survey = self.survey(u)
         self.rescale(survey)
         self.fix_phase(u, survey)
-        return None
+        nearby = None if self.slides else self._sizes_nearby(u, survey)
+        return None if nearby is None else self.start(u, nearby)
+
+    def _sizes_nearby(self, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
+        """Return the states' sizes on the branch of an orbit that rests in the origin, or too near to have any itself.
+
+        They are what a unit of the active parameters moves; 1 where nothing else is known.
+        """
+        count = len(self.system.states)
+        lows, highs = survey.lows[:count], survey.highs[:count]
+        known = self.state_scale[:count]
+        if not np.max(highs - lows) <= _RESTING * float(known.max()):
+            return None
+        moved = np.zeros(count)
+        if self._active.size:
+            J = self.resolve(u)[1]
+            if np.all(np.isfinite(J)):
+                response = np.linalg.lstsq(J[:, : self.size], J[:, self.size :], rcond=None)[0]
+                moved = np.abs(response).reshape(self.segments, self.n + 1, -1).max(axis=(0, 2))[:count]
+        top = float(moved.max())
+        if known.max() > _NEARBY * top and not self._at_origin(u, float(known.max())):
+            return None
+        return np.where(moved > _RESTING * top, moved, top or 1.0)
+
+    def _at_origin(self, u: NDArray[np.float64], size: float) -> bool:
+        """Whether an orbit of that size is the rest in the origin, but for rounding."""
+        if size > _NOTHING:
+            return False
+        origin = u.copy()
+        for i in range(len(self.system.states)):
+            origin[i : self.size : self.n + 1] = 0.0
+        gaps = self.evaluate(origin)[0].reshape(self.segments, self.n + 1)[:, : len(self.system.states)]
+        return bool(np.max(np.abs(gaps)) <= _NEARBY * size)
 
     @property
     def phase_plane(self) -> NDArray[np.float64]:
@@ -329,6 +379,18 @@ class OrbitProblem:
         )  # fmt: skip
         return F, J
 
+    def resolve(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return what `evaluate` does, on meshes moved until they are fine enough for the sensitivities, too.
+
+        Those that `start` makes fit the state alone, which tells nothing of them at rest.
+        """
+        F, J = self.evaluate(u)
+        for _ in range(_REMESHED):
+            if self.refine():
+                break
+            F, J = self.evaluate(u)
+        return F, J
+
     def second(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivative of the Jacobian times `v`, shape (size, size + active).
 
@@ -360,6 +422,24 @@ class OrbitProblem:
         )  # fmt: skip
         return float(value), gradient
 
+    def distance(self, u: NDArray[np.float64], segment: int, transition: int) -> tuple[float, NDArray[np.float64]]:
+        """Return how far a segment's start is from the surface of an event, and the gradient, shape (size + active,).
+
+        The distance is positive before the event; it is the event function where either direction counts.
+        """
+        self.set_parameters(u)
+        at, n = segment * (self.n + 1), self.n
+        x, event, slope = np.ascontiguousarray(u[at : at + n]), np.empty(2 + 2 * n), np.empty(2)
+        compiled = self.system.compiled
+        compiled.call("event_x", transition, 0, x, self.extended, event)
+        gradient = np.zeros(u.size)
+        gradient[at : at + n] = event[2 : 2 + n]
+        for k, index in enumerate(self._active.tolist()):
+            compiled.call("event_p", transition, index, x, self.extended, slope)
+            gradient[self.size + k] = slope[0] * self.scales[k]
+        sign = -1.0 if self._directions[transition] > 0 else 1.0
+        return sign * float(event[0]), sign * gradient
+
     def survey(self, u: NDArray[np.float64]) -> Survey:
         """Return what a dense look at the orbit `u` shows."""
         self.set_parameters(u)
@@ -370,7 +450,7 @@ class OrbitProblem:
         rates, x0 = np.zeros((self.segments, 3)), np.empty(n)
         faults = self.kernels.survey(
             self._functions, self.modes, self._transitions, self.kinds,
-            self.signature.turns, self._sources, self._directions, n,
+            self.signature.turns, self._sources, self._directions, self._surfaces, n,
             len(self.system.modes), n_out, self.system.phase is not None, u, self.extended, self.tol, self._atol,
             self.state_scale,
             self._mesh, self._mesh_at,
@@ -399,3 +479,10 @@ class OrbitProblem:
             out,
         )  # fmt: skip
         return x
+
+
+def _surface(transition: Transition) -> int:
+    """Return what the event of a transition does to motions that meet its surface."""
+    if transition.target != transition.source:
+        return BOUNDARY
+    return STOP if any(value != state for state, value in transition.reset.items()) else SECTION

@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ConvergenceError, InputError, nearest
+from saltus.orbits.families import of_a_family
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, OrbitProblem, Signature
 from saltus.system import HybridSystem
@@ -20,10 +21,15 @@ if TYPE_CHECKING:
 __all__ = ["check_tol", "converge", "settle_signature", "solve_orbit", "solve_unknowns"]
 
 _ITERATIONS = 40
-_SMALL, _SHORT, _ROUNDING, _VANISHED = 1e-11, 1e-6, 1e-13, 1e-3
+_SMALL, _SHORT, _ROUNDING, _VANISHED, _ROUNDED = 1e-11, 1e-6, 1e-13, 1e-3, 1e-11
 """Newton step at which an orbit is taken; step at which it is where the residual is rounding; what counts as that;
-share of the guessed period below which an orbit is none."""
+share of the guessed period below which an orbit is none, and the square root of that of its extent; residual that no
+nearer guess makes smaller."""
 _REMESHED = 12
+_PERHAPS_SINGULAR = 0.3  # least singular value, over the next one, of equations that may have a family of solutions
+_FAMILY = (
+    "orbits form a family there at fixed parameters, as in a conservative system: add damping and a drive, or simulate"
+)
 
 
 def solve_orbit(
@@ -91,7 +97,15 @@ def converge(
 ) -> PeriodicOrbit:
     """Return the orbit of a signature near the unknowns `u`, its segments' ends chosen to be regular."""
     problem = OrbitProblem(system, signature, p, tol=tol)
-    u, J = solve_unknowns(problem, u)
+    given = u
+    if of_a_family(problem, given):
+        raise ConvergenceError("isolated periodic orbit", problem.survey(given).residual, 0, _FAMILY)
+    try:
+        u, J = solve_unknowns(problem, given)
+    except ConvergenceError as error:
+        if of_a_family(problem, given, _PERHAPS_SINGULAR):
+            raise ConvergenceError("isolated periodic orbit", error.residual, error.iterations, _FAMILY) from None
+        raise
     chosen, turned = settle_signature(problem, u)
     if chosen != signature:
         problem = OrbitProblem(system, chosen, p, tol=tol)
@@ -112,6 +126,7 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
     scale = np.tile(np.append(problem.state_scale, 1.0), problem.segments)
     F, J = problem.evaluate(u)
     size, remeshed = float(np.abs(F).max()), 0
+    extent = _extent(problem, u)
     for iteration in range(_ITERATIONS):
         try:
             step = np.linalg.solve(J, -F)
@@ -129,7 +144,7 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
                 break
             factor *= 0.5
             if factor < 1e-3:
-                raise ConvergenceError("periodic orbit", size, iteration, "start from a nearer guess")
+                raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
         u, F, J, size = trial, F_new, J_new, new
         # next to a grazing the equations are so badly conditioned that rounding alone makes longer steps
         rounding = size < _ROUNDING * float(problem.state_scale.max()) and length < _SHORT
@@ -140,6 +155,8 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
                 raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
             if u[problem.n :: problem.n + 1].sum() < _VANISHED * given[problem.n :: problem.n + 1].sum():
                 raise ConvergenceError("periodic orbit", size, iteration, "the period shrinks to nothing")
+            if _extent(problem, u) < _VANISHED**2 * extent:
+                raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
             if fine and not coarse:
                 return u, J
             if remeshed >= _REMESHED:
@@ -155,7 +172,26 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
             u = _within_reach(problem, u)
             F, J = problem.evaluate(u)
             size = float(np.abs(F).max())
-    raise ConvergenceError("periodic orbit", size, _ITERATIONS, "start from a nearer guess")
+    raise ConvergenceError("periodic orbit", size, _ITERATIONS, _why(problem, u, size, extent))
+
+
+def _extent(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
+    """Return how far an autonomous orbit's states move; 0 of a forced one, whose period a rest may share."""
+    if problem.system.phase is not None:
+        return 0.0
+    survey = problem.survey(u)
+    count = len(problem.system.states)
+    moved = float(np.max(survey.highs[:count] - survey.lows[:count]))
+    return moved if math.isfinite(moved) else 0.0
+
+
+def _why(problem: OrbitProblem, u: NDArray[np.float64], size: float, extent: float) -> str:
+    """Return why Newton's steps lead no further than `u`, with that residual, from an orbit of that extent."""
+    if _extent(problem, u) < _VANISHED**2 * extent:
+        return f"it shrinks to a rest at [{', '.join(f'{value:.6g}' for value in u[: problem.n])}]"
+    if size < _ROUNDED * float(problem.state_scale.max()):
+        return "the equations are singular there, as at a saddle-node or a branch point"
+    return "start from a nearer guess"
 
 
 def _within_reach(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,88 @@
+"""Whether an orbit is one of a family at fixed parameters, as in conservative systems."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.orbits.critical import scaling
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.orbits.problem import OrbitProblem
+
+__all__ = ["of_a_family"]
+
+_SINGULAR = 1e-3  # least singular value, over the next one, above which an orbit near a good guess is isolated
+_AWAY = 1e-2  # distance between the two orbits that are compared, in units of the states
+_FORCED = 1e-8  # forcing of the equations, in their units, up to which an orbit solves them
+_CONVERGED, _ITERATIONS = 1e-9, 10
+
+
+def of_a_family(problem: OrbitProblem, u: NDArray[np.float64], singular: float = _SINGULAR) -> bool:
+    """Return whether the orbit near a guess has neighbours at the same parameters.
+
+    Where the equations are singular, another orbit is sought a hundredth of the states' sizes away along the direction
+    that they leave open, under an artificial forcing by their left null vector. It needs none if there is a family; at
+    a saddle-node it needs one that grows with the square of the distance.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations, without active parameters.
+    u : ndarray, shape (size,)
+        A guess.
+    singular : float, optional
+        Least singular value of the equations, over the next one, below which that is looked at.
+    """
+    if problem.start(u) is not None:
+        return False
+    F, J = problem.resolve(u)
+    if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+        return False
+    columns, rows = scaling(problem, J, u)
+    left, values, right = np.linalg.svd(rows[:, None] * J * columns)
+    if values.size < 2 or values[-1] > singular * values[-2]:
+        return False
+    z = u.copy()
+    for _ in range(_ITERATIONS):
+        left, values, right = np.linalg.svd(rows[:, None] * J * columns)
+        inverse = np.append(1.0 / values[:-1], 0.0)
+        step = -(right.T @ (inverse * (left.T @ (rows * F))))
+        z = z + columns * step
+        F, J = problem.resolve(z)
+        if not np.all(np.isfinite(F)):
+            return False
+        if np.abs(step).max() < _CONVERGED:
+            break
+    else:
+        return False
+    left, values, right = np.linalg.svd(rows[:, None] * J * columns)
+    if abs(left[:, -1] @ (rows * F)) > _FORCED:
+        return False
+    return _forcing_beside(problem, z, columns, rows, right[-1], left[:, -1]) < _FORCED
+
+
+def _forcing_beside(
+    problem: OrbitProblem,
+    orbit: NDArray[np.float64],
+    columns: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    open_direction: NDArray[np.float64],
+    forced: NDArray[np.float64],
+) -> float:
+    """Return the forcing under which there is an orbit `_AWAY` from another one along a direction, or infinity."""
+    z, forcing = orbit + _AWAY * columns * open_direction, 0.0
+    for _ in range(_ITERATIONS):
+        F, J = problem.resolve(z)
+        matrix = np.block([[rows[:, None] * J * columns, forced[:, None]], [open_direction[None, :], np.zeros((1, 1))]])
+        residual = np.append(rows * F + forcing * forced, open_direction @ ((z - orbit) / columns) - _AWAY)
+        if not np.all(np.isfinite(residual)):
+            return np.inf
+        step = np.linalg.lstsq(matrix, -residual, rcond=None)[0]
+        z, forcing = z + columns * step[:-1], forcing + float(step[-1])
+        if np.abs(step).max() < _CONVERGED:
+            return abs(forcing)
+    return np.inf
