@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["halved"]
 
-_ALIKE = 1e-2  # difference, over the range of a state, of two halves that may be one
+_ALIKE = 1e-2  # difference, over the size of a state, of two halves that may be one
 _NEAR = 1e-4  # distance between the parameters of a branch point and of the period doubling that it is
 _REACHES = (1e-3, 1e-2)  # steps along the shorter orbit's branch in which the period doubling is looked for
 
@@ -40,7 +40,7 @@ def halved(branch: OrbitBranch, point: Point) -> Point | None:
     Point or None
         None where the orbit is not a shorter one twice, or that one does not double its period there.
     """
-    short = divided(branch.problem, point.u, 2, _ALIKE)
+    short = divided(branch.problem, point.u, 2, _ALIKE * branch.problem.state_scale)
     if short is None:
         return None
     signature, u = short

@@ -165,7 +165,8 @@ class LocusBranch:
             u = self.orbit(point.u)
             survey = problem.survey(u)
         if before is not None:
-            doubt = astray(problem, u) or residual_fault(problem, survey, u)
+            forced = isinstance(self.condition, Branching)  # its unfolding is an unknown, and what is left
+            doubt = astray(problem, u) or (None if forced else residual_fault(problem, survey, u))
             if doubt is not None:
                 return Examined({}, doubt)
         if isinstance(self.condition, Grazing) and self.condition.kind == "rate":

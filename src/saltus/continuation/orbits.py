@@ -351,7 +351,7 @@ class _Run:
     def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitBranch, Point, float]:
         """Return the neighbouring signature's branch at a grazing, its tangent towards admissible orbits."""
         branch = self.piece(found.signature, found.u)
-        if (once := divided(branch.problem, found.u, 2)) is not None:
+        if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
             found = Neighbour(*once)
             branch = self.piece(found.signature, found.u)
         try:

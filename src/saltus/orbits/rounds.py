@@ -35,7 +35,7 @@ def rounds_of(problem: OrbitProblem, u: NDArray[np.float64]) -> int:
 
 
 def divided(
-    problem: OrbitProblem, u: NDArray[np.float64], count: int, alike: float = _ALIKE
+    problem: OrbitProblem, u: NDArray[np.float64], count: int, sizes: NDArray[np.float64] | None = None
 ) -> tuple[Signature, NDArray[np.float64]] | None:
     """Return signature and unknowns of the orbit that `u` goes round `count` times; None where its rounds differ.
 
@@ -47,8 +47,8 @@ def divided(
         An orbit.
     count : int
         Rounds, 2 or more.
-    alike : float
-        Difference between two rounds, over the range of a state, up to which they are the same.
+    sizes : ndarray, shape (n,), optional
+        Differences of the states up to which two rounds are the same; by default a millionth of the states' ranges.
     """
     signature, n, turns = problem.signature, problem.n, problem.signature.turns
     blocks = u[: problem.size].reshape(problem.segments, n + 1)
@@ -67,12 +67,13 @@ def divided(
         if modes * count != signature.modes or transitions * count != signature.transitions:
             return None
         rounds = blocks.reshape(count, part, n + 1).copy()
-    allowed = np.empty(n + 1)
-    allowed[:n] = alike * (survey.highs[:n] - survey.lows[:n]) + _ROUNDING * problem.state_scale
-    allowed[n] = alike * float(np.abs(blocks[:, n]).sum())
+    if sizes is None:
+        sizes = _ALIKE * (survey.highs[:n] - survey.lows[:n]) + _ROUNDING * problem.state_scale
+    share = float(np.max(sizes / problem.state_scale))
+    allowed = np.append(sizes, max(share, _ALIKE) * float(np.abs(blocks[:, n]).sum()))
     if problem.system.phase is not None:
         rounds[:, :, n - 1] -= (2.0 * math.pi * turns / count) * np.arange(count)[:, None]
-        allowed[n - 1] = 2.0 * math.pi * alike
+        allowed[n - 1] = 2.0 * math.pi * max(share, _ALIKE)
     if np.any(np.abs(rounds - rounds[0]) > allowed):
         return None
     once = Signature(modes, transitions, kinds, turns // count)
