@@ -30,8 +30,11 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_orbit", "read_stops"]
 
-_LONG, _LONGEST = 3.0, 1e3
-"""Growth of the period along a branch with which the step's failure is its end; growth with which a branch is ended."""
+_GROWN = 1.2  # growth of the period from its least value below which it does not count as unbounded
+_LONG = 3.0  # the same with which it does where no further step succeeds
+_RESTS = 1e-3  # change of the parameter, over its interval and the period's growth, below which the parameter rests
+_LONGEST = 1e3  # growth of the period from the start with which a branch is ended
+_NOTHING = 1e-14  # parameter, over its interval, that reads 0
 
 _ROUNDING, _TOUCHING, _NEAR = 1e-9, 1e-13, 1e-3
 """Share of the parameter's interval by which a start may miss a bound; what is left of a distance that vanishes; how
@@ -233,6 +236,11 @@ class _Run:
         point.examined = replace(found, monitors=monitors)
         return branch, point
 
+    def _place(self, point: Point) -> str:
+        """Return where a point is, in words; what is rounding of the parameter's interval reads 0."""
+        value = point.parameter if abs(point.parameter) > _NOTHING else 0.0
+        return f"{self.name} = {value * self.scale:.9g}"
+
     def trace(self, start: tuple[OrbitBranch, Point], sign: float) -> Half:
         """Follow one direction to its end."""
         half = Half()
@@ -241,7 +249,7 @@ class _Run:
         point = turned(origin, sign, OrbitBranch.odd)
         outwards = math.copysign(1.0, float(point.tangent[-1]))
         if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -_ROUNDING:
-            half.stopped = f"{self.name} = {point.parameter * self.scale:.9g}: bound reached"
+            half.stopped = f"{self._place(point)}: bound reached"
             return half
         first: float | None = None
         try:
@@ -267,8 +275,8 @@ class _Run:
         last = point
         for item in follow(branch, point, self.control, log=self.log, first_step=first):
             if isinstance(item, str):
-                reason = _period_grows(start, half, _LONG) or item
-                return f"{self.name} = {last.parameter * self.scale:.9g}: {reason}"
+                reason = _unbounded(half) or item
+                return f"{self._place(last)}: {reason}"
             if isinstance(item, Event):
                 end = self._event(half, branch, item)
                 if end is not None:
@@ -284,13 +292,13 @@ class _Run:
             half.points.append((branch, item))
             if (rest := equilibrium_ahead(branch, last, item)) is not None:
                 return self._shrunk(half, *rest)
-            if (grown := _period_grows(start, half, _LONGEST)) is not None:
-                return f"{self.name} = {item.parameter * self.scale:.9g}: {grown}"
+            if _period(branch, item) > _LONGEST * _period(*start) and (grown := _unbounded(half)) is not None:
+                return f"{self._place(item)}: {grown}"
             self.count += 1
             if self.progress is not None:
                 self.progress(self.count, item.parameter * self.scale)
             if len(half.points) >= self.control.most:
-                return f"{self.name} = {item.parameter * self.scale:.9g}: {self.control.most} points"
+                return f"{self._place(item)}: {self.control.most} points"
             last = item
         raise AssertionError("follow ends with a reason")
 
@@ -300,7 +308,7 @@ class _Run:
         orbit = orbit_at(piece.problem, end.u, end.J, data.survey, data.multipliers)
         half.specials.append(Found("HB", orbit, _amplitude(orbit), len(half.points), end.arc))
         half.points.append((piece, end))
-        return f"{self.name} = {end.parameter * self.scale:.9g}: the cycle shrinks to an equilibrium"
+        return f"{self._place(end)}: the cycle shrinks to an equilibrium"
 
     def _event(self, half: Half, branch: OrbitBranch, event: Event) -> str | tuple[OrbitBranch, Point, float] | None:
         kind = event.name.split(" ")[0]
@@ -308,7 +316,7 @@ class _Run:
         if kind in ("low", "high"):
             point.u[-1] = self.interest.low if kind == "low" else self.interest.high
             half.points.append((branch, point))
-            return f"{self.name} = {point.parameter * self.scale:.9g}: bound reached"
+            return f"{self._place(point)}: bound reached"
         if kind == "event":
             name = self.interest.events[int(event.name.split(" ")[1])][0]
         elif at_grazing(event.name):
@@ -318,7 +326,7 @@ class _Run:
         if name == "BP" and (birth := halved(branch, point)) is not None:
             half.specials.append(_found(name, branch, replace(event, point=birth), half))
             half.points.append((branch, birth))
-            return f"{self.name} = {birth.parameter * self.scale:.9g}: the period halves"
+            return f"{self._place(birth)}: the period halves"
         if name != "GR":
             if name == "BP":
                 event = replace(event, point=_sharpened(branch, point))
@@ -337,16 +345,16 @@ class _Run:
             half.specials[-1] = replace(half.specials[-1], orbit=orbit)
         half.points.append((branch, point))
         if self.at_grazing == "stop" or name in self.stops:
-            return f"{self.name} = {point.parameter * self.scale:.9g}: grazing"
+            return f"{self._place(point)}: grazing"
         if isinstance(found, str):
-            return f"{self.name} = {point.parameter * self.scale:.9g}: grazing, {found}"
+            return f"{self._place(point)}: grazing, {found}"
         return self._switch(found, point)
 
     def _end_at(self, half: Half, branch: OrbitBranch, point: Point, name: str) -> str | None:
         if name not in self.stops:
             return None
         half.points.append((branch, point))
-        return f"{self.name} = {point.parameter * self.scale:.9g}: {name}"
+        return f"{self._place(point)}: {name}"
 
     def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitBranch, Point, float]:
         """Return the neighbouring signature's branch at a grazing, its tangent towards admissible orbits."""
@@ -357,7 +365,7 @@ class _Run:
         try:
             point = start_point(branch, found.u)
         except ValueError as error:
-            return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no branch goes on: {error}"
+            return f"{self._place(old)}: grazing, no branch goes on: {error}"
         point.arc = old.arc
         onward = math.copysign(1.0, float(old.tangent[-1]))
         for probe in (1e-5, 1e-6, 1e-4):
@@ -372,7 +380,7 @@ class _Run:
                 if isinstance(item, Point) and _beyond_grazings(branch.problem, item):
                     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
                     return branch, item, min(self.control.initial, 1e-3)
-        return f"{self.name} = {old.parameter * self.scale:.9g}: grazing, no admissible orbit beyond it"
+        return f"{self._place(old)}: grazing, no admissible orbit beyond it"
 
 
 _INADMISSIBLE = Survey(1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
@@ -426,14 +434,24 @@ def _sharpened(branch: OrbitBranch, point: Point) -> Point:
     return point if found.examined.data is None else found
 
 
-def _period_grows(start: tuple[OrbitBranch, Point], half: Half, times: float) -> str | None:
-    """Return in words that the period has grown by a factor and grows on, as towards a homoclinic orbit; else None."""
-    if len(half.points) < 2:
+def _unbounded(half: Half) -> str | None:
+    """Return in words that the period grows without bound, as towards a homoclinic orbit; None where it does not.
+
+    It has grown by a factor, and goes on: by a large factor at once, or while the parameter hardly moves any more.
+    """
+    if len(half.points) < 4:
         return None
-    first, before, last = (
-        float(point.u[piece.n : piece.problem.size : piece.n + 1].sum()) for piece, point in (start, *half.points[-2:])
-    )
-    return f"the period grows without bound (T = {last:.6g})" if last > max(before, times * first) else None
+    periods = [_period(*row) for row in half.points]
+    last, before = periods[-1], periods[-2]
+    rests = abs(half.points[-1][1].parameter - half.points[-2][1].parameter) < _RESTS * (last / before - 1.0)
+    growing = periods[-4] < periods[-3] < before < last
+    if not growing or last < _GROWN * min(periods) or not (rests or last > _LONG * min(periods)):
+        return None
+    return f"the period grows without bound (T = {last:.6g})"
+
+
+def _period(piece: OrbitBranch, point: Point) -> float:
+    return float(point.u[piece.n : piece.problem.size : piece.n + 1].sum())
 
 
 def _amplitude(orbit: PeriodicOrbit) -> float:
