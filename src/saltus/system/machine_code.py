@@ -26,7 +26,7 @@ from numba.core.ccallback import CFunc
 
 from saltus.system.cache import read_checked, warn_once, write_checked
 
-__all__ = ["cfunc", "njit"]
+__all__ = ["cfunc", "keep_checked", "njit"]
 
 
 def njit(**options: Any) -> Callable[[FunctionType], Any]:
@@ -35,7 +35,7 @@ def njit(**options: Any) -> Callable[[FunctionType], Any]:
 
     def compiled(function: FunctionType) -> Any:
         dispatcher = numba.njit(**options)(function)
-        return _kept(dispatcher, function) if kept else dispatcher
+        return keep_checked(dispatcher, function) if kept else dispatcher
 
     return compiled
 
@@ -45,15 +45,15 @@ def cfunc(signature: Any, **options: Any) -> Callable[[FunctionType], Any]:
     arguments = sigutils.normalize_signature(signature)
 
     def compiled(function: FunctionType) -> Any:
-        callback = _kept(CFunc(function, arguments, locals={}, options=dict(options)), function)
+        callback = keep_checked(CFunc(function, arguments, locals={}, options=dict(options)), function)
         callback.compile()
         return callback
 
     return compiled
 
 
-def _kept(compiler: Any, function: FunctionType) -> Any:
-    """The compiler, which reads and writes checked files in the folder that Numba chooses."""
+def keep_checked(compiler: Any, function: FunctionType) -> Any:
+    """Return a compiler of Numba's, which from now on keeps code in checked files of the folder that Numba chooses."""
     if not hasattr(compiler, "enable_caching"):  # NUMBA_DISABLE_JIT: the function itself
         return compiler
     try:
@@ -65,7 +65,7 @@ def _kept(compiler: Any, function: FunctionType) -> Any:
         compiler._cache = NullCache()  # what anybody can write is not run
         return compiler
     base = cache._impl.filename_base  # the function's name, its first line and Python's version
-    cache._cache_file = _CheckedFiles(Path(cache.cache_path), base, function)
+    cache._cache_file = _CheckedFiles(Path(cache.cache_path), base, function, cache._cache_file._dump)
     return compiler
 
 
@@ -80,10 +80,12 @@ class _CheckedFiles:
         How their names begin.
     function : function
         What is compiled.
+    dumps : callable
+        Makes bytes of compiled code.
     """
 
-    def __init__(self, folder: Path, base: str, function: FunctionType) -> None:
-        self._folder, self._base, self._function = folder, base, function
+    def __init__(self, folder: Path, base: str, function: FunctionType, dumps: Callable[[Any], bytes]) -> None:
+        self._folder, self._base, self._function, self._dumps = folder, base, function, dumps
 
     def load(self, key: tuple[Any, ...]) -> Any:
         """Return what was saved under a key from the same sources; None where there is nothing of the kind."""
@@ -93,10 +95,9 @@ class _CheckedFiles:
 
     def save(self, key: tuple[Any, ...], data: Any) -> None:
         """Keep what was compiled."""
-        from numba.core.serialize import dumps
-
+        content = self._origin(key) + self._dumps(data)
         try:
-            write_checked(self._file(key), self._origin(key) + dumps(data))
+            write_checked(self._file(key), content)
         except OSError as error:
             warn_once(f"compiled code is not kept: {error.strerror}: {error.filename or self._folder}")
 
@@ -107,8 +108,8 @@ class _CheckedFiles:
 
     def _file(self, key: tuple[Any, ...]) -> Path:
         """One file for each signature and processor; newer code takes the place of older."""
-        signature, processor, _ = key
-        digest = hashlib.sha256(repr((signature, processor)).encode()).hexdigest()[:16]
+        signature, processor, _, *launch = key  # the third is the function's own code
+        digest = hashlib.sha256(repr((signature, processor, *launch)).encode()).hexdigest()[:16]
         return self._folder / f"{self._base}.{digest}.nbc"
 
     def _origin(self, key: tuple[Any, ...]) -> bytes:
