@@ -1,9 +1,7 @@
 """A definition is checked when it is made, and every message names the part at fault."""
 
 import math
-import os
 import pickle
-import stat
 
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ import sympy
 
 import systems
 from saltus import DefinitionError, HybridSystem, InputError, Mode, Transition
-from saltus.system import codegen
 
 
 def make(**changes):
@@ -288,48 +285,5 @@ def test_event_rates_and_their_gradients_are_central_differences():
 
 def test_second_system_of_the_same_mathematics_needs_no_new_file(monkeypatch):
     first = make(name="one")
-    monkeypatch.setattr("saltus.system.codegen._write", lambda *_: pytest.fail("wrote a file again"))
+    monkeypatch.setattr("saltus.system.codegen.write_checked", lambda *_: pytest.fail("wrote a file again"))
     assert make(name="two", parameters={"g": 2.0, "e": 0.1, "a": 1.0, "w": 3.0})._source == first._source
-
-
-def test_a_chosen_cache_folder_that_cannot_be_made_is_told(monkeypatch, tmp_path):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("SALTUS_CACHE_DIR", str(tmp_path / "file" / "below"))
-    with pytest.raises(InputError, match="SALTUS_CACHE_DIR = '.*below': must be a folder that can be made and written"):
-        codegen.cache_folder()
-
-
-@pytest.fixture
-def no_user_cache(monkeypatch, tmp_path):
-    """Neither a chosen nor a usual cache folder, and an empty folder for temporary ones, which is returned."""
-    (tmp_path / "file").write_text("")
-    (tmp_path / "tmp").mkdir()
-    monkeypatch.delenv("SALTUS_CACHE_DIR", raising=False)
-    monkeypatch.setattr("platformdirs.user_cache_dir", lambda *_, **__: str(tmp_path / "file" / "below"))
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))
-    return tmp_path / "tmp"
-
-
-def test_the_temporary_cache_folder_is_private_and_found_again(no_user_cache):
-    folder = codegen.cache_folder()
-    assert folder.parent == no_user_cache
-    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
-    codegen._temporary_folder.cache_clear()
-    assert codegen.cache_folder() == folder
-
-
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="only where users have numbers has the folder a known name")
-@pytest.mark.parametrize("kind", ["open to all", "a link", "a file"])
-def test_a_temporary_cache_folder_that_others_can_write_is_not_used(kind, no_user_cache):
-    known = no_user_cache / f"saltus-{os.getuid()}"
-    if kind == "a file":
-        known.write_text("")
-    elif kind == "a link":
-        (no_user_cache / "elsewhere").mkdir(mode=0o700)
-        known.symlink_to(no_user_cache / "elsewhere")
-    else:
-        known.mkdir()
-        known.chmod(0o777)
-    folder = codegen.cache_folder()
-    assert folder.name not in (known.name, "elsewhere")
-    assert stat.S_IMODE(folder.stat().st_mode) == 0o700

@@ -1,6 +1,6 @@
 """Floor 2: compiled flows of hybrid systems."""
 
-from saltus.system.codegen import let_numba_cache
+from saltus.system.cache import let_numba_cache
 
 let_numba_cache()
 

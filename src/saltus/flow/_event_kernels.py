@@ -14,7 +14,7 @@ import math
 from fractions import Fraction
 
 import numpy as np
-from numba import float64, int64, njit
+from numba import float64, int64
 
 from saltus.flow._kernels import (
     INNER,
@@ -29,6 +29,7 @@ from saltus.flow._kernels import (
 )
 from saltus.flow._polynomial_kernels import DEPTH, ROOTS, bernstein_roots, bernstein_value, variations
 from saltus.system.codegen import FUNCTIONS
+from saltus.system.machine_code import njit
 
 FIELD, EVENT, EVENT_X, RESET, GUARD = (
     FUNCTIONS.index(name) for name in ("field", "event", "event_x", "reset", "guard")

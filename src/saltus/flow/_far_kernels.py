@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from saltus.system.machine_code import njit
 
 _TERMS = 18
 

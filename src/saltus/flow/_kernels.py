@@ -6,11 +6,12 @@ import math
 from typing import Any
 
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from saltus.flow import tableaux
+from saltus.system.machine_code import njit
 
 INNER: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of functions that only other kernels call: those are what is cached, with all that they call."""

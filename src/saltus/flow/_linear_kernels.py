@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import int64, njit
+from numba import int64
 
 from saltus.flow._kernels import INNER, keep, pointer
+from saltus.system.machine_code import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from saltus.flow._kernels import INNER, outlined, pointer
+from saltus.system.machine_code import njit
 
 ROOTS = 16
 """Most roots that are sought."""

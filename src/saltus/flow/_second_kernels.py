@@ -13,11 +13,11 @@ sec. I.14, differentiated once more.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from saltus.flow._kernels import INNER, call, keep, outlined, pointer, stage
 from saltus.flow.tableaux import NODES as C
 from saltus.system.codegen import FUNCTIONS, SECOND
+from saltus.system.machine_code import njit
 
 VARY, FIELD_P, EVENT_X, EVENT_P = (FUNCTIONS.index(name) for name in ("vary", "field_p", "event_x", "event_p"))
 FIELD_2, EVENT_2 = (SECOND.index(name) for name in ("field_2", "event_2"))

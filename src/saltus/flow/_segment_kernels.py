@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float64, int64, njit
+from numba import float64, int64
 
 from saltus.flow._kernels import (
     INNER,
@@ -26,6 +26,7 @@ from saltus.flow._kernels import (
 )
 from saltus.flow.tableaux import NODES as C
 from saltus.system.codegen import FUNCTIONS
+from saltus.system.machine_code import njit
 
 VARY, FIELD, FIELD_P, EVENT_X, EVENT_P = (
     FUNCTIONS.index(name) for name in ("vary", "field", "field_p", "event_x", "event_p")

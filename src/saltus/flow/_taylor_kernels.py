@@ -15,13 +15,14 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import float64, int64, njit
+from numba import float64, int64
 
 from saltus.flow._event_kernels import BOUND, DURATION, EPSILON, ROUNDING, T_LOW, TWO_PI, T, advance
 from saltus.flow._kernels import INNER, call, keep, outlined, pointer
 from saltus.flow._polynomial_kernels import DEPTH, ROOTS, bernstein_roots, variations
 from saltus.system._lane_kernels import bits_of, float_of
 from saltus.system.codegen import FUNCTIONS
+from saltus.system.machine_code import njit
 
 FIELD, EVENT, EVENT_X, RESET, GUARD = (
     FUNCTIONS.index(name) for name in ("field", "event", "event_x", "reset", "guard")

@@ -192,6 +192,7 @@ def _kernel(module: ModuleType) -> tuple[Any, int]:
     from numba import cuda
 
     from saltus.flow import _cuda_kernels
+    from saltus.system.machine_code import keep_checked
 
     numbers, queued = module.NF * module.NL, module.POOLS * module.NL
     fits = 8 * numbers + 4 * queued + 16 * (module.NL + module.POOLS) <= _SHARED_BYTES
@@ -212,4 +213,5 @@ def _kernel(module: ModuleType) -> tuple[Any, int]:
 
     for name in ("begun", "looked_at"):
         names[name] = cuda.jit(device=True)(bound(name))
-    return cuda.jit(cache=True)(bound("follow")), 1 if fits else numbers
+    follow = bound("follow")
+    return keep_checked(cuda.jit(follow), follow), 1 if fits else numbers

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import int64, njit
+from numba import int64
 
 from saltus.flow._kernels import INNER, call, dense_value, keep, outlined, pointer
 from saltus.flow._linear_kernels import solve_flat
@@ -29,6 +29,7 @@ from saltus.orbits.problem import (
     WHOLE,
 )
 from saltus.system.codegen import FUNCTIONS
+from saltus.system.machine_code import njit
 
 DERIVE, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = (
     FUNCTIONS.index(name)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 
+from saltus.system.machine_code import njit
 from saltus.system.pools import DIVERGED, FALLING, UNDECIDED
 
 FAST = {"contract", "nsz", "arcp", "reassoc"}

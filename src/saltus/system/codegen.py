@@ -7,23 +7,20 @@ that `derive` makes of them, `out` what is returned. Drivers call them by addres
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import importlib.util
 import json
 import math
-import os
-import stat
 import sys
-import tempfile
 import threading
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from saltus.errors import DefinitionError, InputError
+from saltus.errors import DefinitionError
+from saltus.system.cache import cache_folder, let_numba_cache, read_checked, warn_once, write_checked
 from saltus.system.grammar import clipped
 
 if TYPE_CHECKING:
@@ -38,8 +35,7 @@ if TYPE_CHECKING:
     from saltus.system.split import Split
 
 __all__ = ["FUNCTIONS", "SECOND", "Compiled", "CompiledLanes", "CompiledLinear", "CompiledSecond", "CompiledSeries",
-           "Writer", "cache_folder", "let_numba_cache", "load", "load_lanes", "load_linear", "load_second",
-           "load_series", "source_file"]  # fmt: skip
+           "Writer", "load", "load_lanes", "load_linear", "load_second", "load_series", "source_file"]  # fmt: skip
 
 FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p", "reset", "reset_x", "reset_p",
              "outputs", "guard")  # fmt: skip
@@ -221,54 +217,6 @@ def _with_constants(derive: Any, p: NDArray[np.float64], n_constants: int) -> ND
     return out
 
 
-def cache_folder() -> Path:
-    """Return the folder of generated files, made if need be; a private temporary one if it cannot be written.
-
-    Raises
-    ------
-    InputError
-        The environment variable SALTUS_CACHE_DIR names a folder that cannot be made or written.
-    """
-    import platformdirs
-
-    chosen = os.environ.get("SALTUS_CACHE_DIR")
-    folder = Path(chosen or platformdirs.user_cache_dir("saltus", appauthor=False))
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK | os.X_OK):
-            return folder
-        reason = "it cannot be written"
-    except OSError as error:
-        reason = str(error)
-    if chosen:
-        raise InputError("SALTUS_CACHE_DIR", chosen, "a folder that can be made and written", reason)
-    return _temporary_folder(tempfile.gettempdir())
-
-
-def let_numba_cache() -> None:
-    """Give Numba a folder for compiled code where neither this package's nor the user's can be written.
-
-    Numba reads the setting when it is first imported: call this before.
-    """
-    home = Path.home() / ".cache" if (Path.home() / ".cache").exists() else Path.home()
-    folders = (Path(__file__).parent, home)
-    if "NUMBA_CACHE_DIR" not in os.environ and not any(os.access(folder, os.W_OK) for folder in folders):
-        os.environ["NUMBA_CACHE_DIR"] = str(cache_folder() / "numba")
-
-
-@cache
-def _temporary_folder(parent: str) -> Path:
-    """A folder that nobody else can write, since what lies in it is run: the user's of before, or a fresh one."""
-    if hasattr(os, "getuid"):
-        folder = Path(parent) / f"saltus-{os.getuid()}"
-        with contextlib.suppress(OSError):
-            folder.mkdir(mode=0o700, exist_ok=True)
-            found = folder.lstat()
-            if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and stat.S_IMODE(found.st_mode) == 0o700:
-                return folder
-    return Path(tempfile.mkdtemp(prefix="saltus-", dir=parent))
-
-
 def source_file(system: HybridSystem) -> Path:
     """Return the file of the system's generated source, written now unless an equal definition has one.
 
@@ -277,11 +225,13 @@ def source_file(system: HybridSystem) -> Path:
     DefinitionError
         An expression of the definition cannot be read.
     """
-    return _source_file(system, Writer)
+    file = _file(system)
+    _text(file, system, Writer)
+    return file
 
 
-def _source_file(system: HybridSystem, writer: Callable[[Symbolic], Writer], *variant: object) -> Path:
-    """Write the file of the functions, or of a variant of them, with the text of `writer`, unless it exists."""
+def _file(system: HybridSystem, *variant: object) -> Path:
+    """The place of the functions of a system, or of a variant of them."""
     from importlib.metadata import version
 
     mathematics = {key: value for key, value in system.definition().items() if key not in ("name", "groups", "regimes")}
@@ -291,12 +241,30 @@ def _source_file(system: HybridSystem, writer: Callable[[Symbolic], Writer], *va
     versions = [_generator(), version("numba"), version("sympy"), sys.version_info[:2]]
     text = json.dumps([mathematics, *versions, *variant])
     digest = hashlib.sha256(text.encode()).hexdigest()[:20]
-    file = cache_folder() / f"system_{digest}.py"
-    if not file.exists():
+    return cache_folder() / f"system_{digest}.py"
+
+
+_UNWRITTEN: dict[str, bytes] = {}
+"""Texts that found no place on disk, by the name of their file."""
+
+
+def _text(file: Path, system: HybridSystem, writer: Callable[[Symbolic], Writer]) -> bytes:
+    """Return the text of a generated file; what is not there or not whole is written anew."""
+    text = _UNWRITTEN.get(file.name) or read_checked(file)
+    if text is None:
         from saltus.system.derivatives import Symbolic
 
-        _write(file, "".join(_module_text(writer(Symbolic(system)))))
-    return file
+        try:
+            text = "".join(_module_text(writer(Symbolic(system)))).encode()
+        except RecursionError:
+            allowed = "nested less deeply"
+            raise DefinitionError("the definition", system.name, allowed, "SymPy cannot differentiate it") from None
+        try:
+            write_checked(file, text)
+        except OSError as error:
+            _UNWRITTEN[file.name] = text
+            warn_once(f"generated code is not kept: {error.strerror}: {error.filename or file}")
+    return text
 
 
 @cache
@@ -308,15 +276,15 @@ def _generator() -> str:
     return digest.hexdigest()
 
 
-def load(file: Path, system: HybridSystem) -> Compiled:
-    """Return the functions of a generated file, compiled or read from the cache on disk."""
-    return Compiled(_module(file if file.exists() else source_file(system)), system)
+def load(system: HybridSystem) -> Compiled:
+    """Return the functions of a system, compiled or read from the cache on disk."""
+    return Compiled(_module(system, Writer), system)
 
 
 def load_second(system: HybridSystem, active: tuple[int, ...]) -> CompiledSecond:
     """Return the second derivatives of a system in its state and in the parameters of growing indices `active`."""
-    file = _source_file(system, lambda symbolic: _SecondWriter(symbolic, active), active)
-    return CompiledSecond(_module(file), system, active)
+    module = _module(system, lambda symbolic: _SecondWriter(symbolic, active), active)
+    return CompiledSecond(module, system, active)
 
 
 def load_series(system: HybridSystem, order: int) -> CompiledSeries | None:
@@ -324,15 +292,15 @@ def load_series(system: HybridSystem, order: int) -> CompiledSeries | None:
     from saltus.system.taylor import NotAnalyticError
 
     try:
-        file = _source_file(system, lambda symbolic: _SeriesWriter(symbolic, order), "series", order)
+        module = _module(system, lambda symbolic: _SeriesWriter(symbolic, order), "series", order)
     except NotAnalyticError:
         return None
-    return CompiledSeries(_module(file), system)
+    return CompiledSeries(module, system)
 
 
 def load_linear(system: HybridSystem) -> CompiledLinear:
     """Return the linear parts of a system's modes."""
-    return CompiledLinear(_module(_source_file(system, _LinearWriter, "linear")))
+    return CompiledLinear(_module(system, _LinearWriter, "linear"))
 
 
 def load_lanes(system: HybridSystem, order: int, exact: dict[int, int]) -> CompiledLanes | None:
@@ -345,7 +313,7 @@ def load_lanes(system: HybridSystem, order: int, exact: dict[int, int]) -> Compi
         return LaneWriter(symbolic, order, exact)
 
     try:
-        return CompiledLanes(_module(_source_file(system, writer, "lanes", order, sorted(exact.items()))))
+        return CompiledLanes(_module(system, writer, "lanes", order, sorted(exact.items())))
     except NotAnalyticError:
         return None
 
@@ -354,45 +322,36 @@ _LOADING = threading.RLock()
 """Held while a module is loaded: another thread must not see half of one."""
 
 
-def _module(file: Path) -> Any:
-    with _LOADING:
-        return _loaded(file)
-
-
-def _loaded(file: Path) -> Any:
+def _module(system: HybridSystem, writer: Callable[[Symbolic], Writer], *variant: object) -> ModuleType:
+    """The module of generated functions; what runs is the text that was checked."""
+    file = _file(system, *variant)
     name = f"saltus_{file.stem}"
-    module = sys.modules.get(name)
-    if module is None:
-        let_numba_cache()
-        spec = importlib.util.spec_from_file_location(name, file)
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module  # Numba's cache looks the module up by name
-        try:
-            spec.loader.exec_module(module)
-        except BaseException:
-            del sys.modules[name]
-            raise
+    with _LOADING:
+        module = sys.modules.get(name)
+        if module is None:
+            text = _text(file, system, writer)
+            let_numba_cache()
+            module = ModuleType(name)
+            module.__file__ = str(file)
+            sys.modules[name] = module  # Numba's cache looks the module up by name
+            try:
+                exec(compile(text, file, "exec"), module.__dict__)
+            except BaseException:
+                del sys.modules[name]
+                raise
     return module
-
-
-def _write(file: Path, text: str) -> None:
-    handle, name = tempfile.mkstemp(dir=file.parent, suffix=".tmp")
-    with os.fdopen(handle, "w", encoding="utf-8") as stream:
-        stream.write(text)
-    Path(name).chmod(0o644)
-    Path(name).replace(file)
 
 
 _HEAD = '''"""Generated by saltus from the definition of a hybrid system; safe to delete."""
 import math
 
-from numba import cfunc, float64, int64, types, void
+from numba import float64, int64, types, void
+
+from saltus.system.machine_code import cfunc
 
 P = types.CPointer(float64)
 SIGNATURE = void(int64, int64, P, P, P)
-OPTIONS = {"cache": True, "error_model": "numpy"}
+OPTIONS = {"error_model": "numpy"}
 FAST = {"contract", "nsz"}
 '''
 

@@ -231,7 +231,7 @@ class HybridSystem:
         """The compiled functions of this system (floor 2 and above call them by address)."""
         from saltus.system import codegen
 
-        return codegen.load(self._source, self)
+        return codegen.load(self)
 
     def second(self, active: tuple[int, ...]) -> CompiledSecond:
         """Return the compiled second derivatives in the state and in the parameters of growing indices `active`."""

@@ -7,10 +7,9 @@ from saltus.system.pools import AT_STROBE, DIVERGED, DONE, GOES_ON, GONE, HARD, 
 __all__ = ["DRIVER", "HEAD"]
 
 HEAD = f"""
-from numba import njit
-
 from saltus.system._lane_kernels import FAST, box_of, circular_cos, circular_sin, fate, grown, ld, loosened
 from saltus.system._lane_kernels import products, root, short_cos, short_sin, st
+from saltus.system.machine_code import njit
 
 NL = 320
 AT_STROBE, GOES_ON, MOST_STEPS = {AT_STROBE}, {GOES_ON}, {MOST_STEPS}

@@ -1,0 +1,141 @@
+"""Numba's decorators, with compiled code kept in files that are checked before they run.
+
+Numba reads what lies in its cache as it is: a file that was cut short stops every later run, one with a flipped byte
+computes something else, and two processes that compile a function for different arguments may give each other's code.
+Here each compiled function has a file of its own with a digest, and is valid for the sources that it came from: its own
+and those of the kernels that it calls, whose code is in it. What does not match is compiled and written anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import stat
+import sys
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import numba
+from numba.core import sigutils
+from numba.core.caching import NullCache
+from numba.core.ccallback import CFunc
+
+from saltus.system.cache import read_checked, warn_once, write_checked
+
+__all__ = ["cfunc", "keep_checked", "njit"]
+
+
+def njit(**options: Any) -> Callable[[FunctionType], Any]:
+    """Return a decorator that is `numba.njit`; with ``cache=True`` compiled code is kept in checked files."""
+    kept = options.pop("cache", False)
+
+    def compiled(function: FunctionType) -> Any:
+        dispatcher = numba.njit(**options)(function)
+        return keep_checked(dispatcher, function) if kept else dispatcher
+
+    return compiled
+
+
+def cfunc(signature: Any, **options: Any) -> Callable[[FunctionType], Any]:
+    """Return a decorator that is `numba.cfunc`, whose compiled code is kept in checked files."""
+    arguments = sigutils.normalize_signature(signature)
+
+    def compiled(function: FunctionType) -> Any:
+        callback = keep_checked(CFunc(function, arguments, locals={}, options=dict(options)), function)
+        callback.compile()
+        return callback
+
+    return compiled
+
+
+def keep_checked(compiler: Any, function: FunctionType) -> Any:
+    """Return a compiler of Numba's, which from now on keeps code in checked files of the folder that Numba chooses."""
+    if not hasattr(compiler, "enable_caching"):  # NUMBA_DISABLE_JIT: the function itself
+        return compiler
+    try:
+        compiler.enable_caching()
+    except RuntimeError:  # no folder can be written: the code lives as long as the process
+        return compiler
+    cache = compiler._cache
+    if os.path.isdir(cache.cache_path) and os.stat(cache.cache_path).st_mode & stat.S_IWOTH:
+        compiler._cache = NullCache()  # what anybody can write is not run
+        return compiler
+    base = cache._impl.filename_base  # the function's name, its first line and Python's version
+    cache._cache_file = _CheckedFiles(Path(cache.cache_path), base, function, cache._cache_file._dump)
+    return compiler
+
+
+class _CheckedFiles:
+    """Compiled code of one function: what Numba's cache asks of its files.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files are; Numba makes it.
+    base : str
+        How their names begin.
+    function : function
+        What is compiled.
+    dumps : callable
+        Makes bytes of compiled code.
+    """
+
+    def __init__(self, folder: Path, base: str, function: FunctionType, dumps: Callable[[Any], bytes]) -> None:
+        self._folder, self._base, self._function, self._dumps = folder, base, function, dumps
+
+    def load(self, key: tuple[Any, ...]) -> Any:
+        """Return what was saved under a key from the same sources; None where there is nothing of the kind."""
+        stored = read_checked(self._file(key))
+        begin = self._origin(key)
+        return None if stored is None or not stored.startswith(begin) else pickle.loads(stored[len(begin) :])
+
+    def save(self, key: tuple[Any, ...], data: Any) -> None:
+        """Keep what was compiled."""
+        content = self._origin(key) + self._dumps(data)
+        try:
+            write_checked(self._file(key), content)
+        except OSError as error:
+            warn_once(f"compiled code is not kept: {error.strerror}: {error.filename or self._folder}")
+
+    def flush(self) -> None:
+        """Forget all that is kept."""
+        for file in self._folder.glob(f"{self._base}.*.nbc"):
+            file.unlink(missing_ok=True)
+
+    def _file(self, key: tuple[Any, ...]) -> Path:
+        """One file for each signature and processor; newer code takes the place of older."""
+        signature, processor, _, *launch = key  # the third is the function's own code
+        digest = hashlib.sha256(repr((signature, processor, *launch)).encode()).hexdigest()[:16]
+        return self._folder / f"{self._base}.{digest}.nbc"
+
+    def _origin(self, key: tuple[Any, ...]) -> bytes:
+        """Digest of all that the code depends on."""
+        versions = (numba.__version__, sys.version)
+        sources = [_digest(file) for file in sorted(set(_files(self._function)))]
+        return hashlib.sha256(repr((key, versions, sources)).encode()).digest()
+
+
+def _files(function: FunctionType) -> Iterator[str]:
+    """Files of a function and of the compiled functions that it calls, at any depth."""
+    found, waiting = {function}, [function]
+    while waiting:
+        function = waiting.pop()
+        yield function.__code__.co_filename
+        for name in function.__code__.co_names:
+            inner = getattr(function.__globals__.get(name), "py_func", None)
+            if isinstance(inner, FunctionType) and inner not in found:
+                found.add(inner)
+                waiting.append(inner)
+
+
+@lru_cache(maxsize=1024)
+def _digest(file: str) -> str:
+    """Digest of a source file as this process first saw it; empty where there is none."""
+    try:
+        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    except OSError:
+        return ""
