@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 __all__ = ["of_a_family"]
 
-_SINGULAR = 1e-3  # least singular value, over the next one, above which an orbit near a good guess is isolated
+_SINGULAR = 0.3  # least singular value, over the next one, above which an orbit near a guess is isolated
 _AWAY = 1e-2  # distance between the two orbits that are compared, in units of the states
 _FORCED = 1e-8  # forcing of the equations, in their units, up to which an orbit solves them
 _CONVERGED, _ITERATIONS = 1e-9, 10
 
 
-def of_a_family(problem: OrbitProblem, u: NDArray[np.float64], singular: float = _SINGULAR) -> bool:
+def of_a_family(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
     """Return whether the orbit near a guess has neighbours at the same parameters.
 
     Where the equations are singular, another orbit is sought a hundredth of the states' sizes away along the direction
@@ -34,8 +34,6 @@ def of_a_family(problem: OrbitProblem, u: NDArray[np.float64], singular: float =
         The equations, without active parameters.
     u : ndarray, shape (size,)
         A guess.
-    singular : float, optional
-        Least singular value of the equations, over the next one, below which that is looked at.
     """
     if problem.start(u) is not None:
         return False
@@ -44,7 +42,7 @@ def of_a_family(problem: OrbitProblem, u: NDArray[np.float64], singular: float =
         return False
     columns, rows = scaling(problem, J, u)
     left, values, right = np.linalg.svd(rows[:, None] * J * columns)
-    if values.size < 2 or values[-1] > singular * values[-2]:
+    if values.size < 2 or values[-1] > _SINGULAR * values[-2]:
         return False
     z = u.copy()
     for _ in range(_ITERATIONS):

@@ -235,7 +235,7 @@ class OrbitProblem:
     def _sizes_nearby(self, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
         """Return the states' sizes on the branch of an orbit that rests in the origin, or too near to have any itself.
 
-        They are what a unit of the active parameters moves; 1 where nothing else is known.
+        They are what a unit of the active parameters moves in a period; 1 where nothing else is known.
         """
         count = len(self.system.states)
         lows, highs = survey.lows[:count], survey.highs[:count]
@@ -246,8 +246,7 @@ class OrbitProblem:
         if self._active.size:
             J = self.resolve(u)[1]
             if np.all(np.isfinite(J)):
-                response = np.linalg.lstsq(J[:, : self.size], J[:, self.size :], rcond=None)[0]
-                moved = np.abs(response).reshape(self.segments, self.n + 1, -1).max(axis=(0, 2))[:count]
+                moved = np.abs(J[:, self.size :]).reshape(self.segments, self.n + 1, -1).max(axis=(0, 2))[:count]
         top = float(moved.max())
         if known.max() > _NEARBY * top and not self._at_origin(u, float(known.max())):
             return None

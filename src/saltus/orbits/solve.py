@@ -11,6 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ConvergenceError, InputError, nearest
 from saltus.orbits.families import of_a_family
+from saltus.orbits.floquet import nontrivial
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, OrbitProblem, Signature
 from saltus.system import HybridSystem
@@ -26,7 +27,7 @@ _SMALL, _SHORT, _ROUNDING, _VANISHED, _ROUNDED = 1e-11, 1e-6, 1e-13, 1e-3, 1e-11
 share of the guessed period below which an orbit is none, and the square root of that of its extent; residual that no
 nearer guess makes smaller."""
 _REMESHED = 12
-_PERHAPS_SINGULAR = 0.3  # least singular value, over the next one, of equations that may have a family of solutions
+_PERHAPS_ONE = 1e-2  # distance of a multiplier from 1 below which an orbit may be one of a family
 _FAMILY = (
     "orbits form a family there at fixed parameters, as in a conservative system: add damping and a drive, or simulate"
 )
@@ -97,20 +98,22 @@ def converge(
 ) -> PeriodicOrbit:
     """Return the orbit of a signature near the unknowns `u`, its segments' ends chosen to be regular."""
     problem = OrbitProblem(system, signature, p, tol=tol)
-    given = u
-    if of_a_family(problem, given):
-        raise ConvergenceError("isolated periodic orbit", problem.survey(given).residual, 0, _FAMILY)
+    given, first = u, problem
     try:
         u, J = solve_unknowns(problem, given)
+        chosen, turned = settle_signature(problem, u)
+        if chosen != signature:
+            problem = OrbitProblem(system, chosen, p, tol=tol)
+            u, J = solve_unknowns(problem, turned)
     except ConvergenceError as error:
-        if of_a_family(problem, given, _PERHAPS_SINGULAR):
+        if of_a_family(first, given):
             raise ConvergenceError("isolated periodic orbit", error.residual, error.iterations, _FAMILY) from None
         raise
-    chosen, turned = settle_signature(problem, u)
-    if chosen != signature:
-        problem = OrbitProblem(system, chosen, p, tol=tol)
-        u, J = solve_unknowns(problem, turned)
-    return orbit_at(problem, u, J)
+    orbit = orbit_at(problem, u, J)
+    inner = nontrivial(orbit.multipliers, autonomous=system.phase is None)
+    if np.any(np.abs(inner - 1.0) < _PERHAPS_ONE) and of_a_family(first, given):
+        raise ConvergenceError("isolated periodic orbit", orbit.residual, 0, _FAMILY)
+    return orbit
 
 
 def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
