@@ -272,3 +272,28 @@ def test_a_hopf_locus_of_an_orbit_at_rest_is_that_of_the_brusselator():
     A, B = locus.values.T
     np.testing.assert_allclose(B, 1.0 + A**2, atol=1e-9)
     assert (A.min(), A.max()) == pytest.approx((0.8, 1.1))
+
+
+# starts at a grazing
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_start_at_a_grazing_shows_no_bifurcation_of_rounding(side):
+    """An oscillator that touches a soft stop; its multipliers' product is exp(-c T), so that it has no torus."""
+    force = "-x - c*v + A*cos(s)"
+    system = HybridSystem(
+        ("x", "v"),
+        {"c": 0.1, "K": 5.0, "w": 1.1, "A": 0.2},
+        {"free": Mode({"x": "v", "v": force}), "contact": Mode({"x": "v", "v": f"{force} - K*(x - 1)"})},
+        [Transition("free", "contact", "x - 1", 1), Transition("contact", "free", "x - 1", -1)],
+        phase=("s", "w"),
+    )
+    linear = 1.0 / complex(1.0 - 1.1**2, 0.1 * 1.1)
+    start = [0.2 * linear.real, 0.2 * 1.1 * linear.imag]
+    rest = solve_orbit(system, {}, [("free", "s", start, 2.0 * math.pi / 1.1)])
+    branch = continue_orbit(rest, "A", (0.1, 3.0))
+    assert grazings(branch) == pytest.approx([1.0 / abs(linear)], abs=1e-10)
+    folds = [p.parameters["A"] for p in branch.special_points.of_type("SN")]
+    again = continue_orbit(switch_branch(branch["GR1"])[side], "A", (0.1, 3.0))
+    assert {p.type for p in again.special_points} == {"GR", "SN"}
+    assert sorted(p.parameters["A"] for p in again.special_points.of_type("SN")) == pytest.approx(sorted(folds))

@@ -233,7 +233,12 @@ class _Run:
             name: _TOUCHING if at_grazing(name) and abs(value) < SAME * SAME else value
             for name, value in found.monitors.items()
         }
-        point.examined = replace(found, monitors=monitors)
+        data: OrbitData = found.data
+        if any(value == _TOUCHING and name.startswith(("duration", "rate")) for name, value in monitors.items()):
+            # multipliers mean nothing at a grazing
+            monitors = {name: value for name, value in monitors.items() if not name.startswith("TR")}
+            data = replace(data, followed=())
+        point.examined = replace(found, monitors=monitors, data=data)
         return branch, point
 
     def _place(self, point: Point) -> str:
