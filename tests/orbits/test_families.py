@@ -75,3 +75,18 @@ def test_a_branch_along_a_damping_follows_the_family_without_folds(pendulum):
     assert amplitude.max() > 1.9
     below = amplitude < 2.9  # towards the upright pendulum the period varies without bound
     np.testing.assert_allclose(branch.period[below], [swing(x) for x in amplitude[below]], rtol=1e-9)
+
+
+@pytest.mark.parametrize("w", [1.0, 1e6])
+def test_the_motions_of_an_undamped_oscillator_at_resonance_are_a_family(w):
+    system = HybridSystem(
+        ("x", "v"),
+        {"la": 0.0, "w": 1.0},
+        {"m": Mode({"x": "w*v", "v": "w*(-x + la*v)"})},
+        phase=("s", "w"),
+    )
+    guess = [("m", "s", [1.1, 0.3], 2.0 * math.pi / w)]
+    with pytest.raises(ConvergenceError, match=FAMILY):
+        solve_orbit(system, {"w": w}, guess)
+    rest = solve_orbit(system, {"w": w, "la": -1e-3}, guess)
+    np.testing.assert_allclose(rest.x0, 0.0, atol=1e-12)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["of_a_family"]
 
 _SINGULAR = 0.3  # least singular value, over the next one, above which an orbit near a guess is isolated
+_OPEN = 1e-9  # singular value, over the largest, along whose direction the equations tell nothing
 _AWAY = 1e-2  # distance between the two orbits that are compared, in units of the states
 _FORCED = 1e-8  # forcing of the equations, in their units, up to which an orbit solves them
 _CONVERGED, _ITERATIONS = 1e-9, 10
@@ -42,12 +43,13 @@ def of_a_family(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
         return False
     columns, rows = scaling(problem, J, u)
     left, values, right = np.linalg.svd(rows[:, None] * J * columns)
-    if values.size < 2 or values[-1] > _SINGULAR * values[-2]:
+    if values.size < 2 or values[-1] > max(_SINGULAR * values[-2], _OPEN * values[0]):
         return False
     z = u.copy()
     for _ in range(_ITERATIONS):
         left, values, right = np.linalg.svd(rows[:, None] * J * columns)
-        inverse = np.append(1.0 / values[:-1], 0.0)
+        closed = values[:-1] > _OPEN * values[0]
+        inverse = np.append(np.divide(1.0, values[:-1], where=closed, out=np.zeros(values.size - 1)), 0.0)
         step = -(right.T @ (inverse * (left.T @ (rows * F))))
         z = z + columns * step
         F, J = problem.resolve(z)
@@ -57,9 +59,9 @@ def of_a_family(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
             break
     else:
         return False
-    left, values, right = np.linalg.svd(rows[:, None] * J * columns)
-    if abs(left[:, -1] @ (rows * F)) > _FORCED:
+    if np.abs(rows * F).max() > _FORCED:
         return False
+    left, values, right = np.linalg.svd(rows[:, None] * J * columns)
     return _forcing_beside(problem, z, columns, rows, right[-1], left[:, -1]) < _FORCED
 
 
@@ -79,8 +81,8 @@ def _forcing_beside(
         residual = np.append(rows * F + forcing * forced, open_direction @ ((z - orbit) / columns) - _AWAY)
         if not np.all(np.isfinite(residual)):
             return np.inf
-        step = np.linalg.lstsq(matrix, -residual, rcond=None)[0]
+        step = np.linalg.lstsq(matrix, -residual, rcond=_OPEN)[0]
         z, forcing = z + columns * step[:-1], forcing + float(step[-1])
         if np.abs(step).max() < _CONVERGED:
-            return abs(forcing)
+            return max(abs(forcing), float(np.abs(residual).max()))
     return np.inf
