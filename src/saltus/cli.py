@@ -285,7 +285,8 @@ def _tell_cost(read: Config, system: HybridSystem, engine: str) -> None:
     table = _table({"what": "left", "value": "left"})
     table.add_row("cells", f"{cost.cells:,}")
     table.add_row("measured", f"{cost.orbits_per_second:,.0f} orbits/s on {where} ({cost.sampled:,} cells)")
-    table.add_row("time", f"{_duration(cost.seconds())} on {where}")
+    table.add_row("attractors", f"{_duration(cost.search_seconds)}, once")
+    table.add_row("time", f"{_duration(cost.seconds())} in all on {where}")
     for count in _WORKERS:
         table.add_row("", f"{_duration(cost.seconds(count))} on {count} such machines")
     table.add_row("store", f"at most {_bytes(cost.cells)}, about {_bytes(cost.size)} compressed")
@@ -408,6 +409,10 @@ def _tell_basins(basins: Basins, *, inputs: bool = False) -> None:
             table.add_row(name, ", ".join(told))
     for name, note in getattr(outcomes, "notes", {}).items() if inputs else ():
         table.add_row(f"trap of {name}", note)
+    if basins.undecided:
+        table.add_row("undecided", basins.undecided)
+    if "longest" in given:
+        table.add_row("longest", f"{given['longest']} periods: {given.get('longest_reason', 'as given')}")
     table.add_row("done", basins.stopped)
     if math.isfinite(basins.orbits_per_second):
         table.add_row("speed", f"{basins.orbits_per_second:,.0f} orbits/s")
@@ -416,7 +421,7 @@ def _tell_basins(basins: Basins, *, inputs: bool = False) -> None:
         by_events = f"{error.wrong_by_events} of {error.cells_by_events} by the event-driven flow"
         table.add_row("wrong labels", f"{anew}: < {error.bound:.2g} at 95 %; {by_events}")
     if inputs:
-        for name in ("engine", "tolerance", "longest", "preview", "saltus_version"):
+        for name in ("engine", "tolerance", "preview", "saltus_version"):
             if name in given:
                 table.add_row(name, f"{given[name]}")
         for name, value in given.get("parameters", {}).items():

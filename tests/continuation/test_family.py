@@ -192,6 +192,15 @@ def test_processes_compute_the_same_family(orbit, mixed):
     assert sum(bool(re.search(r"\d+ orbits$", text)) for _, _, text in told) == 2
 
 
+def test_a_daemonic_process_computes_the_family_itself(orbit, monkeypatch):
+    # a worker of Dask is one, and may not start others
+    monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)
+    over = {"d": GAPS[:2]}
+    assert continue_family(orbit, "A", over, BOUNDS, processes=2) == continue_family(
+        orbit, "A", over, BOUNDS, processes=1
+    )
+
+
 def test_a_dask_cluster_computes_the_same_family(orbit, family):
     distributed = pytest.importorskip("distributed")
     cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0")

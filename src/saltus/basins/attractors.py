@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus import checks
-from saltus.basins.cells import boxes_along
-from saltus.basins.enlarging import LEFT_OVER, SOON, Enlarging, pieces
-from saltus.basins.recurrence import Found, Hunt, Search
+from saltus.basins.building import Building
+from saltus.basins.recurrence import MOTIONS, Found, Hunt, Search
+from saltus.basins.telling import Progress
 from saltus.basins.trap_files import traps_as_variables, traps_from_variables
-from saltus.basins.trapping import CONTRACTING, Ellipsoid
-from saltus.basins.wilson import wilson
-from saltus.errors import ConvergenceError, InputError
-from saltus.flow.traps import DIVERGED, UNDECIDED, Cages, Cells, Ellipsoids, Traps
+from saltus.errors import InputError
+from saltus.flow.traps import DIVERGED, UNDECIDED, Traps
 from saltus.orbits import PeriodicOrbit
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
@@ -30,23 +29,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Attractors", "Search", "attractors_from", "find_attractors"]
 
-_VISITS, _MOST_VISITS, _LONGER = 16, 256, 8
-"""Strobes in a row in its boxes after which a motion is an attractor's, at first, at the most; how much the check's."""
-
 _DIGITS = (7, 2)
 """Of a place in parts of the region's half widths, by which attractors are sorted: of a point, of a sample's mean."""
-
-_ENTERING = 8
-"""How often at most motions from the region enter the ellipsoids, until all end as they should."""
-
-_TOLERATED = 1e-3
-"""Part of the samples in an ellipsoid that is cut that may end elsewhere, or it is not used."""
-
-_LEFT = 0.05
-"""Part of the motions that boxes labelled beyond which, if they go elsewhere, what the boxes hold is a transient."""
-
-_REGION_SAMPLES = 5
-"""The boxes' rule is checked on a part of the samples: one in so many."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,7 +50,8 @@ class Attractors(Result):
     names : tuple of str
         Attractors in the order of their labels 0, 1, ...
     kinds : mapping of str to str
-        ``period-N``, ``quasi-periodic``, ``chaotic`` or ``limit cycle``, by name.
+        ``rest`` where the state does not move, also in a forced system; ``period-N``, ``quasi-periodic``, ``chaotic``
+        or ``limit cycle``, by name.
     points : mapping of str to ndarray, shape (k, n)
         States at strobes: of a period-N attractor its N points in the order of visits, of others a sample.
     orbits : mapping of str to PeriodicOrbit
@@ -77,6 +62,12 @@ class Attractors(Result):
         How each attractor's trapping region was made, and what proves it or how many samples it rests on.
     fates : mapping of str to int
         How many of the motions from `region` ended where.
+    decays : mapping of str to float
+        Factor by which distances from an attractor shrink in a period in the end, where there are multipliers.
+    slowest : int
+        Periods after which the last of the motions from `region` was in a trapping region.
+    scale : tuple of float or None
+        Size of each state: half the region's width, or how far motions go where a state is frozen.
     measured_error : float
         Bound, at 95 % confidence, on the part of any one trapping region that belongs elsewhere; 0 where proven.
     """
@@ -93,9 +84,12 @@ class Attractors(Result):
     notes: Mapping[str, str]
     fates: Mapping[str, int]
     measured_error: float
+    decays: Mapping[str, float] = field(default_factory=dict)
+    slowest: int = 0
+    scale: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("parameters", "region", "kinds", "orbits", "notes", "fates"):
+        for name in ("parameters", "region", "kinds", "orbits", "notes", "fates", "decays"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         points = {name: frozen(value) for name, value in self.points.items()}
         object.__setattr__(self, "points", MappingProxyType(points))
@@ -132,6 +126,9 @@ class Attractors(Result):
             "kinds": json.dumps(dict(self.kinds)),
             "notes": json.dumps(dict(self.notes)),
             "fates": json.dumps(dict(self.fates)),
+            "decays": json.dumps(dict(self.decays)),
+            "slowest": self.slowest,
+            "scale": json.dumps(self.scale),
             "measured_error": self.measured_error,
             "limit": self.traps.limit,
             "visits": 0 if self.traps.cells is None else self.traps.cells.visits,
@@ -165,6 +162,9 @@ class Attractors(Result):
             data["notes"],
             data["fates"],
             float(attrs["measured_error"]),
+            json.loads(attrs.get("decays", "{}")),  # earlier files lack these three
+            int(attrs.get("slowest", 0)),
+            None if (scale := json.loads(attrs.get("scale", "null"))) is None else tuple(scale),
         )
 
     def __repr__(self) -> str:
@@ -172,6 +172,10 @@ class Attractors(Result):
         for label, name in enumerate(self.names):
             point = ", ".join(f"{value:.6g}" for value in self.points[name][0])
             lines += [f"  {label}  {name}: {self.kinds[name]}, through [{point}]", f"     {self.notes[name]}"]
+        if undecided := self.fates.get("undecided", 0):
+            lines.append(
+                f"  {undecided} of {sum(self.fates.values())} motions from the region reach no trapping region"
+            )
         return "\n".join(lines)
 
 
@@ -183,6 +187,8 @@ def find_attractors(
     seeds: int = 256,
     interval: float | None = None,
     search: Search | None = None,
+    motions: int = MOTIONS,
+    progress: Progress | None = None,
 ) -> Attractors:
     """Return the attractors on which motions from a region end, with their trapping regions.
 
@@ -207,6 +213,13 @@ def find_attractors(
         cycle, which is to be seen as a closed curve.
     search : Search, optional
         How long motions are followed, how many samples the trapping regions rest on, and the like.
+    motions : int, optional
+        How many motions will be labelled, 40 000 unless told; `map_basins` tells the count of its cells. The search
+        takes about ten times as long as they do at the most: trapping regions are enlarged as long as that saves more
+        than it takes, and rest on as many samples as are worth their time, 1000 at the least.
+    progress : callable, optional
+        Called with the count of motions that have been followed, of all that are expected so far, the motions a second,
+        and how many seconds are left.
 
     Returns
     -------
@@ -252,7 +265,10 @@ def find_attractors(
     count = checks.size("seeds", seeds)
     box = _checked_region(system, region)
     low, high = np.array(list(box.values())).T
-    hunt = Hunt(system, parameters, low, high, interval, chosen)
+    if progress is not None and not callable(progress):
+        raise InputError("progress", progress, "a function of two counts, a rate and a time")
+    labelled = checks.count("motions", motions)
+    hunt = Hunt(system, parameters, low, high, interval, chosen, labelled, progress)
     starts = hunt.seeds(count)
     if not len(starts):
         raise InputError("region", dict(box), "where motions can start: in a mode's domain and before its events")
@@ -267,6 +283,7 @@ def attractors_from(
     region: Mapping[str, tuple[float, float] | float],
     *,
     search: Search | None = None,
+    motions: int = MOTIONS,
 ) -> Attractors:
     """Return known orbits as attractors, in the order and by the names given, with their trapping regions.
 
@@ -276,7 +293,7 @@ def attractors_from(
         Stable orbits of one system with a phase, at the same parameters.
     region : mapping of str to (float, float) or float
         For every state the interval that matters; trapping regions are not made much larger.
-    search : Search, optional
+    search, motions
         As in `find_attractors`.
 
     Raises
@@ -295,7 +312,7 @@ def attractors_from(
         raise InputError("orbits", list(orbits), "of a system with a phase", "find_attractors finds those of others")
     box = _checked_region(system, region)
     low, high = np.array(list(box.values())).T
-    hunt = Hunt(system, parameters, low, high, None, _checked_search(search))
+    hunt = Hunt(system, parameters, low, high, None, _checked_search(search), checks.count("motions", motions))
     hunt.find_caged()
     chosen = []
     for name, orbit in orbits.items():
@@ -374,14 +391,15 @@ def _assembled(
 ) -> Attractors:
     if len(found) >= DIVERGED:
         raise InputError("region", box, "one with fewer attractors", f"{len(found)} were found")
-    built = _Building(hunt, found)
+    built = Building(hunt, found)
     traps = built.traps()
     while built.transients:
         found = [each for label, each in enumerate(found) if label not in built.transients]
-        built = _Building(hunt, found)
+        built = Building(hunt, found)
         traps = built.traps()
     names = names or _named(hunt.system, found)
-    labels, _ = hunt.ensemble.settle(starts, traps, hunt.search.longest)
+    labels, periods = hunt.ensemble.settle(starts, traps, hunt.search.longest)
+    hunt.told.finish()
     outcomes = dict(enumerate(names)) | {DIVERGED: "diverged", UNDECIDED: "undecided"}
     return Attractors(
         hunt.system,
@@ -396,222 +414,7 @@ def _assembled(
         {name: built.notes[label] for label, name in enumerate(names)},
         {name: int((labels == label).sum()) for label, name in outcomes.items()},
         built.error,
-    )
-
-
-class _Building:
-    """The trapping regions of attractors in the order of their labels, what is said of each, and the largest error.
-
-    `transients` are the labels of those that turned out to be none.
-    """
-
-    def __init__(self, hunt: Hunt, found: list[Found]) -> None:
-        self.hunt, self.found = hunt, found
-        self.notes: dict[int, str] = {}
-        self.error = 0.0
-        self.transients: set[int] = set()
-        self.cores = {label: each.core for label, each in enumerate(found) if each.core is not None}
-        self.wholes: dict[int, Ellipsoid] = {}
-        self.ellipsoids: dict[int, Ellipsoid] = {}
-
-    def traps(self) -> Traps:
-        """Return all trapping regions."""
-        enlarging = {}
-        for label in self.cores:
-            if (made := self._enlarged(label, self.found[label])) is not None:
-                enlarging[label] = made
-        entered = self._enter(enlarging)
-        for label, each in enumerate(self.found):
-            notes = []
-            if each.cage is not None:
-                distance = ", ".join(f"{value:.4g}" for value in each.cage.distances)
-                notes.append(
-                    f"cage, a theorem: the weighted modal amplitudes stay below {each.cage.bound:.6g} and every event "
-                    f"function at least {distance} from 0; contraction {each.cage.contraction:.3g} < 1"
-                )
-            if label in self.ellipsoids:
-                notes.append(self._measured(label, enlarging[label], entered.get(label)))
-            self.notes[label] = "; ".join(filter(None, notes))
-        return self._with_cells()
-
-    def _regions(self, ellipsoids: Mapping[int, Ellipsoid], cells: Cells | None = None) -> Traps:
-        caged = {label: each.cage for label, each in enumerate(self.found) if each.cage is not None}
-        n = len(self.hunt.low)
-        return Traps(
-            n,
-            Ellipsoids.joined([e.as_traps(label) for label, e in ellipsoids.items()]) if ellipsoids else None,
-            _stacked(caged, n) if caged else None,
-            cells,
-            self.hunt.search.limit,
-        )
-
-    def _enlarged(self, label: int, found: Found) -> Enlarging | None:
-        """Enlarge the ellipsoids of one attractor, while motions are accounted for in the cores of the others.
-
-        Where there is a cage they are to save time: none are made where they would cost it.
-        """
-        hunt, search = self.hunt, self.hunt.search
-        inner, core = found.ellipsoid, found.core
-        assert inner is not None
-        assert core is not None
-
-        def settles(x: NDArray[np.float64], region: Ellipsoid, longest: int) -> NDArray[np.bool_]:
-            labels, _ = hunt.ensemble.settle(x, self._regions({**self.cores, label: region}), longest)
-            return np.asarray(labels == label)
-
-        in_lanes = hunt.in_lanes(inner.centres[:1])
-        if found.cage is not None and not in_lanes:
-            return None
-        others = np.concatenate(
-            [np.empty((0, len(hunt.low))), *(each.points for each in self.found if each is not found)]
-        )
-        enlarging = Enlarging(hunt.ensemble, settles, 2.0 * hunt.scale, others, hunt.rng, search)
-        try:
-            self.wholes[label] = self.ellipsoids[label] = enlarging.whole(inner, core)
-        except ConvergenceError:
-            if found.cage is None:
-                raise
-            return None
-        if in_lanes:
-            self.ellipsoids[label] = enlarging.beyond(self.wholes[label])
-        return enlarging
-
-    def _enter(self, enlarging: Mapping[int, Enlarging]) -> dict[int, tuple[int, int]]:
-        """Cut the ellipsoids until motions from the region that enter one end in its attractor.
-
-        How many of fresh ones do not in the end, and of how many, for each label whose ellipsoids are cut.
-        """
-        for _ in range(_ENTERING):
-            labels, states, elsewhere = self._entries()
-            if not elsewhere.any():
-                break
-            for label in np.unique(labels[elsewhere]).tolist():
-                left_out = states[elsewhere & (labels == label)]
-                self.ellipsoids[label] = enlarging[label].without(self.ellipsoids[label], left_out, self.wholes[label])
-        else:
-            self.ellipsoids = {label: whole for label, whole in self.wholes.items() if self.found[label].cage is None}
-        labels, _, elsewhere = self._entries()
-        return {
-            label: (int((elsewhere & (labels == label)).sum()), int((labels == label).sum()))
-            for label in np.unique(labels).tolist()
-        }
-
-    def _entries(self) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.bool_]]:
-        """Labels and states of motions that enter what is cut of ellipsoids, and whether they end elsewhere.
-
-        Fewer motions, where lanes leave many over.
-        """
-        hunt = self.hunt
-        cut = [label for label, region in self.ellipsoids.items() if region is not self.wholes[label]]
-        if not cut:
-            return np.empty(0, np.uint8), np.empty((0, len(hunt.low))), np.empty(0, bool)
-        left_over, found = hunt.ensemble.left_over, []
-        for count in pieces(hunt.search.samples):
-            x = hunt.rng.uniform(hunt.low, hunt.high, (count, len(hunt.low)))
-            labels, states, modes = hunt.ensemble.arrivals(x, self._regions(self.ellipsoids), SOON)
-            entering = np.isin(labels, cut)
-            labels, states, modes = labels[entering], states[entering], modes[entering]
-            ends, periods = hunt.ensemble.settle(states, self._regions(self.wholes), SOON, modes)
-            beyond = periods > 0
-            found.append((labels[beyond], states[beyond], (ends != labels)[beyond]))
-            if hunt.ensemble.left_over > left_over + LEFT_OVER:
-                break
-        labels, states, elsewhere = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        return labels, states, elsewhere
-
-    def _measured(self, label: int, enlarging: Enlarging, entered: tuple[int, int] | None) -> str:
-        """Measure how much of an attractor's ellipsoids is another's, and tell.
-
-        Where it is much, they are dropped if there is a cage, else taken as large as they are without planes.
-        """
-        core, inner = self.cores[label], self.found[label].ellipsoid
-        assert inner is not None
-        # of what starts in the core, only contraction was seen
-        samples = self.hunt.search.samples if core.level < inner.level else min(self.hunt.search.samples, CONTRACTING)
-        elsewhere = enlarging.elsewhere(self.ellipsoids[label], core, samples)
-        if elsewhere > _TOLERATED * samples:
-            if self.found[label].cage is not None:
-                del self.ellipsoids[label]
-                return ""
-            if self.ellipsoids[label] is not self.wholes[label]:
-                self.ellipsoids[label], entered = self.wholes[label], None
-                elsewhere = enlarging.elsewhere(self.wholes[label], core, samples)
-        region = self.ellipsoids[label]
-        bound = wilson(elsewhere, samples)[1]
-        self.error = max(self.error, bound)
-        radius = ", ".join(f"{value:.3g}" for value in region.half_widths()[0])
-        points = f"each of {len(region.centres)} points" if len(region.centres) > 1 else "its point"
-        planes = f", cut by {region.offsets.shape[1]} planes" if region.offsets.size else ""
-        note = (
-            f"ellipsoid of the discrete Lyapunov equation about {points}, half widths {radius}{planes}; measured: "
-            f"{samples} samples, {elsewhere or 'none'} elsewhere: < {bound:.2g} at 95 %"
-        )
-        if entered is None:
-            return note
-        return f"{note}; {entered[0] or 'none'} of {entered[1]} motions that entered it beyond its largest ellipsoid"
-
-    def _with_cells(self) -> Traps:
-        clouds = {
-            label: each.points for label, each in enumerate(self.found) if each.cage is None and each.ellipsoid is None
-        }
-        certain = self._regions(self.ellipsoids)
-        if not clouds:
-            return certain
-        hunt, search = self.hunt, self.hunt.search
-        elsewhere = [each.points for label, each in enumerate(self.found) if label not in clouds]
-        others = np.concatenate([np.empty((0, len(hunt.low))), *elsewhere])
-        boxes = boxes_along(hunt.ensemble, clouds, others, hunt.scale, _VISITS, hunt.rng)
-        starts = hunt.seeds(max(search.samples // _REGION_SAMPLES, 100))
-        visits, leaving = _VISITS, dict.fromkeys(clouds, False)
-        while True:
-            cells = replace(boxes.cells, visits=visits)
-            traps = self._regions(self.ellipsoids, cells)
-            left = self._left(starts, traps, cells)
-            wrong, told = (sum(counts) for counts in zip(*left.values(), strict=True))
-            # where no motion stays long enough any more, what those did that stayed shorter counts
-            leaving |= {label: gone > _LEFT * of for label, (gone, of) in left.items() if of}
-            if not wrong or visits >= _MOST_VISITS:
-                break
-            visits *= 2
-        self.transients = {label for label, leaves in leaving.items() if leaves}
-        bound = wilson(wrong, max(told, 1))[1]
-        self.error = max(self.error, bound)
-        for label in clouds:
-            self.notes[label] = (
-                f"{int((cells.labels == label).sum())} boxes, which hold {boxes.covered[label]:.4f} of its strobes, "
-                f"{visits} of them in a row; measured: {told} motions from the region so labelled, {wrong} of them "
-                f"elsewhere after {_LONGER} times as many: < {bound:.2g} at 95 %"
-            )
-            if (stay := self.found[label].stay) is not None:
-                self.notes[label] += f"; {stay}"
-        return traps
-
-    def _left(self, starts: NDArray[np.float64], traps: Traps, cells: Cells) -> dict[int, tuple[int, int]]:
-        """How many of the motions that each label's boxes held are others' if they have to stay longer; of how many."""
-        hunt, longest = self.hunt, self.hunt.search.longest
-        labels, _ = hunt.ensemble.settle(starts, traps, longest)
-        boxed = np.isin(labels, np.unique(cells.labels))
-        strict = replace(cells, visits=_LONGER * cells.visits)
-        again, _ = hunt.ensemble.settle(starts[boxed], self._regions(self.ellipsoids, strict), longest)
-        elsewhere, first = (again != labels[boxed]) & (again != UNDECIDED), labels[boxed]
-        return {
-            int(label): (int(elsewhere[first == label].sum()), int((first == label).sum()))
-            for label in np.unique(cells.labels)
-        }
-
-
-def _stacked(caged: Mapping[int, Any], n: int) -> Cages:
-    """Cages of several modes as arrays; rows that some lack are zero."""
-    most = max(len(cage.rows) for cage in caged.values())
-    rows = np.zeros((len(caged), most, n), dtype=np.complex128)
-    floors = np.zeros((len(caged), most))
-    for i, cage in enumerate(caged.values()):
-        rows[i, : len(cage.rows)], floors[i, : len(cage.rows)] = cage.rows, cage.floors
-    return Cages(
-        frozen([cage.centre for cage in caged.values()]),
-        frozen(rows, np.complex128),
-        frozen(floors),
-        frozen([cage.bound for cage in caged.values()]),
-        frozen([cage.mode for cage in caged.values()], np.int64),
-        frozen(list(caged), np.uint8),
+        {name: each.decay for name, each in zip(names, found, strict=True) if math.isfinite(each.decay)},
+        int(periods[labels < DIVERGED].max(initial=0)),
+        tuple(hunt.scale.tolist()),
     )

@@ -105,6 +105,8 @@ class Basins(Result):
         The store.
     orbits_per_second : float
         Motions followed a second when the basins were computed; NaN where it is not known.
+    undecided : str
+        Why cells are undecided, in words; nothing where none was found to be.
 
     Examples
     --------
@@ -123,6 +125,7 @@ class Basins(Result):
     stopped: str = ""
     path: Path | None = None
     orbits_per_second: float = float("nan")
+    undecided: str = ""
 
     def __post_init__(self) -> None:
         if isinstance(self.labels, np.ndarray):
@@ -192,7 +195,8 @@ class Basins(Result):
         run, done = store.attributes.get("run", {}), store.done()
         rate = run["orbits"] / run["seconds"] if run.get("seconds") else float("nan")
         said = store.attributes.get("stopped") or told(done, store.grid.size, interrupted=interrupted)
-        return cls(store.labels, store.grid, attractors, store.attributes["inputs"], said, store.path, rate)
+        why = store.attributes.get("undecided", "")
+        return cls(store.labels, store.grid, attractors, store.attributes["inputs"], said, store.path, rate, why)
 
     @cached_property
     def names(self) -> Mapping[int, str]:
@@ -223,7 +227,7 @@ class Basins(Result):
             labels: Any = self.labels[tuple(at.get(k, slice(None)) for k in range(self.labels.ndim))]
         else:
             labels = self.labels.section(at)
-        return Basins(labels, grid, self.attractors, self.inputs, self.stopped, self.path, self.orbits_per_second)
+        return replace(self, labels=labels, grid=grid)
 
     def blocks(self) -> Iterator[tuple[tuple[slice, ...], NDArray[np.uint8]]]:
         """Go through the array in blocks of at most half a million cells: where each lies, and its labels.
@@ -357,6 +361,7 @@ class Basins(Result):
                 "outcomes": json.dumps(summary(self.attractors)),
                 "inputs": json.dumps(dict(self.inputs)),
                 "stopped": self.stopped,
+                "undecided": self.undecided,
             },
         )
         dataset["labels"].encoding["_FillValue"] = None
@@ -379,7 +384,8 @@ class Basins(Result):
         outcomes = outcomes_from(dataset["attractors"].to_numpy().tobytes(), json.loads(attrs["outcomes"]))
         labels = np.array(dataset["labels"].to_numpy(), dtype=np.uint8)
         grid = Grid.from_definition(json.loads(attrs["grid"]))
-        return cls(labels, grid, outcomes, json.loads(attrs["inputs"]), str(attrs["stopped"]))
+        why = str(attrs.get("undecided", ""))  # files of version 0.1 lack it
+        return cls(labels, grid, outcomes, json.loads(attrs["inputs"]), str(attrs["stopped"]), undecided=why)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the basins to a Zarr store, if `path` ends in ``.zarr``, or else to a NetCDF file; return its path.
@@ -400,11 +406,13 @@ class Basins(Result):
             store.write(cells, np.asarray(self.labels[cells]))
         if self.stopped != told(store.done(), self.grid.size):
             store.note(stopped=self.stopped)
+        if self.undecided:
+            store.note(undecided=self.undecided)
         return path
 
     def __reduce__(self) -> tuple[Any, ...]:
         values = (self.labels, self.grid, self.attractors, dict(self.inputs), self.stopped, self.path)
-        return Basins, (*values, self.orbits_per_second)
+        return Basins, (*values, self.orbits_per_second, self.undecided)
 
     def __repr__(self) -> str:
         system = self.inputs.get("system", {}).get("name") or "a hybrid system"
@@ -419,6 +427,10 @@ class Basins(Result):
             lines.append("  " + ", ".join(f"{name} {share:.4%}" for name, share in shares))
         else:
             lines.append(f"  of {', '.join(self.attractors.names)}; in {self.path}")
+        if self.undecided:
+            lines.append(f"  undecided: {self.undecided}")
+        if "longest" in self.inputs:
+            lines.append(f"  longest {self.inputs['longest']} periods: {self.inputs.get('longest_reason', 'as given')}")
         if error := self.noted_error:
             lines.append(f"  wrong labels: {error.wrong} of {error.cells} followed again, < {error.bound:.2g} at 95 %")
         return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from saltus import checks
 from saltus.basins.grid import Grid, Plane
 from saltus.basins.labelling import TOLERANCE, Labelling, checked_engine, checked_interval
-from saltus.basins.mapping import attractors_for
+from saltus.basins.mapping import attractors_for, with_traps
 from saltus.flow.traps import Traps
 from saltus.system import HybridSystem
 
@@ -45,16 +45,19 @@ class Cost:
         Motions that were followed a second, by all threads of this machine or its device.
     bytes_per_cell : float
         Of a compressed store, about: in more than one dimension a store takes less.
+    search_seconds : float
+        How long the search for attractors took, which the run makes again on one machine; 0 where they were given.
     """
 
     cells: int
     sampled: int
     orbits_per_second: float
     bytes_per_cell: float
+    search_seconds: float = 0.0
 
     def seconds(self, workers: int = 1) -> float:
-        """Return how long the whole grid takes on a number of machines like this one."""
-        return self.cells / (self.orbits_per_second * workers)
+        """Return how long it takes in all on a number of machines like this one, of which one looks for attractors."""
+        return self.search_seconds + self.cells / (self.orbits_per_second * workers)
 
     @property
     def size(self) -> float:
@@ -69,7 +72,7 @@ def estimate_cost(
     attractors: Any = None,
     *,
     engine: str = "cpu",
-    longest: int = 200,
+    longest: int | None = None,
     tolerance: float = TOLERANCE,
     interval: float | None = None,
     seconds: float = 3.0,
@@ -102,10 +105,13 @@ def estimate_cost(
     cells = grid if isinstance(grid, Grid) else Grid(system.states, grid)
     settings = Labelling(
         system, system.resolve(parameters), Traps(len(system.states)), checked_interval(interval),
-        checks.between("tolerance", tolerance, 1e-14, 1e-2), checks.count("longest", longest), checked_engine(engine),
+        checks.between("tolerance", tolerance, 1e-14, 1e-2),
+        0 if longest is None else checks.count("longest", longest), checked_engine(engine),
     )  # fmt: skip
-    found, _ = attractors_for(settings, cells, attractors)
-    labelling = replace(settings, traps=found.traps, interval=found.interval)
+    begin = time.perf_counter()
+    found, asked = attractors_for(settings, cells, attractors)
+    search_seconds = time.perf_counter() - begin if asked else 0.0
+    labelling, _ = with_traps(settings, found, cells)
     rng = np.random.default_rng(_SEED)
     labelling.of(cells.points(slice(0, 1)))
     count = _FIRST
@@ -118,7 +124,7 @@ def estimate_cost(
             break
         count *= _FACTOR
     compressed = len(zlib.compress(labels.tobytes(), 6)) / labels.size
-    return Cost(cells.size, labels.size, labels.size / took, min(compressed, 1.0))
+    return Cost(cells.size, labels.size, labels.size / took, min(compressed, 1.0), search_seconds)
 
 
 def _sample(grid: Grid, count: int, rng: np.random.Generator) -> NDArray[np.int64]:

@@ -36,8 +36,11 @@ LEFT_OVER = 3
 _FIRST = 16
 """Samples that are followed first, then twice as many: those that lanes leave over take a hundred times as long."""
 
-_SHARE, _SHRINKING = 20, 0.8
-"""Part of the samples that tries a level of the whole ellipsoids; its factor where samples leave."""
+_GROWN, _SHRINKING = 256, 0.8
+"""Samples that try a level of the whole ellipsoids; its factor where samples leave."""
+
+_ENOUGH = 64
+"""Samples that leave a region of which planes are made before more are followed."""
 
 _PART, _TRIES, _LAST_TRIES = 4, 8, 12
 """Part of the samples that tries a level with planes; rounds of cuts of such a one, of the last."""
@@ -65,7 +68,12 @@ class Enlarging:
         States of other attractors, which no region may hold.
     rng : numpy.random.Generator
     search : Search
-        How many samples are followed in the end, how long, and how near to those that end elsewhere planes are set.
+        How long samples are followed, and how near to those that end elsewhere planes are set.
+
+    Attributes
+    ----------
+    samples : int
+        How many samples are followed in the end.
     """
 
     def __init__(
@@ -79,12 +87,31 @@ class Enlarging:
     ) -> None:
         self.ensemble, self.settles, self.widest, self.others = ensemble, settles, widest, others
         self.rng, self.search = rng, search
+        self.samples = search.samples or _GROWN
 
-    def whole(self, inner: Ellipsoid, core: Ellipsoid) -> Ellipsoid:
-        """Return the ellipsoids, without planes, so large that samples in them still all end in `core`.
+    def grown(self, inner: Ellipsoid) -> Ellipsoid:
+        """Return the ellipsoids, without planes, as large as a few samples in each still come to the next smaller ones.
 
         Parameters
         ----------
+        inner : Ellipsoid
+            Where samples contract.
+        """
+        longest, region = min(self.search.longest, _LONG * SOON), inner
+        while (larger := self._larger(region)) is not None:
+            leaving = self._leaving(larger, region, _GROWN, longest, enough=1)
+            if leaving is None or len(leaving):
+                break
+            region = larger
+        return region
+
+    def verified(self, region: Ellipsoid, inner: Ellipsoid, core: Ellipsoid) -> Ellipsoid:
+        """Return the ellipsoids of a size, or of a smaller one, from which samples all end in `core`.
+
+        Parameters
+        ----------
+        region : Ellipsoid
+            The largest that may be.
         inner : Ellipsoid
             Where samples contract.
         core : Ellipsoid
@@ -95,32 +122,40 @@ class Enlarging:
         ConvergenceError
             Samples end elsewhere from ellipsoids that are hardly larger than `core`.
         """
-        search, longest = self.search, min(self.search.longest, _LONG * SOON)
-        region = inner
-        while (larger := self._larger(region)) is not None:
-            leaving = self._leaving(larger, region, max(search.samples // _SHARE, 100), longest)
-            if leaving is None or len(leaving):
-                break
-            region = larger
-        samples = search.samples
-        region = region.at(max(search.safety * region.level, inner.level))
-        while (leaving := self._leaving(region, core, samples, longest)) is None or len(leaving):
+        longest = min(self.search.longest, _LONG * SOON)
+        region = region.at(max(self.search.safety * region.level, inner.level))
+        while (leaving := self._leaving(region, core, self.samples, longest, enough=1)) is None or len(leaving):
             region = region.at(_SHRINKING * region.level)
             if region.level < min(_LEAST * core.level, inner.level):
                 radius = math.sqrt(region.level)
-                raise ConvergenceError("trapping region", radius, samples, "motions leave it", unit="samples")
+                raise ConvergenceError("trapping region", radius, self.samples, "motions leave it", unit="samples")
         return region
 
-    def beyond(self, whole: Ellipsoid) -> Ellipsoid:
-        """Return still larger ellipsoids, cut by planes so that samples in them all come to `whole`."""
+    def beyond(
+        self, whole: Ellipsoid, saved: Callable[[Ellipsoid, Ellipsoid], float], spent: Callable[[], float]
+    ) -> Ellipsoid:
+        """Return still larger ellipsoids, cut by planes so that samples in them all come to `whole`.
+
+        Parameters
+        ----------
+        whole : Ellipsoid
+            Where samples end as they should.
+        saved : callable
+            What a larger region, told second, saves in all against a smaller one.
+        spent : callable
+            What has been spent so far, in the same unit: growth ends where a rung has cost more than it saves.
+        """
         region = whole
         while (larger := self._larger(region)) is not None:
-            larger = self._cut(larger, region, max(self.search.samples // _PART, 100), _TRIES)
+            before = spent()
+            larger = self._cut(larger, region, max(self.samples // _PART, 100), _TRIES)
             if larger is None:
                 break
-            region = larger
+            cost, smaller, region = spent() - before, region, larger
+            if saved(smaller, larger) < cost:
+                break
         while region.level > whole.level:
-            if (found := self._cut(region, whole, self.search.samples, _LAST_TRIES)) is not None:
+            if (found := self._cut(region, whole, self.samples, _LAST_TRIES)) is not None:
                 return found
             region = region.at(_SHRINKING * region.level)
         return whole
@@ -128,7 +163,7 @@ class Enlarging:
     def without(self, region: Ellipsoid, x: NDArray[np.float64], whole: Ellipsoid) -> Ellipsoid:
         """Return `region` without some states, shape (m, n), nor what samples show not to come to `whole`."""
         cut = region.cut(x, math.sqrt(self.search.safety))
-        found = self._cut(cut, whole, self.search.samples, _LAST_TRIES)
+        found = self._cut(cut, whole, self.samples, _LAST_TRIES)
         return whole if found is None else found
 
     def elsewhere(self, region: Ellipsoid, core: Ellipsoid, samples: int) -> int:
@@ -139,11 +174,18 @@ class Enlarging:
         larger = region.at(_GROWING * region.level)
         return None if np.all(larger.half_widths() > self.widest) else larger
 
-    def _leaving(self, region: Ellipsoid, within: Ellipsoid, samples: int, longest: int) -> NDArray[np.float64] | None:
-        """Samples in a region from which motions end elsewhere than `within`; None where lanes leave many over."""
+    def _leaving(
+        self, region: Ellipsoid, within: Ellipsoid, samples: int, longest: int, enough: int
+    ) -> NDArray[np.float64] | None:
+        """Samples in a region from which motions end elsewhere than `within`; None where lanes leave many over.
+
+        No more are followed once there are enough.
+        """
         work, left_over = self.ensemble.work.sum(), self.ensemble.left_over
         found = [self.others[region.holds(self.others)]]
         for count in pieces(samples):
+            if sum(map(len, found)) >= enough:
+                break
             found.append(self._bad(region.samples(count, self.rng), within, longest))
             if self.ensemble.left_over > left_over + LEFT_OVER and self.ensemble.work.sum() > work:
                 return None
@@ -159,7 +201,7 @@ class Enlarging:
         for _ in range(tries):
             if region.offsets.shape[1] > _MOST_PLANES or region.share(_SHARE_SAMPLES, self.rng) < _LEAST_SHARE:
                 return None
-            x = self._leaving(region, within, samples, SOON)
+            x = self._leaving(region, within, samples, SOON, enough=_ENOUGH)
             if x is None:
                 return None
             if not len(x):

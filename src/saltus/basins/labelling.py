@@ -16,7 +16,7 @@ import numpy as np
 from saltus import checks
 from saltus.basins.trap_files import traps_as_data, traps_from_data
 from saltus.flow.alone import follow_alone
-from saltus.flow.traps import Ellipsoids, Traps
+from saltus.flow.traps import UNDECIDED, Ellipsoids, Traps
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 
     _Labelled: TypeAlias = tuple[tuple[slice, ...], NDArray[np.uint8], int]
 
-__all__ = ["ACCURACY", "TOLERANCE", "Labelling", "checked_engine", "checked_interval"]
+__all__ = ["ACCURACY", "TOLERANCE", "Labelling", "checked_engine", "checked_interval", "units_of"]
 
 TOLERANCE = 3e-9
-"""Of a step in the first period, by default: of Fig. 10's last plane 0.025 % of the labels are wrong, not 0.038 %."""
+"""Of a step in the first period, by default, in the unit nearest to a state's size: of Fig. 10's last plane 0.025 % of
+the labels are wrong, not 0.038 %."""
 
 ACCURACY: Mapping[str, Any] = MappingProxyType(
     {
@@ -83,6 +84,8 @@ class Labelling:
         Whether only the cells beside others of another label are computed.
     threads : int or None
         Threads that compute; by default as many as there are processors.
+    scale : tuple of float or None
+        Unit of each state in which errors are measured, 1 by default.
     """
 
     system: HybridSystem
@@ -94,6 +97,7 @@ class Labelling:
     engine: str = "cpu"
     preview: bool = False
     threads: int | None = None
+    scale: tuple[float, ...] | None = None
 
     def definition(self) -> dict[str, Any]:
         """Return all that decides a label as plain data, from which `from_definition` makes an equal labelling."""
@@ -105,6 +109,7 @@ class Labelling:
             "interval": self.interval,
             "engine": self.engine,
             "preview": self.preview,
+            "scale": None if self.scale is None else list(self.scale),
             "traps": traps_as_data(self.traps),
         }
 
@@ -112,15 +117,16 @@ class Labelling:
     def from_definition(cls, definition: Mapping[str, Any], threads: int | None = None) -> Labelling:
         """Return the labelling that `definition` describes."""
         options = {name: definition[name] for name in ("tolerance", "longest", "interval", "engine", "preview")}
-        system = HybridSystem.from_definition(definition["system"])
+        system, scale = HybridSystem.from_definition(definition["system"]), definition.get("scale")
         return cls(
-            system, dict(definition["parameters"]), traps_from_data(definition["traps"]), threads=threads, **options
-        )
+            system, dict(definition["parameters"]), traps_from_data(definition["traps"]), threads=threads,
+            scale=None if scale is None else tuple(scale), **options,
+        )  # fmt: skip
 
     @cached_property
     def ensemble(self) -> Any:
         """The engine that follows motions."""
-        options: dict[str, Any] = {"tolerance": self.tolerance, "interval": self.interval}
+        options: dict[str, Any] = {"tolerance": self.tolerance, "interval": self.interval, "scale": self.scale}
         if self.engine == "cuda":
             from saltus.flow.cuda import CudaEnsemble
 
@@ -163,6 +169,22 @@ class Labelling:
             for x in points
         )
         return np.fromiter(found, np.uint8, len(points))
+
+    def undecided(self, points: NDArray[np.float64]) -> str:
+        """Return why motions from points, shape (m, n), are in no trapping region in the end, in words."""
+        from saltus.basins.trapping import admits_start
+
+        ensemble = replace(self, engine="cpu").ensemble
+        labels, states, _ = ensemble.arrivals(points, self.traps, self.longest)
+        lost = (labels == UNDECIDED) & ~np.isfinite(states).all(axis=1)
+        barred = [not admits_start(ensemble, x) for x in points[lost]]
+        reasons = {
+            f"reach no trapping region within {self.longest} periods": int((labels == UNDECIDED).sum() - lost.sum()),
+            "start outside the domains of all modes": sum(barred),
+            "meet events that accumulate": len(barred) - sum(barred),
+        }
+        told = ", ".join(f"{count} {reason}" for reason, count in reasons.items() if count)
+        return f"of {len(points)} followed again {told}" if told else ""
 
     def units(
         self, grid: Grid, units: Sequence[tuple[slice, ...]]
@@ -226,6 +248,11 @@ class Labelling:
                 labels[tuple(places.T)] = self.of(grid.at(at))
                 followed += len(places)
         return labels, followed
+
+
+def units_of(sizes: Sequence[float] | None) -> tuple[float, ...] | None:
+    """Return the unit nearest to each state's size, in steps of a thousand: 1e-9, 1e-6, ..., 1 from 0.032 to 32, ..."""
+    return None if sizes is None else tuple(1000.0 ** round(math.log10(size) / 3.0) for size in sizes)
 
 
 def _lattice(count: int, stride: int) -> NDArray[np.int64]:

@@ -4,7 +4,7 @@ Rules
 -----
 * The label belongs to the motion that starts at the cell's centre at phase 0.
 * It is the label of the attractor in whose trapping region the motion is first seen at a strobe, ``diverged`` beyond
-  every bound, or ``undecided`` after `longest` periods.
+  every bound, or ``undecided`` after `longest` periods, by default those that the slowest decay asks for.
 * Cells are labelled in units that follow from the grid alone, each written once and as a whole; how many threads,
   workers or runs there are changes nothing.
 """
@@ -14,14 +14,14 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict, is_dataclass, replace
 from importlib.metadata import version
 from inspect import signature
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,8 +29,10 @@ from saltus import checks
 from saltus.basins.attractors import Search, find_attractors
 from saltus.basins.basins import Basins, attractors_bytes, attributes_of, outcomes_from, told
 from saltus.basins.grid import Grid, Plane
-from saltus.basins.labelling import TOLERANCE, Labelling, checked_engine, checked_interval
+from saltus.basins.labelling import TOLERANCE, Labelling, checked_engine, checked_interval, units_of
+from saltus.basins.patience import Patience, patience_for
 from saltus.basins.store import Store, check_same
+from saltus.basins.telling import Progress
 from saltus.errors import InputError, nearest
 from saltus.flow.traps import NOT_DONE, UNDECIDED, Traps
 from saltus.system import HybridSystem
@@ -52,9 +54,13 @@ _BY_EVENTS = 50
 _SHOWN = 16
 """Points of each attractor that are followed to see whether it is one."""
 
-_SEEDS: int = signature(find_attractors).parameters["seeds"].default
+_TOLD = ("search", "longest_reason")
+"""Inputs that need not be the same where a store is gone on with."""
 
-Progress: TypeAlias = Callable[[int, int, float, float], None]
+_ASKED = 16
+"""Undecided cells of a unit, and of the whole grid, that are followed again to say why they are."""
+
+_SEEDS: int = signature(find_attractors).parameters["seeds"].default
 
 
 def map_basins(
@@ -66,7 +72,7 @@ def map_basins(
     engine: str = "cpu",
     store: str | os.PathLike[str] | None = None,
     client: Any = None,
-    longest: int = 200,
+    longest: int | None = None,
     tolerance: float = TOLERANCE,
     preview: bool = False,
     interval: float | None = None,
@@ -86,7 +92,8 @@ def map_basins(
     attractors : Attractors or mapping, optional
         Where motions end, as `find_attractors` or `attractors_from` returned them; or options with which
         `find_attractors` looks for them, as ``{"seeds": 512}``. It looks in the box of the grid if no `region` is
-        given. By default all options are the usual ones, and a store's own attractors are taken as they are.
+        given, and measures trapping regions as well as that is worth for the cells; ``progress`` is told how far it has
+        come. By default all options are the usual ones, and a store's own attractors are taken as they are.
     engine : {"cpu", "cuda", "dask"}, optional
         This machine's processors, its graphics cards, or the workers of a Dask cluster.
     store : path-like, optional
@@ -95,9 +102,11 @@ def map_basins(
     client : dask.distributed.Client or str, optional
         The cluster, or the address of its scheduler, for ``engine="dask"``.
     longest : int, optional
-        Periods after which a motion that is in no trapping region is undecided.
+        Periods after which a motion that is in no trapping region is undecided. By default four times as many as the
+        slowest decay to an attractor takes, by its largest multiplier, from the farthest corner of the grid into the
+        trapping region, or as the slowest motion of the search took; 200 at the least, 100 000 at the most.
     tolerance : float, optional
-        Of a step.
+        Of a step, in the unit nearest to a state's size in steps of a thousand: 1 for sizes from 0.032 to 32.
     preview : bool, optional
         Whether only every fourth cell along each coordinate is computed at first, then again and again those beside
         cells of different labels, at half the distance; the others take the label that surrounds them. A third of the
@@ -149,8 +158,8 @@ def map_basins(
     _check_options(system, client, progress, engine=engine, preview=preview)
     settings = Labelling(
         system, system.resolve(parameters), Traps(len(system.states)), checked_interval(interval),
-        checks.between("tolerance", tolerance, 1e-14, 1e-2), checks.count("longest", longest, 1),
-        checked_engine(engine), bool(preview),
+        checks.between("tolerance", tolerance, 1e-14, 1e-2),
+        0 if longest is None else checks.count("longest", longest, 1), checked_engine(engine), bool(preview),
     )  # fmt: skip
     cells, path = _grid(system, grid), _path(store)
     if path is None and cells.size > _IN_MEMORY:
@@ -162,15 +171,18 @@ def map_basins(
             cluster = stack.enter_context(scheduler(client))
         kept = Store.open(path, writable=True) if path is not None and path.exists() else None
         found, search = attractors_for(settings, cells, attractors, kept)
-        labelling = replace(settings, traps=found.traps, interval=found.interval)
-        inputs = {**labelling.definition(), "labels": dict(found.labels), "saltus_version": version("saltus"), **search}
+        labelling, reason = with_traps(settings, found, cells)
+        inputs = {
+            **labelling.definition(), "longest_reason": reason, "labels": dict(found.labels),
+            "saltus_version": version("saltus"), **search,
+        }  # fmt: skip
         if kept is not None:
             inputs = _same_inputs(kept, cells, inputs)
         else:
             _check_attractors(labelling, found)
             if path is not None:
                 kept = Store.create(path, cells, attributes_of(inputs, cells, found), attractors_bytes(found))
-        run = _Run(cells, kept, progress)
+        run = _Run(cells, kept, progress, labelling)
         if engine == "dask":
             return run.through(labelled_by(cluster, cells, inputs, path, run.units), found, inputs)
         return run.through(labelling.units(cells, run.units), found, inputs)
@@ -179,8 +191,9 @@ def map_basins(
 class _Run:
     """Units of a grid on their way into a store or an array."""
 
-    def __init__(self, grid: Grid, store: Store | None, progress: Progress | None) -> None:
-        self.grid, self.store, self.progress = grid, store, progress
+    def __init__(self, grid: Grid, store: Store | None, progress: Progress | None, labelling: Labelling) -> None:
+        self.grid, self.store, self.progress, self.labelling = grid, store, progress, labelling
+        self.undecided: list[NDArray[np.int64]] = []
         self.array = np.full(grid.shape if store is None else 0, NOT_DONE, np.uint8)
         self.units = list(grid.units()) if store is None else store.missing()
         self.done = self.kept = grid.size - sum(map(_count, self.units))
@@ -207,11 +220,13 @@ class _Run:
             interrupted = True
         if self.store is None:
             said = told(self.done, self.grid.size, interrupted=interrupted)
-            return Basins(self.array, self.grid, attractors, inputs, said, None, self.rate)
+            return Basins(self.array, self.grid, attractors, inputs, said, None, self.rate, self.why_undecided())
         if self.followed:
             before = self.store.attributes.get("run", {"orbits": 0, "seconds": 0.0})
             seconds = before["seconds"] + monotonic() - self.started
             self.store.note(run={"orbits": before["orbits"] + self.followed, "seconds": seconds})
+        if self.undecided:
+            self.store.note(undecided=self.why_undecided())
         try:
             if self.done == self.grid.size and not interrupted:
                 self.check(self.store, attractors)
@@ -225,12 +240,23 @@ class _Run:
             some = min(self.grid.size, max(self.grid.size // _CHECKED, _FEWEST), _MOST)
             store.note(label_error=asdict(Basins.of_store(store, attractors).label_error(some, by_events=_BY_EVENTS)))
 
+    def why_undecided(self) -> str:
+        """Say why cells of this run are undecided, from some of them; nothing where none is."""
+        if not self.undecided:
+            return ""
+        found = np.concatenate(self.undecided)
+        return self.labelling.undecided(self.grid.at(found[:: -(-len(found) // _ASKED)]))
+
     def keep(self, cells: tuple[slice, ...], labels: NDArray[np.uint8] | None, followed: int) -> None:
         """Keep a unit, unless the one who labelled it did, and tell."""
         if labels is not None and self.store is not None:
             self.store.write(cells, labels)
         elif labels is not None:
             self.array[cells] = labels
+        elif self.store is not None:
+            labels = np.asarray(self.store.labels[cells])
+        if labels is not None and len(at := np.argwhere(labels == UNDECIDED)):
+            self.undecided.append(at[:: -(-len(at) // _ASKED)] + [part.start for part in cells])
         self.done += _count(cells)
         self.followed += followed
         if self.progress is not None:
@@ -299,7 +325,10 @@ def attractors_for(
         found = outcomes_from(kept.attractors, kept.attributes["attractors"])
     elif asked:
         settings.check_engine()
-        found = find_attractors(settings.system, settings.parameters, interval=settings.interval, **options)
+        tell = (given or {}).get("progress")
+        found = find_attractors(
+            settings.system, settings.parameters, interval=settings.interval, progress=tell, **options
+        )
     if not isinstance(getattr(found, "traps", None), Traps):
         kind, hint = type(found).__name__, "attractors_from makes one of known orbits"
         raise InputError("attractors", kind, "an Attractors, as find_attractors returns", hint)
@@ -308,15 +337,24 @@ def attractors_for(
     return found, {"search": json.loads(json.dumps(options, default=_plain))} if asked else {}
 
 
+def with_traps(settings: Labelling, found: Any, grid: Grid) -> tuple[Labelling, str]:
+    """Return what labels the cells of a grid by the traps of attractors, and why it follows motions for so long."""
+    given = Patience(settings.longest, "as given")
+    patience = given if settings.longest else patience_for(found, grid.box)
+    scale = units_of(getattr(found, "scale", None))
+    settled = replace(settings, traps=found.traps, interval=found.interval, longest=patience.periods, scale=scale)
+    return settled, patience.reason
+
+
 def _search(grid: Grid, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options of a search for attractors: those given, and what the others are by default."""
     region = {name: low if low == high else (low, high) for name, (low, high) in grid.box.items()}
-    usual = {"region": region, "seeds": _SEEDS, "search": Search()}
+    usual = {"region": region, "seeds": _SEEDS, "search": Search(), "motions": grid.size}
     for name in given:
-        if name not in usual:
+        if name not in usual and name != "progress":
             hint = nearest(name, usual) or "attractors_from makes attractors of orbits by name"
             raise InputError("attractors", name, f"options among {', '.join(usual)}", hint)
-    return usual | dict(given)
+    return usual | {name: value for name, value in given.items() if name != "progress"}
 
 
 def _plain(value: Any) -> Any:
@@ -326,7 +364,8 @@ def _plain(value: Any) -> Any:
 def _same_inputs(kept: Store, grid: Grid, inputs: Mapping[str, Any]) -> dict[str, Any]:
     """Return a store's inputs; `InputError` where others are asked for, in which `search` may be missing."""
     its = dict(kept.attributes["inputs"])
-    there = {key: value for key, value in its.items() if key != "search" or key in inputs}
+    inputs = {key: value for key, value in inputs.items() if key != "longest_reason"}
+    there = {key: value for key, value in its.items() if key not in _TOLD or key in inputs}
     check_same(kept.path, {"grid": grid.definition(), **inputs}, {"grid": kept.grid.definition(), **there})
     if kept.attributes.get("stopped"):
         kept.note(stopped="")

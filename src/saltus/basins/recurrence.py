@@ -17,14 +17,17 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from saltus import checks
 from saltus.basins.cage import Cage, cage_of
+from saltus.basins.contraction import check_contraction, growth_of, nothing_attracts, preserves
+from saltus.basins.telling import Progress, Telling
 from saltus.basins.trapping import (
     Ellipsoid,
     admits_start,
@@ -39,10 +42,10 @@ from saltus.errors import ConvergenceError, InputError, SaltusError
 from saltus.flow.classify import Criteria, classify
 from saltus.flow.ensemble import Ensemble
 from saltus.flow.run import allowed_modes, starting_mode
-from saltus.flow.simulate import events_after
+from saltus.flow.simulate import events_after, simulate
 from saltus.flow.traps import DIVERGED, Traps
-from saltus.flow.variational import growth_along
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
+from saltus.orbits.floquet import nontrivial
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -51,9 +54,9 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["LIMIT_CYCLE", "LONGEST", "Found", "Hunt", "Search", "Stay"]
+__all__ = ["LIMIT_CYCLE", "LONGEST", "MOTIONS", "REST", "Found", "Hunt", "Search", "Stay"]
 
-LIMIT_CYCLE = "limit cycle"
+LIMIT_CYCLE, REST = "limit cycle", "rest"
 LONGEST = 16
 """Strobes after which a motion recurs that the orbit solver is asked about at once."""
 
@@ -87,6 +90,21 @@ _EXTENT = 1e-9
 _STATES = 400
 """Random states of the region that tell whether one may allow several modes."""
 
+_PLACES, _LOOKS = (0.17, 0.41, 0.63, 0.89), 65
+"""Parts of the region's width at which motions start that tell the size of a state that is frozen; looks at each."""
+
+_ALONE = 100.0
+"""Times as long as lanes that the event-driven flow takes for a period."""
+
+MOTIONS = 40_000
+"""Motions that will be labelled, where it is not told how many."""
+
+_NEUTRAL = 4
+"""Motions along which volumes stay as they are after which no other is taken for an attractor that is no orbit."""
+
+_STILL = 1e-11
+"""Part of the scale by which a state at rest seems to move."""
+
 _COMMENSURATE = 1e-3
 _GOLDEN = 0.6180339887
 
@@ -101,21 +119,22 @@ class Search:
         Of all random numbers: the same inputs give the same attractors.
     longest : int
         Strobes after which a motion that has not settled is given up.
-    samples : int
-        Motions that are followed from inside each trapping region that is measured.
+    samples : int or None
+        Motions that are followed from inside each trapping region that is measured. By default so many, between 1000
+        and 20 000, that making and measuring all of them takes about six times as long as labelling the motions.
     safety : float
         Part of the squared distance of a sample that ends elsewhere at which a plane is set that leaves it out.
     tolerance : float
         Of a step of the ensemble.
     limit : float
-        A state with a component beyond it has diverged.
+        A state with a component beyond it has diverged; times the half width of the region where that is above 1.
     criteria : Criteria
         By which quasi-periodic and chaotic motions are told apart.
     """
 
     random_seed: int = 0
     longest: int = 4000
-    samples: int = 20_000
+    samples: int | None = None
     safety: float = 0.8
     tolerance: float = 1e-8
     limit: float = 1e6
@@ -124,7 +143,8 @@ class Search:
     def __post_init__(self) -> None:
         for name, least in (("random_seed", 0), ("longest", 1)):
             object.__setattr__(self, name, checks.count(f"Search.{name}", getattr(self, name), least))
-        object.__setattr__(self, "samples", checks.size("Search.samples", self.samples, 100))
+        if self.samples is not None:
+            object.__setattr__(self, "samples", checks.size("Search.samples", self.samples, 100))
         for name, largest in (("safety", 1.0), ("tolerance", 1e-2), ("limit", math.inf)):
             value = checks.positive(f"Search.{name}", getattr(self, name))
             object.__setattr__(self, name, checks.between(f"Search.{name}", value, 0.0, largest))
@@ -183,6 +203,8 @@ class Found:
         The part of it in which they are accounted for.
     stay : Stay or None
         How long motions stay, where that was measured.
+    decay : float
+        Factor by which distances from it shrink in a strobe in the end, NaN where that is not known.
     """
 
     kind: str
@@ -194,10 +216,13 @@ class Found:
     ellipsoid: Ellipsoid | None = None
     core: Ellipsoid | None = None
     stay: Stay | None = None
+    decay: float = math.nan
 
     @property
     def period(self) -> int:
         """Strobes after which it recurs, 0 where it does not."""
+        if self.kind == REST:
+            return 1
         return int(self.kind.removeprefix("period-")) if self.kind.startswith("period-") else 0
 
     def holds(self, x: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -234,6 +259,10 @@ class Hunt:
     interval : float or None
         Time between strobes of a system without a phase.
     search : Search
+    motions : int, optional
+        How many motions will be labelled: trapping regions are measured as well as that is worth.
+    progress : callable, optional
+        Called as `map_basins` calls it.
     """
 
     def __init__(
@@ -244,11 +273,13 @@ class Hunt:
         high: NDArray[np.float64],
         interval: float | None,
         search: Search,
+        motions: int = MOTIONS,
+        progress: Progress | None = None,
     ) -> None:
         self.system, self.parameters, self.search = system, dict(parameters or {}), search
         self.low, self.high, self.interval = low, high, interval
-        half = 0.5 * (high - low)
-        self.scale = np.where(half > 0.0, half, half.max() or 1.0)
+        self.scale = self._sizes()
+        self.limit = search.limit * max(1.0, float(self.scale.max()))
         self.ensemble, self.precise = (
             Ensemble(system, self.parameters, tolerance=tolerance, interval=interval, scale=self.scale)
             for tolerance in (search.tolerance, _PRECISE)
@@ -258,6 +289,24 @@ class Hunt:
         self.found: list[Found] = []
         self.dropped: list[Found] = []
         self.astray = np.empty((0, len(low)))
+        self.neutral = 0
+        self.motions, self.told = motions, Telling(progress)
+
+    def _sizes(self) -> NDArray[np.float64]:
+        """Size of each state: half the region's width, or how far motions go from the value at which it is frozen."""
+        half = 0.5 * (self.high - self.low)
+        if (half > 0.0).all():
+            return np.asarray(half)
+        how_long: dict[str, Any] = {"periods": 1} if self.interval is None else {"t_end": self.interval}
+        gone = []
+        for part in _PLACES:
+            start = self.low + part * (self.high - self.low)
+            with suppress(SaltusError):
+                motion = simulate(self.system, self.parameters, start, **how_long)
+                states = motion(np.linspace(0.0, motion.t_end, _LOOKS))[:, : len(half)]
+                gone.append(np.abs(states - start).max(axis=0))
+        sizes = np.median(gone, axis=0) if gone else half
+        return np.where(half > 0.0, half, np.where(sizes > 0.0, sizes, half.max() or 1.0))
 
     # ---- what is followed ----
 
@@ -266,6 +315,11 @@ class Hunt:
         """Whether states of the region allow several modes, of which motions from samples have the first."""
         x = np.random.default_rng(self.search.random_seed).uniform(self.low, self.high, (_STATES, len(self.low)))
         return any(len(list(allowed_modes(self.system, self.system.full_state(row), self.p))) > 1 for row in x)
+
+    @property
+    def spent(self) -> float:
+        """What motions have cost so far, in periods of lanes."""
+        return self.ensemble.periods + _ALONE * self.ensemble.periods_alone
 
     def in_lanes(self, x: NDArray[np.float64]) -> bool:
         """Return whether lanes follow motions from some states: all others take a hundred times as long."""
@@ -285,11 +339,20 @@ class Hunt:
     def follow(self, x: NDArray[np.float64]) -> None:
         """Follow motions from some states until each is accounted for, or given up."""
         self.find_caged()
+        if not self.found:
+            check_contraction(self.ensemble, x, self.search.longest)
         modes = np.array([starting_mode(self.system, self.system.full_state(row), self.p) for row in x], np.int64)
         done, stride = 0, _STRIDE
+        self.told.expect(len(x))
         while len(x) and done < self.search.longest:
+            before = len(x)
             x, modes, done = self._advance(x, modes, done, stride)
+            self.told.step(before - len(x))
             stride *= 2
+        self.told.step(len(x))
+        if self.neutral and not self.found:
+            where = f"along {self.neutral} motions"
+            raise nothing_attracts(self.system.name, self.parameters, where, self.search.longest)
 
     def _advance(
         self, x: NDArray[np.float64], modes: NDArray[np.int64], done: int, stride: int, own: Found | None = None
@@ -311,7 +374,7 @@ class Hunt:
 
     def _bounded(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         with np.errstate(invalid="ignore"):
-            return np.asarray((np.abs(x) < self.search.limit).all(axis=-1))
+            return np.asarray((np.abs(x) < self.limit).all(axis=-1))
 
     def _path(
         self, x: NDArray[np.float64], modes: NDArray[np.int64], count: int
@@ -437,12 +500,15 @@ class Hunt:
         points, _ = self._strobes(orbit)
         points = _in_order(points, self.scale)
         names = self.system.mode_names
+        moved = (orbit.highs - orbit.lows)[: len(self.scale)] / self.scale
+        still = len(orbit.form) == 1 and float(moved.max()) < _STILL
         return Found(
-            f"period-{len(points)}",
+            REST if still else f"period-{len(points)}",
             points,
             orbit,
             frozenset(names[k] for k in orbit.form.modes),
             any(k >= 0 for k in orbit.form.transitions),
+            decay=float(np.abs(orbit.multipliers).max()) ** (1.0 / len(points)),
         )
 
     def _strobes(self, orbit: PeriodicOrbit) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -470,7 +536,10 @@ class Hunt:
         """The metric in which the linearised map contracts; None where it does not, or cannot be had."""
         if found.orbit is None:
             jacobians = map_jacobians(self.precise, found.points, self.scale)
-            return metric_of(found.points, jacobians, self.scale) if np.isfinite(jacobians).all() else None
+            if not np.isfinite(jacobians).all():
+                return None
+            found.decay = largest_multiplier(jacobians)
+            return metric_of(found.points, jacobians, self.scale)
         try:
             jacobians = orbit_jacobians(found.orbit, found.points)
         except SaltusError:
@@ -499,7 +568,7 @@ class Hunt:
         if float(np.max(speed * self.ensemble.period / self.scale)) > _SAME:
             return None
         name = self.system.mode_names[mode]
-        return Found("period-1", x[None], None, frozenset([name]), touches=False)
+        return Found(REST, x[None], None, frozenset([name]), touches=False)
 
     # ---- all others ----
 
@@ -515,7 +584,7 @@ class Hunt:
         settling = np.zeros(len(x), dtype=bool)
         self._find_long(clouds, x, modes, remaining)
         for i in range(len(x)):
-            if settling[i] or not remaining[i]:
+            if settling[i] or not remaining[i] or self.neutral >= _NEUTRAL:
                 continue
             regionless = [found for found in self.found if found.ellipsoid is None and found.cage is None]
             if known := [found for found in regionless if found.carries(clouds[i], self.scale)]:
@@ -563,13 +632,15 @@ class Hunt:
         period, criteria, forced = self.ensemble.period, self.search.criteria, self.system.phase is not None
         strobes = 2 * _WINDOW
         try:
+            growth = growth_of(self.ensemble, x, mode, strobes, None)
             if forced:
-                growth = growth_along(self.system, self.p, x, mode, periods=strobes, exponents=1)
                 log = events_after(self.system, self.p, x, mode, periods=_WINDOW)
             else:
-                growth = growth_along(self.system, self.p, x, mode, t=strobes * period, exponents=1)
                 log = events_after(self.system, self.p, x, mode, t=_WINDOW * period)
         except SaltusError:
+            return None
+        if preserves(growth, strobes, self.search.longest):
+            self.neutral += 1
             return None
         exponent, error = (float(value[0]) * period for value in (growth.exponents, growth.errors))
         rounding = criteria.noise * self.search.tolerance * self.scale
@@ -578,17 +649,20 @@ class Hunt:
         if is_periodic and forced and kind.period <= LONGEST and not last:
             return None
         indices = {mode, *log.mode_before.tolist(), *log.mode_after.tolist()}
+        moved = np.ptp(cloud, axis=0) / self.scale
         found = Found(
-            kind.label,
+            REST if kind.period == 1 and not forced and float(moved.max()) < _SAME else kind.label,
             _in_order(cloud[-kind.period :], self.scale) if is_periodic else cloud,
             None,
             frozenset(self.system.mode_names[k] for k in indices),
             bool(np.any(log.transition >= 0)),
         )
-        return found if forced or exponent > criteria.exponent + error else self._as_limit_cycle(found, cloud, x, mode)
+        return found if forced or exponent > criteria.exponent + error else self._as_limit_cycle(found, x, mode)
 
-    def _as_limit_cycle(self, found: Found, cloud: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> Found:
-        """A motion without a phase that does not spread, as a limit cycle if it is one.
+    def _as_limit_cycle(self, found: Found, x: NDArray[np.float64], mode: int) -> Found | None:
+        """A motion without a phase that does not spread, as a limit cycle if it is near one; None where that is known.
+
+        Its points are those of the cycle itself: the motion may still be on its way to it.
 
         Raises
         ------
@@ -596,15 +670,21 @@ class Hunt:
             Strobes would see but a few points of it.
         """
         try:
-            found.orbit = find_orbit(self.system, self.parameters, x, self.system.mode_names[mode])
+            orbit = find_orbit(self.system, self.parameters, x, self.system.mode_names[mode])
         except SaltusError:
             return found
-        turns = np.arange(1, 4 * LONGEST + 1) * self.ensemble.period / found.orbit.period
+        if not orbit.stable:
+            return None
+        if any(other.orbit is not None and _same_cycle(other.orbit, orbit, self.scale) for other in self.found):
+            return None
+        turns = np.arange(1, 4 * LONGEST + 1) * self.ensemble.period / orbit.period
         if float(np.abs(turns - np.round(turns)).min()) < _COMMENSURATE:
-            allowed = f"in no ratio of small integers to the period {found.orbit.period:.9g} of a limit cycle"
+            allowed = f"in no ratio of small integers to the period {orbit.period:.9g} of a limit cycle"
             raise InputError("interval", self.ensemble.period, allowed, f"try {_GOLDEN * self.ensemble.period:.9g}")
-        found.kind, found.points = LIMIT_CYCLE, cloud
-        return found
+        path, _, _ = self._path(orbit.x0[None], np.array([orbit.form.modes[0]]), 2 * _WINDOW)
+        moduli = np.abs(nontrivial(orbit.multipliers, autonomous=True))
+        decay = float(moduli.max(initial=0.0)) ** (self.ensemble.period / orbit.period)
+        return replace(found, kind=LIMIT_CYCLE, points=path[1:, 0], orbit=orbit, decay=decay)
 
     # ---- transients ----
 
@@ -636,7 +716,7 @@ class Hunt:
 
     def _diverging(self, x: NDArray[np.float64], longest: int) -> int:
         """How many motions diverge: where events accumulate they cannot be followed either."""
-        labels, _ = self.ensemble.settle(x, Traps(len(self.low), limit=self.search.limit), longest)
+        labels, _ = self.ensemble.settle(x, Traps(len(self.low), limit=self.limit), longest)
         return int((labels == DIVERGED).sum())
 
 
@@ -671,6 +751,12 @@ def _distances(these: NDArray[np.float64], those: NDArray[np.float64]) -> NDArra
     from scipy.spatial import cKDTree
 
     return np.asarray(cKDTree(these).query(those)[0])
+
+
+def _same_cycle(one: PeriodicOrbit, other: PeriodicOrbit, scale: NDArray[np.float64]) -> bool:
+    """Whether two limit cycles are one, started from two of its points."""
+    apart = np.abs([one.lows - other.lows, one.highs - other.highs])[:, : len(scale)] / scale
+    return abs(one.period - other.period) < _SAME * one.period and float(apart.max()) < _NEAR * _NEAR
 
 
 def _recurrence(path: NDArray[np.float64]) -> int:

@@ -281,21 +281,23 @@ def metric_of(
     from scipy.linalg import solve_discrete_lyapunov
 
     period, n = points.shape
-    weight, largest = np.diag(scale**-2.0), largest_multiplier(jacobians)
+    # in parts of the states' scales: in their own units the equation is as ill-conditioned as these are far apart
+    jacobians = jacobians * scale / scale[:, None]
+    weight, largest = np.eye(n), largest_multiplier(jacobians)
     if not largest < 1.0:
         return None
     rate = max(_RATE, 0.5 * (1.0 + largest)) ** (1.0 / period)
     scaled = jacobians / rate
     total, passed = np.zeros((n, n)), np.eye(n)
     for jacobian in scaled:
-        total += passed.T @ weight @ passed
+        total += passed.T @ passed
         passed = jacobian @ passed
     metric = solve_discrete_lyapunov(passed.T, total)
     metrics = [metric]
     for jacobian in scaled[:0:-1]:
         metrics.append(weight + jacobian.T @ metrics[-1] @ jacobian)
     inorder = np.array([metrics[0], *metrics[:0:-1]])
-    return Ellipsoid(points, np.array([np.linalg.cholesky(0.5 * (P + P.T)).T for P in inorder]), 1.0)
+    return Ellipsoid(points, np.array([np.linalg.cholesky(0.5 * (P + P.T)).T / scale for P in inorder]), 1.0)
 
 
 def contracting(ensemble: Ensemble, ellipsoid: Ellipsoid, rng: np.random.Generator) -> Ellipsoid | None:

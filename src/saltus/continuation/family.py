@@ -13,7 +13,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
-from multiprocessing import get_context, parent_process
+from multiprocessing import current_process, get_context, parent_process
 from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -238,7 +238,8 @@ def continue_family(
         As for `continue_orbit`, the same for all branches.
     processes : int, optional
         How many processes on this machine compute branches; 1 starts none but uses this one. By default as many as
-        there are processors for this process, at most one for each member. To start one takes a second or two.
+        there are processors for this process, at most one for each member. To start one takes a second or two. In a
+        daemonic process, which may not start others, as a worker of Dask or of a pool, branches are computed there.
     client : dask.distributed.Client, optional
         A cluster that computes the branches instead.
     progress : callable, optional
@@ -506,7 +507,9 @@ def _workers(task: _Task, processes: object, client: Any, members: int) -> _Work
         available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         processes = available
     processes = checks.count("processes", processes)
-    return _Here(task) if min(processes, members) == 1 else _Pool(task, min(processes, members))
+    # a daemonic process, as a worker of Dask or of a pool, may not have children
+    alone = min(processes, members) == 1 or current_process().daemon
+    return _Here(task) if alone else _Pool(task, min(processes, members))
 
 
 class _Here:

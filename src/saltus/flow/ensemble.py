@@ -39,6 +39,10 @@ _ALIVE = 256
 _PIECE = 8000
 _LONGEST_STEP = 0.25
 _BOUND = 1e8
+"""A state beyond it, in units of the largest scale if that is above 1, has diverged."""
+
+_LEAST_TERM = 1e-30
+"""Least size of a step's last terms, in units of the tolerance, for a step as long as it may be."""
 
 
 class Ensemble:
@@ -70,6 +74,8 @@ class Ensemble:
         Steps made so far in each pool of lanes.
     left_over : int
         Motions so far that lanes could not follow.
+    periods, periods_alone : int
+        Periods that motions have been followed so far; those of them by the event-driven flow.
 
     Raises
     ------
@@ -108,9 +114,10 @@ class Ensemble:
         self.scale = np.ones(self.n) if scale is None else checks.array("scale", scale, finite=False)
         if self.scale.shape != (self.n,) or not ((self.scale > 0.0) & (self.scale < np.inf)).all():
             raise InputError("scale", scale, f"a finite number > 0 for each of {', '.join(system.states)}")
+        self._bound = _BOUND * max(1.0, float(self.scale.max()))
         self.threads = threads or _processors()
         self.work = np.zeros(2 * len(system.modes), np.int64)
-        self.left_over, self.rate = 0, 0.0
+        self.left_over, self.periods, self.periods_alone, self.rate = 0, 0, 0, 0.0
         if interval is None:
             self.rate = float(system.compiled.field(0, system.full_state(np.zeros(self.n)), self.p)[-1])
             if not 0.0 < self.rate < math.inf:
@@ -146,7 +153,7 @@ class Ensemble:
         starts = self._modes(modes, x)
         if count < 1:
             raise InputError("count", count, "at least 1")
-        found = self._followed(x, starts, Traps(self.n, limit=_BOUND), count, growth=False)
+        found = self._followed(x, starts, Traps(self.n, limit=self._bound), count, growth=False)
         found[2][found[0] == DIVERGED] = np.nan
         return found[2], found[3]
 
@@ -254,6 +261,8 @@ class Ensemble:
             labels[i], strobes[i], ends[i], end_modes[i] = follow_alone(
                 self.system, self.parameters, x[i], int(modes[i]), traps, longest, self.period
             )
+        self.periods += int(strobes.sum())
+        self.periods_alone += int(strobes[alone].sum())
         return labels, strobes, ends, end_modes
 
     def _run(
@@ -310,7 +319,9 @@ class Ensemble:
     @cached_property
     def _quantities(self) -> NDArray[np.float64]:
         assert self._lanes is not None
-        values = {"rate": self.rate, "period": self.period, "longest": _LONGEST_STEP * self.period, "limit": _BOUND}
+        longest = _LONGEST_STEP * self.period
+        values = {"rate": self.rate, "period": self.period, "longest": longest, "limit": self._bound}
+        values |= {f"least{k}": max(_LEAST_TERM / longest**k, 1e-300) for k in range(_ORDER - 2, _ORDER + 1)}
         values |= {f"iscale{i}": 1.0 / size for i, size in enumerate(self.scale)}
         values |= {f"escale{k}": 1.0 / size for k, size in enumerate(self._event_sizes())}
         for mode, part in self._linear.items():

@@ -67,7 +67,8 @@ def taylor_step(lane: LaneWriter, pool: Pool) -> tuple[list[str], list[str]]:
         sizes += [f"abs({w}_{k})"] if form is not None else []
         sizes += [f"abs({events[j]}_{k})*{lane.number(f'escale{e}')}" for j, e in bent]
         weight = "" if form is None else f"{_SIGMA_WEIGHT!r}*"
-        lines.append(f"e{k} = {_largest(sizes)}*({weight}itol) + 1e-30")
+        least = "1e-30" if form is not None else lane.number(f"least{k}")  # what lets a step be as long as it may
+        lines.append(f"e{k} = {_largest(sizes)}*({weight}itol) + {least}")
     lines += [
         f"h = min(root(e{order}, {float(order)!r}), root(e{order - 1}, {float(order - 1)!r}))",
         f"ratio = math.sqrt(e{order}/e{order - 2})",
