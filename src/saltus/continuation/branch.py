@@ -38,7 +38,7 @@ class Branch(Curve):
 
     @classmethod
     def _own_fields(cls, dataset: xr.Dataset, varied: tuple[str, ...]) -> dict[str, Any]:
-        return {"parameter": varied[0], "values": dataset[varied[0]].values}
+        return {"parameter": varied[0], "values": cls._varied_columns(dataset)[0]}
 
     def __repr__(self) -> str:
         return self._described("Branch")

@@ -289,14 +289,15 @@ class Curve(Result):
         if isinstance(name, str) and "(" in name:
             return self._observed(name)
         table = self.values.reshape(len(self), -1)
-        columns: dict[str, Any] = {parameter: table[:, i] for i, parameter in enumerate(self.varied)}
-        columns |= {"period": self.period, "arclength": self.arclength} | self._own_columns()
-        columns |= {state: self.x0[:, i] for i, state in enumerate(self.system.states)}
+        varied: dict[str, Any] = {parameter: table[:, i] for i, parameter in enumerate(self.varied)}
+        columns: dict[str, Any] = {"period": self.period, "arclength": self.arclength} | self._own_columns()
         columns |= {f"min_{q}": self.lows[:, i] for i, q in enumerate(self.quantities)}
         columns |= {f"max_{q}": self.highs[:, i] for i, q in enumerate(self.quantities)}
         if self.system.phase is not None:
             for side in ("min", "max"):
                 columns.pop(f"{side}_{self.system.phase[0]}")
+        columns |= {state: self.x0[:, i] for i, state in enumerate(self.system.states)}
+        columns = varied | columns | varied  # first in lists, and declared names win
         instead = f", or an observable, as in 'mean({self.quantities[0]})'"
         found: NDArray[np.float64] = columns[checks.chosen("quantity", name, columns, instead=instead)]
         return found
@@ -405,8 +406,7 @@ class Curve(Result):
         names = [form.names(self.system) for form in self.forms]
         n = len(self.system.all_states)
         table = self.values.reshape(len(self), -1)
-        data: dict[str, Any] = {name: ("point", table[:, i]) for i, name in enumerate(self.varied)}
-        data |= {name: ("point", values) for name, values in self._own_columns().items()}
+        data: dict[str, Any] = {name: ("point", values) for name, values in self._own_columns().items()}
         data |= {
             "x0": (("point", "state"), self.x0),
             "multiplier_re": (("point", "multiplier"), self.multipliers.real),
@@ -435,8 +435,12 @@ class Curve(Result):
             "quantity": list(self.quantities),
             "parameter": list(self.varied),
         }
+        taken = {*data, *coords, *(dim for dims, *_ in data.values() for dim in np.atleast_1d(dims))}
+        columns = [f"varied_{name}" if name in taken else name for name in self.varied]
+        data = {column: ("point", table[:, i]) for i, column in enumerate(columns)} | data
         attrs = {
             "varied": json.dumps(list(self.varied)),
+            "columns": json.dumps(columns),
             "parameters": json.dumps(dict(self.parameters)),
             "definition": json.dumps(self.system.definition()),
             "forms": json.dumps([[f.modes, f.transitions, f.kinds, f.turns] for f in forms]),
@@ -486,6 +490,12 @@ class Curve(Result):
             "special_tangent": ("tangent_ragged", np.concatenate([*tangents, np.empty(0)])),
             "special_tangent_count": ("special", np.array([len(row) for row in tangents], dtype=np.int64)),
         }
+
+    @classmethod
+    def _varied_columns(cls, dataset: xr.Dataset) -> list[NDArray[np.float64]]:
+        """Return the values of the varied parameters, shape (point,) each, as `to_xarray` described them."""
+        columns = json.loads(dataset.attrs.get("columns", dataset.attrs["varied"]))
+        return [dataset[column].values for column in columns]
 
     @classmethod
     @abstractmethod

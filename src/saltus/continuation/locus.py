@@ -71,7 +71,7 @@ class Locus(Curve):
 
     @classmethod
     def _own_fields(cls, dataset: xr.Dataset, varied: tuple[str, ...]) -> dict[str, Any]:
-        values = np.column_stack([dataset[name].values for name in varied])
+        values = np.column_stack(cls._varied_columns(dataset))
         return {
             "type": str(dataset.attrs["type"]),
             "names": varied,

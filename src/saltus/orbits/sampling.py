@@ -18,10 +18,28 @@ if TYPE_CHECKING:
     from saltus.orbits.orbit import PeriodicOrbit
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["motion_of", "sample_orbit"]
+__all__ = ["column_of", "motion_of", "sample_orbit"]
 
 _FEWEST = 16
 """Steps in a segment at the least, so that a short one is still a curve."""
+
+
+_TAKEN = (
+    "t", "mode", "state", "own_state", "quantity", "segment", "segment_state", "segment_duration", "segment_mode",
+    "segment_transition", "multiplier", "multiplier_re", "multiplier_im", "x0", "minimum", "maximum",
+)  # fmt: skip
+"""What datasets of orbits name themselves."""
+
+
+def column_of(name: str) -> str:
+    """Return the variable of an orbit's dataset in which a state or an output is: that of its name, where it is free.
+
+    Examples
+    --------
+    >>> column_of("v"), column_of("mode")
+    ('v', 'quantity_mode')
+    """
+    return f"quantity_{name}" if name in _TAKEN else name
 
 
 def sample_orbit(orbit: PeriodicOrbit, points: int = 400) -> xr.Dataset:
@@ -38,8 +56,9 @@ def sample_orbit(orbit: PeriodicOrbit, points: int = 400) -> xr.Dataset:
     -------
     xarray.Dataset
         Against the dimension ``t``, which starts at 0 with the first segment: every state (the phase modulo 2 pi),
-        every output, and ``mode``, the index of the mode. Both ends of every segment are among the times, so that
-        the time of an event occurs twice: before the reset, then after it. Times are closer near a segment's ends.
+        every output, and ``mode``, the index of the mode; `column_of` tells the names of the variables. Both ends of
+        every segment are among the times, so that the time of an event occurs twice: before the reset, then after it.
+        Times are closer near a segment's ends.
 
     Raises
     ------
@@ -55,7 +74,7 @@ def sample_orbit(orbit: PeriodicOrbit, points: int = 400) -> xr.Dataset:
     columns |= {name: evaluate(system, name, states, modes, orbit.parameters) for name in system.output_names}
     if system.phase is not None:
         columns[system.phase[0]] = states[:, -1] % (2.0 * math.pi)
-    dataset = xr.Dataset({name: ("t", column) for name, column in columns.items()}, coords={"t": times})
+    dataset = xr.Dataset({column_of(name): ("t", column) for name, column in columns.items()}, coords={"t": times})
     dataset["mode"] = ("t", modes)
     dataset["mode"].attrs["names"] = ", ".join(system.mode_names)
     return dataset

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.orbits import PeriodicOrbit
+from saltus.orbits.sampling import column_of
 from saltus.plotting import plot, style
 from saltus.system.evaluate import evaluate
 
@@ -51,7 +52,7 @@ def plot_orbit(
     y = (system.states[1] if len(system.states) > 1 else "t") if y is None else y
     sample = orbit.sample()
     times, modes_at = sample["t"].values, sample["mode"].values
-    states = np.column_stack([sample[name].values for name in system.all_states])
+    states = np.column_stack([sample[column_of(name)].values for name in system.all_states])
     columns = [times if name == "t" else evaluate(system, name, states, modes_at, orbit.parameters) for name in (x, y)]
     ax = style.axes(ax)
     phase = None if system.phase is None else system.phase[0]
