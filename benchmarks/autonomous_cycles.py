@@ -35,6 +35,7 @@ EDGE = 1e-6  # special points nearer to a bound than this share of the interval 
 TOLERANCE = 1e-12  # relative tolerance of SciPy's steps
 LOOKED_AT = 6  # orbits of a branch whose multipliers are compared with SciPy's
 STIFF = 1e6  # a monodromy matrix larger than this has no digits left to compare by shooting once round
+GOOD = ("bound reached", "the cycle shrinks to an equilibrium", "the branch is closed")  # ends that need no look
 FALSE = 1e-5  # farthest that SciPy's multiplier may lie from its place at an SN, PD or TR
 
 
@@ -196,7 +197,7 @@ class Examination:
     def _start(self, number: int, value: float) -> saltus.PeriodicOrbit:
         """Return the cycle at a start, from a state of its own; note where it is not once round."""
         d = self.described
-        x0 = np.array(d.x0) * (1.0 + 0.1 * np.random.default_rng(number).uniform(-1.0, 1.0, len(d.x0)))
+        x0 = np.array(d.x0) * (1.0 + d.scatter * np.random.default_rng(number).uniform(-1.0, 1.0, len(d.x0)))
         orbit = saltus.find_orbit(d.system, {d.varied: value}, x0)
         p = [orbit.parameters[name] for name in self.reference.names]
         for rounds in range(2, 8):
@@ -362,6 +363,8 @@ def main() -> None:
         rows.append(row)
         numbers = " ".join(f"{v:8.1e}" for v in (row.spread, row.false, row.apart, row.hopf))
         print(f"{row.name:28} {row.runs:4d} {numbers} {row.seconds:6.1f}  {row.points or '-'}", flush=True)
+        if odd := [f"{count} {reason}" for reason, count in row.ends.items() if reason not in GOOD]:
+            print(f"    ends: {', '.join(odd)}", flush=True)
         for trouble in row.troubles:
             print(f"    {trouble}", flush=True)
     bad = sum(1 for row in rows if row.troubles)

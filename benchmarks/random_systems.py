@@ -21,11 +21,12 @@ from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 TOLERANCE = 1e-12  # relative tolerance of a step of DOP853, and a tenth of the absolute one
-ON_SURFACE = 1e-10  # an event function below this at the start of a stretch counts as zero there
+SHARING = 4  # systems in a row of one structure, so that each is compiled once for several
+ON_SURFACE = 1e-11  # an event function below this at the start of a stretch counts as zero there
 SAMPLES = 16  # places in a step at which event functions are looked at
 LONGEST_STEP = 0.1  # units of time, so that event functions have few extremes in a step
 BOUND = 1e5  # a state beyond it has left every bound that the fields' coefficients could set
-CROWD = 60  # events in a row, each within CROWD_TIME of the one before, that count as chattering
+CROWD = 15  # events in a row, each within CROWD_TIME of the one before, that count as chattering
 CROWD_TIME = 1e-7
 
 
@@ -60,95 +61,112 @@ class Drawn:
 
 
 def draw(seed: int, number: int) -> Drawn:
-    """Return a random system."""
-    rng = np.random.default_rng((seed, number))
-    n, n_modes = int(rng.integers(1, 5)), int(rng.choice([1, 2, 3], p=[0.45, 0.4, 0.15]))
-    states = [f"x{i + 1}" for i in range(n)]
-    forced = bool(rng.random() < 0.5)
-    modes = {f"m{k}": {"field": _field(rng, states, forced), "domain": None} for k in range(n_modes)}
-    names = list(modes)
-    transitions: list[dict[str, Any]] = []
-    if n_modes > 1 and rng.random() < 0.35:  # two fields that meet on one surface
-        event = _event(rng, states, forced)
-        transitions += [_transition("m0", "m1", event, 1, {}, None), _transition("m1", "m0", event, -1, {}, None)]
-    for source in names:
-        for _ in range(int(rng.integers(0 if transitions else 1, 3))):
-            target = str(rng.choice(names))
-            event, direction = _event(rng, states, forced), int(rng.choice([-1, 0, 1]))
-            when = _event(rng, states, forced) if rng.random() < 0.15 else None
-            reset = _reset(rng, states) if target == source or rng.random() < 0.4 else {}
-            transitions.append(_transition(source, target, event, direction, reset, when))
-    for i, transition in enumerate(transitions):
-        transition["name"] = f"e{i}"
-    w = round(float(rng.uniform(0.6, 2.0)), 3)
-    parameters = {"mu": round(float(rng.uniform(-0.2, 0.5)), 3), "A": round(float(rng.uniform(0.1, 1.5)), 3), "w": w}
-    definition = {
-        "name": f"random {seed}/{number}",
-        "states": states,
-        "parameters": parameters if forced else {"mu": parameters["mu"]},
-        "phase": ["theta", "w"] if forced else None,
-        "modes": modes,
-        "transitions": transitions,
-    }
-    x0 = tuple(round(float(x), 4) for x in rng.normal(0.0, 0.7, n))
-    mode = str(rng.choice(names)) if rng.random() < 0.5 else None
-    return Drawn(number, definition, x0, mode, 6.0 * 2.0 * math.pi / w if forced else 20.0)
+    """Return a random system: `SHARING` numbers in a row share a structure, and each has coefficients of its own."""
+    return _Drawing(seed, number).drawn()
+
+
+class _Drawing:
+    """The generators of structure and coefficients, and the coefficients so far."""
+
+    def __init__(self, seed: int, number: int) -> None:
+        self.seed, self.number = seed, number
+        self.rng = np.random.default_rng((seed, number // SHARING))
+        self.values = np.random.default_rng((seed, number // SHARING, number % SHARING))
+        self.parameters: dict[str, float] = {}
+        self.states = [f"x{i + 1}" for i in range(int(self.rng.integers(1, 5)))]
+        self.forced = bool(self.rng.random() < 0.5)
+
+    def drawn(self) -> Drawn:
+        """Return the system."""
+        rng, values = self.rng, self.values
+        names = [f"m{k}" for k in range(int(rng.choice([1, 2, 3], p=[0.45, 0.4, 0.15])))]
+        modes = {name: {"field": self._field(), "domain": None} for name in names}
+        transitions: list[dict[str, Any]] = []
+        if len(names) > 1 and rng.random() < 0.35:  # two fields that meet on one surface
+            event = self._event()
+            transitions += [_transition("m0", "m1", event, 1, {}, None), _transition("m1", "m0", event, -1, {}, None)]
+        for source in names:
+            for _ in range(int(rng.integers(0 if transitions else 1, 3))):
+                target = str(rng.choice(names))
+                event, direction = self._event(), int(rng.choice([-1, 0, 1]))
+                when = self._event() if rng.random() < 0.15 else None
+                reset = self._reset() if target == source or rng.random() < 0.4 else {}
+                transitions.append(_transition(source, target, event, direction, reset, when))
+        for i, transition in enumerate(transitions):
+            transition["name"] = f"e{i}"
+        self.parameters["mu"] = round(float(values.uniform(-0.2, 0.5)), 3)
+        if self.forced:
+            self.parameters |= {"A": round(float(values.uniform(0.1, 1.5)), 3)}
+            self.parameters |= {"w": round(float(values.uniform(0.6, 2.0)), 3)}
+        definition = {
+            "name": f"random {self.seed}/{self.number}",
+            "states": self.states,
+            "parameters": self.parameters,
+            "phase": ["theta", "w"] if self.forced else None,
+            "modes": modes,
+            "transitions": transitions,
+        }
+        x0 = tuple(round(float(x), 4) for x in values.normal(0.0, 0.7, len(self.states)))
+        mode = str(values.choice(names)) if values.random() < 0.5 else None
+        span = 6.0 * 2.0 * math.pi / self.parameters["w"] if self.forced else 20.0
+        return Drawn(self.number, definition, x0, mode, span)
+
+    def _c(self, value: float) -> str:
+        """Return the name of a new coefficient of that value."""
+        name = f"c{len(self.parameters)}"
+        self.parameters[name] = round(float(value), 4)
+        return name
+
+    def _field(self) -> dict[str, str]:
+        rng, values, states, n = self.rng, self.values, self.states, len(self.states)
+        skew = values.normal(0.0, 1.0, (n, n))
+        linear = values.normal(0.0, 0.4, (n, n)) + (skew - skew.T) + values.uniform(0.0, 0.6) * np.eye(n)
+        squared = " + ".join(f"{s}**2" for s in states)
+        confined = rng.random() < 0.85
+        found = {}
+        for i, state in enumerate(states):
+            terms = [f"{self._c(a)}*{s}" for a, s in zip(linear[i], states, strict=True)]
+            terms.append(self._c(values.normal(0.0, 0.4)))
+            for _ in range(int(rng.integers(0, 3))):
+                a, b = rng.choice(states, 2)
+                terms.append(f"{self._c(values.normal(0.0, 0.4))}*{a}*{b}")
+            if i == 0:
+                terms.append(f"mu*{state}")
+            if self.forced and (i == n - 1 or rng.random() < 0.2):
+                terms.append(f"A*{rng.choice(['sin', 'cos'])}(theta)")
+            if confined:
+                terms.append(f"-{self._c(abs(values.normal(0.5, 0.2)) + 0.1)}*{state}*({squared})")
+            found[state] = " + ".join(terms)
+        return found
+
+    def _event(self) -> str:
+        rng, values, states = self.rng, self.values, self.states
+        if rng.random() < 0.25:
+            centres = [f"({s} - {self._c(values.normal(0.0, 0.4))})**2" for s in states]
+            return " + ".join(centres) + f" - {self._c(values.uniform(0.1, 1.5))}"
+        chosen = [s for s in states if rng.random() < 0.5] or [str(rng.choice(states))]
+        text = " + ".join(f"{self._c(values.normal(0.0, 1.0) or 1.0)}*{s}" for s in chosen)
+        text += f" - {self._c(values.uniform(-0.5, 0.5))}"
+        shaken = self.forced and rng.random() < 0.3
+        return text + f" + {self._c(values.normal(0.0, 0.3))}*sin(theta)" if shaken else text
+
+    def _reset(self) -> dict[str, str]:
+        rng, values, states = self.rng, self.values, self.states
+        found = {}
+        for state in [s for s in states if rng.random() < 0.6] or [str(rng.choice(states))]:
+            text = f"{self._c(values.uniform(-1.0, 1.0))}*{state}"
+            if rng.random() < 0.4:
+                text += f" + {self._c(values.normal(0.0, 0.3))}*{rng.choice(states)}"
+            if rng.random() < 0.4:
+                text += f" + {self._c(values.normal(0.0, 0.5))}"
+            found[state] = text
+        return found
 
 
 def _transition(
     source: str, target: str, event: str, direction: int, reset: dict[str, str], when: str | None
 ) -> dict[str, Any]:
     return {"source": source, "target": target, "event": event, "direction": direction, "reset": reset, "when": when}
-
-
-def _field(rng: np.random.Generator, states: list[str], forced: bool) -> dict[str, str]:
-    n = len(states)
-    skew = rng.normal(0.0, 1.0, (n, n))
-    linear = rng.normal(0.0, 0.4, (n, n)) + (skew - skew.T) + rng.uniform(0.0, 0.6) * np.eye(n)
-    squared = " + ".join(f"{s}**2" for s in states)
-    confined = rng.random() < 0.85
-    found = {}
-    for i, state in enumerate(states):
-        terms = [f"{_number(a)}*{s}" for a, s in zip(linear[i], states, strict=True)]
-        terms.append(_number(rng.normal(0.0, 0.4)))
-        for _ in range(int(rng.integers(0, 3))):
-            a, b = rng.choice(states, 2)
-            terms.append(f"{_number(rng.normal(0.0, 0.4))}*{a}*{b}")
-        if i == 0:
-            terms.append(f"mu*{state}")
-        if forced and (i == n - 1 or rng.random() < 0.2):
-            terms.append(f"A*{rng.choice(['sin', 'cos'])}(theta)")
-        if confined:
-            terms.append(f"-{abs(rng.normal(0.5, 0.2)) + 0.1:.3f}*{state}*({squared})")
-        found[state] = " + ".join(terms)
-    return found
-
-
-def _event(rng: np.random.Generator, states: list[str], forced: bool) -> str:
-    if rng.random() < 0.25:
-        centres = [f"({s} - {_number(rng.normal(0.0, 0.4))})**2" for s in states]
-        return " + ".join(centres) + f" - {rng.uniform(0.1, 1.5):.3f}"
-    chosen = [s for s in states if rng.random() < 0.5] or [str(rng.choice(states))]
-    text = " + ".join(f"{_number(rng.normal(0.0, 1.0) or 1.0)}*{s}" for s in chosen)
-    text += f" - {_number(rng.uniform(-0.5, 0.5))}"
-    return text + f" + {_number(rng.normal(0.0, 0.3))}*sin(theta)" if forced and rng.random() < 0.3 else text
-
-
-def _reset(rng: np.random.Generator, states: list[str]) -> dict[str, str]:
-    chosen = [s for s in states if rng.random() < 0.6] or [str(rng.choice(states))]
-    found = {}
-    for state in chosen:
-        text = f"{_number(rng.uniform(-1.0, 1.0))}*{state}"
-        if rng.random() < 0.4:
-            text += f" + {_number(rng.normal(0.0, 0.3))}*{rng.choice(states)}"
-        if rng.random() < 0.4:
-            text += f" + {_number(rng.normal(0.0, 0.5))}"
-        found[state] = text
-    return found
-
-
-def _number(value: float) -> str:
-    return f"({value:.3f})"
 
 
 @dataclass
