@@ -197,7 +197,10 @@ VALUES: dict[str, Callable[[], Any]] = NEVER | {
 }
 
 
-ENDLESS = frozenset(("million million", "large", "function", "class"))
+CALLBACKS = ("attractors", "measures", "progress")
+"""Arguments that may be classes, which then raise what they like."""
+
+ENDLESS = frozenset(("million million", "large", "2^70", "function", "class"))
 """With which a call may take as long as it is asked to."""
 
 
@@ -294,7 +297,11 @@ def drawn(listed: Mapping[str, Call], count: int, seed: int) -> Iterator[tuple[s
         arguments = sorted(listed[name].arguments)
         many = min(chance.choice((1, 1, 1, 1, 1, 2, 3)), len(arguments))
         chosen = chance.sample(arguments, many)
-        yield name, listed[name], {argument: chance.choice(values) for argument in chosen}
+        replaced = {argument: chance.choice(values) for argument in chosen}
+        for argument in CALLBACKS:
+            if replaced.get(argument, "").startswith("class of"):
+                replaced[argument] = "class"
+        yield name, listed[name], replaced
 
 
 @dataclass

@@ -16,6 +16,7 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from decimal import Decimal
+from itertools import islice
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -56,6 +57,9 @@ LARGEST_COUNT = 2**53
 
 LARGEST_LIST = 10**7
 """The largest count of things that are held in memory at once."""
+
+MOST_ITEMS = 10**5
+"""The most items of a sequence that is gone through one by one."""
 
 _LONGEST_PART = 255
 """Bytes in a part of a path, at most: the limit of common file systems."""
@@ -527,20 +531,27 @@ def chosen(name: str, value: object, known: Iterable[str], *, instead: str = "",
     raise InputError(name, value, allowed + instead, nearest(value, names_) or hint)
 
 
-def listed(name: str, value: object, allowed: str, *, most: int = LARGEST_LIST) -> tuple[Any, ...]:
-    """Return the items of a sequence or of any other iterable, but a text or a mapping; at most one more than `most`.
+def listed(name: str, value: object, allowed: str, *, most: int = MOST_ITEMS) -> tuple[Any, ...]:
+    """Return the items of a sequence or of any other iterable, but a text or a mapping.
 
     Raises
     ------
     InputError
-        It is none.
+        It is none, or has more than `most` items.
+
+    Examples
+    --------
+    >>> listed("parameters", ("A", "e", "w"), "two names", most=2)
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: parameters = ('A', 'e', 'w'): must be two names
     """
-    if isinstance(value, str | bytes | bytearray | Mapping) or not isinstance(value, Iterable):
+    if isinstance(value, str):
         raise InputError(name, value, allowed)
-    try:
-        return tuple(item for item, _ in zip(value, range(most + 1), strict=False))
-    except Exception as error:  # a generator of one's own, or an array without dimensions
-        raise InputError(name, value, allowed, f"{type(error).__name__}: {error}") from error
+    found = tuple(islice(_lazily(name, value, allowed), most + 1))
+    if len(found) > most:
+        raise InputError(name, value, allowed, f"these are more than {most}" if most == MOST_ITEMS else "")
+    return found
 
 
 def names(name: str, value: object, what: str, *, least: int = 0) -> tuple[str, ...]:

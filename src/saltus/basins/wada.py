@@ -91,7 +91,8 @@ def wada_by_merging(basins: Labelled, reach: int = 5) -> WadaTest:
     >>> wada_by_merging(basins).wada
     False
     """
-    reach, shape = checks.count("reach", reach), tuple(checked_basins(basins, "labels", "attractors").labels.shape)
+    shape = tuple(checked_basins(basins, "labels", "attractors").labels.shape)
+    reach = min(checks.count("reach", reach), max(shape))
     present = np.zeros(256, np.bool_)
     for block in blocks(basins.labels):
         present[np.unique(read(basins.labels, block))] = True

@@ -326,11 +326,12 @@ class Trajectory(Result):
         return times
 
     def _stretch(self, t_start: float | None, t_end: float | None) -> tuple[float, float]:
-        begin = 0.0 if t_start is None else checks.number("t_start", t_start)
-        end = self.t_end if t_end is None else checks.number("t_end", t_end)
+        allowed = f"between 0 and {self.t_end:.12g}, where the trajectory ends"
+        begin = 0.0 if t_start is None else checks.number("t_start", t_start, allowed)
+        end = self.t_end if t_end is None else checks.number("t_end", t_end, allowed)
         for name, time in (("t_start", begin), ("t_end", end)):
             if not 0.0 <= time <= self.t_end:
-                raise InputError(name, time, f"between 0 and {self.t_end:.12g}, where the trajectory ends")
+                raise InputError(name, time, allowed)
         if begin >= end:
             raise InputError("t_start", begin, f"less than t_end = {end:.12g}")
         return begin, end

@@ -10,6 +10,7 @@ from collections.abc import Collection
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from saltus import checks
 from saltus.errors import DefinitionError
 from saltus.system.grammar import FUNCTIONS, chain, clipped, syntax_tree
 
@@ -44,9 +45,9 @@ def text_of(expression: object, where: str, names: Collection[str] = ("pi",)) ->
     """
     if isinstance(expression, str):
         return expression.strip()
-    if isinstance(expression, numbers.Real | Decimal) and not isinstance(expression, bool):
+    if isinstance(expression, numbers.Real | Decimal) and checks.is_real(expression):
         return _number_text(expression, where)
-    if hasattr(expression, "free_symbols"):
+    if hasattr(type(expression), "free_symbols"):
         return _sympy_text(expression, where, "acos(-1)" if "pi" in names else "pi")
     raise DefinitionError(where, expression, "an expression: text, a number or SymPy")
 

@@ -90,7 +90,7 @@ class Transition:
     name: str = ""
 
     def __post_init__(self) -> None:
-        if not self.name:
+        if all(isinstance(name, str) for name in (self.name, self.source, self.target)) and not self.name:
             object.__setattr__(self, "name", f"{self.source}_to_{self.target}")
 
     def __repr__(self) -> str:
