@@ -4,6 +4,7 @@ import errno
 import importlib.util
 import os
 import random
+import re
 import shutil
 import stat
 import subprocess
@@ -318,3 +319,10 @@ def test_a_chosen_folder_of_numba_is_kept(monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/chosen")
     let_numba_cache()
     assert os.environ["NUMBA_CACHE_DIR"] == "/chosen"
+
+
+def test_every_kernel_of_the_package_keeps_its_code_in_checked_files():
+    package = Path(cache.__file__).parents[1]
+    unchecked = re.compile(r"from numba import .*\b(njit|cfunc)\b|numba\.njit")
+    files = [file for file in sorted(package.rglob("*.py")) if unchecked.search(file.read_text(encoding="utf-8"))]
+    assert [file.name for file in files] == ["machine_code.py"]
