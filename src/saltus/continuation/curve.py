@@ -289,15 +289,17 @@ class Curve(Result):
         if isinstance(name, str) and "(" in name:
             return self._observed(name)
         table = self.values.reshape(len(self), -1)
-        varied: dict[str, Any] = {parameter: table[:, i] for i, parameter in enumerate(self.varied)}
-        columns: dict[str, Any] = {"period": self.period, "arclength": self.arclength} | self._own_columns()
+        declared: dict[str, Any] = {parameter: table[:, i] for i, parameter in enumerate(self.varied)}
+        columns: dict[str, Any] = declared | {"period": self.period, "arclength": self.arclength}
+        columns |= self._own_columns()
+        declared |= {state: self.x0[:, i] for i, state in enumerate(self.system.states)}
+        columns |= declared
         columns |= {f"min_{q}": self.lows[:, i] for i, q in enumerate(self.quantities)}
         columns |= {f"max_{q}": self.highs[:, i] for i, q in enumerate(self.quantities)}
         if self.system.phase is not None:
             for side in ("min", "max"):
                 columns.pop(f"{side}_{self.system.phase[0]}")
-        columns |= {state: self.x0[:, i] for i, state in enumerate(self.system.states)}
-        columns = varied | columns | varied  # first in lists, and declared names win
+        columns |= declared
         instead = f", or an observable, as in 'mean({self.quantities[0]})'"
         found: NDArray[np.float64] = columns[checks.chosen("quantity", name, columns, instead=instead)]
         return found
