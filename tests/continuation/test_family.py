@@ -484,7 +484,7 @@ def test_over_must_hold_as_many_values_of_each(orbit):
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_over_must_hold_finite_numbers(orbit, value):
-    with refuse(f"d = {value!r}: must be finite"):
+    with refuse(f"d = {value!r}: must be a finite number"):
         continue_family(orbit, "A", {"d": [1.0, value]}, BOUNDS)
 
 
@@ -533,9 +533,9 @@ def test_what_continue_orbit_refuses_is_refused_before_any_member(orbit, options
 @pytest.mark.parametrize(
     ("index", "message"),
     [
-        (4, "index = 4: must be between -4 and 3"),
-        ("A", "index = 'A': must be an integer"),
-        (True, "index = True: must be an integer"),
+        (4, "index = 4: must be an integer between -4 and 3"),
+        ("A", "index = 'A': must be an integer between -4 and 3"),
+        (True, "index = True: must be an integer between -4 and 3"),
     ],
 )
 def test_an_index_must_be_that_of_a_member(family, index, message):

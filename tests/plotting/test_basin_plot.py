@@ -136,7 +136,7 @@ def test_three_free_coordinates_are_answered_with_section():
         ({"x": "z"}, "coordinate = 'z': must be a free one: q, v"),
         ({"x": "w"}, "coordinate = 'w': must be a free one: q, v"),
         ({"x": "q", "y": "q"}, "y = 'q': must be another coordinate than x"),
-        ({"colours": {"swin": "red"}}, "colours = 'swin': must be labels: rest, swing, diverged, undecided, not done; "
+        ({"colours": {"swin": "red"}}, "colours = 'swin': must be one of rest, swing, diverged, undecided, not done; "
          "did you mean 'swing'?"),
     ],
 )  # fmt: skip

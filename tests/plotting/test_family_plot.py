@@ -210,7 +210,7 @@ def test_a_wrong_name_is_answered_with_the_nearest_one(family):
 
 
 def test_a_projection_must_be_known_and_that_of_the_axes(family):
-    with pytest.raises(InputError, match=r"^projection = 'polar': must be '3d' or '2d'$"):
+    with pytest.raises(InputError, match=r"^projection = 'polar': must be one of 2d, 3d$"):
         family.plot(projection="polar")
     _, ax = plt.subplots()
     with pytest.raises(InputError, match=r"^projection = '3d': must be that of the Axes, '2d'; subplots\(subplot_kw="):

@@ -88,6 +88,6 @@ def test_a_wrong_name_is_answered_with_the_nearest_one(sweep):
     with pytest.raises(InputError, match=r"^quantity = 'x\*\*3': must be one of x, x\*\*2, max\(x\); did you mean"):
         sweep.plot("x**3")
     with pytest.raises(
-        InputError, match=r"^panels = 'label': must be among labels, exponent; did you mean 'labels'\?$"
+        InputError, match=r"^panels = 'label': must be one of labels, exponent; did you mean 'labels'\?$"
     ):
         sweep.plot(panels=["label"])

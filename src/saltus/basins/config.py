@@ -145,7 +145,7 @@ def _told(error: ValidationError, entries: Mapping[str, Any]) -> InputError:
     if first["type"] == "extra_forbidden":
         known = _known(place[:-1])
         where = f" in [{'.'.join(map(str, place[:-1]))}]" if len(place) > 1 else ""
-        return InputError("key", str(place[-1]), f"one of {', '.join(known)}{where}", nearest(str(place[-1]), known))
+        return InputError("key", str(place[-1]), f"one of {', '.join(known)}{where}", nearest(place[-1], known))
     allowed = first["msg"].removeprefix("Input should be ").replace("'", "").replace("a valid integer", "an integer")
     return InputError(key, first["input"], allowed.replace("a valid ", "a "))
 

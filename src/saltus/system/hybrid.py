@@ -396,7 +396,7 @@ class HybridSystem:
                 raise DefinitionError(where, transition.name, "named once", "pass name=")
             for name in (transition.source, transition.target):
                 if not isinstance(name, str) or name not in self.modes:
-                    hint = nearest(str(name), self.modes)
+                    hint = nearest(name, self.modes)
                     raise DefinitionError(where, name, f"a mode: {', '.join(self.modes)}", hint)
             for state in transition.reset:
                 if state not in self.all_states:
@@ -409,7 +409,7 @@ class HybridSystem:
                 raise DefinitionError(f"group {key!r}", unknown[0], f"one of {', '.join(self.parameters)}")
         for key, visited in self.regimes.items():
             if unknown := [mode for mode in visited if mode not in self.modes]:
-                hint = nearest(str(unknown[0]), self.modes)
+                hint = nearest(unknown[0], self.modes)
                 raise DefinitionError(f"regime {key!r}", unknown[0], f"a mode: {', '.join(self.modes)}", hint)
         for key in (*self.positive, *self.parameter_bounds):
             if key not in self.parameters:
