@@ -357,10 +357,10 @@ def test_delayed_logistic_map_is_quasi_periodic():
     assert np.linalg.norm(found.points["quasi-periodic"] - centre, axis=1).min() > 0.05  # round the fixed point
 
 
-def test_equilibria_of_a_system_without_a_phase_have_period_1():
+def test_equilibria_of_a_system_without_a_phase_are_at_rest():
     system = HybridSystem(("x", "v"), {}, {"free": Mode({"x": "v", "v": "x - x**3 - 0.3*v"})})
     found = find_attractors(system, {}, {"x": (-2, 2), "v": (-2, 2)}, seeds=16, interval=1.7, search=QUICK)
-    assert found.names == ("period-1 A", "period-1 B")
+    assert found.names == ("rest A", "rest B")
     assert [float(found.points[name][0, 0]) for name in found.names] == pytest.approx([-1.0, 1.0], abs=1e-8)
     assert found.interval == 1.7
 

@@ -50,8 +50,8 @@ class Attractors(Result):
     names : tuple of str
         Attractors in the order of their labels 0, 1, ...
     kinds : mapping of str to str
-        ``rest`` where the state does not move, also in a forced system; ``period-N``, ``quasi-periodic``, ``chaotic``
-        or ``limit cycle``, by name.
+        ``rest`` where no state moves and no event is met, also in a forced system; ``period-N``, ``quasi-periodic``,
+        ``chaotic`` or ``limit cycle``, by name.
     points : mapping of str to ndarray, shape (k, n)
         States at strobes: of a period-N attractor its N points in the order of visits, of others a sample.
     orbits : mapping of str to PeriodicOrbit

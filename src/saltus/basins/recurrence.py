@@ -501,13 +501,14 @@ class Hunt:
         points = _in_order(points, self.scale)
         names = self.system.mode_names
         moved = (orbit.highs - orbit.lows)[: len(self.scale)] / self.scale
-        still = len(orbit.form) == 1 and float(moved.max()) < _STILL
+        touches = any(k >= 0 for k in orbit.form.transitions)
+        still = not touches and float(moved.max()) < _STILL
         return Found(
             REST if still else f"period-{len(points)}",
             points,
             orbit,
             frozenset(names[k] for k in orbit.form.modes),
-            any(k >= 0 for k in orbit.form.transitions),
+            touches,
             decay=float(np.abs(orbit.multipliers).max()) ** (1.0 / len(points)),
         )
 
