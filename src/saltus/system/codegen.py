@@ -433,13 +433,18 @@ class Writer:
         return self._function(name, branches)
 
     def _rooted(self, field: list[sympy.Expr]) -> bool:
-        """Whether a root in a field makes its first derivatives infinite where the root vanishes."""
-        states = set(self.system.x)
-        return any(
-            power.exp.is_Rational and power.exp.q == 2 and power.exp < 1 and bool(power.base.free_symbols & states)
+        """Whether a root in a field vanishes on a surface, where it makes the first derivatives infinite."""
+        import sympy
+
+        from saltus.system.regularise import multiple_of
+
+        bases = {
+            power.base
             for expression in field
-            for power in expression.atoms(_power())
-        )
+            for power in expression.atoms(sympy.Pow)
+            if power.exp.is_Rational and power.exp.q == 2 and power.exp < 1
+        }
+        return any(multiple_of(self.system, base, event) is not None for base in bases for event in self.system.event)
 
     def _vary(self, field: list[sympy.Expr]) -> list[str]:
         n = self.n
@@ -630,12 +635,6 @@ def _without_poles(expression: sympy.Expr) -> sympy.Expr:
         lambda e: e.is_Pow and e.exp.is_Rational and e.exp.q == 2 and e.exp < 0 and not e.base.is_number,
         lambda e: root(e.base) ** (-2 * e.exp),
     )
-
-
-def _power() -> Any:
-    import sympy
-
-    return sympy.Pow
 
 
 def _printer() -> Any:
