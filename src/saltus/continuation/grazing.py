@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.orbits.cuts import whole
 from saltus.orbits.problem import (
     CLOSED_END,
     EVENT_END,
@@ -51,6 +52,7 @@ def neighbour(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> Ne
         The orbit and the parameter.
     """
     kind, *numbers = monitor.split(" ")
+    problem, u = whole(problem, u)
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1).copy()
     if kind == "rate":
         kind, numbers = _vanishing(problem, blocks, int(numbers[0]))
@@ -201,6 +203,7 @@ def _same_event(problem: OrbitProblem, transition: int, source: int, target: int
 
 def touching(problem: OrbitProblem, u: NDArray[np.float64], i: int, k: int) -> Neighbour:
     """Return the orbit cut where segment `i` touches the surface of transition `k`, beyond which it goes on."""
+    problem, u = whole(problem, u)
     n, old = problem.n, problem.signature
     blocks = u[: problem.size].reshape(problem.segments, n + 1)
     place = problem.survey(u).places[i, k]

@@ -9,6 +9,7 @@ import numpy as np
 
 from saltus.continuation.arclength import Event, Point, correct, locate, start_point
 from saltus.continuation.zero_problem import OrbitBranch
+from saltus.orbits.cuts import in_shares
 from saltus.orbits.problem import CLOSED_END, PHASE_END, OrbitProblem
 from saltus.orbits.rounds import divided
 
@@ -52,6 +53,8 @@ def halved(branch: OrbitBranch, point: Point) -> Point | None:
     if doubling is None or abs(doubling.point.parameter - point.parameter) > _NEAR:
         return None
     u = _twice(problem, doubling.point.u)
+    if old.segments > len(signature) == 1:
+        u = in_shares(problem, doubling.point.u, old, point.u)
     old.start(u)
     found = Point(u, branch.evaluate(u)[1], point.tangent, point.weights, point.sign, point.log, 0.0, 1, point.arc)
     found.examined = branch.examine(found, None)

@@ -36,6 +36,7 @@ _INFINITE, _CONSTANT, _ROUGH, _RESONANT = 1e10, 1e-9, 1e-8, 1e-4
 """Multiplier that counts as infinite; component of the tangent below which a parameter is constant along a locus;
 tolerance of the flow for the coefficients of normal forms, but where one vanishes; distance from R1, R2 and R3, in the
 cosine of the angle, within which that of a torus bifurcation is not determined."""
+_OPEN = 1e-10  # least singular value, over the largest, of a matrix whose determinant is rounding
 _RESONANCES = {"R1": 1.0, "R2": -1.0, "R3": -0.5, "R4": 0.0}
 
 
@@ -321,7 +322,7 @@ class LocusBranch:
         u, condition = self.orbit(point.u), self.condition
         assert isinstance(condition, Grazing)
         found = {}
-        if TOUCH_END not in self.problem.signature.kinds:
+        if TOUCH_END not in self.problem.signature.kinds and not _undetermined(self.problem, u, self._J):
             found = self._critical_beside("larger", self.problem, u, self._J)[0]
         values = np.full(len(self.problem.system.states), math.inf + 0j)
         beside = neighbour(self.problem, condition.monitor, u)
@@ -385,6 +386,11 @@ class LocusBranch:
         ours = [name for name in names if name not in _PLAIN and not at_grazing(name)]
         kinds = {name.split(" ")[0] for name in ours}
         return len(kinds) + any(at_grazing(name) for name in names) > 1 and self.kind != "GR"
+
+
+def _undetermined(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
+    """Return whether the equations leave every multiplier open, as at the grazing of a surface that bends no motion."""
+    return all(Critical(problem, mu, u, J).distance(J, whole=True) < _OPEN for mu in (1.0, -1.0))
 
 
 def _torus_coefficient(problem: OrbitProblem, J: NDArray[np.float64], u: NDArray[np.float64], kappa: float) -> float:

@@ -20,9 +20,10 @@ from saltus.continuation.shrinking import equilibrium_ahead
 from saltus.continuation.zero_problem import BIFURCATIONS, Interest, OrbitBranch, OrbitData, at_grazing
 from saltus.errors import InputError, nearest
 from saltus.orbits.critical import solve_branch_point
+from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.floquet import distance_from_circle
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import OrbitProblem, Signature, Survey
+from saltus.orbits.problem import CUT_END, OrbitProblem, Signature, Survey
 from saltus.orbits.rounds import divided
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ _GROWN = 1.2  # growth of the period from its least value below which it does no
 _LONG = 3.0  # the same with which it does where no further step succeeds
 _RESTS = 1e-3  # change of the parameter, over its interval and the period's growth, below which the parameter rests
 _LONGEST = 1e3  # growth of the period from the start with which a branch is ended
+_LATE = 1.5  # growth of the period of sensitive orbits with which a branch ends if the parameter meanwhile rests
+_RESTING = 3e-6  # change of the parameter meanwhile, over its range along the branch, below which it rests
 _NOTHING = 1e-14  # parameter, over its interval, that reads 0
 
 _ROUNDING, _TOUCHING, _NEAR = 1e-9, 1e-13, 1e-3
@@ -215,6 +218,25 @@ class _Run:
         problem.start(u)
         return OrbitBranch(problem, u, self.interest)
 
+    def _cut(self, half: Half, branch: OrbitBranch, item: Point) -> tuple[OrbitBranch, Point, float] | None:
+        """Return the branch with its orbits cut into more pieces, at a point from which on that is due."""
+        if not stretched(branch.problem, item.J):
+            return None
+        problem, u = cut(branch.problem, item.u, item.J)
+        finer = OrbitBranch(problem, u, self.interest)
+        try:
+            point = start_point(finer, u)
+        except ValueError:
+            return None
+        # the first piece starts where it did, and tells on which way the branch goes
+        own = np.append(np.arange(branch.n), -1)
+        along = float((item.weights[own] * item.tangent[own]) @ point.tangent[own])
+        point = replace(point, tangent=math.copysign(1.0, along) * point.tangent, arc=item.arc)
+        point.sign = math.copysign(1.0, along) * point.sign
+        point.examined = finer.examine(point, None)
+        step = item.arc - half.points[-2][1].arc if len(half.points) > 1 else self.control.initial
+        return finer, point, step
+
     def begin(self) -> tuple[OrbitBranch, Point]:
         """Return the start, its tangent towards growing parameter."""
         value = self.orbit.parameters[self.name] / self.scale
@@ -227,6 +249,10 @@ class _Run:
         except ValueError as error:
             hint = f"the equations have no regular branch there: {error}"
             raise InputError("orbit", self.orbit.signature, "a regular periodic orbit", hint) from None
+        if stretched(branch.problem, point.J):
+            problem, u = cut(branch.problem, point.u, point.J)
+            branch = OrbitBranch(problem, u, self.interest)
+            point = start_point(branch, u)
         found = branch.examine(point, None)
         # a start at a grazing lies on its admissible side, whatever the rounding
         monitors = {
@@ -305,6 +331,10 @@ class _Run:
             if len(half.points) >= self.control.most:
                 return f"{self._place(item)}: {self.control.most} points"
             last = item
+            if (grown := _grown(half.points)) is not None:
+                return f"{self._place(item)}: {grown}"
+            if (finer := self._cut(half, branch, item)) is not None:
+                return finer
         raise AssertionError("follow ends with a reason")
 
     def _shrunk(self, half: Half, piece: OrbitBranch, end: Point) -> str:
@@ -344,7 +374,7 @@ class _Run:
             return self._end_at(half, branch, point, name)
         found = neighbour(branch.problem, event.name, point.u)
         half.specials.append(_found(name, branch, event, half))
-        if isinstance(found, Neighbour) and len(found.signature) < branch.problem.segments:
+        if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
             fewer = self.piece(found.signature, found.u)
             orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
             half.specials[-1] = replace(half.specials[-1], orbit=orbit)
@@ -427,6 +457,18 @@ def _assemble(
         tol=orbit.tol,
         **joined.fields(),
     )
+
+
+def _grown(points: list[tuple[OrbitBranch, Point]]) -> str | None:
+    """Return in words that the period of sensitive orbits grows while the parameter rests, as to a homoclinic orbit."""
+    branch, last = points[-1]
+    if CUT_END not in branch.problem.signature.kinds:
+        return None
+    period, values = _period(branch, last), [point.parameter for _, point in points]
+    late = [point.parameter for piece, point in points if _period(piece, point) * _LATE > period]
+    if len(late) == len(points) or max(late) - min(late) > _RESTING * (max(values) - min(values)):
+        return None
+    return f"the period grows without bound (T = {period:.6g})"
 
 
 def _sharpened(branch: OrbitBranch, point: Point) -> Point:

@@ -20,7 +20,17 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.normal_form import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import CLOSED_END, DIRECTION, DURATION, MEAN_END, PHASE_END, WHOLE, OrbitProblem, Signature
+from saltus.orbits.problem import (
+    CLOSED_END,
+    CUT_END,
+    DIRECTION,
+    DURATION,
+    MEAN_END,
+    PHASE_END,
+    WHOLE,
+    OrbitProblem,
+    Signature,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,12 +119,13 @@ def _doubled(point: SpecialPoint, level: int = 0) -> PeriodicOrbit:
     problem, u = orbit.problem(), orbit.unknowns
     q = null_vectors(problem, u, problem.resolve(u)[1], -1.0)[0].real
     form, n = orbit.form, problem.n
-    if form.kinds[0] in (PHASE_END, CLOSED_END):
+    if len(form) == 1 and form.kinds[0] in (PHASE_END, CLOSED_END):
         signature = Signature(form.modes, form.transitions, form.kinds, 2 * form.turns)
         start, direction = u.copy(), np.append(q[:n], 0.0)
         start[n] *= 2.0
     else:
-        signature = Signature(form.modes * 2, form.transitions * 2, form.kinds * 2, 2 * form.turns)
+        kinds = (CUT_END,) * len(form) if CUT_END in form.kinds else form.kinds
+        signature = Signature(form.modes * 2, form.transitions * 2, form.kinds + kinds, 2 * form.turns)
         again = u.copy()
         if orbit.system.phase is not None:
             again[n - 1 :: n + 1] += 2.0 * math.pi * form.turns

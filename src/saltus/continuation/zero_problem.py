@@ -23,7 +23,7 @@ from saltus.orbits.floquet import (
     passage,
     unstable_count,
 )
-from saltus.orbits.problem import MEAN_END, WHOLE, OrbitProblem, Survey
+from saltus.orbits.problem import CUT_END, MEAN_END, WHOLE, OrbitProblem, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,6 +41,8 @@ __all__ = [
 
 BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
 
+_FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
+_SHARPER = 1e-6  # Newton step, in sizes of the unknowns, below which a point is as good as found
 _SHORT = 1e-5  # step below which several multipliers may cross the unit circle in it
 _CRITICAL = 1e-6  # height within which a multiplier is critical
 
@@ -128,6 +130,11 @@ class OrbitBranch:
             "PD": lambda point: self._sized("PD", *doubling_determinant(problem, point.J), point),
             "BP": lambda point: self._sized("BP", point.sign, point.log, point),
         }
+        if CUT_END in kinds:
+            # the multipliers know the flow's direction exactly, the whole determinants to the flow's tolerance only
+            self._simple["SN"] = lambda point: point.sign * self._product("SN", point, 1.0)
+            self._simple["PD"] = lambda point: self._product("PD", point, -1.0)
+            self.noise = MappingProxyType({"SN": _FAINT, "PD": _FAINT})  # they run through many powers of ten in a step
         for name, i in self._durations.items():
             self._simple[name] = lambda point, at=i * (self.n + 1) + self.n: float(point.u[at])  # type: ignore[misc]
         self._surveyed = grazing_monitors(problem)
@@ -162,6 +169,13 @@ class OrbitBranch:
             monitors = self._measured(point)
             point.examined = replace(point.examined, monitors={**point.examined.monitors, **monitors})
 
+    def _product(self, name: str, point: Point, mu: float) -> float:
+        """Return the product of all multipliers' distances from `mu`, over the size that it had first."""
+        values = nontrivial(multipliers(self.problem, point.u, point.J), autonomous=self._autonomous)
+        distance = complex(np.prod(values - mu)).real
+        log = math.log(max(abs(distance), 1e-300))
+        return math.copysign(math.exp(min(log - self._logs.setdefault(name, log), 600.0)), distance)
+
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residual and Jacobian."""
         return self.problem.evaluate(u)
@@ -186,6 +200,7 @@ class OrbitBranch:
         problem = self.problem
         if before is not None and (fault := astray(problem, point.u)) is not None:
             return Examined({}, fault)
+        self._sharpen(point)
         survey = problem.survey(point.u)
         if survey.coarse:
             plane = problem.phase_plane
@@ -217,10 +232,24 @@ class OrbitBranch:
         self._step = before, point
         return Examined(monitors, _fault(point, before, monitors, data, way), data)
 
+    def _sharpen(self, point: Point) -> None:
+        """Correct a point of a branch of orbits in pieces once more: their multipliers show the last Newton step."""
+        if CUT_END not in self.problem.signature.kinds:
+            return
+        from saltus.flow._linear_kernels import bordered
+
+        row = point.weights * point.tangent
+        F, J = self.problem.evaluate(point.u)
+        steps, sign, log, size, residual = bordered(J, F, row, point.u, point.u, self._scale)
+        if size < _SHARPER:
+            point.u, point.J, point.residual = point.u + steps[:, 0], J, residual
+            point.tangent = steps[:, 1] / math.sqrt(float(point.weights @ steps[:, 1] ** 2))
+            point.sign, point.log = sign, log
+
     def _measured(self, point: Point) -> dict[str, float]:
         """Return the monitors that need no survey; that of folds is 0 where the parameter rests."""
         monitors = {name: value(point) for name, value in self._simple.items()}
-        if abs(monitors["SN"]) < RESTS:
+        if CUT_END not in self.problem.signature.kinds and abs(monitors["SN"]) < RESTS:
             monitors["SN"] = 0.0
         return monitors
 
@@ -238,6 +267,8 @@ class OrbitBranch:
 
     def monitor(self, name: str, point: Point) -> float:
         """Return one monitor function at a point that need not be quite corrected."""
+        if bifurcates(name):
+            self._sharpen(point)
         if name in self._simple:
             return self._simple[name](point)
         if name.startswith("TR"):

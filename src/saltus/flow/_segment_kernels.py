@@ -70,6 +70,8 @@ def dense_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, coeffici
     dense_coefficients(slopes, n, h, x, x_end, coefficients)
 
 
+EXTRAPOLATION = (5.0, -10.0, 10.0, -5.0, 1.0)  # to 0, from values at 1, 2, 3, 4, 5
+NEARBY = 1e-4  # time, over the segment's, of the first of them from a surface on which a root vanishes
 ALIKE = 0.75  # least ratio of neighbouring steps
 VARIED = 1e2  # tolerance of the sensitivities, which vary faster, over that of the state
 PROBES = (0.46, 0.75)
@@ -174,20 +176,59 @@ def redistribute(mesh, count, errors, target, out, room):
     return new
 
 
+@njit(**INNER)
+def _surface_slopes(functions, mode, transition, sign, columns, n, params, n_active, duration, y, p, work, slopes):
+    """Add to the slopes of sensitivities, (n + n columns,), at a segment's start (sign 1) or end (-1) what roots make of them.
+
+    A root of what vanishes there makes first derivatives of the field grow like 1 / sqrt(t), and their product with the
+    rate 6 T s (1 - s) of clustered time, t = 3 T s^2, tends to 2 sqrt(3 T) times the limit of sqrt(t) times them. That is
+    extrapolated along the field from five points in sqrt(t). At its end a segment meets the surface of `transition`.
+    """
+    outlined()
+    size = n * (1 + columns)
+    moved, out, fp, ev = work, pointer(work, size), pointer(work, 2 * size), pointer(work, 2 * size + n + 2)
+    call(functions[FIELD], mode, 0, y, 0, p, fp, 0)
+    behind = 0.0
+    if sign < 0.0 and transition >= 0:
+        call(functions[EVENT_X], transition, 0, y, 0, p, ev, 0)
+        if abs(ev[0]) < NEARBY * duration * abs(ev[1]):
+            behind = ev[0] / ev[1]
+    for e in range(n):
+        ev[e] = fp[e]
+    for e in range(size):
+        moved[e] = y[e]
+    for k in range(len(EXTRAPOLATION)):
+        root = (k + 1) * math.sqrt(NEARBY * duration)
+        weight = EXTRAPOLATION[k] * root * 2.0 * math.sqrt(3.0 * duration)
+        for e in range(n):
+            moved[e] = y[e] + ev[e] * (sign * root * root - behind)
+        call(functions[VARY], mode, columns, moved, 0, p, out, 0)
+        for e in range(n, size):
+            slopes[e] += weight * out[e]
+        for a in range(n_active):
+            call(functions[FIELD_P], mode, params[a], moved, 0, p, fp, 0)
+            for e in range(n):
+                slopes[n + e * columns + n + a] += weight * fp[e]
+
+
 @njit(cache=True, error_model="numpy")
 def flow(
-    functions, mode, transition, mean, x0, x0_at, duration, p, active, rtol, atol, mesh, mesh_at, count, n, y, errors
-):
+    functions, mode, transition, mean, rooted, x0, x0_at, duration, p, active, rtol, atol, mesh, mesh_at, count, n, y,
+    errors,
+):  # fmt: skip
     """Run a segment on its mesh and leave state and sensitivities in `y`; the steps' errors over tolerance in `errors`.
 
     y: [x (n), dx (n, columns), and where `mean` the mean rate of the event function and its derivatives (columns,)], the
-    columns being the n components of the initial state, the active parameters and, where `mean`, the duration.
+    columns being the n components of the initial state, the active parameters and, where `mean`, the duration. rooted:
+    whether the mode's field has roots.
     """
     columns = n + active.size + (1 if mean else 0)
     size = n * (1 + columns)
     length = size + ((1 + columns) if mean else 0)
-    block = np.empty(14 * length + 2 + 2 * n)
+    rooted = rooted and duration > 0.0
+    block = np.empty(14 * length + 2 + 2 * n + (2 * size + 3 * n + 4 if rooted else 0))
     slopes, trial, ev = pointer(block, 0), pointer(block, 13 * length), pointer(block, 14 * length)
+    work = pointer(ev, 2 + 2 * n)
     y, p, mesh, errors = pointer(y, 0), pointer(p, 0), pointer(mesh, mesh_at), pointer(errors, mesh_at)
     x0, n_active, params = pointer(x0, x0_at), active.size, pointer(active, 0)
     vary, field_p, event_x, event_p = functions[VARY], functions[FIELD_P], functions[EVENT_X], functions[EVENT_P]
@@ -198,6 +239,10 @@ def flow(
         y[n + e * columns + e] = 1.0
     for e in range(length):
         slopes[e] = 0.0  # time stands still at the segment's start
+    if rooted:
+        _surface_slopes(
+            functions, mode, transition, 1.0, columns, n, params, n_active, duration, y, p, work, slopes
+        )  # fmt: skip
     for step in range(count):
         s = mesh[step]
         h = mesh[step + 1] - s
@@ -231,6 +276,11 @@ def flow(
                 for a in range(n_active):
                     call(event_p, transition, params[a], trial, 0, p, ev, 0)
                     slopes[at + size + 1 + n + a] += weight * ev[1]
+            if rooted and step == count - 1 and C[i] == 1.0:
+                _surface_slopes(
+                    functions, mode, transition, -1.0, columns, n, params, n_active, duration, trial, p, work,
+                    pointer(slopes, at),
+                )  # fmt: skip
         largest = 1e-300
         for e in range(n, size):
             largest = max(largest, abs(trial[e]))

@@ -15,6 +15,7 @@ from saltus.orbits.problem import (
     BOUNDARY,
     CLOSED_END,
     COARSE,
+    CUT_END,
     DIRECTION,
     DOMAIN,
     DURATION,
@@ -59,6 +60,7 @@ def equations(
     modes,
     transitions,
     kinds,
+    rooted,
     turns,
     n,
     u,
@@ -70,6 +72,7 @@ def equations(
     mesh,
     mesh_at,
     anchor,
+    shares,
     F,
     J,
     errors,
@@ -77,14 +80,16 @@ def equations(
     """Write the residual F, (m,), and the Jacobian J, (m, m + active), of all segment equations.
 
     u: each segment's state (n,) and duration, m = segments * (n + 1) in all. p: extended parameters. mesh_at: offsets of
-    the segments' meshes, one more than segments. anchor: point and direction of the phase condition, (2 n,). Returns the
-    largest error of a step, in tolerances.
+    the segments' meshes, one more than segments. rooted: whether the modes' fields have roots. anchor: point and direction of the phase condition, (2 n,). shares: each
+    segment's part of the period, kept at cuts. Returns the largest error of a step, in tolerances.
     """
     segments, wide, n_active = modes.size, n + 1, active.size
     m = segments * wide
     set_parameters(functions, u, m, active, scales, p)
     worst = 0.0
+    rooted = pointer(rooted, 0)
     wanted, F, entries, anchor = pointer(active, 0), pointer(F, 0), pointer(J, 0), pointer(anchor, 0)
+    shares = pointer(shares, 0)
     for i in range(m * (m + n_active)):
         entries[i] = 0.0
     total_time = 0.0
@@ -103,7 +108,7 @@ def equations(
         columns = n + n_active + (1 if mean else 0)
         count = mesh_at[i + 1] - mesh_at[i] - 1
         flow(
-            functions, mode, transition, mean, u, row, duration, p, active, rtol, atol,
+            functions, mode, transition, mean, rooted[mode], u, row, duration, p, active, rtol, atol,
             mesh, mesh_at[i], count, n, y, errors,
         )  # fmt: skip
         for step in range(mesh_at[i], mesh_at[i] + count):
@@ -167,6 +172,10 @@ def equations(
         elif kind == PHASE_END:
             F[last] = start[row + n - 1]
             line[row + n - 1] += 1.0
+        elif kind == CUT_END:
+            F[last] = shares[i - 1] * duration - shares[i] * start[row - 1]
+            line[row + n] += shares[i - 1]
+            line[row - 1] -= shares[i]
         else:
             F[last] = 0.0
             for a in range(n):
@@ -181,7 +190,7 @@ def equations(
 
 
 @njit(cache=True, error_model="numpy")
-def rate(functions, modes, transitions, segment, n, u, p, active, scales, mesh, mesh_at, gradient, errors):
+def rate(functions, modes, transitions, rooted, segment, n, u, p, active, scales, mesh, mesh_at, gradient, errors):
     """Return the Lie derivative of a segment's event function at its end; its gradient, (m + active,), is written."""
     n_active, row = active.size, segment * (n + 1)
     m, columns = modes.size * (n + 1), n + n_active
@@ -189,7 +198,7 @@ def rate(functions, modes, transitions, segment, n, u, p, active, scales, mesh, 
     y, block = np.empty(n * (1 + columns)), np.empty(4 * n + 4)
     count = mesh_at[segment + 1] - mesh_at[segment] - 1
     flow(
-        functions, mode, transition, False, u, row, duration, p, active, 0.0, 1.0, mesh, mesh_at[segment], count, n, y,
+        functions, mode, transition, False, rooted[mode], u, row, duration, p, active, 0.0, 1.0, mesh, mesh_at[segment], count, n, y,
         errors,
     )  # fmt: skip
     end, line, wanted = pointer(y, 0), pointer(gradient, 0), pointer(active, 0)
@@ -573,9 +582,13 @@ def survey(
     one's start, or from its event. Returns the bits of what makes the orbit inadmissible, and
     COARSE where a step passed over something.
     """  # fmt: skip
-    segments, wide, n_transitions, most = modes.size, n + 1, sources.size, 0
+    segments, wide, n_transitions, most, longest, pieces = modes.size, n + 1, sources.size, 0, 0, 0
     for i in range(segments):
-        most = max(most, FINE * (mesh_at[i + 1] - mesh_at[i] - 1) + 1)
+        longest = mesh_at[i + 1] - mesh_at[i] - 1 + (longest if kinds[i] == CUT_END else 0)
+        pieces += 1 if kinds[i] == CUT_END else 0
+        most = max(most, FINE * longest + 1)
+    # what the pieces of a smooth orbit that is cut are put together in, as one segment
+    joined = np.empty((most // FINE + 2) * (8 * n + 1) if pieces > 0 else 0)
     block = np.empty(5 * n + 4 + max(n_outputs, 2) + (n + n_outputs + n_transitions) * most)
     functions, modes = pointer(functions, 0), pointer(modes, 0)
     transitions, kinds = pointer(transitions, 0), pointer(kinds, 0)
@@ -586,6 +599,7 @@ def survey(
     lows, highs, margins, places = pointer(lows, 0), pointer(highs, 0), pointer(margins, 0), pointer(places, 0)
     rates, at_zero = pointer(rates, 0), pointer(at_zero, 0)
     bad, start = 0, int64(0)
+    head, steps = 0, int64(0)
     x, probe, field, slope = pointer(block, 0), pointer(block, n), pointer(block, 2 * n), pointer(block, 3 * n)
     one, out = pointer(block, 5 * n + 2), pointer(block, 5 * n + 4)
     values = pointer(out, max(n_outputs, 2))  # (n + n_outputs, samples)
@@ -633,9 +647,10 @@ def survey(
             rates[3 * i + 2] = max(gap, abs(one[0]))
             call(functions[EVENT_X], transition, 0, end, 0, p, slope, 0)
             call(functions[FIELD], mode, 0, end, 0, p, field, 0)
+            # an event that depends on one state alone is met at a grazing with a velocity that is rounding of nothing
             speed = 0.0
             for e in range(n):
-                speed += abs(slope[2 + e] * field[e])
+                speed += abs(slope[2 + e] * field[e]) + abs(slope[2 + e]) * sizes[e] / period
             if kinds[i] != TOUCH_END and directions[transition] * one[1] < -1e-9 * speed:
                 bad |= DIRECTION
             call(functions[GUARD], n_modes + transition, 0, end, 0, p, one, 0)
@@ -643,6 +658,25 @@ def survey(
                 bad |= WHEN
             call(functions[EVENT], transition, 0, states, 0, p, one, 0)
             rates[3 * i + 1] = one[1]
+        for k in range(n_transitions):
+            margins[i * n_transitions + k] = np.inf
+            places[i * n_transitions + k] = 0.5
+        if kinds[i] != CUT_END:
+            head, steps = i, int64(0)
+        if head < i or (i + 1 < segments and kinds[i + 1] == CUT_END):
+            whole = pointer(joined, 0)
+            paths = pointer(whole, most // FINE + 2)
+            bends = pointer(paths, (most // FINE + 2) * n)
+            for step in range(count + 1):
+                whole[steps + step] = i - head + grid[step]
+            for e in range((count + 1) * n):
+                paths[steps * n + e] = states[e]
+            for e in range(count * 7 * n):
+                bends[steps * 7 * n + e] = curves[e]
+            steps += count
+            if i + 1 < segments and kinds[i + 1] == CUT_END:
+                continue
+            grid, states, curves, count = whole, paths, bends, steps
         total = count * FINE
         for j in range(total + 1):
             step = min(j // FINE, count - 1)
@@ -694,8 +728,6 @@ def survey(
                         highs[q] = max(highs[q], -least)
         before = transitions[i - 1 if i > 0 else segments - 1]
         for k in range(n_transitions):
-            margins[i * n_transitions + k] = np.inf
-            places[i * n_transitions + k] = 0.5
             if sources[k] != mode:
                 continue
             height = pointer(heights, k * (total + 1))
@@ -722,8 +754,8 @@ def survey(
                 if level:
                     if held > 0 and surfaces[k] != SECTION:
                         distance = sign * height[0] if directions[k] == 0 else height[0]
-                        margins[i * n_transitions + k] = distance if abs(distance) > ZERO * reach else 0.0
-                        places[i * n_transitions + k] = WHOLE
+                        margins[head * n_transitions + k] = distance if abs(distance) > ZERO * reach else 0.0
+                        places[head * n_transitions + k] = WHOLE
                     continue
             armed = seen = False
             for j in range(total + 1):
@@ -734,9 +766,9 @@ def survey(
                         height[j - 2], height[j - 1], height[j], p, x, out,
                     )  # fmt: skip
                     call(functions[GUARD], n_modes + k, 0, x, 0, p, one, 0)
-                    if one[0] > 0.0 and least < margins[i * n_transitions + k]:
-                        margins[i * n_transitions + k] = least
-                        places[i * n_transitions + k] = place
+                    if one[0] > 0.0 and least < margins[head * n_transitions + k]:
+                        margins[head * n_transitions + k] = least
+                        places[head * n_transitions + k] = place
                         if least < -small:
                             bad |= EARLY
                 # an event that has just happened does not happen again as the motion passes on through its surface
@@ -766,6 +798,7 @@ def survey(
         for e in range(n):
             at_zero[e] = u[e]
     keep(block)
+    keep(joined)
     return bad
 
 

@@ -121,10 +121,10 @@ class Critical:
         """Take the borders from the null vectors last computed."""
         self._b, self._c = self._w, self._v
 
-    def distance(self, J: NDArray[np.float64]) -> float:
-        """Return how far A - mu B is from being singular: its least singular value over the next one."""
+    def distance(self, J: NDArray[np.float64], *, whole: bool = False) -> float:
+        """Return how far A - mu B is from being singular: its least singular value over the next, or the largest."""
         values = np.linalg.svd(self._matrix(J), compute_uv=False)
-        return float(values[-1] / values[-2])
+        return float(values[-1] / values[0 if whole else -2])
 
     @property
     def twist(self) -> float:

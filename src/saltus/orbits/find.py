@@ -13,7 +13,7 @@ from saltus.errors import ConvergenceError, SaltusError
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import CLOSED_END, EVENT_END, PHASE_END, Signature
 from saltus.orbits.rounds import divided, rounds_of
-from saltus.orbits.solve import check_tol, converge
+from saltus.orbits.solve import check_tol, converge, in_pieces
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def find_orbit(
     longest = 3000.0 if settle is None else checks.positive("settle", settle)
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
     search = _search_forced if system.phase is not None else _search_autonomous
-    return search(system, p, x, start, longest, tol)
+    return in_pieces(search(system, p, x, start, longest, tol))
 
 
 def _search_forced(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.orbits.problem import CLOSED_END, PHASE_END
+from saltus.orbits.cuts import piece_maps
+from saltus.orbits.problem import CLOSED_END, CUT_END, PHASE_END
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,6 +35,9 @@ _RESTING = 1e-9  # way of a state in a period, over its size, below which it res
 _ON_CIRCLE, _REAL, _CLEARLY = 1e-9, 1e-12, 2.0
 """Height within which a multiplier is on neither side of the circle; share of its size below which an imaginary part is
 rounding; how many times nearer the multipliers paired must be than others."""
+
+_ROUNDS = 60  # of orthogonal iteration at most: what has not parted by then is of sizes within a factor of two
+_PARTED = 1e-13  # what couples multipliers that count as parted
 
 
 def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -62,6 +67,8 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     of Non-Smooth Mechanical Systems, Springer 2004, ch. 7.
     """
     problem.set_parameters(u)
+    if CUT_END in problem.signature.kinds:
+        return _of_pieces(problem, u, J)
     n = problem.n
     P, R = np.empty((n, n)), np.empty((n, n))
     closing, autonomous = problem.kinds[0], problem.system.phase is None
@@ -125,11 +132,67 @@ def _across(P: NDArray[np.float64], flow: NDArray[np.float64], period: float) ->
     return np.delete(values, int(np.argmin(np.abs(values - 1.0))))
 
 
-def _quotient(P: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a matrix on the quotient by an eigenvector."""
+def _of_pieces(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the multipliers of a smooth orbit that is cut, largest modulus first, the trivial one last."""
+    maps = piece_maps(problem, J)
+    if problem.system.phase is not None:
+        return _of_product(maps[:, :-1, :-1])
+    turns = []
+    for i, mode in enumerate(problem.modes):
+        flow, at = np.empty(problem.n), i * (problem.n + 1)
+        x = np.ascontiguousarray(u[at : at + problem.n])
+        problem.system.compiled.call("field", int(mode), 0, x, problem.extended, flow)
+        turns.append(_reflector(flow / problem.state_scale))
+    turned = [turns[(i + 1) % len(maps)] @ matrix @ turns[i] for i, matrix in enumerate(maps)]
+    values = _of_product(np.array(turned)[:, 1:, 1:])
+    if values[-1].imag == 0.0 and abs(values[-1]) < 1.0:
+        # the least multiplier follows from the product of all, which the flow's error in its own direction spares
+        signs, logs = np.linalg.slogdet(maps)
+        others = complex(np.prod(values[:-1])).real
+        values[-1] = math.copysign(math.exp(float(logs.sum()) - math.log(abs(others))), float(signs.prod()) * others)
+    return np.append(values, 1.0)
+
+
+def _of_product(blocks: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the eigenvalues of blocks[-1] ... blocks[0], largest first, each to digits of its own."""
+    from saltus.orbits._cyclic_kernels import triangularise
+
+    count, n = len(blocks), blocks.shape[1]
+    triangles, turn = np.empty((count, n, n)), np.empty((n, n))
+    triangularise(np.ascontiguousarray(blocks), _ROUNDS, _PARTED, triangles, turn)
+    parts = [0, *(s for s in range(1, n) if np.abs(turn[s:, :s]).max() < _PARTED), n]
+    values: list[complex] = []
+    for low, high in itertools.pairwise(parts):
+        # those of sizes too near each other to part are eigenvalues of a product of small matrices, scaled on the way
+        product, exponent = turn[low:high, low:high], 0
+        for triangle in triangles[::-1]:
+            product = product @ triangle[low:high, low:high]
+            shift = math.frexp(float(np.abs(product).max()))[1]
+            product, exponent = np.ldexp(product, -shift), exponent + shift
+        found = np.linalg.eigvals(product).tolist()
+        values += [complex(_scaled(v.real, exponent), _scaled(v.imag, exponent)) for v in found]
+    every = np.array(values, dtype=np.complex128)
+    return every[np.argsort(-np.abs(every), kind="stable")]
+
+
+def _scaled(value: float, exponent: int) -> float:
+    """Return value times 2 ** exponent, infinite where that is too large."""
+    try:
+        return math.ldexp(value, exponent)
+    except OverflowError:
+        return math.copysign(math.inf, value)
+
+
+def _reflector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the reflection that turns a vector onto the first axis."""
     v = vector / np.linalg.norm(vector)
     v[0] += 1.0 if v[0] >= 0.0 else -1.0
-    reflector = np.eye(v.size) - 2.0 / (v @ v) * np.outer(v, v)
+    return np.asarray(np.eye(v.size) - 2.0 / (v @ v) * np.outer(v, v))
+
+
+def _quotient(P: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a matrix on the quotient by an eigenvector."""
+    reflector = _reflector(vector)
     return np.asarray((reflector @ P @ reflector)[1:, 1:])
 
 

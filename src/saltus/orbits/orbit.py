@@ -14,7 +14,7 @@ import numpy as np
 from saltus import checks
 from saltus.flow.observables import Motion, observe
 from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
-from saltus.orbits.problem import FAULTS, OrbitProblem, Signature, Survey
+from saltus.orbits.problem import CUT_END, FAULTS, OrbitProblem, Signature, Survey
 from saltus.orbits.rounds import rounds_of
 from saltus.orbits.sampling import motion_of, sample_orbit
 from saltus.results import Result, frozen
@@ -58,10 +58,10 @@ class PeriodicOrbit(Result):
         All parameters.
     form : Signature
         Modes, transitions and ends as indices.
-    states : ndarray, shape (segments, all states)
-        Full state at each segment's start.
-    durations : ndarray, shape (segments,)
-        Durations of the segments.
+    states : ndarray, shape (pieces, all states)
+        Full state at the start of each piece: a segment, or a part of one that is cut where it is sensitive.
+    durations : ndarray, shape (pieces,)
+        Durations of the pieces.
     multipliers : ndarray of complex, shape (states,)
         Floquet multipliers, largest first; an autonomous system's trivial one is last.
     residual : float
@@ -108,9 +108,11 @@ class PeriodicOrbit(Result):
     @property
     def segments(self) -> tuple[Segment, ...]:
         """The smooth pieces, in order."""
+        heads = self.form.heads
+        durations = np.add.reduceat(self.durations, heads)
         return tuple(
-            Segment(mode, transition, state, float(duration))
-            for (mode, transition), state, duration in zip(self.signature, self.states, self.durations, strict=True)
+            Segment(mode, transition, self.states[head], float(duration))
+            for (mode, transition), head, duration in zip(self.signature, heads, durations, strict=True)
         )
 
     @property
@@ -213,6 +215,7 @@ class PeriodicOrbit(Result):
         dataset = self.sample()
         dataset["segment_state"] = (("segment", "state"), self.states)
         dataset["segment_duration"] = ("segment", self.durations)
+        named = np.cumsum([kind != CUT_END for kind in self.form.kinds]) - 1
         dataset["multiplier_re"] = ("multiplier", self.multipliers.real)
         dataset["multiplier_im"] = ("multiplier", self.multipliers.imag)
         dataset["x0"] = ("own_state", self.x0)
@@ -222,8 +225,8 @@ class PeriodicOrbit(Result):
             state=list(self.system.all_states),
             own_state=list(self.system.states),
             quantity=[*self.system.all_states, *self.system.output_names],
-            segment_mode=("segment", [mode for mode, _ in self.signature]),
-            segment_transition=("segment", [transition for _, transition in self.signature]),
+            segment_mode=("segment", [self.signature[i][0] for i in named]),
+            segment_transition=("segment", [self.signature[i][1] for i in named]),
         )
         dataset.attrs |= {
             "definition": json.dumps(self.system.definition()),

@@ -15,14 +15,16 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem, Transition
 
-__all__ = ["CLOSED_END", "EVENT_END", "FAULTS", "MEAN_END", "PHASE_END", "TOUCH_END", "OrbitProblem", "Signature",
-           "Survey"]  # fmt: skip
+__all__ = ["CLOSED_END", "CUT_END", "EVENT_END", "FAULTS", "MEAN_END", "PHASE_END", "TOUCH_END", "OrbitProblem",
+           "Signature", "Survey"]  # fmt: skip
 
-EVENT_END, MEAN_END, PHASE_END, CLOSED_END, TOUCH_END = 0, 1, 2, 3, 4
+EVENT_END, MEAN_END, PHASE_END, CLOSED_END, TOUCH_END, CUT_END = 0, 1, 2, 3, 4, 5
 """Ways in which a segment ends: its event vanishes; the mean rate of its event function vanishes (for a segment that
 starts on the surface on which it ends: the trivial one of zero length is divided out); a whole number of forcing
-periods; a closed curve of an autonomous mode; a surface is touched, and the motion goes on in the same mode."""
+periods; a closed curve of an autonomous mode; a surface is touched, and the motion goes on in the same mode; a smooth
+orbit is cut where this piece of it begins, the ratio of its duration to that of the piece before being fixed."""
 
+_STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jacobians
 _RESTING = 1e-9
 """Size of a state, over the largest one, below which it counts as resting at zero."""
 
@@ -79,10 +81,26 @@ class Signature:
     def names(self, system: HybridSystem) -> tuple[tuple[str, str], ...]:
         """Return (mode, transition) names; a segment that ends with the period names the phase, or nothing."""
         closing = "" if system.phase is None else system.phase[0]
+        whole = self.whole
         return tuple(
             (system.mode_names[mode], closing if transition < 0 else system.transition_names[transition])
-            for mode, transition in zip(self.modes, self.transitions, strict=True)
+            for mode, transition in zip(whole.modes, whole.transitions, strict=True)
         )
+
+    @property
+    def heads(self) -> tuple[int, ...]:
+        """Indices of the segments that do not begin at a cut."""
+        return tuple(i for i, kind in enumerate(self.kinds) if kind != CUT_END)
+
+    @property
+    def whole(self) -> Signature:
+        """The signature without cuts."""
+        if CUT_END not in self.kinds:
+            return self
+        modes, transitions, kinds = (
+            tuple(part[i] for i in self.heads) for part in (self.modes, self.transitions, self.kinds)
+        )
+        return Signature(modes, transitions, kinds, self.turns)
 
 
 @dataclass(frozen=True)
@@ -169,6 +187,7 @@ class OrbitProblem:
         self.segments = len(self.signature)
         self.size = self.segments * (self.n + 1)
         self._functions = compiled.addresses
+        self._rooted = compiled.rooted
         self.modes = np.array(self.signature.modes, dtype=np.int64)
         self._transitions = np.array(self.signature.transitions, dtype=np.int64)
         self.kinds = np.array(self.signature.kinds, dtype=np.int64)
@@ -176,6 +195,7 @@ class OrbitProblem:
         self.scales = np.array(self.scales, dtype=np.float64)
         self.extended = compiled.extended(self.p)
         self._anchor = np.zeros(2 * self.n)
+        self._shares = np.ones(self.segments)
         self.state_scale = np.ones(self.n)
         self._atol = self.tol
         self._worst = 0.0
@@ -226,6 +246,7 @@ class OrbitProblem:
                 return index
             meshes.append(buffer[: count + 1].copy())
         self._use(meshes)
+        self._shares = np.abs(blocks[:, self.n]) / max(float(np.abs(blocks[:, self.n]).sum()), 1e-300)
         survey = self.survey(u)
         self.rescale(survey)
         self.fix_phase(u, survey)
@@ -372,9 +393,9 @@ class OrbitProblem:
         m = self.size
         F, J = np.empty(m), np.empty((m, m + self._active.size))
         self._worst = self.kernels.equations(
-            self._functions, self.modes, self._transitions, self.kinds, self.signature.turns, self.n, u,
+            self._functions, self.modes, self._transitions, self.kinds, self._rooted, self.signature.turns, self.n, u,
             self.extended, self._active, self.scales, self.tol, self._atol, self._mesh, self._mesh_at, self._anchor,
-            F, J, self._errors,
+            self._shares, F, J, self._errors,
         )  # fmt: skip
         return F, J
 
@@ -402,6 +423,8 @@ class OrbitProblem:
         """
         from saltus.orbits import _second_kernels
 
+        if self._rooted[self.modes].any():
+            return self._differences(u, v)
         self.set_parameters(u)
         compiled = self.system.second(tuple(self._active.tolist()))
         S = np.empty((self.size, self.size + self._active.size))
@@ -411,13 +434,21 @@ class OrbitProblem:
         )  # fmt: skip
         return S
 
+    def _differences(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of the Jacobian times `v` by differences, where roots leave no second derivatives."""
+        sizes = np.append(np.tile(np.append(self.state_scale, np.inf), self.segments), np.ones(len(self.active)))
+        step = _STEP / max(float(np.max(np.abs(v) / sizes)), 1e-300)
+        near, far = (self.evaluate(u + k * step * v)[1] - self.evaluate(u - k * step * v)[1] for k in (1.0, 2.0))
+        self.set_parameters(u)
+        return np.asarray((8.0 * near - far) / (12.0 * step))
+
     def rate(self, u: NDArray[np.float64], segment: int) -> tuple[float, NDArray[np.float64]]:
         """Return the Lie derivative of a segment's event at its end, and its gradient, shape (size + active,)."""
         self.set_parameters(u)
         gradient = np.zeros(u.size)
         value = self.kernels.rate(
-            self._functions, self.modes, self._transitions, segment, self.n, u, self.extended, self._active,
-            self.scales, self._mesh, self._mesh_at, gradient, np.empty_like(self._mesh),
+            self._functions, self.modes, self._transitions, self._rooted, segment, self.n, u, self.extended,
+            self._active, self.scales, self._mesh, self._mesh_at, gradient, np.empty_like(self._mesh),
         )  # fmt: skip
         return float(value), gradient
 

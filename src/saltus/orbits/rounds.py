@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.orbits.cuts import clustered, whole
 from saltus.orbits.problem import CLOSED_END, PHASE_END, Signature
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ def divided(
     sizes : ndarray, shape (n,), optional
         Differences of the states up to which two rounds are the same; by default a millionth of the states' ranges.
     """
+    problem, u = whole(problem, u)
     signature, n, turns = problem.signature, problem.n, problem.signature.turns
     blocks = u[: problem.size].reshape(problem.segments, n + 1)
     if turns % count:
@@ -78,8 +80,3 @@ def divided(
         return None
     once = Signature(modes, transitions, kinds, turns // count)
     return once, np.append(rounds.mean(axis=0).ravel(), u[problem.size :])
-
-
-def clustered(share: float) -> float:
-    """Return the clustered time s at which s^2 (3 - 2 s) is `share`."""
-    return 0.5 - math.sin(math.asin(1.0 - 2.0 * share) / 3.0)

@@ -9,6 +9,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.flow.observables import Motion, dense_states
+from saltus.orbits.problem import CUT_END
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -165,4 +166,6 @@ def _follow(orbit: PeriodicOrbit, points: int) -> tuple[NDArray[np.float64], NDA
         modes.append(np.full(count + 1, mode))
         begun += duration
         times[-1][-1] = begun
+        if orbit.form.kinds[index] == CUT_END:  # a cut is no place of its own
+            times[-2], states[-2], modes[-2] = times[-2][:-1], states[-2][:-1], modes[-2][:-1]
     return np.concatenate(times), np.concatenate(states), np.concatenate(modes)

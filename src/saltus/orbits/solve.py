@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ConvergenceError, InputError, nearest
+from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.families import of_a_family
 from saltus.orbits.floquet import nontrivial
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
@@ -19,7 +20,7 @@ from saltus.system import HybridSystem
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["check_tol", "converge", "settle_signature", "solve_orbit", "solve_unknowns"]
+__all__ = ["check_tol", "converge", "in_pieces", "settle_signature", "solve_orbit", "solve_unknowns"]
 
 _ITERATIONS = 40
 _SMALL, _SHORT, _ROUNDING, _VANISHED, _ROUNDED = 1e-11, 1e-6, 1e-13, 1e-3, 1e-11
@@ -85,7 +86,7 @@ def solve_orbit(
     tol = check_tol(tol)
     p = system.parameter_vector(parameters)
     signature, u = _read_segments(system, p, segments)
-    return converge(system, signature, u, p, tol)
+    return in_pieces(converge(system, signature, u, p, tol))
 
 
 def check_tol(tol: object) -> float:
@@ -114,6 +115,26 @@ def converge(
     if np.any(np.abs(inner - 1.0) < _PERHAPS_ONE) and of_a_family(first, given):
         raise ConvergenceError("isolated periodic orbit", orbit.residual, 0, _FAMILY)
     return orbit
+
+
+def in_pieces(orbit: PeriodicOrbit) -> PeriodicOrbit:
+    """Return a smooth orbit cut where its sensitivities grow, solved again; the orbit itself where they do not."""
+    if orbit.form.kinds[0] not in (PHASE_END, CLOSED_END):
+        return orbit
+    problem, u = orbit.problem(), orbit.unknowns
+    J = problem.evaluate(u)[1]
+    if not stretched(problem, J):
+        return orbit
+    problem, u = cut(problem, u, J)
+    period = float(u[problem.n :: problem.n + 1].sum())
+    scale = np.tile(np.append(problem.state_scale, period), problem.segments)
+    for _ in range(_ITERATIONS):
+        F, J = problem.evaluate(u)
+        step = np.linalg.solve(J, -F)
+        u = u + step
+        if np.max(np.abs(step) / scale) < _SMALL and problem.refine():
+            return orbit_at(problem, u, problem.evaluate(u)[1])
+    raise ConvergenceError("periodic orbit in pieces", float(np.abs(F).max()), _ITERATIONS, "start from a nearer guess")
 
 
 def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

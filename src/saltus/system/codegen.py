@@ -56,6 +56,8 @@ class Compiled:
         Where each of `FUNCTIONS` begins; valid in this process only.
     n, n_parameters, n_constants, n_outputs : int
         Sizes of the full state, of the parameters, of the constants made from them, of the outputs.
+    rooted : ndarray of bool, shape (modes,)
+        Whether a mode's field has roots at which its first derivatives are infinite.
     """
 
     def __init__(self, module: Any, system: HybridSystem) -> None:
@@ -64,6 +66,7 @@ class Compiled:
         self.n_parameters = len(system.parameters)
         self.n_constants = int(module.CONSTANTS)
         self.n_outputs = len(system.outputs)
+        self.rooted = np.array(module.ROOTED, dtype=np.bool_)
         # valid as long as the module is, which `sys.modules` keeps
         self._calls: dict[str, Any] = {name: getattr(module, name).ctypes for name in FUNCTIONS}
 
@@ -383,6 +386,7 @@ class Writer:
         """Texts of the module's functions."""
         s = self.system
         modes, transitions = range(len(s.field)), range(len(s.event))
+        self.numbers["ROOTED"] = tuple(self._rooted(s.field[k]) for k in modes)
         yield self._function("field", {k: self._assign(s.field[k]) for k in modes})
         yield self._function("vary", {k: self._vary(s.field[k]) for k in modes})
         yield self._by_parameter("field_p", {k: s.field[k] for k in modes})
@@ -419,7 +423,7 @@ class Writer:
             lines = [f"out[{i}] = 0.0" for i in range(len(group))]
             first = True
             for j in range(len(self.system.p)):
-                derivatives = self.system.along(group, j)
+                derivatives = [_without_poles(d) for d in self.system.along(group, j)]
                 if all(d == 0 for d in derivatives):
                     continue
                 lines.append(f"{'if' if first else 'elif'} m == {j}:")
@@ -428,8 +432,23 @@ class Writer:
             branches[k] = lines
         return self._function(name, branches)
 
+    def _rooted(self, field: list[sympy.Expr]) -> bool:
+        """Whether a root in a field vanishes on a surface, where it makes the first derivatives infinite."""
+        import sympy
+
+        from saltus.system.regularise import multiple_of
+
+        bases = {
+            power.base
+            for expression in field
+            for power in expression.atoms(sympy.Pow)
+            if power.exp.is_Rational and power.exp.q == 2 and power.exp < 1
+        }
+        return any(multiple_of(self.system, base, event) is not None for base in bases for event in self.system.event)
+
     def _vary(self, field: list[sympy.Expr]) -> list[str]:
-        n, jacobian = self.n, self.system.jacobian(field)
+        n = self.n
+        jacobian = [[_without_poles(entry) for entry in row] for row in self.system.jacobian(field)]
         entries = [(i, j) for i in range(n) for j in range(n) if jacobian[i][j] != 0]
         lines = self._assign(field, [jacobian[i][j] for i, j in entries], name="j")
         lines.append("for c in range(m):")
@@ -606,7 +625,8 @@ def _without_poles(expression: sympy.Expr) -> sympy.Expr:
     """Replace inverse roots by functions that are zero where the root is.
 
     A half-integer power of an event function gives its second derivatives a pole on the surface, where the direction is
-    tangential, or the time of the segment stands still: there the product vanishes.
+    tangential, or the time of the segment stands still: there the product vanishes. A root gives its first derivatives
+    one: their product with the clustered time's rate has a limit, which the flow of a segment adds.
     """
     import sympy
 

@@ -19,7 +19,7 @@ from saltus.system.expansion import can_be_expanded, expanded
 if TYPE_CHECKING:
     from saltus.system.derivatives import Symbolic
 
-__all__ = ["Regularised", "regularised"]
+__all__ = ["Regularised", "multiple_of", "regularised"]
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def regularised(system: Symbolic, mode: int) -> Regularised | None:
     for k, source in enumerate(system.source):
         if source != mode:
             continue
-        ratios = {base: ratio for base in roots if (ratio := _ratio(system, base, system.event[k])) is not None}
+        ratios = {base: ratio for base in roots if (ratio := multiple_of(system, base, system.event[k])) is not None}
         signs = {sign for _, sign in ratios.values()}
         if len(signs) != 1:
             continue
@@ -114,7 +114,7 @@ def regularised(system: Symbolic, mode: int) -> Regularised | None:
     return None
 
 
-def _ratio(system: Symbolic, base: sympy.Expr, event: sympy.Expr) -> tuple[sympy.Expr, int] | None:
+def multiple_of(system: Symbolic, base: sympy.Expr, event: sympy.Expr) -> tuple[sympy.Expr, int] | None:
     """What `base` is a multiple of `event` by, and its sign, where that is a constant of known sign; None otherwise."""
     positive = {symbol: sympy.Dummy(positive=True) for symbol in system.p if symbol.name in system.system.positive}
     base, event = expanded(base.xreplace(positive)), expanded(event.xreplace(positive))

@@ -1,0 +1,150 @@
+"""Long smooth orbits cut into pieces, so that no piece magnifies what moves its start by more than a little.
+
+The sensitivities of a smooth orbit in one piece grow with its period, and equations, multipliers and determinants lose
+as many digits. In pieces, each with its own initial state among the unknowns, they lose those of one piece only
+(multiple shooting). The pieces' shares of the period are those of the moment at which the orbit was cut.
+
+References
+----------
+Ascher, Mattheij and Russell, Numerical Solution of Boundary Value Problems for Ordinary Differential Equations, SIAM
+1995, ch. 4 (multiple shooting); Kressner, Numerical Methods for General and Structured Eigenvalue Problems, Springer
+2005, sec. 3.2 (eigenvalues of products).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.orbits.problem import CLOSED_END, CUT_END, PHASE_END, OrbitProblem, Signature
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["clustered", "cut", "in_shares", "piece_maps", "stretched", "whole"]
+
+STRETCHED = 1e3  # growth of a sensitivity over a piece, in the states' units, at which an orbit is cut
+TAUT = 30.0  # growth above which a piece is cut again once any is
+MOST_PIECES = 128  # pieces of an orbit, beyond which its equations would be larger than they are worth
+
+
+def piece_maps(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivative of each piece's end in its start, in units of the states, shape (pieces, n, n).
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations of a smooth orbit, in one piece or several.
+    J : ndarray, shape (size, size) or wider
+        Their Jacobian.
+    """
+    n, wide, scale = problem.n, problem.n + 1, problem.state_scale
+    maps = np.stack([J[i * wide : i * wide + n, i * wide : i * wide + n] for i in range(problem.segments)])
+    if problem.segments == 1:
+        maps = maps + np.eye(n)  # the start of the next period is that of this one
+    return np.asarray(maps * scale / scale[:, None])
+
+
+def _growth(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.abs(piece_maps(problem, J)).max(axis=(1, 2)))
+
+
+def stretched(problem: OrbitProblem, J: NDArray[np.float64]) -> bool:
+    """Return whether a smooth orbit has a piece over which sensitivities grow so far that it is to be cut."""
+    smooth = problem.signature.kinds[0] in (PHASE_END, CLOSED_END)
+    return smooth and problem.segments < MOST_PIECES and float(_growth(problem, J).max()) > STRETCHED
+
+
+def cut(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+) -> tuple[OrbitProblem, NDArray[np.float64]]:
+    """Return the equations and unknowns of a smooth orbit in more pieces, each cut in half while it is too sensitive.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        Its equations, meshes made for it.
+    u : ndarray, shape (size + active,)
+        The orbit.
+    J : ndarray, shape (size, size + active)
+        Jacobian there.
+    """
+    n = problem.n
+    while problem.segments < MOST_PIECES:
+        growth = _growth(problem, J)
+        if not growth.max() > TAUT:
+            break
+        problem.survey(u)
+        rows = []
+        for i, row in enumerate(u[: problem.size].reshape(problem.segments, n + 1)):
+            if growth[i] > TAUT:
+                half = 0.5 * row[n]
+                rows += [np.append(row[:n], half), np.append(problem.state_on(i, 0.5), half)]
+            else:
+                rows.append(row)
+        old, count = problem.signature, len(rows)
+        signature = Signature(
+            old.modes[:1] * count, old.transitions[:1] * count, (old.kinds[0],) + (CUT_END,) * (count - 1), old.turns
+        )
+        finer = _alike(problem, u, signature)
+        moved = np.concatenate([*rows, u[problem.size :]])
+        if finer.start(moved) is not None:
+            break
+        problem, u = finer, moved
+        J = problem.evaluate(u)[1]
+    return problem, u
+
+
+def whole(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]]:
+    """Return the equations and unknowns of an orbit whose smooth segments are in one piece each."""
+    form = problem.signature
+    if CUT_END not in form.kinds:
+        return problem, u
+    rows = u[: problem.size].reshape(problem.segments, problem.n + 1)
+    merged = rows[list(form.heads)].copy()
+    merged[:, problem.n] = np.add.reduceat(rows[:, problem.n], form.heads)
+    joined = _alike(problem, u, form.whole)
+    moved = np.concatenate([merged.ravel(), u[problem.size :]])
+    joined.start(moved)
+    return joined, moved
+
+
+def clustered(share: float) -> float:
+    """Return the clustered time s at which s^2 (3 - 2 s) is `share`."""
+    return 0.5 - math.sin(math.asin(1.0 - 2.0 * share) / 3.0)
+
+
+def in_shares(
+    problem: OrbitProblem, u: NDArray[np.float64], like: OrbitProblem, other: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return a smooth orbit in one piece, gone round as often as one near it in several, in that one's pieces.
+
+    Parameters
+    ----------
+    problem, like : OrbitProblem
+        The equations of both.
+    u, other : ndarray
+        Their unknowns, with the active parameters.
+    """
+    n, phase = problem.n, problem.system.phase
+    rows = other[: like.size].reshape(like.segments, n + 1).copy()
+    period, total = float(u[n]), float(rows[:, n].sum())
+    rounds = round(total / period)
+    begins = (np.cumsum(rows[:, n]) - rows[:, n]) / total * rounds
+    problem.survey(u)
+    for row, begin in zip(rows, begins.tolist(), strict=True):
+        gone, share = divmod(begin, 1.0)
+        row[:n] = problem.state_on(0, clustered(share))
+        if phase is not None:
+            row[n - 1] += 2.0 * math.pi * problem.signature.turns * gone
+        row[n] *= rounds * period / total
+    return np.concatenate([rows.ravel(), u[problem.size :]])
+
+
+def _alike(problem: OrbitProblem, u: NDArray[np.float64], signature: Signature) -> OrbitProblem:
+    """Return the equations of another signature with the same parameters."""
+    return OrbitProblem(
+        problem.system, signature, problem.parameters_at(u), problem.active, problem.scales, problem.tol
+    )
