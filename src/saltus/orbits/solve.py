@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ConvergenceError, InputError, nearest
+from saltus.flow.sticking import check_continuous
 from saltus.orbits.families import of_a_family
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, OrbitProblem, Signature
@@ -110,7 +111,12 @@ def converge(
     if chosen != signature:
         problem = OrbitProblem(system, chosen, p, tol=tol)
         u, J = solve_unknowns(problem, turned)
-    return orbit_at(problem, u, J)
+    orbit = orbit_at(problem, u, J)
+    _, ends, nodes, _ = problem.dense()
+    for i, mode in enumerate(chosen.modes):
+        states = nodes[ends[i] : ends[i + 1]]
+        check_continuous(system, np.full(len(states), mode), states, problem.extended)
+    return orbit
 
 
 def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
