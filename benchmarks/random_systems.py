@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from scipy.integrate import DOP853
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 TOLERANCE = 1e-12  # relative tolerance of a step of DOP853, and a tenth of the absolute one
 SHARING = 4  # systems in a row of one structure, so that each is compiled once for several
@@ -313,6 +313,10 @@ class Reference:
     ) -> tuple[int, float] | None:  # fmt: skip
         """Return index and time of the first transition in a step; `sides` and `left` follow the event functions."""
         grid = np.linspace(begin, end, SAMPLES + 1)
+        # next to the ends, so that an extremum between the outermost samples shows
+        grid = np.sort(np.append(grid, [begin + 1e-3 * (grid[1] - begin), end - 1e-3 * (end - grid[-2])]))
+        dips = [dip for i, t in own if left[i] for dip in _dips(t["h"], sides[i], dense, grid)]
+        grid = np.unique(np.append(grid, dips))
         states = dense(grid)
         values = {i: np.broadcast_to(t["h"](states), grid.shape) for i, t in own}
         for j in range(1, grid.size):
@@ -336,3 +340,21 @@ class Reference:
                 first = min(when for when, _ in candidates)
                 return min((i, when) for when, i in candidates if when <= first + 1e-13)
         return None
+
+
+def _dips(h: Callable[[Any], Any], side: float, dense: Any, grid: np.ndarray) -> list[float]:
+    """Return times between samples at which an event function dips through zero and back."""
+    height = side * np.broadcast_to(h(dense(grid)), grid.shape)
+    found = []
+    for j in range(1, grid.size - 1):
+        low, high = min(height[j - 1], height[j + 1]), max(height[j - 1], height[j + 1])
+        if 0.0 < height[j] <= low and height[j] < high - height[j]:
+            least = minimize_scalar(
+                lambda s: side * h(dense(s)),
+                bounds=(grid[j - 1], grid[j + 1]),
+                method="bounded",
+                options={"xatol": 1e-12},
+            )
+            if least.fun < 0.0:
+                found.append(float(least.x))
+    return found

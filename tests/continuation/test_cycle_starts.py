@@ -49,14 +49,16 @@ def test_bautin_cycle_folds_at_minus_a_quarter_and_ends_at_zero(
 
 def test_multipliers_along_the_bautin_cycle_are_the_closed_form(bautin: HybridSystem) -> None:
     branch = saltus.continue_orbit(saltus.find_orbit(bautin, x0=[0.7, 0.1, 0.8]), "mu", (-0.5, 1.0))
-    for value, multipliers in zip(branch.values, branch.multipliers, strict=True):
-        roots = (1.0 + np.array([1.0, -1.0]) * math.sqrt(max(1.0 + 4.0 * value, 0.0))) / 2.0
-        radial = np.exp(4.0 * math.pi * roots * (1.0 - 2.0 * roots))
-        # Newton's last step is at most 2e-9 of the largest cycle; next to the fold the roots magnify it
-        allowed = 1e-8 + 1e-8 / math.sqrt(max(1.0 + 4.0 * value, 1e-12))
-        for wanted in (1.0, math.exp(-2.0 * math.pi)):
-            assert np.min(np.abs(multipliers - wanted)) < allowed
-        assert np.min(np.abs(multipliers[:, None] - radial[None, :])) < allowed
+    for i in range(1, len(branch), 6):
+        orbit = branch.orbit(i)
+        along, y = 0.6 * orbit.x0[0] + 0.8 * orbit.x0[2], orbit.x0[1]
+        r2, mu = along**2 + y**2, orbit.parameters["mu"]
+        assert r2**2 - r2 == pytest.approx(mu, abs=1e-10)
+        assert orbit.period == pytest.approx(2.0 * math.pi, rel=1e-11)
+        exact = [1.0, math.exp(-2.0 * math.pi), math.exp(4.0 * math.pi * r2 * (1.0 - 2.0 * r2))]
+        assert sorted(orbit.multipliers.real) == pytest.approx(sorted(exact), rel=1e-9, abs=1e-12)
+        assert np.max(np.abs(orbit.multipliers.imag)) < 1e-9
+        assert sorted(branch.multipliers[i].real) == pytest.approx(sorted(exact), rel=1e-6, abs=1e-12)
 
 
 @pytest.mark.parametrize("i0", [0.44, 0.7, 1.0, 1.3])
