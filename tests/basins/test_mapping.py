@@ -330,7 +330,7 @@ def test_points_that_cannot_be_classified_are_told(basins, points, told):
             r"^grid = 's': must be a state other than the phase; all motions start at phase 0$",
         ),
         ({"grid": "wide"}, r"^grid = 'wide': must be a mapping of each state to a range or a value, or a Plane$"),
-        ({"engine": "gpu"}, r"^engine = 'gpu': must be one of cpu, cuda, dask$"),
+        ({"engine": "gpu"}, r"^engine = 'gpu': must be one of cpu, cuda, dask; did you mean 'cpu'\?$"),
         ({"engine": "dask"}, r"^client = None: must be given for engine='dask', and for no other$"),
         ({"client": "tcp://here:1"}, r"^client = 'tcp://here:1': must be given for engine='dask', and for no other$"),
         ({"engine": "dask", "client": 3}, r"^client = 3: must be a dask\.distributed\.Client, or the address"),
