@@ -26,6 +26,8 @@ _HOMES = {
         "Criteria",
         "LyapunovSpectrum",
         "Section",
+        "StickingError",
+        "StiffnessError",
         "Sweep",
         "lyapunov_spectrum",
         "run_sweep",
@@ -47,6 +49,8 @@ _HOMES = {
         "DivergenceError",
         "InputError",
         "SaltusError",
+        "StickingError",
+        "StiffnessError",
     ),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

@@ -15,6 +15,8 @@ __all__ = [
     "DivergenceError",
     "InputError",
     "SaltusError",
+    "StickingError",
+    "StiffnessError",
     "nearest",
     "shortened",
     "shown",
@@ -131,6 +133,85 @@ class ChatteringError(SaltusError):
             f"chattering: events accumulate at t = {self.time:.12g} in mode {self.mode!r}, "
             f"state {state}; the motion slides or rests there: add a mode for it"
         )
+
+
+class StickingError(ChatteringError):
+    """A motion is held where the field jumps, as by ``sign(v)`` at v = 0: both sides lead back to it.
+
+    Parameters
+    ----------
+    time : float
+        Time reached.
+    state : sequence of float
+        State there.
+    mode : str
+        Mode there.
+    surface : str
+        Expression that vanishes where the field jumps.
+    """
+
+    def __init__(self, time: float, state: Iterable[float], mode: str, surface: str) -> None:
+        SaltusError.__init__(self, time, tuple(float(x) for x in state), mode, surface)
+
+    @property
+    def surface(self) -> str:
+        """Expression that vanishes where the field jumps."""
+        return str(self.args[3])
+
+    def __str__(self) -> str:
+        return (
+            f"sticking: the field of mode {self.mode!r} jumps at {self.surface} = 0 and holds the motion there from "
+            f"t = {self.time:.12g} on, state {list(self.state)}; give each side a mode, and the surface one"
+        )
+
+
+class StiffnessError(SaltusError):
+    """A motion takes more steps than are allowed for what was asked.
+
+    Parameters
+    ----------
+    time : float
+        Time reached.
+    state : sequence of float
+        State there.
+    mode : str
+        Mode there.
+    steps : int
+        Steps spent.
+    hint : str, optional
+        What to try.
+    """
+
+    def __init__(self, time: float, state: Iterable[float], mode: str, steps: int, hint: str = "") -> None:
+        super().__init__(time, tuple(float(x) for x in state), mode, steps, hint)
+
+    @property
+    def time(self) -> float:
+        """Time reached."""
+        return float(self.args[0])
+
+    @property
+    def state(self) -> tuple[float, ...]:
+        """State reached."""
+        return tuple(self.args[1])
+
+    @property
+    def mode(self) -> str:
+        """Mode at that time."""
+        return str(self.args[2])
+
+    @property
+    def steps(self) -> int:
+        """Steps spent."""
+        return int(self.args[3])
+
+    def __str__(self) -> str:
+        time, state, mode, steps, hint = self.args
+        text = (
+            f"{steps} steps took the motion only to t = {time:.6g}, mode {mode!r}, state {list(state)}: "
+            "it is stiff there, or its period is very long against its fastest time scale"
+        )
+        return text + (f"; {hint}" if hint else "")
 
 
 class ConvergenceError(SaltusError):

@@ -35,7 +35,10 @@ FIELD, EVENT, EVENT_X, RESET, GUARD = (
     FUNCTIONS.index(name) for name in ("field", "event", "event_x", "reset", "guard")
 )
 
-DONE, AGAIN, CHATTERING, UNBOUNDED, STEP_UNDERFLOW, LEFT_DOMAIN, FIELD_NOT_FINITE, RESET_NOT_FINITE = range(8)
+(
+    DONE, AGAIN, CHATTERING, UNBOUNDED, STEP_UNDERFLOW, LEFT_DOMAIN, FIELD_NOT_FINITE, RESET_NOT_FINITE,
+    EVENT_NOT_FINITE,
+) = range(9)  # fmt: skip
 """What `run_kernel` returns; AGAIN when a buffer is full or the budget of steps is spent."""
 
 (
@@ -48,9 +51,15 @@ segment and its error (0: none), the rate of the last event's function just afte
 
 (
     MODE, STARTING, FIRED, MODE_BEFORE, WRAPS, EVENTS, SMALL_RUN, SHRINKING_RUN, STILL_RUN, HOP_RUN, N_STEPS, N_EVENTS,
-    N_COUNTS,
-) = range(13)  # fmt: skip
-"""Places in `counts`."""
+    TRIES, UNCHANGED, N_COUNTS,
+) = range(15)  # fmt: skip
+"""Places in `counts`: TRIES are steps tried so far; UNCHANGED tells that the last event changed nothing."""
+
+PASSES = 2
+"""A side, beside -1, 0 (not known) and 1: the start on a surface is no event, to whatever side the motion leaves."""
+
+AT_WRAP = 1e-9
+"""An event at most so far before the phase's wrap, as an angle, comes after it: the strobe looks before the jump."""
 
 BOUND = 1e12
 """A state larger than this has diverged."""
@@ -151,6 +160,8 @@ def _scan(
                 if not rate_counts:
                     return 0, side, True
                 leaves = 1 if rate_h > 0.0 else -1
+                if side == PASSES:
+                    return 0, leaves, True
                 if leaves != side if side != 0 else (direction == leaves and not consumed):
                     found[0] = 0.0
                     return 1, -leaves, True
@@ -181,8 +192,10 @@ def _scan(
             b[0] = rate_h * width if rate_counts else 0.0
             leaves = _leaving_side(b, degree, rate_counts)
             if leaves == 0:
-                return 0, 0, True
-            if before != 0:
+                return 0, PASSES if side == PASSES else 0, True
+            if before == PASSES:
+                crosses = False
+            elif before != 0:
                 crosses = leaves != before
             else:
                 crosses = direction == leaves and not (consumed and rate_counts)
@@ -423,12 +436,15 @@ def _begin(
     addresses, transitions, n_transitions, mode, n, used, p, x, slopes, size, rtol, atol, numbers, counts, side, on,
     value, first_steps, y, x_end, event,
 ):  # fmt: skip
-    """Begin a segment: its first slope and step, and on which side of every event it starts; False: not finite."""
+    """Begin a segment: its first slope and step, and on which side of every event it starts; a status.
+
+    Where a motion begins, `side` tells of those on whose surface it starts what is known of them; see `Run`.
+    """
     outlined()
     call(addresses[FIELD], mode, 0, x, 0, p, slopes, 0)
     for e in range(n):
         if not abs(slopes[e]) < math.inf:
-            return False
+            return FIELD_NOT_FINITE
     numbers[STEP] = first_steps[mode]
     if numbers[STEP] <= 0.0:
         numbers[STEP] = _first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end)
@@ -438,16 +454,20 @@ def _begin(
             continue
         call(addresses[EVENT_X], k, 0, x, 0, p, event, 0)
         value[k] = event[0]
+        if not abs(event[0]) < math.inf:
+            return EVENT_NOT_FINITE
         if k == counts[FIRED]:
             numbers[RATE_AFTER] = event[1]
         reach = (ROUNDING + 4.0 * numbers[RESIDUAL]) * _scale(pointer(event, 2), n, size)
         on[k] = 1 if abs(event[0]) <= reach else 0
         if on[k] == 0:
             side[k] = 1 if event[0] > 0.0 else -1
-        elif k == counts[FIRED] or counts[MODE_BEFORE] != mode:
+        elif k == counts[FIRED]:
+            side[k] = PASSES if counts[UNCHANGED] == 1 else 0
+        elif counts[FIRED] >= 0 and counts[MODE_BEFORE] != mode:
             side[k] = 0
     counts[STARTING] = 0
-    return True
+    return DONE
 
 
 @njit(**INNER)
@@ -455,9 +475,12 @@ def _seek(
     addresses, transitions, n_transitions, mode, n, p, x, x_end, size, h, dense, rtol, atol, counts, side, on, value,
     value_end, before, found, n_found, passed, stays, y, event, values, b, pieces, work,
 ):  # fmt: skip
-    """Find every zero of every event function in the step; whether there are too many for one step."""
+    """Find every zero of every event function in the step.
+
+    Returns AGAIN where there are too many for one step, EVENT_NOT_FINITE where a function is not finite, or else DONE.
+    """
     outlined()
-    too_many = False
+    status = DONE
     for k in range(n_transitions):
         n_found[k] = passed[k] = stays[k] = 0
         if transitions[3 * k] != mode:
@@ -470,6 +493,8 @@ def _seek(
             rounding = ROUNDING * _scale(pointer(event, 2), n, size)
         call(addresses[EVENT], k, 0, x_end, 0, p, event, 0)
         value_end[k] = event[0]
+        if not abs(event[0]) < math.inf:
+            return EVENT_NOT_FINITE
         before[k] = side[k]
         if (
             on[k] == 0
@@ -483,8 +508,9 @@ def _seek(
             side[k], transitions[3 * k + 2], rtol, atol, y, event, values, b, pieces, work, pointer(found, ROOTS * k),
         )  # fmt: skip
         stays[k] = 1 if still_on else 0
-        too_many = too_many or n_found[k] < 0
-    return too_many
+        if n_found[k] < 0:
+            status = AGAIN
+    return status
 
 
 @njit(**INNER)
@@ -592,14 +618,16 @@ def run_kernel(
         if budget <= 0 or counts[N_EVENTS] == most_events or (store and counts[N_STEPS] == most_steps):
             return AGAIN
         budget -= 1
+        counts[TRIES] += 1
         mode = counts[MODE]
 
         if counts[STARTING] == 1:
-            if not _begin(
+            status = _begin(
                 addresses, transitions, n_transitions, mode, n, used, p, x, slopes, size, rtol, atol, numbers, counts,
                 side, on, value, first_steps, y, x_end, event,
-            ):  # fmt: skip
-                return FIELD_NOT_FINITE
+            )  # fmt: skip
+            if status != DONE:
+                return status
 
         # how far: to the tolerance, the end, or the phase's wrap, whichever is first
         wraps, last = False, True
@@ -645,14 +673,14 @@ def run_kernel(
             active = active or transitions[3 * k] == mode
         if active or store:
             _dense(addresses, mode, n, p, h, x, x_end, slopes, y, dense)
-        too_many = _seek(
+        status = _seek(
             addresses, transitions, n_transitions, mode, n, p, x, x_end, size, h, dense, rtol, atol, counts, side, on,
             value, value_end, before, found, n_found, passed, stays, y, event, values, b, pieces, work,
         )  # fmt: skip
-        if too_many:
+        if status != DONE:
             numbers[STEP] = 0.5 * h
             if numbers[STEP] <= 4.0 * EPSILON * numbers[T] or numbers[STEP] < 1e-250:
-                return STEP_UNDERFLOW
+                return STEP_UNDERFLOW if status == AGAIN else status
             continue
 
         # the first that counts: in its direction, and allowed
@@ -711,8 +739,20 @@ def run_kernel(
                 side[k] = before[k]
                 for j in range(n_found[k]):
                     # one at the same time waits for its turn, unless its condition failed
-                    if k != fired and (found[ROOTS * k + j] < fraction - 1e-9 or j < passed[k]):
+                    if found[ROOTS * k + j] < fraction - (0.0 if k == fired else 1e-9) or j < passed[k]:
                         side[k] = -side[k]
+        if phase > 0.0 and landing[n - 1] > TWO_PI - AT_WRAP:
+            # the strobe comes first, and the event at once after it
+            for e in range(n):
+                x[e] = y[e] = landing[e]
+                size[e] = landing_size[e]
+            x[n - 1] -= TWO_PI
+            y[n - 1], landing[n - 1] = TWO_PI, 0.0
+            counts[WRAPS] += 1
+            counts[FIRED], counts[STARTING] = none, 1
+            _record_event(counts, numbers, none, n, phase, y, landing, mode, mode, event_times, event_which, event_ends,
+                          event_rates)  # fmt: skip
+            continue
         call(addresses[EVENT_X], fired, 0, landing, 0, p, event, 0)
         rate = event[1]
         hops = (
@@ -728,7 +768,10 @@ def run_kernel(
                       event_ends, event_rates)  # fmt: skip
         if numbers[DURATION] > 0.0:
             first_steps[mode] = min(numbers[FIRST_STEP], 2.0 * numbers[DURATION])
+        counts[UNCHANGED] = 1 if target == mode else 0
         for e in range(n):
+            if after[e] != landing[e]:
+                counts[UNCHANGED] = 0
             x[e] = after[e]
             size[e] = max(landing_size[e], abs(after[e]))
             if not abs(after[e]) < math.inf:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numba import float64, int64
 
-from saltus.flow._event_kernels import BOUND, DURATION, EPSILON, ROUNDING, T_LOW, TWO_PI, T, advance
+from saltus.flow._event_kernels import BOUND, DURATION, EPSILON, PASSES, ROUNDING, T_LOW, TWO_PI, T, advance
 from saltus.flow._kernels import INNER, call, keep, outlined, pointer
 from saltus.flow._polynomial_kernels import DEPTH, ROOTS, bernstein_roots, variations
 from saltus.system._lane_kernels import bits_of, float_of
@@ -353,15 +353,15 @@ def _passed(b, degree, end):
 
 
 @njit(**INNER)
-def _scale(gradient, n, x):
+def _scale(gradient, n, x, phase):
     total = 0.0
     for e in range(n):
-        total += abs(gradient[e] * x[e])
+        total += abs(gradient[e] * (TWO_PI if phase > 0.0 and e == n - 1 else x[e]))
     return total
 
 
 @njit(**INNER)
-def _begin(addresses, forms, transitions, n_transitions, mode, n, p, x, residual, dt, counts, side, on, event):
+def _begin(addresses, forms, transitions, n_transitions, mode, n, phase, p, x, residual, dt, counts, side, on, event):
     """Begin a segment: on which side of every event it starts, and w behind the state; whether it is a plain start.
 
     residual: what the event function was at the landing; dt: the step that led there, 0 without one. Both tell what
@@ -374,14 +374,17 @@ def _begin(addresses, forms, transitions, n_transitions, mode, n, p, x, residual
         if transitions[3 * k] != mode:
             continue
         call(addresses[EVENT_X], k, 0, x, 0, p, event, 0)
-        reach = ROUNDING * (_scale(pointer(event, 2), n, x) + abs(event[1]) * dt) + 4.0 * residual
+        reach = ROUNDING * (_scale(pointer(event, 2), n, x, phase) + abs(event[1]) * dt) + 4.0 * residual
         on[k] = 1 if abs(event[0]) <= reach else 0
         known = side[k]
         side[k] = 1 if event[0] > 0.0 else -1
         if on[k] == 1:
             side[k] = 0
-            if counts[FIRED] >= 0 and k != counts[FIRED] and counts[MODE_BEFORE] == mode:
+            if counts[FIRED] < 0 or (k != counts[FIRED] and counts[MODE_BEFORE] == mode):
                 side[k] = known
+            if side[k] == PASSES:
+                side[k] = 0
+                continue
             leaves = 1 if event[1] > 0.0 else -1
             consumed = k == counts[FIRED] and counts[MODE_BEFORE] == mode
             if side[k] == 0 and transitions[3 * k + 2] == leaves and not consumed:
@@ -501,7 +504,7 @@ def _follow(
         budget -= 1
         mode = counts[MODE]
         if counts[STARTING] == 1 and not _begin(
-            addresses, forms, transitions, n_transitions, mode, n, p, x, 0.0, 0.0, counts, side, on, event
+            addresses, forms, transitions, n_transitions, mode, n, phase, p, x, 0.0, 0.0, counts, side, on, event
         ):
             return HELP
         if splits[mode] == 1 and _goes_far(
@@ -734,6 +737,7 @@ def _follow(
                 n_transitions,
                 counts[MODE],
                 n,
+                phase,
                 p,
                 x,
                 residual,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.errors import DivergenceError, SaltusError
+from saltus.errors import DivergenceError, SaltusError, StickingError
 from saltus.flow.poincare import iterate
 from saltus.flow.run import starting_mode
 from saltus.flow.simulate import simulate
@@ -35,7 +35,8 @@ def follow_alone(
 ) -> tuple[int, int, NDArray[np.float64], int]:
     """Return the label of a motion, the periods after which it was known, and its state and mode then.
 
-    A motion that may not start, or whose events accumulate, stays undecided, at a state of NaN.
+    A motion that may not start, whose events accumulate, or that takes too many steps, stays undecided, at a state of
+    NaN.
 
     Parameters
     ----------
@@ -53,6 +54,11 @@ def follow_alone(
         Periods after which a motion is undecided.
     period : float
         Time between two looks.
+
+    Raises
+    ------
+    StickingError
+        The field jumps where the motion comes to be held: no fate of such a motion can be told.
     """
     strobe, visits, inside = 0, 0, UNDECIDED
     try:
@@ -68,6 +74,8 @@ def follow_alone(
                 visits = visits + 1 if box == inside != UNDECIDED else int(box != UNDECIDED)
                 inside = box
                 label = box if visits >= traps.cells.visits else UNDECIDED
+    except StickingError:
+        raise
     except DivergenceError:
         return DIVERGED, strobe, np.full(x.size, np.inf), max(mode, 0)
     except SaltusError:

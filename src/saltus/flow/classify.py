@@ -84,7 +84,7 @@ class Criteria:
         times as long, at most.
     absence : float
         A motion that has been away from a section for so many of its mean returns, or of the phase's periods if they
-        are longer, is taken not to return. Before returns are known, periods alone, or units of time without a phase.
+        are longer, is taken not to return. Before returns are known, periods alone, or 5000 steps a return.
     push : float
         Part of the size of its state by which a motion that rests on an unstable orbit is pushed.
     """

@@ -15,6 +15,7 @@ from saltus import checks
 from saltus.errors import InputError
 from saltus.flow.alone import follow_alone
 from saltus.flow.linear_part import LinearPart, linear_parts
+from saltus.flow.run import jumps_at_phase_zero
 from saltus.flow.traps import Traps
 from saltus.system.pools import DIVERGED, LEFT_OVER, NOT_DONE
 
@@ -309,6 +310,8 @@ class Ensemble:
     def _lanes(self) -> CompiledLanes | None:
         from saltus.system.codegen import load_lanes
 
+        if jumps_at_phase_zero(self.system, self.p):
+            return None  # lanes cannot tell on which side of such a jump they are
         return load_lanes(self.system, _ORDER, {mode: part.pairs for mode, part in self._linear.items()})
 
     @cached_property

@@ -10,7 +10,7 @@ import numpy as np
 
 from saltus.errors import InputError
 from saltus.flow.run import Run, check_tolerances, domain_value, passed_event, start_state
-from saltus.flow.taylor import ORDER, TaylorRun
+from saltus.flow.taylor import ORDER, STEPS_A_RETURN, TaylorRun
 from saltus.results import frozen
 
 if TYPE_CHECKING:
@@ -89,6 +89,8 @@ def iterate(
         No section, or tolerances that cannot be used.
     ChatteringError, DivergenceError
         As `simulate`.
+    StiffnessError
+        The motion takes more than 5000 steps a return.
 
     Examples
     --------
@@ -107,7 +109,8 @@ def iterate(
         states, modes, times = motion.follow(discard, keep, longest)
         x_end = frozen(motion.x[:-1])
         return Iterates(frozen(states), frozen(modes, np.int64), frozen(times), x_end, motion.mode)
-    run = Run(system, p, start_state(system, x), mode, rtol, atol)
+    most = STEPS_A_RETURN * max(discard + keep, 1)
+    run = Run(system, p, start_state(system, x), mode, rtol, atol, most_steps=most)
     log = _to_phase_zero(run, discard, keep) if section is None else _to_events(run, section, discard, keep, longest)
     times, which, ends, _ = log
     states = ends[:, 1] if section is None else ends[:, 0]

@@ -6,12 +6,18 @@ Rules
 * Where several happen at the same time, the first in the definition comes first; another follows at once if, after the
   reset, the mode is still its source and its event function still passes zero there.
 * A motion that starts on an event surface leaves it to one side. If that is the side of the event's direction, the
-  event happens at once; an event of direction 0 does not. A transition that has just led back to its own mode by a
-  reset that lets the motion pass through the surface (a counter on a section) does not happen a second time.
+  event happens at once; an event of direction 0 does not. A transition that changes nothing (a counter on a section)
+  does not happen at a start, whatever its direction, nor a second time where it has just happened, tangentially or not.
+* A start at phase 0 comes before the events there of functions of the phase alone: these happen at once, of whatever
+  direction.
 * Chattering is told where more than 50 events in a row each follow after less than 1e-10 of the time scale (the period
   of the phase, or else the longest time between events so far) and these times shrink, where time stands still for
   50 events, or where the motion hops from an event to the same one below rounding four times in a row.
+* A field that jumps, as by ``sign(v)`` at v = 0, may be passed but must not hold the motion: that ends it with the
+  place where it is held.
 * The phase runs on [0, 2 pi); its wrap is landed on exactly and recorded as an event of kind ``"phase"``.
+* The strobe looks before the jump: a wrap comes before the events at phase 0, and before those up to 1e-9 earlier (as
+  an angle), which rounding may put on either side. A motion of whole periods ends before the events at phase 0.
 """
 
 from __future__ import annotations
@@ -39,12 +45,13 @@ if TYPE_CHECKING:
 
     from saltus.flow.spectrum import Window
 
-__all__ = ["GRAZING_SPEED", "EventLog", "Trajectory", "events_after", "settle", "simulate"]
+__all__ = ["GRAZING_SPEED", "EventLog", "Trajectory", "event_log", "events_after", "settle", "simulate"]
 
 GRAZING_SPEED = 1e-6
 """An event at which the event function changes more slowly than this, in its units per time, is marked as grazing."""
 
 _STEPS_KEPT = 1024
+_MEMORY = 1 << 29  # bytes of dense output at the most
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -394,6 +401,7 @@ def simulate(
     rtol: float = 1e-10,
     atol: float = 1e-12,
     max_events: int = 100_000,
+    max_steps: int | None = None,
 ) -> Trajectory:
     """Return the motion of a hybrid system from a state.
 
@@ -416,6 +424,9 @@ def simulate(
         Relative and absolute tolerance of a step; `rtol` between 1e-14 and 0.1.
     max_events : int, optional
         The motion ends early after so many transitions; `stopped` says so.
+    max_steps : int, optional
+        The motion ends early after so many steps; `stopped` says so. By default as many as fit into 512 MiB, some
+        3 million for two states.
 
     Returns
     -------
@@ -426,9 +437,9 @@ def simulate(
     InputError
         An argument that cannot be used; a start outside the mode's domain.
     ChatteringError
-        Events accumulate.
+        Events accumulate; as a `StickingError`, the field jumps where the motion is and holds it there.
     DivergenceError
-        The state leaves every bound, or the domain of its mode.
+        The state leaves every bound, or the domain of its mode; an event function is not finite.
 
     References
     ----------
@@ -462,14 +473,17 @@ def simulate(
             raise InputError("periods", periods, "left out for a system without a phase", "give t_end")
         periods = checks.count("periods", periods)
     max_events = checks.count("max_events", max_events)
+    room = _MEMORY // (8 * (8 * x.size + 4))
+    most_steps = room if max_steps is None else checks.count("max_steps", max_steps)
     start = starting_mode(system, x, p, mode)
-    run = Run(system, p, x, start, rtol, atol, steps_kept=_STEPS_KEPT)
+    run = Run(system, p, x, start, rtol, atol, steps_kept=min(_STEPS_KEPT, most_steps), room=most_steps)
     run.follow(end, periods, max_events)
     full = run.time
-    short = run.events_passed >= max_events and full < end and (periods is None or run.wraps < periods)
-    stopped = f"max_events = {max_events} reached at t = {full:.12g}" if short else ""
-    if not stopped:
-        stopped = f"t_end = {end:.12g} reached" if periods is None else f"{periods} periods reached"
+    short = ""
+    if full < end and (periods is None or not run.went_round(periods)):
+        short = f"max_events = {max_events}" if run.events_passed >= max_events else f"max_steps = {most_steps}"
+    stopped = f"t_end = {end:.12g} reached" if periods is None else f"{periods} periods reached"
+    stopped = f"{short} reached at t = {full:.12g}" if short else stopped
     times, modes, starts, dense = run.steps()
     return Trajectory(
         system=system,
@@ -559,6 +573,11 @@ def events_after(
     check_tolerances(rtol, atol)
     run = Run(system, p, start_state(system, x), mode, rtol, atol)
     run.follow(*how_long(system, periods, t), n_events)
+    return event_log(run)
+
+
+def event_log(run: Run) -> EventLog:
+    """Return the events that a run has kept, and where it is."""
     times, which, ends, rates = run.events()
     return EventLog(
         time=frozen(times),

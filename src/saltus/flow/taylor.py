@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.errors import StiffnessError
 from saltus.flow.far import tables
 from saltus.flow.run import Run
 
@@ -17,10 +18,13 @@ if TYPE_CHECKING:
     from saltus.system.codegen import CompiledSeries
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["ORDER", "TaylorRun"]
+__all__ = ["ORDER", "STEPS_A_RETURN", "TaylorRun"]
 
 ORDER = 16
 """Order of the series: for tolerances from 1e-6 to 1e-13 within a fifth of the best (docs/decisions)."""
+
+STEPS_A_RETURN = 5000
+"""Steps that a motion may take for each return to a section, before it counts as stiff."""
 
 _BUDGET = 1 << 16
 _FAR_FROM = 64
@@ -77,6 +81,7 @@ class TaylorRun:
 
         self.kernels, self.system, self.series = kernels, system, series
         self.p, self.tolerances = p, (float(rtol), float(atol))
+        self._helped, self._most = 0, 0
         # what a motion is, and what is refused, is the Runge-Kutta flow's to say
         first = Run(system, p, x.copy(), mode, rtol, atol)
         self.transitions, self.rate = first.transitions, first.rate
@@ -85,11 +90,11 @@ class TaylorRun:
         self.section = np.zeros(len(system.transitions), np.int64)
         self.section[list(section or ())] = 1
         self.at_wrap = section is None
-        self.x = np.append(x, 0.0)
+        self.x = np.append(first.x, 0.0)
         self.numbers, self.counts = np.zeros(kernels.N_NUMBERS), np.zeros(kernels.N_COUNTS, np.int64)
         self.counts[[kernels.MODE, kernels.STARTING]] = mode, 1
         self.counts[[kernels.FIRED, kernels.MODE_BEFORE]] = -1
-        self.side, self.on = np.zeros_like(self.section), np.zeros_like(self.section)
+        self.side, self.on = first.side.copy(), np.zeros_like(self.section)
 
     @property
     def mode(self) -> int:
@@ -106,6 +111,7 @@ class TaylorRun:
         kept = np.empty((keep, n)), np.empty(keep, np.int64), np.empty(keep)
         wanted = discard + keep
         self.counts[kernels.RETURNS] = 0
+        self._most = STEPS_A_RETURN * max(wanted, 1)
         status = kernels.AGAIN
         while status != kernels.DONE:
             status = kernels.follow_kernel(
@@ -117,6 +123,8 @@ class TaylorRun:
             )  # fmt: skip
             if status == kernels.HELP and self.counts[kernels.RETURNS] < wanted:
                 self._be_helped(discard, kept, longest)
+            if (steps := int(self.counts[kernels.STEPS]) + self._helped) > self._most:
+                raise StiffnessError(self.numbers[kernels.T], self.x[:-1], self.system.mode_names[self.mode], steps)
         found = max(int(self.counts[kernels.RETURNS]) - discard, 0)
         return kept[0][:found], kept[1][:found], kept[2][:found]
 
@@ -132,8 +140,12 @@ class TaylorRun:
     ) -> None:
         """Go on by Runge-Kutta steps to the next wrap or event, and past the crowd of others that follow it."""
         kernels, counts, numbers = self.kernels, self.counts, self.numbers
-        run = Run(self.system, self.p, self.x[:-1].copy(), self.mode, *self.tolerances)
+        left = max(self._most - int(counts[kernels.STEPS]) - self._helped, 1)
+        run = Run(self.system, self.p, self.x[:-1].copy(), self.mode, *self.tolerances, most_steps=left)
         run.counts[[run.kernels.FIRED, run.kernels.MODE_BEFORE]] = counts[[kernels.FIRED, kernels.MODE_BEFORE]]
+        if (fired := int(counts[kernels.FIRED])) >= 0:
+            last = self.system.transitions[fired]
+            run.counts[run.kernels.UNCHANGED] = last.source == last.target and not last.reset
         run.numbers[[run.kernels.T, run.kernels.T_LOW]] = numbers[[kernels.T, kernels.T_LOW]]
         run.offset = 0.0
         wanted = discard + kept[2].size
@@ -148,6 +160,7 @@ class TaylorRun:
                 break
             scale = 2.0 * math.pi / self.rate if self.rate > 0.0 else max(run.time, run.numbers[run.kernels.STEP])
             wait = kernels.CROWD * scale
+        self._helped += run.tries
         self.x[:-1] = run.x
         numbers[[kernels.T, kernels.T_LOW]] = run.numbers[[run.kernels.T, run.kernels.T_LOW]]
         numbers[kernels.DURATION] = 0.0

@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.flow.run import Run, check_tolerances, how_long, start_state
+from saltus.flow.sticking import check_continuous
 from saltus.results import frozen
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ CONFIDENCE = 0.95
 
 _ROWS = 25 * BATCHES
 _STEPS_KEPT = 256
-_BUDGET = 1 << 16
+_STEPS_A_PERIOD = 50_000  # a motion that takes more is stiff
 
 
 @dataclass(frozen=True)
@@ -138,6 +139,10 @@ def growth_along(
         An argument that cannot be used.
     ChatteringError, DivergenceError
         As `simulate`.
+    DefinitionError
+        The motion passes a jump of its mode's field.
+    StiffnessError
+        It takes more than 50 000 steps a period.
 
     References
     ----------
@@ -160,6 +165,7 @@ def growth_along(
         first = max(dropped, 1 if run.offset > 0.0 else 0)
         row_wraps = first + np.round(np.linspace(0, periods, min(_ROWS, periods) + 1)).astype(np.int64)
         row_times = np.full(row_wraps.size, math.inf)
+        run.most_steps = _STEPS_A_PERIOD * int(row_wraps[-1])
     frame = np.zeros((len(system.all_states), columns))
     # any frame that no direction of the system is likely to be orthogonal to
     frame[:n] = np.linalg.qr(np.random.default_rng(0).standard_normal((n, columns)))[0]
@@ -182,10 +188,14 @@ def _run_rows(
     status = again
     while status == again:
         status = kernels.growth_kernel(
-            run.addresses, run.transitions, run.rate, run.p, run.rtol, run.atol, _BUDGET, run.x, run.slopes, run.size,
-            run.numbers, run.counts, run.side, run.on, run.value, run.first_steps, *run.step_buffers,
+            run.addresses, run.transitions, run.rate, run.p, run.rtol, run.atol, run.budget, run.x, run.slopes,
+            run.size, run.numbers, run.counts, run.side, run.on, run.value, run.first_steps, *run.step_buffers,
             *run.event_buffers, row_times, row_wraps, frame, places, logs, ends,
         )  # fmt: skip
+        if status == again:
+            run.watch()
+        count = int(run.counts[run.kernels.N_STEPS])
+        check_continuous(run.system, run.step_buffers[1][:count], run.step_buffers[2][:count], run.p)
     if status != done:
-        raise run._error(status)
+        raise run.error(status)
     return ends, logs, int(places[kernels.GRAZED])

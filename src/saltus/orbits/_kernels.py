@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numba import int64
 
+from saltus.flow._event_kernels import AT_WRAP
 from saltus.flow._kernels import INNER, call, dense_value, keep, outlined, pointer
 from saltus.flow._linear_kernels import solve_flat
 from saltus.flow._segment_kernels import FIELD, dense, flow, missed, redistribute
@@ -515,14 +516,14 @@ def _at_phase(
     outlined()
     start, phase = low, n - 1
     f_low = f_high = 0.0
-    for ask in range(62):
+    for ask in range(124):
         # both ends first, then between them
         middle = low if ask == 0 else high
         if ask > 1:
             if abs(f_high) < 1e-14 or high - low < 1e-16:
                 break
             middle = high - f_high * (high - start) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
-            if not low < middle < high:
+            if ask % 3 == 2 or not low < middle < high:
                 middle = 0.5 * (low + high)
         f = _sample(
             functions, mode, phase, 1.0, mesh, count, n, n_outputs, nodes, coefficients, middle, p, at_zero, out
@@ -613,6 +614,10 @@ def survey(
         period += abs(u[i * wide + n])
     if has_phase:
         target = 2.0 * math.pi * math.ceil(u[n - 1] / (2.0 * math.pi) - 1e-13)
+        nearest = 2.0 * math.pi * math.floor(u[n - 1] / (2.0 * math.pi) + 0.5)
+        if transitions[segments - 1] >= 0 and abs(u[n - 1] - nearest) <= AT_WRAP:
+            # the strobe looks before the jump at phase 0 that the orbit starts with, which is where the period ends
+            target = nearest + 2.0 * math.pi * turns
     for i in range(segments):
         mode, transition, row = modes[i], transitions[i], i * wide
         duration = u[row + n]
@@ -703,7 +708,7 @@ def survey(
                 if sources[k] == mode:
                     call(functions[EVENT], k, 0, x, 0, p, one, 0)
                     heights[k * (total + 1) + j] = -one[0] if directions[k] > 0 else one[0]
-            if has_phase and not found_zero and x[n - 1] >= target - 1e-13:
+            if has_phase and not found_zero and x[n - 1] >= target - (AT_WRAP if j == total else 1e-13):
                 found_zero = True
                 _at_phase(
                     functions, mode, grid, count, n, n_outputs, states, curves, p,

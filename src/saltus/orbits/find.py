@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.errors import ConvergenceError, SaltusError
+from saltus.errors import ConvergenceError, DefinitionError, SaltusError, StiffnessError
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import CLOSED_END, EVENT_END, PHASE_END, Signature
 from saltus.orbits.rounds import divided, rounds_of
+from saltus.orbits.settling import ATOL, RTOL, Stretch, event_log, follow, rest_of, sizes_along, sizes_of
 from saltus.orbits.solve import check_tol, converge, in_pieces
 from saltus.system import HybridSystem
 
@@ -25,6 +26,9 @@ __all__ = ["find_orbit"]
 
 _LONGEST = 16
 _NEAR = 1e-3
+_STEPS = 1000  # steps allowed for each period or return
+_MOST_EVENTS = 100_000  # transitions that are kept at the most
+_BATCH, _EVENTS = 1000, 40  # steps, and transitions of each kind, after which an autonomous motion is first looked at
 _FAR = 0.1
 
 
@@ -54,8 +58,8 @@ def find_orbit(
     mode : str, optional
         Mode there; by default the first that the state allows.
     settle : float, optional
-        Periods of the phase (or the time, in an autonomous system) after which the search is given up; 3000 periods, or
-        3000 units of time.
+        Periods of the phase after which the search is given up; in an autonomous system, transitions, or returns to a
+        section across the motion where there are none. By default 3000. It also bounds the steps, 1000 for each.
     tol : float, optional
         Relative tolerance of the orbit's steps.
 
@@ -66,11 +70,19 @@ def find_orbit(
     Raises
     ------
     InputError
-        A start or an option that cannot be used.
+        A start or an option that cannot be used; as a `DefinitionError`, the orbit passes a jump of a mode's field.
     ConvergenceError
-        The motion does not become periodic: it is quasi-periodic, chaotic, at rest, or has a period above 16.
+        The motion does not become periodic: it is quasi-periodic, chaotic, or has a period above 16; or it comes to
+        rest, and where is said.
+    StiffnessError
+        The steps that `settle` allows do not reach so many periods.
     ChatteringError, DivergenceError
         As `simulate`.
+
+    Notes
+    -----
+    Whatever the units of the states and of time, the search counts periods, returns and steps, and measures states by
+    their sizes along the motion. It keeps no more than 200 000 steps and 100 000 transitions in memory.
 
     Examples
     --------
@@ -92,29 +104,44 @@ def find_orbit(
     longest = 3000.0 if settle is None else checks.positive("settle", settle)
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
     search = _search_forced if system.phase is not None else _search_autonomous
-    return in_pieces(search(system, p, x, start, longest, tol))
+    try:
+        return in_pieces(search(system, p, x, start, longest, tol))
+    except StiffnessError as error:
+        hint = f"settle= allows {_STEPS} steps for each period"
+        raise StiffnessError(error.time, error.state, error.mode, error.steps, hint) from None
 
 
 def _search_forced(
     system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, longest: float, tol: float
 ) -> PeriodicOrbit:
-    from saltus.flow.simulate import events_after, settle
+    from saltus.flow.run import Run, start_state
 
-    done, batch, recurrence = 0, 40, math.inf
+    done, batch, recurrence, atol = 0, 40, math.inf, ATOL
     failure = ""
+    spent, most = 0, int(_STEPS * longest)
     while done < longest:
-        x, mode = settle(system, p, x, mode, periods=batch)
-        log = events_after(system, p, x, mode, periods=2 * _LONGEST + 1)
+        run = Run(system, p, start_state(system, x), mode, RTOL, atol, most_steps=most - spent)
+        run.follow(math.inf, batch, None, keep=False)
+        seen = Run(system, p, start_state(system, run.x), run.mode, RTOL, atol, most_steps=most - spent - run.tries)
+        seen.follow(math.inf, 2 * _LONGEST + 1, _MOST_EVENTS)
+        log = event_log(seen)
         done += batch + 2 * _LONGEST + 1
+        spent += run.tries + seen.tries
         wraps = np.flatnonzero(log.transition == -1)
+        if wraps.size <= 2 * _LONGEST:
+            hint = f"{_MOST_EVENTS} transitions happen in {wraps.size} periods"
+            raise ConvergenceError("periodic attractor", recurrence, done, hint, unit="forcing periods")
         states = log.x_after[wraps][:, :-1]
-        scale = _scale(np.vstack([log.x_before, log.x_after])[:, :-1])
+        sizes = sizes_along(system, p, log.x_end, log.mode_end, 2.0 * math.pi / seen.rate, atol)
+        scale, atol = sizes.of_gaps[:-1], sizes.atol
         for turns in range(1, _LONGEST + 1):
             gap = float(np.max(np.abs(states[turns:] - states[:-turns]) / scale))
             recurrence = min(recurrence, gap)
             if gap < _NEAR:
                 try:
                     orbit = _once_round(system, converge(system, *_read_forced(log, wraps, turns), p, tol), p)
+                except DefinitionError:
+                    raise
                 except SaltusError as error:
                     failure = str(error)
                     break
@@ -147,12 +174,6 @@ def _once_round(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float6
     count = rounds_of(problem, u)
     once = divided(problem, u, count) if count > 1 else None
     return orbit if once is None else converge(system, *once, p, orbit.tol)
-
-
-def _scale(states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the size of each state among those given; where one is nearly zero throughout, a little of the largest."""
-    size = np.maximum(np.max(np.abs(states), axis=0), np.ptp(states, axis=0))
-    return np.asarray(np.maximum(size, max(1e-3 * float(size.max()), 1e-12)))
 
 
 def _read_forced(log: EventLog, wraps: NDArray[np.intp], turns: int) -> tuple[Signature, NDArray[np.float64]]:
@@ -189,38 +210,55 @@ def _cycle(
 def _search_autonomous(
     system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, longest: float, tol: float
 ) -> PeriodicOrbit:
-    from saltus.flow.simulate import events_after, settle
-
-    done, batch, recurrence = 0.0, min(50.0, longest), math.inf
+    done, spent, batch, recurrence, atol = 0.0, 0, 1, math.inf, ATOL
     failure = ""
-    while done < longest:
-        x, mode = settle(system, p, x, mode, t=batch)
-        log = events_after(system, p, x, mode, t=batch)
-        done += 2.0 * batch
-        found = _read_autonomous(log) if log.time.size else _read_smooth(system, p, x, mode, batch)
+    kinds = max(len(system.transitions), 1)
+    while done < longest and spent < _STEPS * longest:
+        gone = follow(system, p, x, mode, batch * _BATCH, batch * kinds * _EVENTS, atol, sampled=False)
+        begin, x, mode = x, gone.log.x_end, gone.log.mode_end
+        seen = follow(system, p, x, mode, batch * _BATCH, kinds * (2 * _LONGEST + 1), atol, sampled=True)
+        spent += gone.tries + seen.tries
+        sizes = sizes_of(system, p, seen)
+        atol = sizes.atol
+        if seen.events:
+            done += gone.events + seen.events
+            found = _read_autonomous(seen.log, sizes.of_gaps)
+        else:
+            before = seen.states[0] if gone.events else begin
+            if (rest := rest_of(system, p, before, seen, sizes.of_states)) is not None:
+                where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(system.states, rest, strict=True))
+                hint = f"the motion comes to rest in mode {system.mode_names[mode]!r} at {where}, an equilibrium"
+                gap = float(np.max(np.abs(seen.log.x_end - rest) / sizes.of_states))
+                raise ConvergenceError("periodic attractor", gap, spent, hint, unit="steps")
+            returns = _returns(system, p, seen, sizes.of_gaps)
+            done += returns.size * (1.0 + gone.tries / seen.tries)
+            found = _read_smooth(seen, returns, sizes.of_gaps)
         if found is not None:
             signature, u, gap = found
             recurrence = min(recurrence, gap)
             if gap < _NEAR:
                 try:
                     orbit = _once_round(system, converge(system, signature, u, p, tol), p)
+                except DefinitionError:
+                    raise
                 except SaltusError as error:
                     failure = str(error)
                 else:
                     if orbit.stable and orbit.admissible:
                         return orbit
                     failure = _why_not(orbit)
-        x, mode = log.x_end, log.mode_end
-        batch = min(2.0 * batch, max(longest - done, 1.0) / 2.0) if done < longest else batch
-    hint = failure or "the motion is quasi-periodic or chaotic, at rest, or slower than the time allowed; pass settle="
-    raise ConvergenceError("periodic attractor", recurrence, int(done), hint, unit="units of time")
+        x, mode = seen.log.x_end, seen.log.mode_end
+        batch *= 2
+    hint = failure or "the motion is quasi-periodic or chaotic"
+    if not failure and done < longest:
+        hint = f"{spent} steps are all that settle allows; the motion is stiff, or hardly returns; pass settle="
+    raise ConvergenceError("periodic attractor", recurrence, int(done), hint, unit="returns")
 
 
-def _read_autonomous(log: EventLog) -> tuple[Signature, NDArray[np.float64], float] | None:
+def _read_autonomous(log: EventLog, scale: NDArray[np.float64]) -> tuple[Signature, NDArray[np.float64], float] | None:
     """Return signature, unknowns and recurrence of the shortest cycle of events that repeats."""
     count = log.time.size
     kinds = max(len(set(log.transition.tolist())), 1)
-    scale = _scale(np.vstack([log.x_before, log.x_after]))
     best: tuple[float, int] = (math.inf, 0)
     for length in range(1, min(_LONGEST * kinds, (count - 1) // 2) + 1):
         now, before = np.arange(count - length, count), np.arange(count - 2 * length, count - length)
@@ -238,27 +276,26 @@ def _read_autonomous(log: EventLog) -> tuple[Signature, NDArray[np.float64], flo
     return *_cycle(log, events, period, None, 0), gap
 
 
+def _returns(
+    system: HybridSystem, p: NDArray[np.float64], seen: Stretch, scale: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the times at which a motion without events comes back to the plane across it where it starts."""
+    x = seen.states[0]
+    slope = system.compiled.field(seen.mode, np.ascontiguousarray(x), p) / scale
+    across = ((seen.states - x) / scale) @ slope
+    crossing = np.flatnonzero((across[:-1] < 0.0) & (across[1:] >= 0.0))
+    share = -across[crossing] / (across[crossing + 1] - across[crossing])
+    return np.asarray(seen.times[crossing] + share * (seen.times[crossing + 1] - seen.times[crossing]))
+
+
 def _read_smooth(
-    system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, time: float
+    seen: Stretch, returns: NDArray[np.float64], scale: NDArray[np.float64]
 ) -> tuple[Signature, NDArray[np.float64], float] | None:
     """Return signature, unknowns and recurrence of a motion without events, by its returns to a plane across it."""
-    from saltus.flow.simulate import simulate
-
-    parameters = dict(zip(system.parameter_names, p.tolist(), strict=True))
-    path = simulate(system, parameters, x, mode=system.mode_names[mode], t_end=time)
-    slope = system.compiled.field(mode, np.ascontiguousarray(x), p)
-    times = np.linspace(0.0, time, 20_000)
-    states = path(times)
-    scale = _scale(states)
-    if np.max(np.ptp(states, axis=0)) < 1e-9:
+    if not returns.size:
         return None
-    across = (states - x) @ slope
-    crossing = np.flatnonzero((across[:-1] < 0.0) & (across[1:] >= 0.0))
-    if not crossing.size:
-        return None
-    share = -across[crossing] / (across[crossing + 1] - across[crossing])
-    returns = times[crossing] + share * (times[crossing + 1] - times[crossing])
-    gaps = np.max(np.abs(path(returns) - x) / scale, axis=1)
+    x = seen.states[0]
+    gaps = np.max(np.abs(seen.at(returns) - x) / scale, axis=1)
     first = int(np.argmax(gaps < _NEAR)) if np.any(gaps < _NEAR) else int(np.argmin(gaps))
     block = np.append(x, returns[first])
-    return Signature((mode,), (-1,), (CLOSED_END,), 0), block, float(gaps[first])
+    return Signature((seen.mode,), (-1,), (CLOSED_END,), 0), block, float(gaps[first])

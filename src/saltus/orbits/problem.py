@@ -26,7 +26,9 @@ orbit is cut where this piece of it begins, the ratio of its duration to that of
 
 _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jacobians
 _RESTING = 1e-9
-"""Size of a state, over the largest one, below which it counts as resting at zero."""
+"""Size of a state that no other moves, over the largest one, below which it counts as resting at zero."""
+
+_EPSILON = 2.220446049250313e-16
 
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
 
@@ -200,6 +202,7 @@ class OrbitProblem:
         self._atol = self.tol
         self._worst = 0.0
         self._largest = np.zeros(len(self.system.states))
+        self._least, self._moved = np.zeros(self.n), np.ones(self.n, dtype=bool)
         self._mesh = np.zeros(0)
         self._mesh_at = np.zeros(self.segments + 1, dtype=np.int64)
         self._errors = np.zeros(0)
@@ -231,8 +234,10 @@ class OrbitProblem:
         self.set_parameters(u)
         meshes = []
         blocks = u[: self.size].reshape(self.segments, self.n + 1)
-        self.state_scale = np.maximum(np.max(np.abs(blocks[:, : self.n]), axis=0), 1e-300)
-        self.state_scale[self.state_scale < _RESTING * self.state_scale.max()] = self.state_scale.max()
+        self._find_least(blocks)
+        self.state_scale = np.maximum(np.maximum(np.max(np.abs(blocks[:, : self.n]), axis=0), self._least), 1e-300)
+        resting = ~self._moved & (self.state_scale < _RESTING * self.state_scale.max())
+        self.state_scale[resting] = self.state_scale.max()
         if self.system.phase is not None:
             self.state_scale[-1] = 2.0 * math.pi
         self._atol = self.tol * min(1.0, float(self.state_scale.min()))
@@ -347,14 +352,31 @@ class OrbitProblem:
         self.system.compiled.call("field", int(self.modes[0]), 0, x, self.extended, slope)
         return slope
 
+    def _find_least(self, blocks: NDArray[np.float64]) -> None:
+        """Find the sizes below which states are not resolved, and which states others move.
+
+        The terms that a state's rate sums up leave their rounding, over the period, in the state; of a size at which
+        this is no more than the tolerance, errors can be told.
+        """
+        period, n = float(np.abs(blocks[:, self.n]).sum()), self.n
+        terms = np.zeros((n, n))
+        out = np.empty(n * (n + 1))
+        for mode, block in zip(self.modes, blocks, strict=True):
+            y = np.concatenate([block[:n], np.eye(n).ravel()])
+            self.system.compiled.call("vary", int(mode), n, y, self.extended, out)
+            entries = np.abs(out[n:].reshape(n, n)) * np.abs(block[:n])
+            terms = np.maximum(terms, np.where(np.isfinite(entries), entries, 0.0))
+        self._least = _EPSILON / self.tol * period * terms.sum(axis=1)
+        self._moved = terms.sum(axis=1) > np.diag(terms)
+
     def rescale(self, survey: Survey) -> None:
         """Take the states' typical sizes from an orbit; none shrinks below a hundredth of what it was."""
         sizes = np.maximum(np.abs(survey.lows), np.abs(survey.highs))[: len(self.system.states)]
         if np.all(np.isfinite(sizes)):
-            known = np.maximum(sizes, 0.01 * self._largest)
+            known = np.maximum(np.maximum(sizes, 0.01 * self._largest), self._least[: sizes.size])
             top = max(float(known.max()), 1e-300)
-            # a state that rests at zero has no size of its own, and is given one for good
-            resting = known < _RESTING * top
+            # a state that rests at zero, and that no other moves, has no size of its own, and is given one for good
+            resting = ~self._moved[: sizes.size] & (known < _RESTING * top)
             known[resting] = top
             self._largest[resting] = 100.0 * top
             self.state_scale[: sizes.size] = known

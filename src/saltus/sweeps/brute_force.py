@@ -4,8 +4,8 @@ Rules
 -----
 * At each value the motion goes on from the state where it ended at the value before. Where it cannot (its mode has
   ended at the new value) it starts in the mode that the state allows; where there was no motion to go on from, at `x0`.
-* A value at which the motion leaves every bound, or chatters, or cannot start, is labelled ``diverged``, with the
-  reason; the others go on, from `x0`.
+* A value at which the motion leaves every bound, chatters, sticks where a field jumps, takes more than 5000 steps a
+  return, or cannot start, is labelled ``diverged``, with the reason; the others go on, from `x0`.
 * What a motion is follows from `Criteria.looked_at` returns, of which the last are kept.
 * A motion that recurs although its leading exponent is positive rests on an unstable orbit, as one does that started
   there: it is pushed by `Criteria.push` of its size, and settles once more.
@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus import checks
-from saltus.errors import ChatteringError, DivergenceError, InputError
+from saltus.errors import ChatteringError, DivergenceError, InputError, StiffnessError
 from saltus.flow.classify import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
 from saltus.flow.poincare import Iterates, admits, iterate
 from saltus.flow.run import Run, check_tolerances, starting_mode
@@ -295,7 +295,8 @@ class _Task:
         p = self.system.parameter_vector(parameters)
         try:
             return self._found(parameters, p, *self._start(p, end))
-        except (ChatteringError, DivergenceError, InputError) as error:  # the last where x0 is in no mode at this value
+        except (ChatteringError, DivergenceError, StiffnessError, InputError) as error:
+            # the last where x0 is in no mode at this value
             return Row(DIVERGED, str(error))
 
     def _start(
@@ -359,17 +360,27 @@ class _Task:
     def _settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> Iterates:
         """The returns that are looked at, fewer where the motion does not return."""
         options: dict[str, Any] = {"section": self.section, "rtol": self.rtol, "atol": self.atol}
-        dropped, unit = self.discard, 1.0 if self.system.phase is None else self._period(p)
+        dropped, unit = self.discard, math.inf if self.system.phase is None else self._period(p)
         if self.section is not None and dropped >= _FIRST:
             options["longest"] = self.criteria.absence * unit
-            first = iterate(self.steady, p, x, mode, discard=_FIRST - 1, keep=1, **options)
+            first = self._iterated(p, x, mode, discard=_FIRST - 1, keep=1, **options)
             if not first.times.size:
                 return first
             x, mode, dropped = first.x_end, first.mode_end, dropped - _FIRST
             mean = float(first.times[0]) / _FIRST
             unit = mean if self.system.phase is None else max(mean, unit)
         options["longest"] = self.criteria.absence * unit
-        return iterate(self.steady, p, x, mode, discard=dropped, keep=self._looked_at, **options)
+        return self._iterated(p, x, mode, discard=dropped, keep=self._looked_at, **options)
+
+    def _iterated(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, **options: Any) -> Iterates:
+        """Returns of a motion; none where, without a phase, so many steps bring no return that it has none."""
+        try:
+            return iterate(self.steady, p, x, mode, **options)
+        except StiffnessError as error:
+            if self.system.phase is not None:
+                raise
+            none, state = np.empty((0, len(self.steady.all_states))), np.array(error.state)
+            return Iterates(none, np.empty(0, np.int64), np.empty(0), state, self.steady.mode_index(error.mode))
 
     def _period(self, p: NDArray[np.float64]) -> float:
         """Period of the phase."""

@@ -237,6 +237,9 @@ class Sweep(Result):
                 label, low, high, many = runs[i]
                 place = f"{low:.6g}" if many == 1 else f"{low:.6g} to {high:.6g}"
                 lines.append(f"  {direction:7s} {place:24s} {label or 'not computed'}")
+        if any(self.reasons.ravel()):
+            i, k = np.argwhere(self.reasons != "")[0]
+            lines.append(f"  at {self.values[k]:.6g}: {self.reasons[i, k]}")
         return "\n".join([*lines, f"  {self.stopped}"])
 
     def to_xarray(self) -> xr.Dataset:
