@@ -74,8 +74,7 @@ def test_jumps_at_phase_0_of_any_form_and_direction(event, direction):
     assert len(orbit.segments) == per_period
 
 
-def test_a_state_that_meets_its_surface_at_phase_0_is_seen_before_the_jump():
-    # a clock of its own, reset each period at the phase's wrap, to rounding
+def test_a_jump_at_phase_0_beside_other_events_is_seen_from_before():
     ticking = HybridSystem(
         ("y", "c"),
         {"d": D, "w": 2.0 * math.pi / T},

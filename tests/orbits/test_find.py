@@ -10,7 +10,7 @@ import pytest
 
 import systems
 from oracles.closed_forms import LOGISTIC, ImpactOrbit, TableJump, logistic_cycle
-from saltus import ConvergenceError, HybridSystem, InputError, Mode, find_orbit
+from saltus import ConvergenceError, HybridSystem, InputError, Mode, Transition, find_orbit
 
 
 def test_a_forced_motion_settles_on_the_closed_form():
@@ -78,10 +78,54 @@ def test_a_chaotic_motion_has_no_orbit():
         find_orbit(system, x0=[0.3, 0.0], settle=500.0)
 
 
-def test_a_motion_that_comes_to_rest_has_no_orbit():
-    system = HybridSystem(("x", "v"), {}, {"m": Mode({"x": "v", "v": "-x - v"})})
-    with pytest.raises(ConvergenceError, match=r"comes to rest in mode 'm' at x = .*, v = .*, an equilibrium$"):
-        find_orbit(system, x0=[1.0, 0.0], settle=300.0)
+@pytest.mark.parametrize(
+    ("offset", "start"), [(0.0, [1.0, 0.0]), (0.1, [1.0, 0.0]), (1e-9, [1e-9, 1e-9]), (0.1, [0.1, 0.0])]
+)
+def test_a_motion_that_comes_to_rest_has_no_orbit_and_the_place_is_told(offset, start):
+    with pytest.raises(ConvergenceError, match=r"comes to rest in mode 'm' at x = .*, v = .*, an equilibrium$") as rest:
+        find_orbit(SPRING, {"f": offset}, x0=start)
+    place = re.search(r"at x = (\S+), v", str(rest.value))
+    assert place
+    assert float(place[1]) == pytest.approx(offset, rel=1e-5, abs=1e-11)
+
+
+SPRING = HybridSystem(("x", "v"), {"f": 0.0}, {"m": Mode({"x": "v", "v": "f - x - v"})})
+
+
+@pytest.mark.parametrize(("rate", "size"), [(1.0, 1.0), (1e6, 1e9), (1e-8, 1e-9), (1e6, 1e-12)])
+def test_a_cycle_is_found_in_any_units(rate, size):
+    van_der_pol = HybridSystem(
+        ("x", "y"), {"k": 1.0, "a": 1.0}, {"m": Mode({"x": "k*y/a", "y": "k*((1 - x**2)*y - a*x)"})}
+    )
+    orbit = find_orbit(van_der_pol, {"k": rate, "a": size}, x0=[0.1, 0.0])
+    assert orbit.period * rate == pytest.approx(6.6632868593231301, rel=1e-9)
+    assert orbit.max["y"] / size == pytest.approx(find_orbit(van_der_pol, {}, x0=[0.1, 0.0]).max["y"], rel=1e-8)
+
+
+@pytest.mark.parametrize("clock", [1e-5, 1e6])
+def test_settling_counts_transitions_whatever_their_time(clock):
+    ticking = HybridSystem(
+        ("v", "s"),
+        {"T": 1.0, "r": 3.2},
+        {"on": Mode({"v": "0", "s": "1"})},
+        [Transition("on", "on", "s - T", 1, {"v": "r*v*(1 - v)", "s": "0"}, name="tick")],
+    )
+    assert find_orbit(ticking, {"T": clock}, x0=[0.3, 0.0]).period == pytest.approx(2.0 * clock, rel=1e-12)
+    with pytest.raises(ConvergenceError, match=r"after \d{4} returns; the motion is quasi-periodic or chaotic$"):
+        find_orbit(ticking, {"T": clock, "r": 3.9}, x0=[0.3, 0.0])
+
+
+@pytest.mark.parametrize("amplitude", [1e-6, 1e-9, 1e-10, 1e-11])
+def test_a_tiny_motion_about_an_offset_is_an_oscillation(amplitude):
+    w, c = 1.3, 0.2
+    linear = HybridSystem(
+        ("x", "v"), {"A": 1.0}, {"m": Mode({"x": "v", "v": "-x - 0.2*v + 0.1 + A*cos(s)"})}, phase=("s", "1.3")
+    )
+    response = 1.0 / complex(1.0 - w**2, c * w)
+    orbit = find_orbit(linear, {"A": amplitude}, x0=[0.0, 0.0])
+    told = (orbit.x0 - [0.1, 0.0]) / amplitude
+    np.testing.assert_allclose(told, [response.real, (1j * w * response).real], atol=2e-16 / amplitude + 1e-9)
+    np.testing.assert_allclose(np.abs(orbit.multipliers), math.exp(-c * math.pi / w), rtol=1e-9)
 
 
 @pytest.mark.parametrize("settle", [0.0, -1.0, math.nan, math.inf, "long"])
