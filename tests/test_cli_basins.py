@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import subprocess
 import sys
 from contextlib import contextmanager
@@ -261,6 +262,28 @@ def test_info_tells_of_an_array_from_elsewhere_what_is_known(tmp_path, capsys):
     assert (code, err) == (0, "")
     rows = _rows(out)
     assert (rows["system"], rows["inside"], rows["done"]) == ("unknown", "28.0000 % of the cells", "all 400 cells done")
+
+
+def test_names_from_a_file_are_shown_as_they_are(tmp_path, capsys):
+    names = ("[red]a[/red]", "\x1b[31mb", "[/]", "Ω\a")
+    of_them = Basins.from_array([0, 1, 2, 3], {"x": np.arange(4.0)}, {name: k for k, name in enumerate(names)})
+    code, out, err = _run(capsys, "basins", "info", str(of_them.save(tmp_path / "names.zarr")))
+    assert (code, err) == (0, "")
+    for shown in ("[red]a[/red]", r"\x1b[31mb", "[/]", r"Ω\x07"):
+        assert f" {shown} " in out.replace("\n", " \n ")
+
+
+def test_a_terminal_that_lacks_letters_shows_names_all_the_same(tmp_path, monkeypatch):
+    of_them = Basins.from_array([0, 1], {"x": np.arange(2.0)}, {"Ω ± 1": 0, "b": 1})
+    path = str(of_them.save(tmp_path / "names.zarr"))
+    for encoding, shown in (("ascii", r"\u03a9 \xb1 1"), ("latin-1", "\\u03a9 \xb1 1"), ("utf-8", "Ω ± 1")):
+        out = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+        monkeypatch.setattr(sys, "stdout", out)
+        with pytest.raises(SystemExit) as left:
+            cli.main(["basins", "info", path])
+        out.flush()
+        assert left.value.code == 0
+        assert shown in out.buffer.getvalue().decode(encoding)
 
 
 def test_info_of_something_else_is_told(tmp_path, capsys):

@@ -53,7 +53,7 @@ def test_loading_a_foreign_netcdf_is_told(tmp_path):
 
 def test_saving_into_a_missing_folder_is_told(tmp_path):
     orbit = _circle()
-    with pytest.raises(InputError, match="path = .*must be a file that can be written"):
+    with pytest.raises(InputError, match="path = .*must be in a folder that exists"):
         orbit.save(tmp_path / "missing" / "orbit.nc")
 
 

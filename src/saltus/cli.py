@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -18,6 +19,7 @@ from saltus.errors import InputError, SaltusError, nearest
 
 if TYPE_CHECKING:
     from rich.table import Table
+    from rich.text import Text
 
     from saltus.basins import Basins
     from saltus.basins.config import Config
@@ -74,6 +76,9 @@ def main(args: list[str] | None = None) -> None:
 
     0: done; 2: an error, told in a line on stderr; 130: interrupted.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal may lack letters that names have
     try:
         app(args=args, prog_name="saltus")
     except SaltusError as error:
@@ -83,7 +88,7 @@ def main(args: list[str] | None = None) -> None:
 
 
 def _fail(text: str) -> None:
-    typer.echo("saltus: " + " ".join(text.split()), err=True)
+    typer.echo("saltus: " + _printable(" ".join(text.split())), err=True)
     raise SystemExit(_FAILED)
 
 
@@ -172,7 +177,7 @@ def animate(
         found = settled_orbit(tapping_mode(setup, modes=modes), parameters, orbit)
         told = None if say is None else lambda done, total: say(f"frame {done} of {total}")
         path = film(found, out, setup=setup, fps=fps, seconds=seconds, width=width, progress=told)
-    typer.echo(repr(found))
+    typer.echo(_printable(repr(found)))
     typer.echo(f"written  {path}  ({path.stat().st_size / 1e6:.2f} MB)")
 
 
@@ -283,13 +288,13 @@ def _tell_cost(read: Config, system: HybridSystem, engine: str) -> None:
         )  # fmt: skip
     where = "the graphics cards here" if engine == "cuda" else "this machine"
     table = _table({"what": "left", "value": "left"})
-    table.add_row("cells", f"{cost.cells:,}")
-    table.add_row("measured", f"{cost.orbits_per_second:,.0f} orbits/s on {where} ({cost.sampled:,} cells)")
-    table.add_row("attractors", f"{_duration(cost.search_seconds)}, once")
-    table.add_row("time", f"{_duration(cost.seconds())} in all on {where}")
+    _add_row(table, "cells", f"{cost.cells:,}")
+    _add_row(table, "measured", f"{cost.orbits_per_second:,.0f} orbits/s on {where} ({cost.sampled:,} cells)")
+    _add_row(table, "attractors", f"{_duration(cost.search_seconds)}, once")
+    _add_row(table, "time", f"{_duration(cost.seconds())} in all on {where}")
     for count in _WORKERS:
-        table.add_row("", f"{_duration(cost.seconds(count))} on {count} such machines")
-    table.add_row("store", f"at most {_bytes(cost.cells)}, about {_bytes(cost.size)} compressed")
+        _add_row(table, "", f"{_duration(cost.seconds(count))} on {count} such machines")
+    _add_row(table, "store", f"at most {_bytes(cost.cells)}, about {_bytes(cost.size)} compressed")
     _print(table)
 
 
@@ -336,7 +341,7 @@ def _status() -> Iterator[Callable[[str], None] | None]:
     from rich.console import Console
 
     with Console().status("starting") as status:
-        yield status.update
+        yield lambda text: status.update(_cell(text))
 
 
 def _report(found: dict[str, Any]) -> None:
@@ -348,7 +353,7 @@ def _report(found: dict[str, Any]) -> None:
     if found["interrupted"]:
         typer.echo("saltus: interrupted; kept", err=True)
         for result in found["results"].values():
-            typer.echo(f"  {repr(result).splitlines()[0]}", err=True)
+            typer.echo(_printable(f"  {repr(result).splitlines()[0]}"), err=True)
     for path in found["files"]:
         typer.echo(f"{'kept' if found['interrupted'] else 'written'}  {path}")
 
@@ -359,7 +364,7 @@ def _special_points(points: list[dict[str, Any]]) -> Table:
     for point in points:
         path = " ".join(":".join(pair) for pair in point["signature"])
         admissible = "yes" if point["admissible"] else "no"
-        table.add_row(point["type"], f"{point['omega']:.10f}", f"{point['min_z']:.9f}", path, admissible)
+        _add_row(table, point["type"], f"{point['omega']:.10f}", f"{point['min_z']:.9f}", path, admissible)
     return table
 
 
@@ -373,7 +378,7 @@ def _numbers(content: dict[str, Any]) -> Table:
         told = {key: _written(x) for key, x in values.items() if key not in _TOLD_ELSEWHERE}
         written = [f"{key} = {x}".removeprefix(" = ") for key, x in told.items() if x]
         if written:
-            table.add_row(name, ", ".join(written))
+            _add_row(table, name, ", ".join(written))
     return table
 
 
@@ -395,37 +400,37 @@ def _tell_basins(basins: Basins, *, inputs: bool = False) -> None:
         shares = basins.fractions()
     table = _table({"what": "left", "value": "left"})
     if inputs:
-        table.add_row("system", given.get("system", {}).get("name") or "unknown")
+        _add_row(table, "system", given.get("system", {}).get("name") or "unknown")
         for name, (low, high, count) in zip(grid.names, grid.ranges, strict=True):
-            table.add_row(name, f"{low:g} to {high:g}, {count} cells")
+            _add_row(table, name, f"{low:g} to {high:g}, {count} cells")
         for name, value in grid.fixed.items():
-            table.add_row(name, f"{value:.10g}")
+            _add_row(table, name, f"{value:.10g}")
     for name, share in shares.items():
         told = [f"{100.0 * share:.4f} % of the cells"]
         if name in outcomes.points:
             told.append(getattr(outcomes, "kinds", {}).get(name, "attractor"))
             told += [f"label {outcomes.labels[name]}"] if inputs else []
         if share or name in outcomes.points:
-            table.add_row(name, ", ".join(told))
+            _add_row(table, name, ", ".join(told))
     for name, note in getattr(outcomes, "notes", {}).items() if inputs else ():
-        table.add_row(f"trap of {name}", note)
+        _add_row(table, f"trap of {name}", note)
     if basins.undecided:
-        table.add_row("undecided", basins.undecided)
+        _add_row(table, "undecided", basins.undecided)
     if "longest" in given:
-        table.add_row("longest", f"{given['longest']} periods: {given.get('longest_reason', 'as given')}")
-    table.add_row("done", basins.stopped)
+        _add_row(table, "longest", f"{given['longest']} periods: {given.get('longest_reason', 'as given')}")
+    _add_row(table, "done", basins.stopped)
     if math.isfinite(basins.orbits_per_second):
-        table.add_row("speed", f"{basins.orbits_per_second:,.0f} orbits/s")
+        _add_row(table, "speed", f"{basins.orbits_per_second:,.0f} orbits/s")
     if error := basins.noted_error:
         anew = f"{error.wrong} of {error.cells} when followed again at tolerance {error.tolerance:g}"
         by_events = f"{error.wrong_by_events} of {error.cells_by_events} by the event-driven flow"
-        table.add_row("wrong labels", f"{anew}: < {error.bound:.2g} at 95 %; {by_events}")
+        _add_row(table, "wrong labels", f"{anew}: < {error.bound:.2g} at 95 %; {by_events}")
     if inputs:
         for name in ("engine", "tolerance", "preview", "saltus_version"):
             if name in given:
-                table.add_row(name, f"{given[name]}")
+                _add_row(table, name, f"{given[name]}")
         for name, value in given.get("parameters", {}).items():
-            table.add_row(name, f"{value:.10g}")
+            _add_row(table, name, f"{value:.10g}")
     _print(table)
 
 
@@ -452,6 +457,22 @@ def _bar(first: str = "starting") -> Iterator[Callable[[int, int, float, float],
             bar.update(task, completed=done, total=total, told=f"{rate:,.0f} orbits/s  {_duration(left)} left")
 
         yield show
+
+
+def _add_row(table: Table, *texts: str) -> None:
+    """Add a row of texts as they are: names may come from a file, and hold markup or the codes of a terminal."""
+    table.add_row(*map(_cell, texts))
+
+
+def _cell(text: str) -> Text:
+    from rich.text import Text
+
+    return Text(_printable(text))
+
+
+def _printable(text: str) -> str:
+    """Return a text with its control characters, line ends excepted, as backslash escapes."""
+    return "".join(x if x.isprintable() or x == "\n" else x.encode("unicode_escape").decode() for x in text)
 
 
 def _duration(seconds: float) -> str:

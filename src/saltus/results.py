@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
+import os
+import subprocess
+import sys
 from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from saltus import checks
-from saltus.errors import InputError
+from saltus.errors import InputError, SaltusError
+from saltus.files import checked_seal, interrupt_waits, write_sealed
 
 if TYPE_CHECKING:
-    import os
-
     import xarray as xr
 
-__all__ = ["Result", "frozen", "load"]
+__all__ = ["READ", "Result", "dataset_in", "frozen", "load", "look", "netcdf", "reading", "result_in", "tagged"]
 
 _HOMES = {
     "Trajectory": "saltus.flow.simulate",
@@ -35,6 +42,11 @@ _HOMES = {
 
 _STORE = "zarr.json"
 """The file by which a folder is known as a Zarr store."""
+
+_UNPACKED = 2**28  # bytes that any file may unpack to
+_PACKING = 100  # times its own size that a larger one may unpack to; what saltus writes is not packed
+_PATIENCE, _PACE = 60.0, 1e7  # seconds, and bytes a second, within which a file without a seal is read
+_TOLD = 200  # characters of what another library says of a damaged file
 
 
 def frozen(array: Any, dtype: Any = np.float64) -> Any:
@@ -65,20 +77,16 @@ class Result(ABC):
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the result to a NetCDF file and return its path.
 
+        The file is written beside its place and then renamed: whatever comes between, either the old one or the new one
+        stands there. Its content is made in memory, which takes about twice the room of the result.
+
         Raises
         ------
         InputError
-            The file cannot be written.
+            The file cannot be written, as on a full disk; one that stood there before is left as it was.
         """
-        from importlib.metadata import version
-
         path = checks.path("path", path)
-        dataset = self.to_xarray()
-        dataset.attrs |= {"saltus_result": type(self).__name__, "saltus_version": version("saltus")}
-        try:
-            dataset.to_netcdf(path, engine="h5netcdf")
-        except OSError as error:
-            raise InputError("path", str(path), "a file that can be written", str(error)) from error
+        write_sealed(path, netcdf({"": tagged(self)}))
         return path
 
     @classmethod
@@ -86,7 +94,9 @@ class Result(ABC):
         """Read a result of this kind from a file; see `saltus.load`."""
         result = load(path)
         if not isinstance(result, cls):
-            raise InputError("path", str(path), f"the file of a {cls.__name__}", f"it holds a {type(result).__name__}")
+            raise InputError(
+                "path", os.fspath(path), f"the file of a {cls.__name__}", f"it holds a {type(result).__name__}"
+            )
         return result
 
     def plot(self, *args: Any, **options: Any) -> Any:
@@ -107,6 +117,31 @@ class Result(ABC):
     __hash__ = None  # type: ignore[assignment]  # equal results need not be the same object
 
 
+def tagged(result: Result) -> xr.Dataset:
+    """Return a result as a Dataset from which `load` knows its kind."""
+    from importlib.metadata import version
+
+    dataset = result.to_xarray()
+    dataset.attrs |= {"saltus_result": type(result).__name__, "saltus_version": version("saltus")}
+    return dataset
+
+
+def netcdf(datasets: Mapping[str, xr.Dataset]) -> memoryview:
+    """Return the content of a NetCDF file with a group for each Dataset; that of the name "" is the file itself.
+
+    It is made in memory: HDF5 that writes to a disk loses an interrupt, and may tell of a full disk only when the file
+    is closed, in an error of its own.
+    """
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
+    file = BytesIO()
+    with interrupt_waits(), h5netcdf.File(file, "w") as written:
+        for name, dataset in datasets.items():
+            dataset.dump_to_store(H5NetCDFStore(written.create_group(name) if name else written))
+    return file.getbuffer()
+
+
 def load(path: str | os.PathLike[str]) -> Result:
     """Return the result saved in a file, whatever its kind.
 
@@ -118,7 +153,8 @@ def load(path: str | os.PathLike[str]) -> Result:
     Raises
     ------
     InputError
-        There is no such file or store, or it was not written by saltus.
+        There is no such file or store, it was not written by saltus, or it is damaged: what is returned has been looked
+        at whole, shapes, ranges, names and indices.
 
     Examples
     --------
@@ -130,33 +166,121 @@ def load(path: str | os.PathLike[str]) -> Result:
     import xarray as xr
 
     path = checks.path("path", path)
-    if (Path(path) / _STORE).is_file():
-        return _opened(Path(path))
-    if not Path(path).is_file():
-        raise InputError("path", str(path), "a file that exists", "it is a folder" if Path(path).is_dir() else "")
+    if os.path.isfile(path / _STORE):
+        return _opened(path)
+    with reading(path), xr.open_dataset(path, **READ) as dataset:
+        dataset.load()
+    found: Result = result_in(dataset, path)
+    return found
+
+
+READ: Mapping[str, Any] = MappingProxyType({"engine": "h5netcdf", "decode_times": False})
+"""How xarray opens a file; no number in it stands for a time of day."""
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Check that a NetCDF file is whole and no larger than it looks; turn what goes wrong then into an `InputError`."""
+    if not os.path.isfile(path):
+        raise InputError("path", str(path), "a file that exists", "it is a folder" if os.path.isdir(path) else "")
+    if not checked_seal(path):
+        _look_from_afar(path)
+    with _decoding("path", str(path)):
+        _check_size(path, path.stat().st_size)
+        yield
+
+
+def look(path: str) -> None:
+    """Read everything in a NetCDF file, and forget it."""
+    import xarray as xr
+
+    _check_size(Path(path), os.path.getsize(path))
+    with xr.open_datatree(path, **READ) as tree:
+        for node in tree.subtree:
+            node.to_dataset().load()
+
+
+def _look_from_afar(path: Path) -> None:
+    """Read a file without a seal in a process of its own: HDF5 may never end, or end the process, where it is damaged.
+
+    What that process raises, this one raises again.
+    """
+    code = "import json, sys; sys.path[:] = json.loads(sys.argv[2]); from saltus.results import look; look(sys.argv[1])"
+    longest = _PATIENCE + path.stat().st_size / _PACE
+    command = [sys.executable, "-c", code, str(path.absolute()), json.dumps(sys.path)]
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as dataset:
-            dataset.load()
-    except (OSError, ValueError) as error:
-        raise InputError("path", str(path), "a NetCDF file", str(error)) from error
+        done = subprocess.run(command, capture_output=True, timeout=longest, check=False)
+    except subprocess.TimeoutExpired:
+        raise InputError("path", str(path), "a NetCDF file", "it is damaged: reading it does not end") from None
+    except OSError as error:
+        raise InputError("path", str(path), "read by a process of its own", f"none can be started: {error}") from error
+    if done.returncode < 0:
+        raise InputError("path", str(path), "a NetCDF file", "it is damaged: reading it ends the process that does so")
+
+
+def dataset_in(content: bytes, name: str) -> xr.Dataset:
+    """Return the Dataset in the content of a NetCDF file, as `netcdf` makes it; `name` is what messages call it."""
+    import xarray as xr
+
+    with _decoding(name, f"{len(content)} bytes"):
+        _check_size(BytesIO(content), len(content))
+        with xr.open_dataset(BytesIO(content), **READ) as dataset:
+            return dataset.load()
+
+
+@contextmanager
+def _decoding(name: str, value: str) -> Iterator[None]:
+    """Turn whatever is raised by the libraries that read NetCDF into an `InputError`."""
+    try:
+        yield
+    except SaltusError:
+        raise
+    except Exception as error:  # the libraries do not say what they raise where a file is damaged: it may be anything
+        told = " ".join(f"{type(error).__name__}: {error}".split())[:_TOLD]
+        raise InputError(name, value, "a NetCDF file", told) from error
+
+
+def _check_size(file: Path | BytesIO, size: int) -> None:
+    """Raise `InputError` where a file would take much more memory than it takes on the disk."""
+    import h5py
+
+    held = 0
+
+    def count(name: str, item: Any) -> None:
+        nonlocal held
+        if isinstance(item, h5py.Dataset):
+            held += math.prod(item.shape or ()) * item.dtype.itemsize
+
+    with h5py.File(file, "r") as opened:
+        opened.visititems(count)
+    most = _UNPACKED + _PACKING * size
+    if held > most:
+        raise InputError("bytes when unpacked", held, f"at most {most}, by the size of the file")
+
+
+def result_in(dataset: xr.Dataset, path: Path) -> Any:
+    """Return the result that a Dataset from a file describes; raise `InputError` where it cannot be one."""
     kind = dataset.attrs.pop("saltus_result", None)
     dataset.attrs.pop("saltus_version", None)
-    home: type[Result] = _home(kind, path)
-    return home.from_xarray(dataset)
+    home = _home(kind, path)
+    try:
+        return home.from_xarray(dataset)
+    except InputError as error:
+        raise InputError("path", str(path), f"the whole file of a {kind}", str(error)) from error
 
 
 def _opened(path: Path) -> Result:
     """Return the result in a Zarr store."""
     try:
         kind = json.loads((path / _STORE).read_text(encoding="utf-8"))["attributes"]["saltus_result"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError("path", str(path), "a store written by saltus", f"{type(error).__name__} {error}") from error
     opened: Result = _home(kind, path).open(path)
     return opened
 
 
-def _home(kind: Any, path: str | os.PathLike[str]) -> Any:
+def _home(kind: Any, path: Path) -> Any:
     """Return the class of a kind of result."""
-    if kind not in _HOMES:
+    if not isinstance(kind, str) or kind not in _HOMES:
         raise InputError("path", str(path), "a file written by saltus")
     return getattr(importlib.import_module(_HOMES[kind]), kind)

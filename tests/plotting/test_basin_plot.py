@@ -154,3 +154,12 @@ def test_small_parts_keep_a_digit_and_none_is_rounded_to_all():
         "0.001 %",
         "99.999 %",
     ]
+
+
+def test_names_that_look_like_mathematics_are_shown_as_they_are():
+    basins = Basins.from_array([0, 1], {"x": np.arange(2.0)}, {r"$\frac$": 0, "1$ or 2$": 1})
+    ax = basins.plot()
+    ax.figure.canvas.draw()
+    shown = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert shown[0].startswith(r"\$\frac\$")
+    assert shown[1].startswith(r"1\$ or 2\$")

@@ -448,7 +448,7 @@ def test_repr_tells_exponents_errors_and_span(afm1):
     text = repr(lyapunov_spectrum(afm1, {"Omega": 1.04}, [0.0, 0.0], periods=40))
     assert "LyapunovSpectrum of 'tapping cantilever, n = 1' over t = 241.66" in text
     assert "(40 periods of theta), after 120.8" in text
-    assert text.count("±") == 2
+    assert text.count(" +- ") == 2
     assert "sum -" in text
 
 

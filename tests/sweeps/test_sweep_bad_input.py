@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import systems
+from mutated import logistic
 from oracles.closed_forms import LOGISTIC
 from saltus import Criteria, HybridSystem, InputError, Mode, Section, run_sweep, simulate
+from saltus.errors import SaltusError
 from saltus.flow.poincare import iterate
 
 SHORT = {"discard": 1, "keep": 2}
@@ -195,3 +197,17 @@ def test_a_quantity_that_was_not_kept(sweep):
         InputError, match=r"^quantity = 'max\(v\)': must be one of x, v, max\(x\); did you mean 'max\(x\)'"
     ):
         sweep.column("max(v)")
+
+
+def test_threads_that_the_system_refuses_are_told_and_one_needs_none(monkeypatch):
+    carried = logistic()
+    options = {"x0": [0.3, 0.0], "section": "map", "chunks": 2, **SHORT}
+    assert run_sweep(carried, "r", [2.9, 3.2], workers=1, **options).done.all()
+
+    def refuse(thread):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("threading.Thread.start", refuse)
+    with pytest.raises(SaltusError, match=r"allows no further thread or process .*: allow more, or workers=1$"):
+        run_sweep(carried, "r", [2.9, 3.2], workers=2, **options)
+    assert run_sweep(carried, "r", [2.9, 3.2], workers=1, **options).done.all()

@@ -208,9 +208,25 @@ def test_a_part_that_cannot_be_used_can_still_be_shown(direction):
 
 def test_notebook_view_shows_the_equations_in_tex():
     page = make()._repr_html_()
-    assert r"\dot{z} &= v" in page
+    assert r"\dot{z} &amp;= v" in page
     assert r"\mapsto" in page
     assert r"\downarrow 0" in page
+
+
+def test_names_go_escaped_into_a_notebook():
+    attack = "<script>alert(1)</script>"
+    system = HybridSystem(
+        ("z",),
+        {},
+        {attack: Mode({"z": "-1"}), "b&b": Mode({"z": "1"}, domain="3 - z")},
+        [Transition(attack, "b&b", "z", -1, {"z": "z + 1"}, name=f"{attack} again")],
+        name=f"{attack} system",
+    )
+    page = system._repr_html_()
+    assert "<script" not in page
+    assert page.count("&lt;script&gt;alert(1)&lt;/script&gt;") == 4
+    assert "<code>b&amp;b</code>, where $3 - z &gt; 0$" in page
+    assert page.count("<code>") == page.count("</code>") == 3
 
 
 def test_unknown_mode_suggests_the_nearest():

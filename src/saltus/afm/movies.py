@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -13,6 +12,8 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import InputError, SaltusError
+from saltus.files import whole_file
+from saltus.plotting.style import check_matplotlib
 
 if TYPE_CHECKING:
     import os
@@ -62,6 +63,7 @@ def checked_movie(path: str | os.PathLike[str], fps: int) -> Path:
     saltus.errors.InputError: path = 'tap.png': must be a file whose name ends in .gif or .mp4
     """
     path = checks.path("path", path)
+    check_matplotlib()
     if path.suffix.lower() not in _KINDS:
         raise InputError("path", str(path), f"a file whose name ends in {' or '.join(_KINDS)}")
     if not path.parent.is_dir():
@@ -103,10 +105,8 @@ def write_movie(
         Called with the number of frames done and of all.
     """
     write = _write_mp4 if path.suffix.lower() == ".mp4" else _write_gif
-    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        draft = Path(folder) / path.name
+    with whole_file(path) as draft:
         write(figure, draft, frames, fps, dpi, progress)
-        draft.replace(path)
 
 
 def _write_mp4(

@@ -16,12 +16,14 @@ from saltus import checks
 from saltus.basins.building import Building
 from saltus.basins.recurrence import MOTIONS, Found, Hunt, Search
 from saltus.basins.telling import Progress
-from saltus.basins.trap_files import traps_as_variables, traps_from_variables
+from saltus.basins.trap_files import check_traps, traps_as_variables, traps_from_variables
+from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.flow.traps import DIVERGED, UNDECIDED, Traps
 from saltus.orbits import PeriodicOrbit
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
+from saltus.system.plain import held_parameters, held_system
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -138,33 +140,42 @@ class Attractors(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Attractors:
-        """Return the attractors that `to_xarray` described."""
-        attrs = dataset.attrs
-        data = {key: json.loads(attrs[key]) for key in ("parameters", "region", "interval", "names", "kinds", "notes",
-                                                        "fates", "orbits")}  # fmt: skip
-        points, labels = dataset["point"].values, dataset["label"].values
-        orbits = {}
-        for name, own in data["orbits"].items():
-            key = f"orbit_{data['names'].index(name)}_"
-            part = dataset[[variable for variable in dataset.variables if str(variable).startswith(key)]]
-            part = part.rename({str(old): str(old).removeprefix(key) for old in (*part.variables, *part.dims)})
-            orbits[name] = PeriodicOrbit.from_xarray(part.assign_attrs(own))
+        """Return the attractors that `to_xarray` described; raise `InputError` where they cannot be some."""
+        held = Contents(dataset)
+        system, names = held_system(held), tuple(held.texts("names"))
+        held.names("state", system.states)
+        if len(set(names)) < len(names) or len(names) > DIVERGED:
+            raise InputError("attribute 'names'", names, f"names, each once, at most {DIVERGED}")
+        points = held.array("point", ("index", "state"))
+        labels = held.array("label", ("index",), int, least=0, most=len(names) - 1)
+        if set(labels.tolist()) != set(range(len(names))):
+            raise InputError("variable 'label'", sorted(set(labels.tolist())), "one of each attractor or more")
+        traps = traps_from_variables(held)
+        check_traps(traps, system, range(len(names)))
+        parameters = held_parameters(held, system)
+        said = {key: held.json(key, dict) for key in ("kinds", "notes", "fates", "region", "orbits")}
+        _check_said(said, names, system)
+        interval = held.json("interval", float, int, type(None))
+        if interval is not None and not 0.0 < interval < np.inf:
+            raise InputError("attribute 'interval'", interval, "finite and > 0")
+        orbits = {name: _orbit_in(dataset, names.index(name), own) for name, own in said["orbits"].items()}
+        for name, orbit in orbits.items():
+            if orbit.system != system or dict(orbit.parameters) != parameters:
+                raise InputError(f"orbit of {name!r}", orbit.system.name, "of the same system and parameters")
         return cls(
-            HybridSystem.from_definition(json.loads(attrs["definition"])),
-            data["parameters"],
-            {name: (ends[0], ends[1]) for name, ends in data["region"].items()},
-            data["interval"],
-            tuple(data["names"]),
-            data["kinds"],
-            {name: points[labels == label] for label, name in enumerate(data["names"])},
+            system,
+            parameters,
+            {name: (float(low), float(high)) for name, (low, high) in said["region"].items()},
+            interval,
+            names,
+            said["kinds"],
+            {name: points[labels == label] for label, name in enumerate(names)},
             orbits,
-            traps_from_variables(dataset),
-            data["notes"],
-            data["fates"],
-            float(attrs["measured_error"]),
-            json.loads(attrs.get("decays", "{}")),  # earlier files lack these three
-            int(attrs.get("slowest", 0)),
-            None if (scale := json.loads(attrs.get("scale", "null"))) is None else tuple(scale),
+            traps,
+            said["notes"],
+            said["fates"],
+            held.number("measured_error", least=0.0, finite=False),
+            *_patience(held, names, len(system.states)),
         )
 
     def __repr__(self) -> str:
@@ -177,6 +188,46 @@ class Attractors(Result):
                 f"  {undecided} of {sum(self.fates.values())} motions from the region reach no trapping region"
             )
         return "\n".join(lines)
+
+
+def _check_said(said: Mapping[str, dict[str, Any]], names: tuple[str, ...], system: HybridSystem) -> None:
+    """Raise `InputError` where what a file says of attractors is not about those, or of another kind."""
+    for key in ("kinds", "notes"):
+        if set(said[key]) != set(names) or not all(isinstance(text, str) for text in said[key].values()):
+            raise InputError(f"attribute {key!r}", sorted(said[key]), f"a text for each of {', '.join(names)}")
+    if not all(isinstance(count, int) and count >= 0 for count in said["fates"].values()):
+        raise InputError("attribute 'fates'", said["fates"], "counts")
+    if not set(said["orbits"]) <= set(names) or not all(isinstance(own, dict) for own in said["orbits"].values()):
+        raise InputError("attribute 'orbits'", sorted(said["orbits"]), f"attributes of orbits, of {', '.join(names)}")
+    for name, ends in said["region"].items():
+        pair = (
+            isinstance(ends, list) and len(ends) == 2 and all(checks.is_real(end) and np.isfinite(end) for end in ends)
+        )
+        if name not in system.states or not pair:
+            raise InputError(f"region[{name!r}]", ends, f"two ends, of one of {', '.join(system.states)}")
+
+
+def _patience(held: Contents, names: tuple[str, ...], states: int) -> tuple[Any, ...]:
+    """Return what a file says of how fast motions settle; earlier files lack these three."""
+    if "decays" not in held.dataset.attrs:
+        return {}, 0, None
+    decays, scale = held.json("decays", dict), held.json("scale", list, type(None))
+    if not set(decays) <= set(names):
+        raise InputError("attribute 'decays'", sorted(decays), f"of some of {', '.join(names)}")
+    decays = {name: checks.number("decay", value, finite=False) for name, value in decays.items()}
+    if scale is not None:
+        if len(scale) != states:
+            raise InputError("attribute 'scale'", scale, f"{states} sizes")
+        scale = tuple(checks.positive("scale", size) for size in scale)
+    return decays, held.count("slowest"), scale
+
+
+def _orbit_in(dataset: xr.Dataset, label: int, attributes: dict[str, Any]) -> PeriodicOrbit:
+    """Return the orbit of an attractor whose variables stand among those of all."""
+    key = f"orbit_{label}_"
+    part = dataset[[variable for variable in dataset.variables if str(variable).startswith(key)]]
+    part = part.rename({str(old): str(old).removeprefix(key) for old in (*part.variables, *part.dims)})
+    return PeriodicOrbit.from_xarray(part.assign_attrs(attributes))
 
 
 def find_attractors(

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -19,9 +18,10 @@ from saltus.basins.grid import Grid, tiles
 from saltus.basins.labelling import ACCURACY, Labelling
 from saltus.basins.store import Store, Window, flags
 from saltus.basins.wilson import wilson
+from saltus.contents import Contents, checked_texts
 from saltus.errors import InputError
 from saltus.flow.traps import DIVERGED, NOT_DONE, UNDECIDED
-from saltus.results import Result, frozen
+from saltus.results import Result, dataset_in, frozen, netcdf
 
 if TYPE_CHECKING:
     import os
@@ -187,15 +187,22 @@ class Basins(Result):
             It is no store of basins.
         """
         store = Store.open(checks.path("path", path, "the path of a folder"))
-        return cls.of_store(store, outcomes_from(store.attractors, store.attributes["attractors"]))
+        try:
+            outcomes = outcomes_from(store.attractors, store.attributes["attractors"])
+            _check_belong(store.grid, outcomes, store.attributes["inputs"])
+            return cls.of_store(store, outcomes)
+        except InputError as error:
+            raise InputError("path", str(path), "a whole store of basins", str(error)) from error
 
     @classmethod
     def of_store(cls, store: Store, attractors: Any, *, interrupted: bool = False) -> Basins:
         """Return the basins in an open store, whose attractors are known, and whether it was left by an interrupt."""
-        run, done = store.attributes.get("run", {}), store.done()
-        rate = run["orbits"] / run["seconds"] if run.get("seconds") else float("nan")
+        done, rate = store.done(), store.orbits_per_second
         said = store.attributes.get("stopped") or told(done, store.grid.size, interrupted=interrupted)
         why = store.attributes.get("undecided", "")
+        for name, text in (("stopped", said), ("undecided", why)):
+            if not isinstance(text, str):
+                raise InputError(f"attribute {name!r}", text, "a text")
         return cls(store.labels, store.grid, attractors, store.attributes["inputs"], said, store.path, rate, why)
 
     @cached_property
@@ -332,7 +339,7 @@ class Basins(Result):
     def noted_error(self) -> LabelError | None:
         """The `label_error` that `map_basins` measured of all cells when a store was finished; None without one."""
         kept = None if self.path is None else Store.open(self.path).attributes.get("label_error")
-        return None if kept is None else LabelError(**kept)
+        return None if kept is None else _label_error(kept)
 
     @cached_property
     def _labelling(self) -> Labelling:
@@ -379,13 +386,18 @@ class Basins(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Basins:
-        """Return the basins that `to_xarray` described, in memory."""
-        attrs = dataset.attrs
-        outcomes = outcomes_from(dataset["attractors"].to_numpy().tobytes(), json.loads(attrs["outcomes"]))
-        labels = np.array(dataset["labels"].to_numpy(), dtype=np.uint8)
-        grid = Grid.from_definition(json.loads(attrs["grid"]))
-        why = str(attrs.get("undecided", ""))  # files of version 0.1 lack it
-        return cls(labels, grid, outcomes, json.loads(attrs["inputs"]), str(attrs["stopped"]), undecided=why)
+        """Return the basins that `to_xarray` described, in memory; raise `InputError` where they cannot be some."""
+        held = Contents(dataset)
+        grid, inputs = Grid.from_definition(held.json("grid", dict)), held.json("inputs", dict)
+        kept = held.array("attractors", ("byte",), int, least=0, most=255).astype(np.uint8).tobytes()
+        outcomes = outcomes_from(kept, held.json("outcomes", dict))
+        _check_belong(grid, outcomes, inputs)
+        held.expect(**dict(zip(grid.names, grid.shape, strict=True)))
+        labels = held.array("labels", grid.names, int, least=0, most=NOT_DONE).astype(np.uint8)
+        if unnamed := sorted(set(np.unique(labels).tolist()) - {*outcomes.labels.values(), NOT_DONE}):
+            raise InputError("variable 'labels'", unnamed[0], f"of outcomes: {sorted(outcomes.labels.values())}")
+        why = held.text("undecided") if "undecided" in dataset.attrs else ""  # files of version 0.1 lack it
+        return cls(labels, grid, outcomes, inputs, held.text("stopped"), undecided=why)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the basins to a Zarr store, if `path` ends in ``.zarr``, or else to a NetCDF file; return its path.
@@ -478,30 +490,58 @@ def summary(attractors: Any) -> dict[str, Any]:
 
 
 def attractors_bytes(attractors: Any) -> bytes:
-    """Return the attractors as a NetCDF file; nothing for those of an array from elsewhere, which their summary holds.
-
-    The file is made in memory: where there is no room on a disk, there may be none for temporary files.
-    """
+    """Return the attractors as the content of a NetCDF file; nothing for those of an array from elsewhere."""
     if not isinstance(attractors, Attractors):
         return b""
-    import h5netcdf
-    from xarray.backends import H5NetCDFStore
-
-    file = BytesIO()
-    with h5netcdf.File(file, "w") as written:
-        attractors.to_xarray().dump_to_store(H5NetCDFStore(written))
-    return file.getvalue()
+    return bytes(netcdf({"": attractors.to_xarray()}))
 
 
 def outcomes_from(held: bytes, said: Mapping[str, Any]) -> Any:
-    """Return the attractors of a store."""
-    if not held:
-        points = {name: frozen(points) for name, points in said["points"].items()}
-        return Outcomes(dict(said["labels"]), points, said["kinds"], said["notes"], said["measured_error"])
-    import xarray as xr
+    """Return the attractors of a store; raise `InputError` where it does not hold them whole."""
+    return Attractors.from_xarray(dataset_in(held, "attractors")) if held else _outcomes(said)
 
-    with xr.open_dataset(BytesIO(held), engine="h5netcdf") as dataset:
-        return Attractors.from_xarray(dataset.load())
+
+def _outcomes(said: Mapping[str, Any]) -> Outcomes:
+    """Return the outcomes of an array from elsewhere, as `summary` told them."""
+    labels, error = said.get("labels"), said.get("measured_error")
+    if not isinstance(labels, Mapping) or not all(
+        type(label) is int and 0 <= label < NOT_DONE for label in labels.values()
+    ):
+        raise InputError("outcomes' labels", labels, f"labels between 0 and {NOT_DONE - 1} by name")
+    for key in ("kinds", "notes", "points"):
+        if not isinstance(said.get(key), Mapping) or not set(said[key]) <= set(labels):
+            raise InputError(f"outcomes' {key}", said.get(key), f"a mapping of some of {', '.join(labels)}")
+    for key in ("kinds", "notes"):
+        checked_texts(list(said[key].values()), f"outcomes' {key}")
+    if error is not None and not checks.is_real(error):
+        raise InputError("outcomes' measured_error", error, "a number, or none")
+    try:
+        points = {name: frozen(points) for name, points in said["points"].items()}
+    except (TypeError, ValueError) as wrong:
+        raise InputError("outcomes' points", type(said["points"]).__name__, "rows of numbers", str(wrong)) from None
+    if any(held.ndim != 2 or not np.isfinite(held).all() for held in points.values()):
+        raise InputError("outcomes' points", [held.shape for held in points.values()], "rows of finite numbers")
+    return Outcomes(dict(labels), points, said["kinds"], said["notes"], error)
+
+
+def _check_belong(grid: Grid, outcomes: Any, inputs: Any) -> None:
+    """Raise `InputError` where grid, attractors and inputs in a file are not of one system."""
+    if not isinstance(inputs, Mapping):
+        raise InputError("inputs", inputs, "a mapping")
+    states = [outcomes.system.states] if isinstance(outcomes, Attractors) else []
+    states += [Labelling.from_definition(inputs).system.states] if inputs else []
+    if any(of_system != grid.states for of_system in states):
+        raise InputError("the grid's states", grid.states, f"those of the system: {', '.join(states[0])}")
+    if any(held.shape[1] != len(grid.states) for held in outcomes.points.values()):
+        raise InputError("points", [held.shape for held in outcomes.points.values()], f"of {len(grid.states)} columns")
+
+
+def _label_error(kept: Any) -> LabelError:
+    """Return what a store says of wrong labels."""
+    wanted = {part.name for part in fields(LabelError)}
+    if not isinstance(kept, Mapping) or set(kept) != wanted or not all(map(checks.is_real, kept.values())):
+        raise InputError("attribute 'label_error'", kept, f"numbers by {', '.join(sorted(wanted))}")
+    return LabelError(**kept)
 
 
 def _named(names: Mapping[str, int]) -> dict[str, int]:

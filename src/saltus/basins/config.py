@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 
+from saltus import checks
 from saltus.basins.grid import Plane
 from saltus.errors import InputError, nearest
 from saltus.system import HybridSystem
@@ -118,10 +119,10 @@ def read_config(path: Path) -> Config:
     {'q1': [-5, 5, 100], 'v1': 0.5}
     """
     try:
-        entries = tomllib.loads(path.read_text(encoding="utf-8"))
+        entries = tomllib.loads(checks.path("config", path).read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError("config", str(path), "a file that can be read", error.strerror or str(error)) from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise InputError("config", str(path), "a TOML file", str(error)) from None
     try:
         config = Config.model_validate(entries)

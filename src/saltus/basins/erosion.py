@@ -37,9 +37,12 @@ from saltus.basins.integrity import (
 from saltus.basins.mapping import map_basins
 from saltus.basins.stability import Stability, basin_stability
 from saltus.basins.uncertainty import uncertainty_by_neighbours
+from saltus.contents import Contents
 from saltus.errors import ConvergenceError, InputError
+from saltus.files import telling
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
+from saltus.system.plain import held_parameters, held_system, swept_parameter
 
 if TYPE_CHECKING:
     import os
@@ -221,21 +224,26 @@ class ErosionProfile(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> ErosionProfile:
-        """Return the profile that `to_xarray` described."""
-        attrs = dataset.attrs
+        """Return the profile that `to_xarray` described; raise `InputError` where it cannot be one."""
+        held = Contents(dataset)
+        system, each = held_system(held), ("value", "attractor", "measure")
+        grid = held.json("grid", dict)
+        if Grid.from_definition(grid).states != system.states:
+            raise InputError("the grid's states", grid["states"], f"those of the system: {', '.join(system.states)}")
+        held.size("value", least=1)
         return cls(
-            HybridSystem.from_definition(json.loads(attrs["definition"])),
-            str(attrs["parameter"]),
-            dataset["value"].to_numpy(),
-            json.loads(attrs["parameters"]),
-            tuple(map(str, dataset["attractor"].to_numpy())),
-            tuple(map(str, dataset["measure"].to_numpy())),
-            dataset["found"].to_numpy(),
-            dataset["error"].to_numpy(),
-            dataset["clipped"].to_numpy(),
-            dataset["note"].to_numpy(),
-            json.loads(attrs["grid"]),
-            str(attrs["stopped"]),
+            system,
+            swept_parameter(held, system),
+            held.array("value", ("value",)),
+            held_parameters(held, system),
+            tuple(held.array("attractor", ("attractor",), str).tolist()),
+            tuple(held.array("measure", ("measure",), str).tolist()),
+            held.array("found", each, finite=False),
+            held.array("error", each, finite=False),
+            held.array("clipped", each, bool),
+            held.array("note", each, str),
+            grid,
+            held.text("stopped"),
         )
 
 
@@ -444,9 +452,7 @@ def _ascending(values: ArrayLike) -> NDArray[np.float64]:
 def _folder(folder: str | os.PathLike[str] | None) -> Path | None:
     if folder is None:
         return None
-    place = checks.path("folder", folder, "the path of a folder")
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError("folder", str(place), "a folder that can be written", str(error)) from error
-    return place
+    path = checks.path("folder", folder, "the path of a folder")
+    with telling(path, "folder", place="a folder"):
+        path.mkdir(parents=True, exist_ok=True)
+    return path

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
+from saltus.contents import checked_texts
 from saltus.errors import InputError, nearest
 from saltus.results import frozen
 
@@ -26,6 +27,8 @@ _CHUNK = 2**16
 
 _UNITS = 16
 """Into how many units a grid is cut at least, if they keep `_LEAST` cells."""
+
+_LARGEST = 2**38  # cells in a file: 275 gigabytes of labels
 
 _ROUNDING = 1e-9
 """Part of a cell by which a point may lie beyond the grid's edge and belong to the cell there."""
@@ -278,8 +281,8 @@ class Grid:
 
     @classmethod
     def from_definition(cls, definition: Mapping[str, Any]) -> Grid:
-        """Return the grid that `definition` describes."""
-        names, states = definition["order"], tuple(definition["states"])
+        """Return the grid that `definition` describes; raise `InputError` where it describes none."""
+        names, states = _checked_definition(definition)
         return cls._made(
             states,
             names,
@@ -327,6 +330,33 @@ class Grid:
         return (
             f"Grid({' x '.join(map(str, self.shape))} cells: {', '.join(free)}" + "".join(f"; {x}" for x in fixed) + ")"
         )
+
+
+def _checked_definition(definition: Any) -> tuple[list[str], tuple[str, ...]]:
+    """Return the names of the coordinates and of the states in what `Grid.definition` returned, all of it checked."""
+    if not isinstance(definition, Mapping):
+        raise InputError("grid", definition, "a mapping")
+    names, states = (checked_texts(definition.get(key), f"the grid's {key}") for key in ("order", "states"))
+    for key, texts in (("order", names), ("states", states)):
+        if not texts or len(set(texts)) < len(texts):
+            raise InputError(f"the grid's {key}", texts, "names, each once, at least one")
+    for key, wanted in (("ranges", names), ("vectors", names), ("origin", states)):
+        part = definition.get(key)
+        if not isinstance(part, Mapping) or set(part) != set(wanted):
+            raise InputError(f"the grid's {key}", part, f"a mapping of {', '.join(wanted)}")
+        for name in wanted:
+            where = f"the grid's {key}[{name!r}]"
+            if key == "origin":
+                checks.number(where, part[name])
+            elif not isinstance(part[name], list | tuple):
+                raise InputError(where, part[name], "a list")
+            elif key == "ranges":
+                _range(part[name], where)
+            elif len([checks.number(where, entry) for entry in part[name]]) != len(states):
+                raise InputError(where, part[name], f"a number for each of {', '.join(states)}")
+    if (size := math.prod(definition["ranges"][name][2] for name in names)) > _LARGEST:
+        raise InputError("the grid's cells", size, f"at most {_LARGEST}")
+    return names, tuple(states)
 
 
 def tiles(shape: Sequence[int], tile: Sequence[int]) -> Iterator[tuple[slice, ...]]:

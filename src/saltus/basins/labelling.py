@@ -14,10 +14,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from saltus import checks
-from saltus.basins.trap_files import traps_as_data, traps_from_data
+from saltus.basins.trap_files import check_traps, traps_as_data, traps_from_data
+from saltus.errors import InputError
 from saltus.flow.alone import follow_alone
-from saltus.flow.traps import UNDECIDED, Ellipsoids, Traps
+from saltus.flow.threads import starting
+from saltus.flow.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.system import HybridSystem
+from saltus.system.plain import all_parameters, system_from
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -115,12 +118,32 @@ class Labelling:
 
     @classmethod
     def from_definition(cls, definition: Mapping[str, Any], threads: int | None = None) -> Labelling:
-        """Return the labelling that `definition` describes."""
-        options = {name: definition[name] for name in ("tolerance", "longest", "interval", "engine", "preview")}
-        system, scale = HybridSystem.from_definition(definition["system"]), definition.get("scale")
+        """Return the labelling that `definition` describes; raise `InputError` where it describes none."""
+        wanted = ("system", "parameters", "traps", "tolerance", "longest", "interval", "engine", "preview")
+        if not isinstance(definition, Mapping) or not set(wanted) <= set(definition):
+            raise InputError("inputs", definition, f"a mapping of {', '.join(wanted)}")
+        system, given = system_from(definition["system"]), definition["parameters"]
+        if not isinstance(given, Mapping):
+            raise InputError("inputs' parameters", given, "a mapping")
+        traps = traps_from_data(definition["traps"])
+        check_traps(traps, system, range(DIVERGED))
+        for name in ("tolerance", "interval"):
+            value = definition[name]
+            if not (checks.is_real(value) and 0.0 < value < math.inf) and (name, value) != ("interval", None):
+                raise InputError(f"inputs' {name}", value, "a finite number > 0")
+        scale = definition.get("scale")  # earlier files lack it
+        if scale is not None:
+            scale = tuple(
+                checks.positive("inputs' scale", size) for size in checks.listed("inputs' scale", scale, "sizes")
+            )
+            if len(scale) != len(system.states):
+                raise InputError("inputs' scale", scale, f"a size for each of {', '.join(system.states)}")
+        if not isinstance(definition["preview"], bool):
+            raise InputError("inputs' preview", definition["preview"], "True or False")
         return cls(
-            system, dict(definition["parameters"]), traps_from_data(definition["traps"]), threads=threads,
-            scale=None if scale is None else tuple(scale), **options,
+            system, all_parameters(given, system), traps, definition["interval"], float(definition["tolerance"]),
+            checks.count("inputs' longest", definition["longest"], 1), checked_engine(definition["engine"]),
+            definition["preview"], threads, scale,
         )  # fmt: skip
 
     @cached_property
@@ -191,7 +214,11 @@ class Labelling:
     ) -> Iterator[tuple[tuple[slice, ...], NDArray[np.uint8], int]]:
         """Go through units of a grid: the cells, their labels, and how many motions were followed for them."""
         followers = _FOLLOWERS[self.engine]
-        with ThreadPoolExecutor(1) as maker, ThreadPoolExecutor(followers) as follower:  # ahead of who takes the labels
+        with (
+            starting(),
+            ThreadPoolExecutor(1) as maker,
+            ThreadPoolExecutor(followers) as follower,  # ahead of who takes the labels
+        ):
             under_way: deque[Future[list[_Labelled]]] = deque()
             try:
                 for batch in _batches(units, 1 if self.preview else _BATCH[self.engine]):

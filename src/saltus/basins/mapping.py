@@ -38,6 +38,8 @@ from saltus.flow.traps import NOT_DONE, UNDECIDED, Traps
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
+    import os
+
     from numpy.typing import NDArray
 
 __all__ = ["map_basins"]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import errno
+import json
 import math
-import os
 import reprlib
 import shutil
 import tempfile
@@ -18,18 +17,21 @@ import numpy as np
 
 from saltus.basins.grid import Grid, tiles
 from saltus.errors import InputError
+from saltus.files import flush, interrupt_waits, telling, whole_file
+from saltus.flow.threads import starting
 from saltus.flow.traps import NOT_DONE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Store", "Window", "check_same", "flags", "telling"]
+__all__ = ["Store", "Window", "check_same", "flags"]
 
-_LABELS, _ATTRACTORS = "labels", "attractors"
+_MOST_BYTES = 2**31  # of what is kept of attractors
 
-_FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
+_LABELS, _ATTRACTORS, _METADATA = "labels", "attractors", "zarr.json"
 
-_DAMAGE = (ValueError, RuntimeError)  # what Zarr and its codecs raise where a checksum or a length is wrong
+_DAMAGE = (ValueError, RuntimeError, TypeError, KeyError, IndexError, AttributeError, MemoryError)
+"""What Zarr and its codecs raise where a checksum, a length or an entry of the metadata is wrong."""
 
 
 class Store:
@@ -69,7 +71,7 @@ class Store:
         aside = path.with_name(f".{path.name}.{uuid4().hex}.part")
         chunk, unit = grid.layout
         try:
-            with telling(path):
+            with interrupt_waits(), _telling(path):
                 group = zarr.create_group(aside, zarr_format=3, attributes=dict(attributes))
                 group.create_array(
                     _LABELS, shape=grid.shape, dtype="uint8", chunks=chunk, shards=None if unit == chunk else unit,
@@ -83,7 +85,10 @@ class Store:
                     _ATTRACTORS, data=held, chunks=(max(held.size, 1),), dimension_names=("byte",),
                     compressors=ZstdCodec(level=3, checksum=True),
                 )  # fmt: skip
+                for part in [*aside.rglob("*"), aside]:
+                    flush(part)
                 aside.rename(path)
+                flush(path.absolute().parent)
         except BaseException:
             shutil.rmtree(aside, ignore_errors=True)
             raise
@@ -104,17 +109,36 @@ class Store:
             group = zarr.open_group(path, mode="r+" if writable else "r", zarr_format=3, use_consolidated=False)
             attributes: dict[str, Any] = dict(group.attrs)
             if attributes["saltus_result"] != "Basins":
-                raise InputError("path", str(path), "a store of basins", f"it holds a {attributes['saltus_result']}")
+                raise InputError("its kind", attributes["saltus_result"], "Basins")
             store = cls(path, Grid.from_definition(attributes["grid"]), group)
-        except InputError:
-            raise
-        except (OSError, KeyError, *_DAMAGE) as error:
+            store._check()
+        except InputError as error:
+            raise InputError("path", str(path), "a store of basins that saltus wrote", str(error)) from error
+        except (OSError, RecursionError, *_DAMAGE) as error:
             hint = _what_is(path) or f"{type(error).__name__} {error}"
             raise InputError("path", str(path), "a store of basins that saltus wrote", hint) from error
         if writable:
-            with telling(path), tempfile.TemporaryFile(dir=path):
+            with _telling(path), tempfile.TemporaryFile(dir=path):
                 pass
         return store
+
+    def _check(self) -> None:
+        """Raise `InputError` where the labels are not those of the grid, or the metadata are of another kind."""
+        array, (chunk, unit) = self._array, self.grid.layout
+        found = (array.shape, array.dtype, array.chunks, self._unit)
+        wanted = (self.grid.shape, np.dtype(np.uint8), chunk, unit)
+        if found != wanted:
+            raise InputError("shape, kind and chunks of the labels", found, str(wanted))
+        for name in ("inputs", "attractors"):
+            if not isinstance(self.attributes.get(name), dict):
+                raise InputError(f"attribute {name!r}", self.attributes.get(name), "a mapping")
+
+    @property
+    def orbits_per_second(self) -> float:
+        """Motions followed a second while the labels were computed; NaN where it is not known."""
+        run = self.attributes.get("run", {})
+        known = isinstance(run, dict) and all(isinstance(run.get(key), int | float) for key in ("orbits", "seconds"))
+        return float(run["orbits"] / run["seconds"]) if known and run["seconds"] else math.nan
 
     @property
     def attractors(self) -> bytes:
@@ -126,8 +150,11 @@ class Store:
             It cannot be read.
         """
         try:
-            return bytes(np.asarray(self._group[_ATTRACTORS][:]).tobytes())
-        except (OSError, KeyError, *_DAMAGE) as error:
+            held = self._group[_ATTRACTORS]
+            if held.ndim != 1 or held.dtype != np.uint8 or held.size > _MOST_BYTES:
+                raise ValueError(f"an array of {held.dtype} and of shape {held.shape}")
+            return bytes(np.asarray(held[:]).tobytes())
+        except (OSError, *_DAMAGE) as error:
             wanted = "a store with its attractors whole"
             raise InputError("path", str(self.path), wanted, f"what it holds of them is damaged: {error}") from error
 
@@ -137,8 +164,8 @@ class Store:
         return Window(self.path, self._array, (None,) * len(self.grid.shape), self._unit)
 
     def write(self, cells: tuple[slice, ...], labels: NDArray[np.uint8]) -> None:
-        """Write a unit."""
-        with telling(self.path):
+        """Write a unit: Zarr renames what it has written, and what the disk does not hold then has a wrong checksum."""
+        with interrupt_waits(), _telling(self.path):  # Zarr's own thread would go on, and leave a part behind
             self._array[cells] = labels
 
     def missing(self) -> list[tuple[slice, ...]]:
@@ -152,8 +179,10 @@ class Store:
 
     def note(self, **attributes: Any) -> None:
         """Add to the metadata."""
-        with telling(self.path):
-            self._group.update_attributes(attributes)
+        with whole_file(self.path / _METADATA, "store") as draft:
+            metadata = json.loads((self.path / _METADATA).read_text(encoding="utf-8"))
+            metadata["attributes"] |= attributes
+            draft.write_text(json.dumps(metadata, indent=2), encoding="utf-8")
         self.attributes |= attributes
 
     def _file(self, cells: Sequence[slice]) -> Path:
@@ -172,7 +201,7 @@ class Store:
                 return True
         except _DAMAGE:
             pass
-        with telling(self.path):
+        with _telling(self.path):
             self._file(cells).unlink()
         return False
 
@@ -275,21 +304,13 @@ def _what_is(path: Path) -> str:
         return "there is nothing"
     if not path.is_dir():
         return "it is a file"
-    if (held := sorted(file.parent.name for file in path.glob("*/zarr.json"))) and _LABELS not in held:
+    if (held := sorted(file.parent.name for file in path.glob(f"*/{_METADATA}"))) and _LABELS not in held:
         return f"it holds {', '.join(held)}"
-    return "" if (path / "zarr.json").exists() else "it is a folder of something else"
+    return "" if (path / _METADATA).exists() else "it is a folder of something else"
 
 
 @contextmanager
-def telling(path: Path) -> Iterator[None]:
-    """Turn what the file system refuses into an `InputError`."""
-    try:
+def _telling(path: Path) -> Iterator[None]:
+    """Turn what the system refuses, a place on the disk or Zarr's own thread, into an error of one line."""
+    with telling(path, "store", "what is done is kept, and the same call goes on from it", "a folder"), starting():
         yield
-    except OSError as error:
-        why = error.strerror or str(error)
-        if error.errno in _FULL:
-            hint = f"{why}; what is done is kept, and the same call goes on from it"
-            raise InputError("store", str(path), "on a disk with room for it", hint) from error
-        if isinstance(error, FileNotFoundError | NotADirectoryError) and not os.path.isdir(path.absolute().parent):
-            raise InputError("store", str(path), "in a folder that exists", why) from error
-        raise InputError("store", str(path), "a folder that can be written", why) from error

@@ -9,8 +9,9 @@ from saltus.continuation.curve import Curve
 
 if TYPE_CHECKING:
     import numpy as np
-    import xarray as xr
     from numpy.typing import NDArray
+
+    from saltus.contents import Contents
 
 __all__ = ["Branch"]
 
@@ -37,8 +38,9 @@ class Branch(Curve):
         return {}
 
     @classmethod
-    def _own_fields(cls, dataset: xr.Dataset, varied: tuple[str, ...]) -> dict[str, Any]:
-        return {"parameter": varied[0], "values": cls._varied_columns(dataset)[0]}
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...]) -> dict[str, Any]:
+        held.expect(parameter=1)
+        return {"parameter": varied[0], "values": cls._varied_columns(held)[0]}
 
     def __repr__(self) -> str:
         return self._described("Branch")

@@ -12,15 +12,17 @@ from typing import TYPE_CHECKING, Any, Self, overload
 import numpy as np
 
 from saltus import checks
+from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.flow.observables import check_observables, observe, read_observable
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.normal_form import NORMAL_FORMS, NormalForm, normal_form
-from saltus.orbits.orbit import complex_of, orbit_at
+from saltus.orbits.orbit import MOST_FAULTS, TOLERANCES, complex_of, follow_from, orbit_at, signature_from
 from saltus.orbits.problem import OrbitProblem, Signature
 from saltus.orbits.sampling import motion_of
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
+from saltus.system.plain import all_parameters, held_parameters, held_system
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -398,7 +400,7 @@ class Curve(Result):
         problem = OrbitProblem(self.system, self.forms[self.form[index]], p, tol=self.tol)
         u = np.array(self.unknowns[index])
         states = len(self.system.states)
-        problem.start(u, np.maximum(np.abs(self.lows), np.abs(self.highs))[:, :states].max(axis=0))
+        follow_from(problem, u, np.maximum(np.abs(self.lows), np.abs(self.highs))[:, :states].max(axis=0))
         return problem, u
 
     def to_xarray(self) -> xr.Dataset:
@@ -494,79 +496,59 @@ class Curve(Result):
         }
 
     @classmethod
-    def _varied_columns(cls, dataset: xr.Dataset) -> list[NDArray[np.float64]]:
+    def _varied_columns(cls, held: Contents) -> list[NDArray[np.float64]]:
         """Return the values of the varied parameters, shape (point,) each, as `to_xarray` described them."""
-        columns = json.loads(dataset.attrs.get("columns", dataset.attrs["varied"]))
-        return [dataset[column].values for column in columns]
+        columns = held.texts("columns" if "columns" in held.dataset.attrs else "varied")  # earlier files lack it
+        if len(columns) != len(held.texts("varied")):
+            raise InputError("attribute 'columns'", columns, "one for each varied parameter")
+        return [held.array(column, ("point",)) for column in columns]
 
     @classmethod
     @abstractmethod
-    def _own_fields(cls, dataset: xr.Dataset, varied: tuple[str, ...]) -> dict[str, Any]:
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...]) -> dict[str, Any]:
         """Return the fields that only this kind of curve has, and `values`, as `to_xarray` described them."""
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Self:
-        """Return the curve that `to_xarray` described."""
-        attrs, ds = dataset.attrs, dataset
-        system = HybridSystem.from_definition(json.loads(attrs["definition"]))
-        varied, tol = tuple(json.loads(attrs["varied"])), float(attrs["tol"])
-        parameters = json.loads(attrs["parameters"])
-        forms = [Signature(tuple(m), tuple(t), tuple(k), turns) for m, t, k, turns in json.loads(attrs["forms"])]
-        n = len(system.all_states)
-        specials = []
-        blocks = np.split(ds["special_unknown"].values, np.cumsum(ds["special_unknown_count"].values))[:-1]
-        tangents = np.split(ds["special_tangent"].values, np.cumsum(ds["special_tangent_count"].values))[:-1]
-        for i, block in enumerate(blocks):
-            table = block.reshape(-1, n + 1)
-            orbit = PeriodicOrbit(
-                system,
-                parameters | dict(zip(varied, ds["special_value"].values[i].tolist(), strict=True)),
-                forms[int(ds["special_form"].values[i])],
-                table[:, :n],
-                table[:, n],
-                complex_of(ds["special_multiplier_re"].values[i], ds["special_multiplier_im"].values[i]),
-                float(ds["special_residual"].values[i]),
-                int(ds["special_faults"].values[i]),
-                ds["special_x0"].values[i],
-                ds["special_low"].values[i],
-                ds["special_high"].values[i],
-                tol,
-            )
-            specials.append(
-                SpecialPoint(
-                    str(ds["special_type"].values[i]),
-                    str(ds["special_label"].values[i]),
-                    orbit,
-                    float(ds["special_test"].values[i]),
-                    float(ds["special_position"].values[i]),
-                    float(ds["special_arclength"].values[i]),
-                    varied,
-                    str(ds["special_of"].values[i]),
-                    str(ds["special_locus"].values[i]),
-                    tangents[i] if tangents[i].size else None,
-                )
-            )
+        """Return the curve that `to_xarray` described; raise `InputError` where it cannot be one."""
+        held, point = Contents(dataset), ("point",)
+        system = held_system(held)
+        parameters, varied = held_parameters(held, system), tuple(held.texts("varied"))
+        if not varied or len(set(varied)) < len(varied) or not set(varied) <= set(system.parameter_names):
+            raise InputError("attribute 'varied'", varied, f"parameters, of {', '.join(system.parameter_names)}")
+        quantities = (*system.all_states, *system.output_names)
+        for name, wanted in (("state", system.states), ("quantity", quantities), ("parameter", varied)):
+            held.names(name, wanted)
+        held.expect(multiplier=len(system.states))
+        held.size("point")
+        forms = [signature_from(form) for form in held.json("forms", list)]
+        for form in forms:
+            form.check(system)
+        n_forms = held.count("n_forms", most=len(forms))
+        number = held.array("form", point, int, least=0, most=n_forms - 1)
+        wide, tol = len(system.all_states) + 1, held.number("tol", *TOLERANCES)
+        options = held.json("options", dict)
         return cls(
             system=system,
             parameters=parameters,
-            x0=ds["x0"].values,
-            multipliers=complex_of(ds["multiplier_re"].values, ds["multiplier_im"].values),
-            stable=ds["stable"].values.astype(bool),
-            admissible=ds["admissible"].values.astype(bool),
-            period=ds["period"].values,
-            residual=ds["residual"].values,
-            arclength=ds["arclength"].values,
-            lows=ds["lows"].values,
-            highs=ds["highs"].values,
-            forms=tuple(forms[: int(attrs["n_forms"])]),
-            form=ds["form"].values,
-            unknowns=tuple(np.split(ds["unknown"].values, np.cumsum(ds["unknown_count"].values))[:-1]),
-            special_points=SpecialPoints(specials, varied),
-            stopped=(str(attrs["stopped_first"]), str(attrs["stopped_last"])),
-            rejected=tuple(json.loads(attrs["rejected"])),
-            options=json.loads(attrs["options"]),
+            x0=held.array("x0", ("point", "state")),
+            multipliers=_complex(held, "multiplier", ("point", "multiplier")),
+            stable=held.array("stable", point, bool),
+            admissible=held.array("admissible", point, bool),
+            period=held.array("period", point),
+            residual=held.array("residual", point, finite=False),
+            arclength=held.array("arclength", point, finite=False),
+            lows=held.array("lows", ("point", "quantity"), finite=False),
+            highs=held.array("highs", ("point", "quantity"), finite=False),
+            forms=tuple(forms[:n_forms]),
+            form=number,
+            unknowns=_split(held, "unknown", "ragged", "point", [len(forms[i]) * wide for i in number.tolist()]),
+            special_points=SpecialPoints(_specials(held, system, parameters, varied, forms, tol), varied),
+            stopped=(held.text("stopped_first"), held.text("stopped_last")),
+            rejected=tuple(held.texts("rejected")),
+            options=options,
             tol=tol,
-            **cls._own_fields(ds, varied),
+            **cls._own_fields(held, varied),
         )
 
     def _described(self, what: str) -> str:
@@ -584,3 +566,76 @@ class Curve(Result):
 
 def _written(signature: tuple[tuple[str, str], ...]) -> str:
     return " -> ".join(f"{mode}:{transition}" for mode, transition in signature)
+
+
+def _specials(
+    held: Contents,
+    system: HybridSystem,
+    parameters: Mapping[str, float],
+    varied: tuple[str, ...],
+    forms: list[Signature],
+    tol: float,
+) -> list[SpecialPoint]:
+    """Return the special points in a curve's file."""
+    special = ("special",)
+    wide, number = len(system.all_states) + 1, held.array("special_form", special, int, least=0, most=len(forms) - 1)
+    sizes = [len(forms[i]) * wide for i in number.tolist()]
+    blocks = _split(held, "special_unknown", "special_ragged", "special", sizes)
+    with_tangent = held.array("special_tangent_count", special, int, least=0) > 0
+    lengths = [size + 1 if there else 0 for size, there in zip(sizes, with_tangent.tolist(), strict=True)]
+    tangents = _split(held, "special_tangent", "tangent_ragged", "special", lengths)
+    text = {name: held.array(f"special_{name}", special, str) for name in ("type", "label", "of", "locus")}
+    real = {
+        name: held.array(f"special_{name}", special, finite=False)
+        for name in ("test", "position", "arclength", "residual")
+    }
+    values = held.array("special_value", ("special", "parameter"))
+    multipliers = _complex(held, "special_multiplier", ("special", "multiplier"))
+    x0 = held.array("special_x0", ("special", "state"), finite=False)
+    lows, highs = (held.array(f"special_{end}", ("special", "quantity"), finite=False) for end in ("low", "high"))
+    faults = held.array("special_faults", special, int, least=0, most=MOST_FAULTS)
+    specials = []
+    for i, block in enumerate(blocks):
+        table = block.reshape(-1, wide)
+        orbit = PeriodicOrbit(
+            system,
+            all_parameters({**parameters, **dict(zip(varied, values[i].tolist(), strict=True))}, system),
+            forms[number[i]],
+            table[:, :-1],
+            table[:, -1],
+            multipliers[i],
+            float(real["residual"][i]),
+            int(faults[i]),
+            x0[i],
+            lows[i],
+            highs[i],
+            tol,
+        )
+        specials.append(
+            SpecialPoint(
+                str(text["type"][i]),
+                str(text["label"][i]),
+                orbit,
+                float(real["test"][i]),
+                float(real["position"][i]),
+                float(real["arclength"][i]),
+                varied,
+                str(text["of"][i]),
+                str(text["locus"][i]),
+                tangents[i] if tangents[i].size else None,
+            )
+        )
+    return specials
+
+
+def _complex(held: Contents, name: str, dims: tuple[str, ...]) -> NDArray[np.complex128]:
+    return complex_of(*(held.array(f"{name}_{part}", dims, finite=False) for part in ("re", "im")))
+
+
+def _split(held: Contents, name: str, ragged: str, dim: str, sizes: list[int]) -> tuple[NDArray[np.float64], ...]:
+    """Return the parts of a ragged variable; raise `InputError` where they are not of the sizes that they must be."""
+    counts, values = held.array(f"{name}_count", (dim,), int, least=0), held.array(name, (ragged,))
+    if counts.tolist() != sizes or values.size != sum(sizes):
+        told = f"those of the signatures: {sum(sizes)} numbers"
+        raise InputError(f"counts of variable {name!r}", f"{counts.sum()} for {values.size} numbers", told)
+    return tuple(np.split(values, np.cumsum(sizes, dtype=np.int64))[:-1])

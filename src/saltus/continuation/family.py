@@ -20,13 +20,16 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from saltus import checks
+from saltus.contents import Contents, as_json
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.branch import Branch
 from saltus.continuation.orbits import continue_orbit
 from saltus.errors import InputError, SaltusError, nearest
+from saltus.flow.threads import starting
 from saltus.orbits import PeriodicOrbit
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
+from saltus.system.plain import held_system
 
 if TYPE_CHECKING:
     from multiprocessing.synchronize import Event
@@ -142,32 +145,38 @@ class Family(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Family:
-        """Return the family that `to_xarray` described."""
-        attrs = dataset.attrs
-        counts = {
-            str(variable.attrs["sample_dimension"]): variable.values
-            for variable in dataset.data_vars.values()
-            if "sample_dimension" in variable.attrs
-        }
-        ends = {dim: np.cumsum(sizes).tolist() for dim, sizes in counts.items()}
-        reasons = [str(reason) for reason in dataset["failure"].values]
+        """Return the family that `to_xarray` described; raise `InputError` where it cannot be one."""
+        held = Contents(dataset)
+        system = held_system(held)
+        members = held.size("member", least=1)
+        counts = _counts(held)
+        starts = {dim: [0, *np.cumsum(sizes).tolist()] for dim, sizes in counts.items()}
+        reasons = held.array("failure", ("member",), str).tolist()
+        attributes = held.array("branch_attributes", ("member",), str).tolist()
+        shared = {name: held.text(name) for name in _SHARED}
         branches: list[Branch | None] = []
-        for i, text in enumerate(dataset["branch_attributes"].values):
+        for i in range(members):
             if reasons[i]:
                 branches.append(None)
                 continue
-            rows = {dim: slice(ends[dim][i] - int(sizes[i]), ends[dim][i]) for dim, sizes in counts.items()}
-            member = dataset.isel(rows)
-            member.attrs = {key: attrs[key] for key in _SHARED} | json.loads(str(text))
+            member = dataset.isel({dim: slice(ends[i], ends[i + 1]) for dim, ends in starts.items()})
+            member.attrs = shared | as_json(attributes[i], f"branch_attributes of member {i}", dict)
             branches.append(Branch.from_xarray(member))
+        parameter = held.text("parameter")
+        if any(branch is not None and branch.parameter != parameter for branch in branches):
+            raise InputError("attribute 'parameter'", parameter, "that of all branches")
+        over = held.json("over", dict)
+        known = {*system.parameter_names, *system.groups}
+        if not over or not set(over) <= known or not all(isinstance(name, str) for name in over.values()):
+            raise InputError("attribute 'over'", sorted(over), f"names of variables, by one of {', '.join(known)}")
         return cls(
-            HybridSystem.from_definition(json.loads(attrs["definition"])),
-            str(attrs["parameter"]),
-            {name: dataset[variable].values for name, variable in json.loads(attrs["over"]).items()},
+            system,
+            parameter,
+            {name: held.array(variable, ("member",)) for name, variable in over.items()},
             tuple(branches),
             {i: reason for i, reason in enumerate(reasons) if reason},
-            json.loads(attrs["options"]),
-            bool(attrs["interrupted"]),
+            held.json("options", dict),
+            bool(held.count("interrupted", most=1)),
         )
 
     def __repr__(self) -> str:
@@ -195,6 +204,20 @@ class Family(Result):
         specials = ", ".join(f"{types.count(name)} {name}" for name in dict.fromkeys(types)) or "no special points"
         low, high = (float(branch.values.min()), float(branch.values.max())) if len(branch) else (math.nan, math.nan)
         return f"{len(branch)} orbits, {self.parameter} from {low:.6g} to {high:.6g}; {specials}"
+
+
+def _counts(held: Contents) -> dict[str, NDArray[np.int64]]:
+    """Return how much of each ragged dimension belongs to each member."""
+    counts = {}
+    for name, variable in held.dataset.data_vars.items():
+        if "sample_dimension" in variable.attrs:
+            dim = str(variable.attrs["sample_dimension"])
+            counts[dim] = held.array(str(name), ("member",), int, least=0)
+            if counts[dim].sum() != held.size(dim):
+                raise InputError(
+                    f"variable {name!r}", int(counts[dim].sum()), f"{held.size(dim)} in all, as of {dim!r}"
+                )
+    return counts
 
 
 _SHARED = ("definition",)
@@ -547,7 +570,7 @@ class _Pool:
     def _start(self) -> None:
         """Start all processes at once: one that dies while others start can bring the executor's own thread down."""
         self._started = True
-        with _unnoticed():
+        with _unnoticed(), starting("processes=1"):
             for _ in range(self._processes):
                 self._executor.submit(os.getpid)  # as long as none is idle, each call starts one
 

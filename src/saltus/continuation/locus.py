@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+    from saltus.contents import Contents
+
 __all__ = ["Locus"]
 
 
@@ -70,14 +72,15 @@ class Locus(Curve):
         return dataset
 
     @classmethod
-    def _own_fields(cls, dataset: xr.Dataset, varied: tuple[str, ...]) -> dict[str, Any]:
-        values = np.column_stack(cls._varied_columns(dataset))
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...]) -> dict[str, Any]:
+        held.expect(parameter=2)
+        point, values = ("point",), np.column_stack(cls._varied_columns(held))
         return {
-            "type": str(dataset.attrs["type"]),
+            "type": held.text("type"),
             "names": varied,
             "values": values,
-            "angle": dataset["angle"].values,
-            "coefficient": dataset["coefficient"].values,
+            "angle": held.array("angle", point, finite=False),
+            "coefficient": held.array("coefficient", point, finite=False),
         }
 
     def __repr__(self) -> str:

@@ -16,6 +16,7 @@ from saltus.errors import InputError
 from saltus.flow.alone import follow_alone
 from saltus.flow.linear_part import LinearPart, linear_parts
 from saltus.flow.run import jumps_at_phase_zero
+from saltus.flow.threads import starting
 from saltus.flow.traps import Traps
 from saltus.system.pools import DIVERGED, LEFT_OVER, NOT_DONE
 
@@ -297,8 +298,9 @@ class Ensemble:
             return
         pool = ThreadPoolExecutor(self.threads)
         try:
-            for work in pool.map(follow, starts):
-                self.work += work
+            with starting("threads=1"):
+                for work in pool.map(follow, starts):
+                    self.work += work
         finally:
             pool.shutdown(cancel_futures=True)
 

@@ -30,12 +30,14 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from saltus import checks
+from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.flow.observables import Motion, dense_states, observe
 from saltus.flow.run import Run, check_tolerances, how_long, start_state, starting_mode
 from saltus.results import Result, frozen
 from saltus.system.evaluate import evaluate
 from saltus.system.hybrid import HybridSystem
+from saltus.system.plain import held_parameters, held_system
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -52,6 +54,7 @@ GRAZING_SPEED = 1e-6
 
 _STEPS_KEPT = 1024
 _MEMORY = 1 << 29  # bytes of dense output at the most
+_COEFFICIENTS = 7  # of the dense output in a step
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -298,29 +301,38 @@ class Trajectory(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Self:
-        """Return the trajectory that `to_xarray` described."""
-        attrs = dataset.attrs
-        system = HybridSystem.from_definition(json.loads(attrs["definition"]))
-        value = {str(name): dataset[name].to_numpy() for name in dataset.data_vars}
-        which = np.stack(
-            [value["event_transition"], value["event_mode_before"], value["event_mode_after"]], axis=1
-        ).astype(np.int64)
-        ends = np.stack([value["event_before"], value["event_after"]], axis=1)
+        """Return the trajectory that `to_xarray` described; raise `InputError` where it cannot be one."""
+        held = Contents(dataset)
+        system = held_system(held)
+        held.expect(state=len(system.all_states), coefficient=_COEFFICIENTS)
+        held.names("state", system.all_states)
+        t_end = held.number("t_end", least=0.0)
+        held.size("step", least=1 if t_end else 0)
+        event, step, last = ("event",), ("step",), len(system.modes) - 1
+        first = 0 if system.phase is None else -1
+        which = [held.array("event_transition", event, int, least=first, most=len(system.transitions) - 1)]
+        which += [held.array(f"event_mode_{side}", event, int, least=0, most=last) for side in ("before", "after")]
+        ends = [held.array(f"event_{side}", ("event", "state")) for side in ("before", "after")]
+        times = held.array("event_time", event, least=0.0)
+        rates = held.array("event_normal_velocity", event, finite=False)
+        begun = held.array("step_time", step, least=0.0)
+        if (np.diff(times) < 0.0).any() or (np.diff(begun) < 0.0).any():
+            raise InputError("event_time, step_time", "not in order", "times that ascend")
         return cls(
             system=system,
-            parameters=json.loads(attrs["parameters"]),
-            t_end=float(attrs["t_end"]),
-            x_end=frozen(value["x_end"]),
-            mode_end=str(attrs["mode_end"]),
-            events=_event_table(system, value["event_time"], which, ends, value["event_normal_velocity"]),
-            stopped=str(attrs["stopped"]),
-            step_times=frozen(value["step_time"]),
-            step_lengths=frozen(value["step_length"]),
-            step_modes=frozen(value["step_mode"], np.int64),
-            step_starts=frozen(value["step_start"]),
-            step_dense=frozen(value["step_dense"]),
-            rtol=float(attrs["rtol"]),
-            atol=float(attrs["atol"]),
+            parameters=held_parameters(held, system),
+            t_end=t_end,
+            x_end=frozen(held.array("x_end", ("state",))),
+            mode_end=system.mode_names[system.mode_index(held.text("mode_end"))],
+            events=_event_table(system, times, np.stack(which, axis=1), np.stack(ends, axis=1), rates),
+            stopped=held.text("stopped"),
+            step_times=frozen(begun),
+            step_lengths=frozen(held.array("step_length", step, least=0.0)),
+            step_modes=frozen(held.array("step_mode", step, int, least=0, most=last), np.int64),
+            step_starts=frozen(held.array("step_start", ("step", "state"))),
+            step_dense=frozen(held.array("step_dense", ("step", "coefficient", "state"))),
+            rtol=held.number("rtol", least=0.0),
+            atol=held.number("atol", least=0.0),
         )
 
     def _times(self, t: ArrayLike) -> NDArray[np.float64]:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from saltus import checks
+from saltus.contents import Contents
+from saltus.errors import ConvergenceError, InputError
 from saltus.flow.observables import Motion, observe
 from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
 from saltus.orbits.problem import CUT_END, FAULTS, OrbitProblem, Signature, Survey
@@ -19,12 +22,16 @@ from saltus.orbits.rounds import rounds_of
 from saltus.orbits.sampling import motion_of, sample_orbit
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
+from saltus.system.plain import held_parameters, held_system
 
 if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["PeriodicOrbit", "Segment", "complex_of", "orbit_at"]
+__all__ = ["PeriodicOrbit", "Segment", "complex_of", "follow_from", "orbit_at", "signature_from"]
+
+MOST_FAULTS = 127  # all bits of `PeriodicOrbit.faults`
+TOLERANCES = (1e-16, 1.0)  # between which the relative tolerance of a flow lies
 
 
 class Segment(NamedTuple):
@@ -94,6 +101,24 @@ class PeriodicOrbit(Result):
             object.__setattr__(self, name, frozen(getattr(self, name)))
         object.__setattr__(self, "multipliers", frozen(self.multipliers, np.complex128))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        self.form.check(self.system)
+        self._check_shapes()
+
+    def _check_shapes(self) -> None:
+        """Raise `InputError` where an array does not belong to the system: compiled functions trust shapes."""
+        segments, full, own = len(self.form), len(self.system.all_states), len(self.system.states)
+        wanted = {
+            "states": (segments, full),
+            "durations": (segments,),
+            "x0": (own,),
+            "lows": (full + len(self.system.outputs),),
+            "highs": (full + len(self.system.outputs),),
+        }
+        for name, shape in wanted.items():
+            if getattr(self, name).shape != shape:
+                raise InputError(f"{name} of an orbit", getattr(self, name).shape, f"of shape {shape}")
+        if self.multipliers.ndim != 1:
+            raise InputError("multipliers of an orbit", self.multipliers.shape, "of one dimension")
 
     @property
     def period(self) -> float:
@@ -163,7 +188,7 @@ class PeriodicOrbit(Result):
         scale = checks.positive("scale", scale)
         problem = OrbitProblem(self.system, self.form, p, index, np.full(len(index), scale), self.tol)
         u = self.unknowns if active is None else np.append(self.unknowns, p[index] / scale)
-        problem.start(u)
+        follow_from(problem, u)
         return problem
 
     def sample(self, points: int = 400) -> xr.Dataset:
@@ -243,22 +268,27 @@ class PeriodicOrbit(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> PeriodicOrbit:
-        """Return the orbit that `to_xarray` described."""
-        attrs = dataset.attrs
-        modes, transitions, kinds, turns = json.loads(attrs["form"])
+        """Return the orbit that `to_xarray` described; raise `InputError` where it cannot be one."""
+        held = Contents(dataset)
+        system = held_system(held)
+        held.names("state", system.all_states)
+        held.names("own_state", system.states)
+        held.names("quantity", (*system.all_states, *system.output_names))
+        parts = ("multiplier_re", "multiplier_im")
+        held.expect(multiplier=len(system.states))
         return cls(
-            HybridSystem.from_definition(json.loads(attrs["definition"])),
-            json.loads(attrs["parameters"]),
-            Signature(tuple(modes), tuple(transitions), tuple(kinds), turns),
-            dataset["segment_state"].values,
-            dataset["segment_duration"].values,
-            complex_of(dataset["multiplier_re"].values, dataset["multiplier_im"].values),
-            float(attrs["residual"]),
-            int(attrs["faults"]),
-            dataset["x0"].values,
-            dataset["minimum"].values,
-            dataset["maximum"].values,
-            float(attrs["tol"]),
+            system,
+            held_parameters(held, system),
+            signature_from(held.json("form", list)),
+            held.array("segment_state", ("segment", "state")),
+            held.array("segment_duration", ("segment",)),
+            complex_of(*(held.array(part, ("multiplier",), finite=False) for part in parts)),
+            held.number("residual", finite=False),
+            held.count("faults", most=MOST_FAULTS),
+            held.array("x0", ("own_state",), finite=False),
+            held.array("minimum", ("quantity",), finite=False),
+            held.array("maximum", ("quantity",), finite=False),
+            held.number("tol", *TOLERANCES),
         )
 
     def __repr__(self) -> str:
@@ -278,6 +308,22 @@ class PeriodicOrbit(Result):
             f"  |multipliers| {sizes}\n"
             f"  residual    {self.residual:.2g}"
         )
+
+
+def signature_from(parts: Any) -> Signature:
+    """Return the signature that a file describes by four lists."""
+    if not isinstance(parts, list) or len(parts) != 4 or not all(isinstance(part, list) for part in parts[:3]):
+        raise InputError("signature", parts, "lists of modes, transitions and ends, and a number of turns")
+    modes, transitions, kinds = map(tuple, parts[:3])
+    return Signature(modes, transitions, kinds, parts[3])
+
+
+def follow_from(problem: OrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None) -> None:
+    """Make meshes fit an orbit, as `OrbitProblem.start`; raise `ConvergenceError` where it cannot be followed."""
+    blocked = problem.start(u, sizes)
+    if blocked is not None:
+        hint = "the field is singular or the state diverges there"
+        raise ConvergenceError(f"flow of segment {blocked}", math.inf, 0, hint)
 
 
 def orbit_at(

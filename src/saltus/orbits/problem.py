@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.errors import InputError
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -25,6 +27,9 @@ periods; a closed curve of an autonomous mode; a surface is touched, and the mot
 orbit is cut where this piece of it begins, the ratio of its duration to that of the piece before being fixed."""
 
 _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jacobians
+_MOST_TURNS = 2**31  # forcing periods in an orbit's period: kernels count them
+_WITH_EVENT, _WITHOUT_EVENT = {EVENT_END, MEAN_END, TOUCH_END}, {PHASE_END, CLOSED_END, CUT_END}
+
 _RESTING = 1e-9
 """Size of a state that no other moves, over the largest one, below which it counts as resting at zero."""
 
@@ -77,8 +82,33 @@ class Signature:
     kinds: tuple[int, ...]
     turns: int
 
+    def __post_init__(self) -> None:
+        columns = (self.modes, self.transitions, self.kinds)
+        if not self.modes or len({len(column) for column in columns}) > 1:
+            raise InputError("signature", columns, "a mode, a transition and an end for each segment, at least one")
+        for number in (*self.modes, *self.transitions, *self.kinds, self.turns):
+            if isinstance(number, bool) or not isinstance(number, int | np.integer):
+                raise InputError("signature", number, "made of integers")
+
     def __len__(self) -> int:
         return len(self.modes)
+
+    def check(self, system: HybridSystem) -> None:
+        """Raise `InputError` where an index is none of the system's: compiled functions trust them."""
+        for mode, transition, kind in zip(self.modes, self.transitions, self.kinds, strict=True):
+            if not 0 <= mode < len(system.modes):
+                raise InputError("signature's mode", mode, f"between 0 and {len(system.modes) - 1}")
+            if kind not in _WITH_EVENT and kind not in _WITHOUT_EVENT:
+                raise InputError("signature's end", kind, f"one of {sorted(_WITH_EVENT | _WITHOUT_EVENT)}")
+            if kind in _WITHOUT_EVENT and transition != -1:
+                raise InputError("signature's transition", transition, "-1 where a segment ends without an event")
+            if kind in _WITH_EVENT and not 0 <= transition < len(system.transitions):
+                allowed = f"between 0 and {len(system.transitions) - 1}" if system.transitions else "of the system"
+                raise InputError("signature's transition", transition, allowed)
+            if kind == PHASE_END and system.phase is None:
+                raise InputError("signature's end", kind, "another for a system without a phase")
+        if not 0 <= self.turns < _MOST_TURNS:
+            raise InputError("signature's turns", self.turns, f"between 0 and {_MOST_TURNS}")
 
     def names(self, system: HybridSystem) -> tuple[tuple[str, str], ...]:
         """Return (mode, transition) names; a segment that ends with the period names the phase, or nothing."""
@@ -183,6 +213,7 @@ class OrbitProblem:
     def __post_init__(self) -> None:
         from saltus.orbits import _kernels
 
+        self.signature.check(self.system)
         self.kernels = _kernels
         compiled = self.system.compiled
         self.n = compiled.n

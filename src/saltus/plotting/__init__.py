@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import Any
 
 from saltus.errors import InputError
+from saltus.plotting.style import check_matplotlib
 
 __all__ = ["plot"]
 
@@ -49,5 +50,6 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
     if home is None:
         drawn = ", ".join(kind.rsplit(".", 1)[1] for kind in _HOMES)
         raise InputError("result", type(result).__name__, f"a result that can be drawn: {drawn}")
+    check_matplotlib()
     import_module(home)
     return plot.dispatch(type(result))(result, *args, **options)

@@ -237,7 +237,7 @@ def _draw_legend(
     from matplotlib.patches import Patch
 
     handles: list[Any] = [
-        Patch(facecolor=colours[name], edgecolor="0.4", linewidth=0.4, label=f"{name}  {percent(part)}")
+        Patch(facecolor=colours[name], edgecolor="0.4", linewidth=0.4, label=f"{style.plain(name)}  {percent(part)}")
         for name, part in parts.items()
     ]
     for wanted, name in ((filled, "attractor"), (opened, "attractor, projected")):

@@ -104,7 +104,7 @@ def _draw_special(ax: Axes, branch: Branch, x: str, y: str) -> None:
         ax.plot(
             [branch.at(point, x) for point in points],
             [branch.at(point, y) for point in points],
-            label=f"{kind}, {marker.meaning}" if marker.meaning else kind,
+            label=f"{kind}, {marker.meaning}" if marker.meaning else style.plain(kind),
             zorder=5 if kind in ("SN", "GR") else 6,
             **marker.options(),
         )

@@ -70,7 +70,7 @@ def plot_erosion(
                 error = np.nan_to_num(profile.errors[:, i, j])
                 ax.fill_between(profile.values, known - error, known + error, color=colour, alpha=0.15, linewidth=0.0)
     ax.set_xlabel(style.label_of(profile.parameter))
-    ax.set_ylabel(shown[0] if alone else "share of the largest value")
+    ax.set_ylabel(style.plain(shown[0]) if alone else "share of the largest value")
     if float(np.nanmin(profile.found, initial=0.0)) >= 0.0:
         ax.set_ylim(bottom=0.0)
     if legend and profile.attractors:
@@ -81,8 +81,10 @@ def plot_erosion(
 def _legend(ax: Axes, attractors: Sequence[str], measures: Sequence[str]) -> None:
     """What the colours mean, and beside it the line kinds."""
     for i, name in enumerate(attractors):
-        ax.plot([], [], "-", color=style.colour_of_mode(i), linewidth=1.6, label=name)
+        ax.plot([], [], "-", color=style.colour_of_mode(i), linewidth=1.6, label=style.plain(name))
     for k, measure in enumerate(measures):
         kind = _LINES[k % len(_LINES)]
-        ax.plot([], [], kind, marker=_MARKERS[k % len(_MARKERS)], markersize=3.6, color="0.35", label=measure)
+        ax.plot(
+            [], [], kind, marker=_MARKERS[k % len(_MARKERS)], markersize=3.6, color="0.35", label=style.plain(measure)
+        )
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)

@@ -130,9 +130,7 @@ def _axes(ax: Axes | None, projection: str | None) -> tuple[Axes, bool]:
         return ax, deep
     if projection == "2d":
         return style.axes(None), False
-    from matplotlib import pyplot
-
-    space: Any = pyplot.figure(layout="constrained").add_subplot(projection="3d", **_VIEW)
+    space: Any = style.new_figure().add_subplot(projection="3d", **_VIEW)
     space.set_box_aspect((1.3, 1.2, 0.9), zoom=_ZOOM)
     return space, True
 
@@ -174,7 +172,7 @@ def _draw_legend(ax: Axes, kinds: list[str], branches: list[Branch], alone: bool
     handles = [Line2D([], [], label=kind, **style.LINES[kind]) for kind in kinds]
     for kind in _kinds(branches):
         marker = _marker(kind)
-        label = f"{kind}, {marker.meaning}" if marker.meaning else kind
+        label = f"{kind}, {marker.meaning}" if marker.meaning else style.plain(kind)
         handles.append(Line2D([], [], label=label, **marker.options()))
     if alone:
         ax.figure.legend(handles=handles, loc="outside upper center", ncols=min(3, len(handles)), frameon=False)

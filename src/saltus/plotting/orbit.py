@@ -87,7 +87,7 @@ def _draw_ends(
 def draw_curve(ax: Axes, curve: NDArray[np.float64], wrapped: Iterable[bool], mode: int, label: str) -> None:
     """Draw a curve (vertex, 2) in the colour of a mode, cut where a coordinate that is an angle passes 2 pi."""
     for part in _unwrapped_parts(curve, wrapped):
-        ax.plot(part[:, 0], part[:, 1], color=style.colour_of_mode(mode), label=label)
+        ax.plot(part[:, 0], part[:, 1], color=style.colour_of_mode(mode), label=style.plain(label))
         label = "_"
 
 

@@ -150,10 +150,7 @@ def _smooth(s: NDArray[np.float64], places: NDArray[np.float64], each: int) -> N
 
 def axes_in_space() -> Axes3D:
     """Return Axes in space in a new figure, seen from in front and above, with room for the height's label."""
-    from matplotlib import pyplot
-
-    figure = pyplot.figure(layout="constrained")
-    ax = figure.add_subplot(projection="3d", **_VIEW)
+    ax = style.new_figure().add_subplot(projection="3d", **_VIEW)
     ax.set_box_aspect((1.2, 1.2, 0.9), zoom=_ZOOM)
     ax.zaxis.labelpad = _LABEL_PAD
     ax.tick_params(axis="z", pad=_TICK_PAD)

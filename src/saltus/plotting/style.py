@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -9,9 +10,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
+from saltus.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = [
     "CURVE",
@@ -22,9 +25,12 @@ __all__ = [
     "SURFACE",
     "Marker",
     "axes",
+    "check_matplotlib",
     "check_options",
     "colour_of_mode",
     "label_of",
+    "new_figure",
+    "plain",
     "publication",
     "values_of",
 ]
@@ -160,11 +166,34 @@ def check_options(ax: object, *names: object, **flags: object) -> None:
 
 def axes(ax: Axes | None) -> Axes:
     """Return `ax`, or the axes of a new figure."""
-    if ax is not None:
-        return ax
-    from matplotlib import pyplot
+    return new_figure().add_subplot() if ax is None else ax
 
-    return pyplot.subplots(layout="constrained")[1]
+
+def new_figure(**options: Any) -> Figure:
+    """Return a new figure of pyplot's; options are those of `matplotlib.pyplot.figure`.
+
+    Raises
+    ------
+    InputError
+        The backend of matplotlib cannot be used here.
+    """
+    check_matplotlib()
+    from matplotlib import get_backend, pyplot
+
+    try:
+        return pyplot.figure(**{"layout": "constrained"} | options)
+    except ImportError as error:
+        wanted = "a backend of matplotlib that can be used here"
+        raise InputError("MPLBACKEND", get_backend(), wanted, f"agg can be; {error}") from error
+
+
+def check_matplotlib() -> None:
+    """Raise `InputError` where matplotlib refuses to be imported, as it does where MPLBACKEND is no backend's name."""
+    try:
+        import matplotlib  # noqa: F401
+    except ValueError as error:
+        named = os.environ.get("MPLBACKEND")
+        raise InputError("MPLBACKEND", named, "the name of a backend of matplotlib", "agg is one") from error
 
 
 def values_of(values: Mapping[str, float], labels: Mapping[str, str] | None = None) -> str:
@@ -184,6 +213,17 @@ def colour_of_mode(index: int) -> str:
     return _MODES[index % len(_MODES)]
 
 
+def plain(name: str) -> str:
+    r"""Return a name that may hold anything, as one from a file may, so that no part of it is read as mathematics.
+
+    Examples
+    --------
+    >>> plain("from 1$ to 2$")
+    'from 1\\$ to 2\\$'
+    """
+    return name.replace("$", r"\$")
+
+
 def label_of(name: str) -> str:
     r"""Return a quantity's name as an axis shows it, Greek letters and indices set as such.
 
@@ -193,7 +233,7 @@ def label_of(name: str) -> str:
     ('$\\Omega$', 'min $z$', '$v_{1}$', '$D_{rep,2}$', 'period')
     """
     if name in ("period", "arclength") or not name.isidentifier():
-        return name
+        return plain(name)
     for extreme in ("min", "max"):
         if name.startswith(f"{extreme}_"):
             return f"{extreme} {label_of(name[4:])}"

@@ -102,16 +102,15 @@ def plot_sweep(
 
 def _new_axes(sweep: Sweep, panels: tuple[str, ...]) -> list[Axes]:
     """Return the Axes of the diagram, then of the panels, one below the other."""
-    from matplotlib import pyplot
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     strip = _STRIP * len(sweep.directions)
     heights = [strip if panel == "labels" else _HEIGHTS[panel] for panel in panels]
     size = (_SIZE[0], _SIZE[1] + sum(heights) - strip * ("labels" in panels))
-    axes = pyplot.subplots(
-        1 + len(panels), 1, sharex=True, squeeze=False, figsize=size,
-        layout=ConstrainedLayoutEngine(h_pad=0.02, hspace=0.02), height_ratios=[size[1] - sum(heights), *heights],
-    )[1]  # fmt: skip
+    figure = style.new_figure(figsize=size, layout=ConstrainedLayoutEngine(h_pad=0.02, hspace=0.02))
+    axes = figure.subplots(
+        1 + len(panels), 1, sharex=True, squeeze=False, height_ratios=[size[1] - sum(heights), *heights]
+    )
     for own in axes[:-1, 0]:
         own.tick_params(labelbottom=False)
     return list(axes[:, 0])

@@ -620,13 +620,11 @@ class _Record:
         return f"{name} = {value:.6g} {self.sweep['directions'][place[0]]}: {label}, {_duration(left)} left"
 
     def save(self) -> None:
-        """Write aside, then rename, so that the file is whole at every time."""
+        """Write what is done."""
         if self.path is None:
             return
         began = monotonic()
-        aside = self.path.with_name(f".{self.path.name}.part")
-        self.as_sweep().save(aside)
-        os.replace(aside, self.path)
+        self.as_sweep().save(self.path)
         self.saved = monotonic()
         self.pause = max(_SAVED_EVERY, 20.0 * (self.saved - began))
 

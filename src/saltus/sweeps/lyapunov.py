@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
+from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.flow.run import starting_mode
 from saltus.flow.variational import BATCHES, CONFIDENCE, growth_along
 from saltus.results import Result, frozen
-from saltus.system.hybrid import HybridSystem
+from saltus.system import HybridSystem
+from saltus.system.plain import held_parameters, held_system
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -138,7 +140,7 @@ class LyapunovSpectrum(Result):
             span += f" ({self.times[-1] / self.period:.6g} periods of {self.system.phase[0]})"
         lines = [f"LyapunovSpectrum of {title} over {span}, after {self.discarded:.6g} discarded"]
         for value, error in list(zip(self.exponents, self.errors, strict=True))[:_SHOWN]:
-            lines.append(f"  {value:+.6g} ± {error:.1g}" if math.isfinite(value) else "  -inf")
+            lines.append(f"  {value:+.6g} +- {error:.1g}" if math.isfinite(value) else "  -inf")
         if self.exponents.size > _SHOWN:
             lines.append(f"  and {self.exponents.size - _SHOWN} more")
         if self.exponents.size == len(self.system.states):
@@ -174,21 +176,26 @@ class LyapunovSpectrum(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> LyapunovSpectrum:
-        """Return the spectrum that `to_xarray` described."""
-        attrs = dataset.attrs
+        """Return the spectrum that `to_xarray` described; raise `InputError` where it cannot be one."""
+        held = Contents(dataset)
+        system = held_system(held)
+        held.names("state", system.all_states)
+        held.size("row", least=1)
+        if held.size("exponent", least=1) > len(system.states):
+            raise InputError("dimension 'exponent'", held.size("exponent"), f"at most {len(system.states)}")
         return cls(
-            HybridSystem.from_definition(json.loads(attrs["definition"])),
-            json.loads(attrs["parameters"]),
-            dataset["exponent"].to_numpy(),
-            dataset["error"].to_numpy(),
-            dataset["time"].to_numpy(),
-            dataset["log_growth"].to_numpy(),
-            float(attrs["discarded"]),
-            dataset["x_end"].to_numpy(),
-            str(attrs["mode_end"]),
-            int(attrs["grazed"]),
-            float(attrs["rtol"]),
-            float(attrs["atol"]),
+            system,
+            held_parameters(held, system),
+            held.array("exponent", ("exponent",), finite=False),
+            held.array("error", ("exponent",), finite=False),
+            held.array("time", ("row",), least=0.0),
+            held.array("log_growth", ("row", "exponent"), finite=False),
+            held.number("discarded", least=0.0),
+            held.array("x_end", ("state",)),
+            system.mode_names[system.mode_index(held.text("mode_end"))],
+            held.count("grazed"),
+            held.number("rtol", least=0.0),
+            held.number("atol", least=0.0),
         )
 
 

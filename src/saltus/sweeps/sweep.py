@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import groupby
@@ -12,9 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus import checks
+from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
+from saltus.system.plain import held_parameters, held_system, swept_parameter
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -281,31 +284,55 @@ class Sweep(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Sweep:
-        """Return the sweep that `to_xarray` described."""
-        attrs, value = dataset.attrs, {str(name): dataset[name].to_numpy() for name in dataset.variables}
+        """Return the sweep that `to_xarray` described; raise `InputError` where it cannot be one."""
+        held, each = Contents(dataset), ("direction", "value")
+        system = held_system(held)
+        held.names("state", system.all_states)
+        values = held.array("value", ("value",))
+        if not values.size or (np.diff(values) <= 0.0).any():
+            raise InputError("variable 'value'", values.tolist()[:3], "values that ascend, at least one")
+        directions = tuple(held.array("direction", ("direction",), str).tolist())
+        if directions not in (("up",), ("down",), ("up", "down"), ("restart",)):
+            raise InputError("variable 'direction'", directions, "up, down, both of them, or restart")
+        states = held.array("end_state", (*each, "state"), finite=False)
+        modes = held.array("end_mode", each, int, least=-1, most=len(system.modes) - 1)
+        if not np.isfinite(states[modes >= 0]).all():
+            raise InputError("variable 'end_state'", math.nan, "finite where a motion ended")
         return cls(
-            HybridSystem.from_definition(json.loads(attrs["definition"])),
-            str(attrs["parameter"]),
-            value["value"],
-            json.loads(attrs["parameters"]),
-            tuple(map(str, value["direction"])),
-            tuple(map(str, value["quantity"])),
-            value["points"],
-            value["label"],
-            value["period"],
-            value["rotation"],
-            value["curves"],
-            value["lyapunov"],
-            value["lyapunov_error"],
-            value["return_time"],
-            tuple(map(str, value["observable"])),
-            value["observed"],
-            value["reason"],
-            value["end_state"],
-            value["end_mode"],
-            json.loads(attrs["settings"]),
-            str(attrs["stopped"]),
+            system,
+            swept_parameter(held, system),
+            values,
+            held_parameters(held, system),
+            directions,
+            tuple(held.array("quantity", ("quantity",), str).tolist()),
+            held.array("points", (*each, "kept", "quantity"), finite=False),
+            held.array("label", each, str),
+            held.array("period", each, int, least=0),
+            held.array("rotation", each, finite=False),
+            held.array("curves", each, int, least=0),
+            held.array("lyapunov", (*each, "exponent"), finite=False),
+            held.array("lyapunov_error", (*each, "exponent"), finite=False),
+            held.array("return_time", each, finite=False),
+            tuple(held.array("observable", ("observable",), str).tolist()),
+            held.array("observed", (*each, "observable"), finite=False),
+            held.array("reason", each, str),
+            states,
+            modes,
+            _checked_settings(held.json("settings", dict)),
+            held.text("stopped"),
         )
+
+
+def _checked_settings(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings of a file; raise `InputError` where one that is asked for is missing or another thing."""
+    kinds = {"discard": int, "keep": int, "criteria": dict, "section": (str, dict, type(None))}
+    for name, kind in kinds.items():
+        if name not in settings or not isinstance(settings[name], kind):  # type: ignore[arg-type]
+            raise InputError(f"setting {name!r}", settings.get(name), "as run_sweep writes it")
+    section = settings["section"]
+    if isinstance(section, dict) and not isinstance(section.get("event"), str):
+        raise InputError("setting 'section'", section, "one with an event")
+    return settings
 
 
 def _told(section: object) -> str:

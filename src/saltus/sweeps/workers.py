@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from saltus import checks
 from saltus.errors import InputError
+from saltus.flow.threads import starting
 
 if TYPE_CHECKING:
     import numpy as np
@@ -116,8 +117,9 @@ def _in_threads(
 
     executor = ThreadPoolExecutor(workers, "sweep")
     try:
-        for piece in pieces:
-            executor.submit(follow, piece)
+        with starting("workers=1"):
+            for piece in pieces:
+                executor.submit(follow, piece)
         for _ in range(sum(len(piece.order) for piece in pieces)):
             found = _next(ready)
             if isinstance(found, BaseException):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -88,19 +89,20 @@ class Symbolic:
         return [_smooth_diff(expression, self.p[parameter]) for expression in expressions]
 
     def as_html(self, title: str) -> str:
-        """Equations as HTML with TeX, for a notebook."""
-        latex = sympy.latex
-        rows = [f"<b>{title}</b>"]
+        """Equations as HTML with TeX, for a notebook; names and equations are escaped: a file may bring any."""
+        escape, latex = html.escape, sympy.latex
+        rows = [f"<b>{escape(title)}</b>"]
         for key, field, domain in zip(self.system.modes, self.field, self.domain, strict=True):
             lines = [rf"\dot{{{latex(s)}}} &= {latex(f)}" for s, f in zip(self.x, field, strict=True)]
-            where = "" if domain == 1 else f", where ${latex(domain)} > 0$"
+            where = "" if domain == 1 else escape(f", where ${latex(domain)} > 0$")
             body = r" \\ ".join(lines)
-            rows.append(f"mode <code>{key}</code>{where}: $$\\begin{{aligned}}{body}\\end{{aligned}}$$")
+            equations = escape(f"$$\\begin{{aligned}}{body}\\end{{aligned}}$$")
+            rows.append(f"mode <code>{escape(key)}</code>{where}: {equations}")
         for t, event, reset in zip(self.system.transitions, self.event, self.reset, strict=True):
             jumps = [rf"{latex(s)} \mapsto {latex(g)}" for s, g in zip(self.x, reset, strict=True) if g != s]
             arrow = {-1: r"\downarrow 0", 0: "= 0", 1: r"\uparrow 0"}[t.direction]
-            text = f"<code>{t.name}</code>: {t.source} &rarr; {t.target} at ${latex(event)} {arrow}$"
-            rows.append(text + (f", ${', '.join(jumps)}$" if jumps else ""))
+            where = escape(f"${latex(event)} {arrow}$" + (f", ${', '.join(jumps)}$" if jumps else ""))
+            rows.append(f"<code>{escape(t.name)}</code>: {escape(t.source)} &rarr; {escape(t.target)} at {where}")
         return "<br>".join(rows)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 import math
 import unicodedata
@@ -437,7 +436,7 @@ class HybridSystem:
         """Equations for a notebook."""
         from saltus.system.derivatives import Symbolic
 
-        return Symbolic(self).as_html(html.escape(self.name or "HybridSystem"))
+        return Symbolic(self).as_html(self.name or "HybridSystem")
 
 
 def _names(names: Sequence[str], where: str) -> tuple[str, ...]:

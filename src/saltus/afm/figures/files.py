@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from saltus import checks
 from saltus.errors import InputError
+from saltus.files import whole_file, write_sealed
+from saltus.plotting.style import check_matplotlib
+from saltus.results import READ, netcdf, reading, result_in, tagged
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,15 +24,6 @@ if TYPE_CHECKING:
     from saltus.results import Result
 
 __all__ = ["read_results", "write_figure"]
-
-_HOMES = {
-    "Branch": "saltus.continuation",
-    "Locus": "saltus.continuation",
-    "Family": "saltus.continuation",
-    "PeriodicOrbit": "saltus.orbits",
-    "Sweep": "saltus.sweeps",
-    "Trajectory": "saltus.flow",
-}
 
 
 def write_figure(
@@ -68,13 +62,15 @@ def write_figure(
     KeyboardInterrupt
         The interrupt came before the first result.
     """
+    check_matplotlib()
     kept, interrupted = _gathered(results)
     found: dict[str, Any] = {"files": [], "results": kept, "content": {}, "interrupted": interrupted}
     found["files"].append(_write_data(kept, out / f"{name}.nc"))
     try:
         found["content"] = content(kept)
         path = out / f"{name}.json"
-        path.write_text(json.dumps(found["content"], indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        with whole_file(path) as draft:
+            draft.write_text(json.dumps(found["content"], indent=1, allow_nan=False) + "\n", encoding="utf-8")
         found["files"].append(path)
         if interrupted:
             return found
@@ -82,7 +78,8 @@ def write_figure(
         figure = draw(kept)
         for suffix in ("png", "pdf"):
             path = out / f"{name}.{suffix}"
-            figure.savefig(path, dpi=300, metadata={"CreationDate": None} if suffix == "pdf" else None)
+            with whole_file(path) as draft:
+                figure.savefig(draft, dpi=300, metadata={"CreationDate": None} if suffix == "pdf" else None)
             found["files"].append(path)
     except KeyboardInterrupt:
         found["interrupted"] = True
@@ -112,19 +109,7 @@ def _is_cut_short(result: Any) -> bool:
 
 
 def _write_data(results: Mapping[str, Result], path: Path) -> Path:
-    if "" in results:
-        return results[""].save(path)
-    import xarray as xr
-
-    datasets = {}
-    for name, result in results.items():
-        datasets[name] = result.to_xarray()
-        datasets[name].attrs["saltus_result"] = type(result).__name__
-    tree = xr.DataTree.from_dict(datasets)
-    try:
-        tree.to_netcdf(path, engine="h5netcdf")
-    except OSError as error:
-        raise InputError("path", str(path), "a file that can be written", str(error)) from error
+    write_sealed(path, netcdf({name: tagged(result) for name, result in results.items()}))
     return path
 
 
@@ -138,14 +123,9 @@ def read_results(path: str | Path) -> dict[str, Result]:
     """
     import xarray as xr
 
-    try:
-        with xr.open_datatree(path, engine="h5netcdf") as tree:
-            datasets = {name: node.to_dataset().load() for name, node in tree.children.items()}
-    except (OSError, ValueError) as error:
-        raise InputError("path", str(path), "a figure's data file", str(error)) from error
-    kinds = {name: str(dataset.attrs.get("saltus_result")) for name, dataset in datasets.items()}
-    if not kinds or not set(kinds.values()) <= set(_HOMES):
+    path = checks.path("path", path)
+    with reading(path), xr.open_datatree(path, **READ) as tree:
+        datasets = {name: node.to_dataset().load() for name, node in tree.children.items()}
+    if not datasets:
         raise InputError("path", str(path), "a figure's data file with groups")
-    return {
-        name: getattr(import_module(_HOMES[kind]), kind).from_xarray(datasets[name]) for name, kind in kinds.items()
-    }
+    return {name: result_in(dataset, path) for name, dataset in datasets.items()}

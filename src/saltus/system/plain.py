@@ -1,0 +1,127 @@
+"""Definitions and parameters from outside, as plain data: checked before a system is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from saltus.errors import DefinitionError, InputError, nearest
+
+if TYPE_CHECKING:
+    from saltus.contents import Contents
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = [
+    "all_parameters",
+    "check_plain",
+    "held_parameters",
+    "held_system",
+    "swept_parameter",
+    "system_from",
+]
+
+_TEXT, _NUMBER, _TEXTS = (str,), (int, float), [(str,)]
+_OPTIONAL = (str, type(None))
+_NEEDED = ("states", "parameters", "modes", "transitions", "field", "source", "target", "event")
+
+_FORM: Mapping[str, Any] = {
+    "name": _TEXT,
+    "states": _TEXTS,
+    "parameters": {"": _NUMBER},
+    "phase": [_OPTIONAL],
+    "modes": {"": {"field": {"": _TEXT}, "domain": _OPTIONAL}},
+    "transitions": [
+        {
+            "source": _TEXT, "target": _TEXT, "event": _TEXT, "direction": (int,), "reset": {"": _TEXT},
+            "when": _OPTIONAL, "name": _TEXT,
+        }
+    ],
+    "outputs": {"": {"": _TEXT}},
+    "groups": {"": _TEXTS},
+    "positive": _TEXTS,
+    "parameter_bounds": {"": [_NUMBER]},
+    "regimes": {"": _TEXTS},
+}  # fmt: skip
+"""What `HybridSystem.definition` returns: kinds in a tuple, what a list holds in a list, keys of a mapping or, by "",
+what all its entries are."""
+
+
+def check_plain(definition: Any) -> None:
+    """Raise `DefinitionError` where plain data are not of the form that `HybridSystem.definition` returns.
+
+    Examples
+    --------
+    >>> check_plain({"states": ["x", 3]})
+    Traceback (most recent call last):
+        ...
+    saltus.errors.DefinitionError: definition's 'states' = 3: must be str
+    """
+    if not isinstance(definition, Mapping):
+        raise DefinitionError("definition", definition, "a mapping")
+    for key, value in definition.items():
+        if key not in _FORM:
+            raise DefinitionError("definition", key, f"one of {', '.join(_FORM)}", nearest(str(key), _FORM))
+        if key != "phase" or value is not None:
+            _check(value, _FORM[key], f"definition's {key!r}")
+    _check_needed(definition, _FORM, "definition")
+
+
+def _check(value: Any, form: Any, where: str) -> None:
+    if isinstance(form, tuple):
+        if not isinstance(value, form) or isinstance(value, bool):
+            raise DefinitionError(where, value, " or ".join(kind.__name__ for kind in form))
+    elif isinstance(form, list):
+        if not isinstance(value, list | tuple):
+            raise DefinitionError(where, value, "a list")
+        for part in value:
+            _check(part, form[0], where)
+    else:
+        if not isinstance(value, Mapping):
+            raise DefinitionError(where, value, "a mapping")
+        for key, part in value.items():
+            if not isinstance(key, str) or ("" not in form and key not in form):
+                raise DefinitionError(where, key, f"of {', '.join(form)}" if "" not in form else "a text as a key")
+            _check(part, form.get(key, form.get("")), f"{where}, {key!r}")
+        _check_needed(value, form, where)
+
+
+def _check_needed(value: Mapping[str, Any], form: Mapping[str, Any], where: str) -> None:
+    if missing := [key for key in form if key in _NEEDED and key not in value]:
+        raise DefinitionError(where, list(value), f"a mapping with {missing[0]!r}")
+
+
+def system_from(definition: Any) -> HybridSystem:
+    """Return the system of a definition from outside."""
+    from saltus.system.hybrid import HybridSystem
+
+    check_plain(definition)
+    return HybridSystem.from_definition(definition)
+
+
+def held_system(contents: Contents) -> HybridSystem:
+    """Return the system in a result's file."""
+    return system_from(contents.json("definition", dict))
+
+
+def held_parameters(contents: Contents, system: HybridSystem) -> dict[str, float]:
+    """Return all parameters in a result's file; raise `InputError` where one is missing or cannot be."""
+    return all_parameters(contents.json("parameters", dict), system)
+
+
+def swept_parameter(contents: Contents, system: HybridSystem) -> str:
+    """Return the name in the attribute ``parameter``; raise `InputError` where no parameter and no group has it."""
+    name, known = contents.text("parameter"), (*system.parameter_names, *system.groups)
+    if name not in known:
+        raise InputError("attribute 'parameter'", name, f"one of {', '.join(known)}", nearest(name, known))
+    return name
+
+
+def all_parameters(given: Mapping[str, Any], system: HybridSystem) -> dict[str, float]:
+    """Return the values of all parameters; raise `InputError` where one is missing, unknown, or cannot be."""
+    if set(given) != set(system.parameter_names):
+        raise InputError("parameters", sorted(given), f"values of all of {', '.join(system.parameter_names)}")
+    for name, value in given.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"parameter {name!r}", value, "a number")
+    values = system.resolve(given)
+    return {name: values[name] for name in given}
