@@ -353,7 +353,7 @@ def test_points_that_cannot_be_classified_are_told(basins, points, told):
         ({"store": ""}, r"^store = '': must be the path of a folder$"),
         (
             {"attractors": {"right": None}},
-            r"^attractors = 'right': must be options among region, seeds, search; attractors_from makes attractors of",
+            r"^attractors = 'right': must be options among region, seeds, search, motions; attractors_from makes",
         ),
         ({"store": "/nowhere/a.zarr"}, r"^store = '/nowhere/a\.zarr': must be in a folder that exists$"),
     ],
@@ -397,7 +397,8 @@ def test_attractors_are_looked_for_with_the_options_given(well, monkeypatch):
     monkeypatch.setattr(saltus.basins.mapping, "find_attractors", found)
     basins = map_basins(well, {}, {**BOX, "v": 0.1}, {"seeds": 12, "search": Search(samples=200)})
     region = {"x": (-2.0, 2.0), "v": 0.1}
-    assert asked == [{"interval": None, "region": region, "seeds": 12, "search": Search(samples=200)}]
+    options = {"region": region, "seeds": 12, "search": Search(samples=200), "motions": 30}
+    assert asked == [{"interval": None, "progress": None, **options}]
     assert basins.inputs["search"]["seeds"] == 12
     assert basins.inputs["search"]["region"] == {"x": [-2.0, 2.0], "v": 0.1}
     assert basins.inputs["search"]["search"]["samples"] == 200
