@@ -353,7 +353,7 @@ def test_points_that_cannot_be_classified_are_told(basins, points, told):
         ({"store": ""}, r"^store = '': must be the path of a folder; a text, or path-like$"),
         (
             {"attractors": {"right": None}},
-            r"^attractors = 'right': must be options among region, seeds, search, motions; attractors_from makes attr",
+            r"^attractors = 'right': must be options among region, seeds, search, motions; attractors_from makes",
         ),
         ({"store": "/nowhere/a.zarr"}, r"^store = '/nowhere/a\.zarr': must be in a folder that exists$"),
     ],
