@@ -30,6 +30,7 @@ _STEPS = 1000  # steps allowed for each period or return
 _MOST_EVENTS = 100_000  # transitions that are kept at the most
 _BATCH, _EVENTS = 1000, 40  # steps, and transitions of each kind, after which an autonomous motion is first looked at
 _FAR = 0.1
+_NOTHING = 1e-15  # size of a state, over the largest that the search has seen, below which it is at rest
 
 
 def find_orbit(
@@ -118,7 +119,7 @@ def _search_forced(
 
     done, batch, recurrence, atol = 0, 40, math.inf, ATOL
     failure = ""
-    spent, most = 0, int(_STEPS * longest)
+    spent, most, floor = 0, int(_STEPS * longest), _NOTHING * np.abs(x)
     while done < longest:
         run = Run(system, p, start_state(system, x), mode, RTOL, atol, most_steps=most - spent)
         run.follow(math.inf, batch, None, keep=False)
@@ -133,6 +134,8 @@ def _search_forced(
             raise ConvergenceError("periodic attractor", recurrence, done, hint, unit="forcing periods")
         states = log.x_after[wraps][:, :-1]
         sizes = sizes_along(system, p, log.x_end, log.mode_end, 2.0 * math.pi / seen.rate, atol)
+        floor = np.maximum(floor, _NOTHING * sizes.of_states)  # a motion that dies away has no size of its own
+        sizes = sizes.at_least(floor)
         scale, atol = sizes.of_gaps[:-1], sizes.atol
         for turns in range(1, _LONGEST + 1):
             gap = float(np.max(np.abs(states[turns:] - states[:-turns]) / scale))

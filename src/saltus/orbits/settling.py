@@ -81,6 +81,10 @@ class Sizes:
     of_states: NDArray[np.float64]
     of_gaps: NDArray[np.float64]
 
+    def at_least(self, floor: NDArray[np.float64]) -> Sizes:
+        """Return the sizes, none below `floor`, shape (all states,)."""
+        return Sizes(np.maximum(self.of_states, floor), np.maximum(self.of_gaps, floor))
+
     @property
     def atol(self) -> float:
         """Absolute tolerance of the motion's steps."""
