@@ -92,6 +92,9 @@ class ZeroProblem(Protocol):
     def depart(self, point: Point) -> None:
         """Normalise the equations at a point from which a step is to go; renew what of it depends on that."""
 
+    def recover(self, point: Point) -> bool:
+        """Make the discretisation finer where no point is found a step from `point`; return whether it is finer."""
+
     def leading(self, names: list[str]) -> list[str]:
         """Return those of the monitor functions that change sign in a step which are to be located."""
 
@@ -301,6 +304,8 @@ def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float,
     problem.depart(point)
     guess = _predict(point, before, h)
     new = correct(problem, guess, point.tangent, point.weights, control.iterations)
+    if isinstance(new, str) and problem.recover(point):
+        new = correct(problem, guess, point.tangent, point.weights, control.iterations)
     if isinstance(new, str):
         return new
     new.frame = point.frame

@@ -174,7 +174,7 @@ class LocusBranch:
             survey = replace(survey, faults=survey.faults & ~DIRECTION)
         # the multipliers next to a grazing vary so fast that the last Newton step shows in them
         self._J = problem.evaluate(u)[1]
-        problem.prepare()
+        problem.prepare(u)
         problem.rescale(survey)
         self._adjust(u)
         self.condition.adjust()
@@ -209,6 +209,10 @@ class LocusBranch:
             turning = {name: self._measure(name, point) for name in ("TP 0", "TP 1") if monitors.get(name) is not None}
             monitors |= {name: value for name, value in turning.items() if not math.isnan(monitors[name])}
             point.examined = replace(point.examined, monitors=monitors)
+
+    def recover(self, point: Point) -> bool:
+        """Shorten the steps of a stiff flow, whose stability limits them, for the orbits near a point."""
+        return self.problem.stabilise(self.orbit(point.u))
 
     def monitor(self, name: str, point: Point) -> float:
         """Return one monitor function at a point that need not be quite corrected."""

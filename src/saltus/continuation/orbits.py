@@ -17,13 +17,14 @@ from saltus.continuation.directions import SAME, Found, Half, join, turned
 from saltus.continuation.grazing import Neighbour, neighbour
 from saltus.continuation.halving import halved
 from saltus.continuation.shrinking import equilibrium_ahead
+from saltus.continuation.unbounded import grows_at_last, grows_for_ever, too_stiff
 from saltus.continuation.zero_problem import BIFURCATIONS, Interest, OrbitBranch, OrbitData, at_grazing
 from saltus.errors import InputError, nearest
 from saltus.orbits.critical import solve_branch_point
 from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.floquet import distance_from_circle
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import CUT_END, OrbitProblem, Signature, Survey
+from saltus.orbits.problem import OrbitProblem, Signature, Survey
 from saltus.orbits.rounds import divided
 
 if TYPE_CHECKING:
@@ -31,12 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_orbit", "read_stops"]
 
-_GROWN = 1.2  # growth of the period from its least value below which it does not count as unbounded
-_LONG = 3.0  # the same with which it does where no further step succeeds
-_RESTS = 1e-3  # change of the parameter, over its interval and the period's growth, below which the parameter rests
-_LONGEST = 1e3  # growth of the period from the start with which a branch is ended
-_LATE = 1.5  # growth of the period of sensitive orbits with which a branch ends if the parameter meanwhile rests
-_RESTING = 3e-6  # change of the parameter meanwhile, over its range along the branch, below which it rests
 _NOTHING = 1e-14  # parameter, over its interval, that reads 0
 
 _ROUNDING, _TOUCHING, _NEAR = 1e-9, 1e-13, 1e-3
@@ -306,7 +301,7 @@ class _Run:
         last = point
         for item in follow(branch, point, self.control, log=self.log, first_step=first):
             if isinstance(item, str):
-                reason = _unbounded(half) or item
+                reason = grows_at_last(half.points) or too_stiff(branch.problem) or item
                 return f"{self._place(last)}: {reason}"
             if isinstance(item, Event):
                 end = self._event(half, branch, item)
@@ -323,15 +318,13 @@ class _Run:
             half.points.append((branch, item))
             if (rest := equilibrium_ahead(branch, last, item)) is not None:
                 return self._shrunk(half, *rest)
-            if _period(branch, item) > _LONGEST * _period(*start) and (grown := _unbounded(half)) is not None:
-                return f"{self._place(item)}: {grown}"
             self.count += 1
             if self.progress is not None:
                 self.progress(self.count, item.parameter * self.scale)
             if len(half.points) >= self.control.most:
                 return f"{self._place(item)}: {self.control.most} points"
             last = item
-            if (grown := _grown(half.points)) is not None:
+            if (grown := grows_for_ever(half.points)) is not None:
                 return f"{self._place(item)}: {grown}"
             if (finer := self._cut(half, branch, item)) is not None:
                 return finer
@@ -459,18 +452,6 @@ def _assemble(
     )
 
 
-def _grown(points: list[tuple[OrbitBranch, Point]]) -> str | None:
-    """Return in words that the period of sensitive orbits grows while the parameter rests, as to a homoclinic orbit."""
-    branch, last = points[-1]
-    if CUT_END not in branch.problem.signature.kinds:
-        return None
-    period, values = _period(branch, last), [point.parameter for _, point in points]
-    late = [point.parameter for piece, point in points if _period(piece, point) * _LATE > period]
-    if len(late) == len(points) or max(late) - min(late) > _RESTING * (max(values) - min(values)):
-        return None
-    return f"the period grows without bound (T = {period:.6g})"
-
-
 def _sharpened(branch: OrbitBranch, point: Point) -> Point:
     """Return a branch point located by equations that are regular there; as it was where they have no solution."""
     u = solve_branch_point(branch.problem, point.u, branch.evaluate(point.u)[1])
@@ -479,26 +460,6 @@ def _sharpened(branch: OrbitBranch, point: Point) -> Point:
     found = replace(point, u=u, J=branch.evaluate(u)[1])
     found.examined = branch.examine(found, None)
     return point if found.examined.data is None else found
-
-
-def _unbounded(half: Half) -> str | None:
-    """Return in words that the period grows without bound, as towards a homoclinic orbit; None where it does not.
-
-    It has grown by a factor, and goes on: by a large factor at once, or while the parameter hardly moves any more.
-    """
-    if len(half.points) < 4:
-        return None
-    periods = [_period(*row) for row in half.points]
-    last, before = periods[-1], periods[-2]
-    rests = abs(half.points[-1][1].parameter - half.points[-2][1].parameter) < _RESTS * (last / before - 1.0)
-    growing = periods[-4] < periods[-3] < before < last
-    if not growing or last < _GROWN * min(periods) or not (rests or last > _LONG * min(periods)):
-        return None
-    return f"the period grows without bound (T = {last:.6g})"
-
-
-def _period(piece: OrbitBranch, point: Point) -> float:
-    return float(point.u[piece.n : piece.problem.size : piece.n + 1].sum())
 
 
 def _amplitude(orbit: PeriodicOrbit) -> float:

@@ -214,7 +214,7 @@ class OrbitBranch:
             survey = problem.survey(point.u)
         if before is not None and (fault := residual_fault(problem, survey, point.u)) is not None:
             return Examined({}, fault)
-        problem.prepare()
+        problem.prepare(point.u)
         problem.rescale(survey)
         self._adjust(point.u)
         values = multipliers(problem, point.u, point.J)
@@ -252,6 +252,10 @@ class OrbitBranch:
         if CUT_END not in self.problem.signature.kinds and abs(monitors["SN"]) < RESTS:
             monitors["SN"] = 0.0
         return monitors
+
+    def recover(self, point: Point) -> bool:
+        """Shorten the steps of a stiff flow, whose stability limits them, for the orbits near a point."""
+        return self.problem.stabilise(point.u)
 
     def _follow(self, point: Point, before: Point | None, values: NDArray[np.complex128]) -> Passage:
         """Return how the multipliers before a point, or at the nearer end of the step examined last, become its own."""

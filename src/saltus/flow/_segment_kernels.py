@@ -31,7 +31,7 @@ from saltus.system.machine_code import njit
 VARY, FIELD, FIELD_P, EVENT_X, EVENT_P = (
     FUNCTIONS.index(name) for name in ("vary", "field", "field_p", "event_x", "event_p")
 )
-MOST_STEPS = 4000
+MOST_STEPS = 400_000  # of a segment: a stiff one needs as many as its stability allows
 
 
 @njit(**INNER)

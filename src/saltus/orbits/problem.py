@@ -33,6 +33,9 @@ _WITH_EVENT, _WITHOUT_EVENT = {EVENT_END, MEAN_END, TOUCH_END}, {PHASE_END, CLOS
 _RESTING = 1e-9
 """Size of a state that no other moves, over the largest one, below which it counts as resting at zero."""
 
+_SAMPLED = 40  # steps of a segment that are looked at to see whether the flow is stiff
+_FAST = 2.0  # step, times the rate of the fastest decay, from which on stability limits it: it may reach 6
+_MANY = 0.3  # share of such steps with which a flow is stiff
 _EPSILON = 2.220446049250313e-16
 
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
@@ -232,6 +235,7 @@ class OrbitProblem:
         self.state_scale = np.ones(self.n)
         self._atol = self.tol
         self._worst = 0.0
+        self.stiff = False
         self._largest = np.zeros(len(self.system.states))
         self._least, self._moved = np.zeros(self.n), np.ones(self.n, dtype=bool)
         self._mesh = np.zeros(0)
@@ -257,13 +261,10 @@ class OrbitProblem:
 
         sizes: (states,), of the orbits nearby, where `u` itself may be at rest.
         """
-        from saltus.flow import _segment_kernels
-
         if sizes is not None and np.max(sizes) > 0.0:
             self._largest = 100.0 * sizes  # of which `rescale` keeps a hundredth
 
         self.set_parameters(u)
-        meshes = []
         blocks = u[: self.size].reshape(self.segments, self.n + 1)
         self._find_least(blocks)
         self.state_scale = np.maximum(np.maximum(np.max(np.abs(blocks[:, : self.n]), axis=0), self._least), 1e-300)
@@ -272,7 +273,22 @@ class OrbitProblem:
         if self.system.phase is not None:
             self.state_scale[-1] = 2.0 * math.pi
         self._atol = self.tol * min(1.0, float(self.state_scale.min()))
-        buffer = np.empty(_segment_kernels.MOST_STEPS + 1)
+        meshes = self._adapted(blocks)
+        if isinstance(meshes, int):
+            return meshes
+        self._use(meshes)
+        self._shares = np.abs(blocks[:, self.n]) / max(float(np.abs(blocks[:, self.n]).sum()), 1e-300)
+        survey = self.survey(u)
+        self.rescale(survey)
+        self.fix_phase(u, survey)
+        nearby = None if self.slides else self._sizes_nearby(u, survey)
+        return None if nearby is None else self.start(u, nearby)
+
+    def _adapted(self, blocks: NDArray[np.float64]) -> list[NDArray[np.float64]] | int:
+        """Return each segment's mesh, its steps as long as the tolerance allows; a segment that cannot be followed."""
+        from saltus.flow import _segment_kernels
+
+        meshes, buffer = [], np.empty(_segment_kernels.MOST_STEPS + 1)
         for index, (mode, block) in enumerate(zip(self.modes, blocks, strict=True)):
             x, duration = np.ascontiguousarray(block[: self.n]), block[self.n]
             count = _segment_kernels.adapt(
@@ -281,13 +297,7 @@ class OrbitProblem:
             if count < 0:
                 return index
             meshes.append(buffer[: count + 1].copy())
-        self._use(meshes)
-        self._shares = np.abs(blocks[:, self.n]) / max(float(np.abs(blocks[:, self.n]).sum()), 1e-300)
-        survey = self.survey(u)
-        self.rescale(survey)
-        self.fix_phase(u, survey)
-        nearby = None if self.slides else self._sizes_nearby(u, survey)
-        return None if nearby is None else self.start(u, nearby)
+        return meshes
 
     def _sizes_nearby(self, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
         """Return the states' sizes on the branch of an orbit that rests in the origin, or too near to have any itself.
@@ -430,11 +440,47 @@ class OrbitProblem:
         """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not."""
         return self._worst <= self.kernels.FINEST or self._move(self.kernels.FINEST)
 
-    def prepare(self) -> None:
-        """Move the meshes to equal errors where they may soon be too coarse, or are finer than they need be."""
-        self._move(1.0)
+    def prepare(self, u: NDArray[np.float64]) -> None:
+        """Move the meshes to equal errors where they may soon be too coarse, or are finer than they need be.
+
+        Steps of a stiff flow are as short as their stability demands, not their errors; they are made anew for `u`.
+        """
+        if not self.stiff:
+            self._move(1.0)
+        elif not isinstance(meshes := self._adapted(u[: self.size].reshape(self.segments, self.n + 1)), int):
+            self._use([_halved(mesh) for mesh in meshes])
+
+    def stabilise(self, u: NDArray[np.float64]) -> bool:
+        """Make meshes anew where the flow is stiff, steps cut in half for the orbits near `u`; return whether."""
+        self.set_parameters(u)
+        meshes = self._adapted(u[: self.size].reshape(self.segments, self.n + 1))
+        if isinstance(meshes, int):
+            return False
+        if not self.stiff:
+            self._use(meshes)
+            self.survey(u)
+            self.stiff = self._limited_by_stability(u)
+        if self.stiff:
+            self._use([_halved(mesh) for mesh in meshes])
+        return self.stiff
+
+    def _limited_by_stability(self, u: NDArray[np.float64]) -> bool:
+        """Whether many steps are as long as the fastest decay along them allows an explicit method."""
+        mesh, ends, nodes, _ = self.dense()
+        near = []
+        for i, mode in enumerate(self.modes):
+            grid, first = mesh[ends[i] : ends[i + 1]], int(ends[i])
+            for k in np.unique(np.linspace(0, grid.size - 2, _SAMPLED).astype(int)):
+                length = u[i * (self.n + 1) + self.n] * 6.0 * grid[k] * (1.0 - grid[k]) * (grid[k + 1] - grid[k])
+                frame, out = np.concatenate([nodes[first + k], np.eye(self.n).ravel()]), np.empty(self.n * (self.n + 1))
+                self.system.compiled.call("vary", int(mode), self.n, frame, self.extended, out)
+                J = out[self.n :].reshape(self.n, self.n)
+                near.append(np.all(np.isfinite(J)) and length * max(-np.linalg.eigvals(J).real) > _FAST)
+        return bool(np.mean(near) > _MANY)
 
     def _move(self, limit: float) -> bool:
+        if not np.all(np.isfinite(self._errors)):
+            return False
         fine, fresh, counts = self.kernels.remesh(self._mesh, self._mesh_at, self._errors, limit)
         if counts.size:
             ends = np.cumsum(counts + 1)
@@ -562,6 +608,11 @@ class OrbitProblem:
             out,
         )  # fmt: skip
         return x
+
+
+def _halved(mesh: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a mesh with each step cut in half."""
+    return np.interp(np.arange(2 * mesh.size - 1) / 2.0, np.arange(mesh.size), mesh)
 
 
 def _surface(transition: Transition) -> int:
