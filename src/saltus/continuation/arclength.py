@@ -163,7 +163,7 @@ class Event:
     value: float
 
 
-RESTS = 1e-7
+RESTS = 1e-9
 """Slope of the parameter, in units of arclength, below which it rests: a family at one value has one of rounding."""
 
 _ACCEPT, _REMESHED, _CROWDED, _ZERO, _JUMP, _BENT = 2e-9, 20, 1e-5, 1e-6, 1e-3, 2.0
