@@ -31,6 +31,7 @@ __all__ = [
 ]
 
 _ERROR = 10.0  # change of the Jacobian's entries, in tolerances of the flow, by which errors are estimated
+_LOST = 100.0  # size of a multiplier, in tolerances of the flow and beside the trivial one, below which it is error
 _RESTING = 1e-9  # way of a state in a period, over its size, below which it rests
 _ON_CIRCLE, _REAL, _CLEARLY = 1e-9, 1e-12, 2.0
 """Height within which a multiplier is on neither side of the circle; share of its size below which an imaginary part is
@@ -47,6 +48,7 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     not by dividing by normal velocities, so they can be followed through a grazing. There one is infinite (in floating
     point: beyond 1e10), and the others are not determined. The direction of the flow is taken out by its vector. It is
     no multiplier of a forced system's stroboscopic map; for an autonomous system its multiplier 1 is put back, last.
+    Of a smooth cycle, multipliers below the error of its linearised flow are 0.
 
     Parameters
     ----------
@@ -83,6 +85,7 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
         values = np.linalg.eigvals(P[:-1, :-1]).astype(np.complex128)
     elif closing == CLOSED_END:
         values = _across(P, flow, period)
+        values[np.abs(values) < _LOST * problem.tol * float(np.abs(P).max())] = 0.0
     elif n == 3:
         values = np.empty(2, dtype=np.complex128)
         problem.kernels.pair(P, R, 1, values)

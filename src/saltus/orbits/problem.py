@@ -455,6 +455,9 @@ class OrbitProblem:
         self.set_parameters(u)
         meshes = self._adapted(u[: self.size].reshape(self.segments, self.n + 1))
         if isinstance(meshes, int):
+            from saltus.flow import _segment_kernels
+
+            self.stiff = self.stiff or 2 * self.steps > _segment_kernels.MOST_STEPS
             return False
         if not self.stiff:
             self._use(meshes)
