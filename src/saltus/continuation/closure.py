@@ -11,8 +11,8 @@ import numpy as np
 
 from saltus.continuation.arclength import Point, StepControl, ZeroProblem, correct
 from saltus.continuation.directions import SAME
+from saltus.orbits.cuts import clustered
 from saltus.orbits.problem import PHASE_END
-from saltus.orbits.rounds import clustered
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["clustered", "divided", "rounds_of"]
+__all__ = ["divided", "rounds_of"]
 
 _ALIKE = 1e-6  # difference between two rounds, over the range of a state, up to which they are the same
 _ROUNDING = 1e-12  # difference between two rounds, over the size of a state, that is rounding
