@@ -284,7 +284,7 @@ def _is_of_phase(system: HybridSystem, transition: int) -> bool:
 
 
 def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:
-    """Return whether an event function of the phase alone vanishes at phase 0, to what the strobe can tell."""
+    """Return whether an event of the phase alone happens at phase 0, to what the strobe can tell."""
     from saltus.flow._event_kernels import AT_WRAP
 
     out, extended = np.empty(2), system.compiled.extended(p)
@@ -293,7 +293,7 @@ def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:
             x = np.zeros(len(system.all_states))
             rate = float(system.compiled.field(system.mode_index(transition.source), x, p)[-1])
             system.compiled.call("event", k, 0, x, extended, out)
-            if abs(rate * out[0]) <= AT_WRAP * abs(out[1]):
+            if abs(rate * out[0]) <= AT_WRAP * abs(out[1]) and transition.direction * out[1] >= 0.0:
                 return True
     return False
 
