@@ -119,7 +119,9 @@ def _search_forced(
 
     done, batch, recurrence, atol = 0, 40, math.inf, ATOL
     failure = ""
-    spent, most, floor = 0, int(_STEPS * longest), _NOTHING * np.abs(x)
+    # the first look takes its periods, however few `settle` asks for
+    spent, most = 0, int(_STEPS * max(longest, batch + 2 * _LONGEST + 1))
+    floor = _NOTHING * np.abs(x)
     while done < longest:
         run = Run(system, p, start_state(system, x), mode, RTOL, atol, most_steps=most - spent)
         run.follow(math.inf, batch, None, keep=False)
