@@ -82,7 +82,7 @@ def by_scipy(orbit: saltus.PeriodicOrbit) -> tuple[list[float], float]:
 @pytest.fixture(scope="module")
 def circuit() -> saltus.Branch:
     orbit = saltus.find_orbit(CIRCUIT, {}, x0=[0.1, 0.1, 0.1])
-    control = saltus.StepControl(most=130)
+    control = saltus.StepControl(most=200)
     return saltus.continue_orbit(orbit, "nu", (-0.9, -0.4), directions="down", steps=control)
 
 

@@ -27,6 +27,7 @@ __all__ = ["clustered", "cut", "in_shares", "piece_maps", "stretched", "whole"]
 
 STRETCHED = 1e3  # growth of a sensitivity over a piece, in the states' units, at which an orbit is cut
 TAUT = 30.0  # growth above which a piece is cut again once any is
+_SLACK = 1e-4  # contraction below which a piece is cut again once any is
 MOST_PIECES = 128  # pieces of an orbit, beyond which its equations would be larger than they are worth
 
 
@@ -73,7 +74,10 @@ def cut(
     """
     n = problem.n
     while problem.segments < MOST_PIECES:
-        growth = _growth(problem, J)
+        maps = piece_maps(problem, J)
+        least = np.linalg.svd(maps, compute_uv=False)[:, -1]
+        # what contracts by more than that beside what grows would be lost in the rounding of a piece
+        growth = np.maximum(np.abs(maps).max(axis=(1, 2)), TAUT * _SLACK / np.maximum(least, 1e-300))
         if not growth.max() > TAUT:
             break
         problem.survey(u)
