@@ -326,7 +326,8 @@ class LocusBranch:
         u, condition = self.orbit(point.u), self.condition
         assert isinstance(condition, Grazing)
         found = {}
-        if TOUCH_END not in self.problem.signature.kinds and not _undetermined(self.problem, u, self._J):
+        known = only is not None or not _undetermined(self.problem, u, self._J)
+        if TOUCH_END not in self.problem.signature.kinds and known:
             found = self._critical_beside("larger", self.problem, u, self._J)[0]
         values = np.full(len(self.problem.system.states), math.inf + 0j)
         beside = neighbour(self.problem, condition.monitor, u)

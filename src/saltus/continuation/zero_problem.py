@@ -44,6 +44,7 @@ BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
 _FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
 _SHARPER = 1e-6  # Newton step, in sizes of the unknowns, below which a point is as good as found
 _SHORT = 1e-5  # step below which several multipliers may cross the unit circle in it
+_SLOWED = 0.05  # share of its velocity that a step leaves an event at least
 _CRITICAL = 1e-6  # height within which a multiplier is critical
 
 
@@ -409,6 +410,10 @@ def _fault(point: Point, before: Point, monitors: Mapping[str, float], data: Orb
         return "not admissible: " + "; ".join(data.survey.reasons())
     if point.arc - before.arc < _SHORT or grazing or not old.survey.admissible or _rests(before, point):
         return None
+    if any(
+        name.startswith("rate") and 0.0 < value < _SLOWED * known.get(name, 0.0) for name, value in monitors.items()
+    ):
+        return "velocity: an event is met so much slower that a touch before may be passed over"
     if not way.sure:
         return "stability: multipliers may have crossed the unit circle in opposite ways"
     if way.real + way.pairs > 1:
