@@ -37,6 +37,7 @@ _INFINITE, _CONSTANT, _ROUGH, _RESONANT = 1e10, 1e-9, 1e-8, 1e-4
 tolerance of the flow for the coefficients of normal forms, but where one vanishes; distance from R1, R2 and R3, in the
 cosine of the angle, within which that of a torus bifurcation is not determined."""
 _OPEN = 1e-10  # least singular value, over the largest, of a matrix whose determinant is rounding
+_TOUCHED = 1e-10  # margin, over the size of the events, that is a touch all along a GR locus
 _RESONANCES = {"R1": 1.0, "R2": -1.0, "R3": -0.5, "R4": 0.0}
 
 
@@ -183,6 +184,11 @@ class LocusBranch:
             if abs(monitors[name]) < _CONSTANT:
                 monitors[name] = math.nan
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
+        if self.kind == "GR":  # an orbit gone round more than once touches in each round, all along the locus
+            touched = _TOUCHED * float(max(problem.event_sizes(u).max(), problem.state_scale[: len(survey.x0)].min()))
+            for name, value in monitors.items():
+                if name.startswith("margin") and abs(value) < touched:
+                    monitors[name] = math.nan
         special, data = self._special(point, survey)
         monitors |= special
         point.weights = self.metric(point.u)
