@@ -318,6 +318,9 @@ class Trajectory(Result):
         begun = held.array("step_time", step, least=0.0)
         if (np.diff(times) < 0.0).any() or (np.diff(begun) < 0.0).any():
             raise InputError("event_time, step_time", "not in order", "times that ascend")
+        lengths = held.array("step_length", step, least=0.0)
+        if np.any(np.diff(np.append(begun, t_end)) > lengths * (1.0 + 1e-9) + 1e-12 * t_end):
+            raise InputError("step_length", "gaps between steps", "lengths of steps that cover the time")
         return cls(
             system=system,
             parameters=held_parameters(held, system),
@@ -327,7 +330,7 @@ class Trajectory(Result):
             events=_event_table(system, times, np.stack(which, axis=1), np.stack(ends, axis=1), rates),
             stopped=held.text("stopped"),
             step_times=frozen(begun),
-            step_lengths=frozen(held.array("step_length", step, least=0.0)),
+            step_lengths=frozen(lengths),
             step_modes=frozen(held.array("step_mode", step, int, least=0, most=last), np.int64),
             step_starts=frozen(held.array("step_start", ("step", "state"))),
             step_dense=frozen(held.array("step_dense", ("step", "coefficient", "state"))),
