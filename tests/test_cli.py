@@ -262,7 +262,7 @@ def test_a_film_is_of_what_the_options_say(capsys, tmp_path, film):
         (("-o", "tap.png"), "path = 'tap.png': must be a file whose name ends in .gif or .mp4"),
         (("-o", "/nowhere/tap.gif"), "path = '/nowhere/tap.gif': must be a file in a folder that exists"),
         (("--fps", "30"), "fps = 30: must be one of 1, 2, 4, 5, 10, 20, 25, 50 for a GIF"),
-        (("--modes", "0"), "modes = 0: must be an integer >= 1"),
+        (("--modes", "0"), "modes = 0: must be an integer between 1 and 100"),
     ],
 )
 def test_a_film_that_cannot_be_is_told_in_a_line(capsys, film, args, message):

@@ -25,7 +25,7 @@ __all__ = [
 _LONGEST_NAME = 60
 """Characters of a message that name the argument, at most."""
 
-_LONGEST_VALUE = 80
+_LONGEST_VALUE = 120
 """Characters of a message that show the value, at most."""
 
 _LONGEST_HINT = 90

@@ -124,11 +124,13 @@ class Store:
 
     def _check(self) -> None:
         """Raise `InputError` where the labels are not those of the grid, or the metadata are of another kind."""
-        array, (chunk, unit) = self._array, self.grid.layout
-        found = (array.shape, array.dtype, array.chunks, self._unit)
-        wanted = (self.grid.shape, np.dtype(np.uint8), chunk, unit)
-        if found != wanted:
-            raise InputError("shape, kind and chunks of the labels", found, str(wanted))
+        array, wanted = self._array, (self.grid.shape, np.dtype(np.uint8))
+        if (array.shape, array.dtype) != wanted:
+            raise InputError("shape and kind of the labels", (array.shape, array.dtype), str(wanted))
+        if not all(
+            1 <= chunk <= unit and unit % chunk == 0 for chunk, unit in zip(array.chunks, self._unit, strict=True)
+        ):
+            raise InputError("chunks of the labels", (array.chunks, self._unit), "whole parts of the units of writing")
         for name in ("inputs", "attractors"):
             if not isinstance(self.attributes.get(name), dict):
                 raise InputError(f"attribute {name!r}", self.attributes.get(name), "a mapping")

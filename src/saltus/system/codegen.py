@@ -421,9 +421,11 @@ class Writer:
         branches = {}
         for k, group in expressions.items():
             lines = [f"out[{i}] = 0.0" for i in range(len(group))]
-            first = True
+            first, rooted = True, self._rooted(group)
             for j in range(len(self.system.p)):
-                derivatives = [_without_poles(d) for d in self.system.along(group, j)]
+                derivatives = self.system.along(group, j)
+                if rooted:
+                    derivatives = [_without_poles(d) for d in derivatives]
                 if all(d == 0 for d in derivatives):
                     continue
                 lines.append(f"{'if' if first else 'elif'} m == {j}:")
@@ -447,8 +449,9 @@ class Writer:
         return any(multiple_of(self.system, base, event) is not None for base in bases for event in self.system.event)
 
     def _vary(self, field: list[sympy.Expr]) -> list[str]:
-        n = self.n
-        jacobian = [[_without_poles(entry) for entry in row] for row in self.system.jacobian(field)]
+        n, jacobian = self.n, self.system.jacobian(field)
+        if self._rooted(field):  # elsewhere an infinite derivative is told as one
+            jacobian = [[_without_poles(entry) for entry in row] for row in jacobian]
         entries = [(i, j) for i in range(n) for j in range(n) if jacobian[i][j] != 0]
         lines = self._assign(field, [jacobian[i][j] for i, j in entries], name="j")
         lines.append("for c in range(m):")
