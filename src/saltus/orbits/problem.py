@@ -34,6 +34,7 @@ _RESTING = 1e-9
 """Size of a state that no other moves, over the largest one, below which it counts as resting at zero."""
 
 _SAMPLED = 40  # steps of a segment that are looked at to see whether the flow is stiff
+_FEW = 500  # steps of a segment below which stability does not limit them
 _FAST = 2.0  # step, times the rate of the fastest decay, from which on stability limits it: it may reach 6
 _MANY = 0.3  # share of such steps with which a flow is stiff
 _EPSILON = 2.220446049250313e-16
@@ -452,6 +453,8 @@ class OrbitProblem:
 
     def stabilise(self, u: NDArray[np.float64]) -> bool:
         """Make meshes anew where the flow is stiff, steps cut in half for the orbits near `u`; return whether."""
+        if self.steps < _FEW * self.segments:
+            return False
         self.set_parameters(u)
         meshes = self._adapted(u[: self.size].reshape(self.segments, self.n + 1))
         if isinstance(meshes, int):
@@ -482,10 +485,10 @@ class OrbitProblem:
         return bool(np.mean(near) > _MANY)
 
     def _move(self, limit: float) -> bool:
-        if not np.all(np.isfinite(self._errors)):
-            return False
         fine, fresh, counts = self.kernels.remesh(self._mesh, self._mesh_at, self._errors, limit)
         if counts.size:
+            if not np.all(np.isfinite(self._errors)):
+                return False
             ends = np.cumsum(counts + 1)
             self._use([fresh[end - count - 1 : end] for end, count in zip(ends, counts, strict=True)])
         return bool(fine)
