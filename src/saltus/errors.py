@@ -326,7 +326,7 @@ def shown(value: object) -> str:
     >>> shown({"d": [1.0, None]}), shown(10**5000)
     ("{'d': [1.0, None]}", 'an integer of 16610 bits')
     >>> len(shown("long " * 1000))
-    80
+    120
     """
     try:
         text = _SHORT.repr(value)

@@ -150,7 +150,7 @@ def test_a_file_without_groups_is_told(tmp_path, fig4_found):
     with pytest.raises(InputError, match="must be a figure's data file with groups"):
         read_results(path)
     (tmp_path / "text.nc").write_text("no data")
-    with pytest.raises(InputError, match="must be a figure's data file"):
+    with pytest.raises(InputError, match="must be a NetCDF file"):
         read_results(tmp_path / "text.nc")
 
 

@@ -187,8 +187,9 @@ class Basins(Result):
             It is no store of basins.
         """
         store = Store.open(checks.path("path", path, "the path of a folder"))
+        held = store.attractors
         try:
-            outcomes = outcomes_from(store.attractors, store.attributes["attractors"])
+            outcomes = outcomes_from(held, store.attributes["attractors"])
             _check_belong(store.grid, outcomes, store.attributes["inputs"])
             return cls.of_store(store, outcomes)
         except InputError as error:

@@ -484,7 +484,9 @@ class Hunt:
     def _orbit(self, x: NDArray[np.float64], mode: int, turns: int) -> PeriodicOrbit:
         """The orbit near a motion that recurs after some turns of the phase."""
         if turns <= LONGEST:
-            return find_orbit(self.system, self.parameters, x, self.system.mode_names[mode], settle=1.0)
+            # one that is next to rest recurs by the region's size, but not by its own
+            with suppress(ConvergenceError):
+                return find_orbit(self.system, self.parameters, x, self.system.mode_names[mode], settle=1.0)
         names, start = self.system.mode_names, self.system.full_state(x)
         log = events_after(self.system, self.p, start, mode, periods=turns)
         events = np.flatnonzero(log.transition >= 0)

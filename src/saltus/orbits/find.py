@@ -121,9 +121,11 @@ def _search_forced(
     failure = ""
     # the first look takes its periods, however few `settle` asks for
     spent, most = 0, int(_STEPS * max(longest, batch + 2 * _LONGEST + 1))
-    floor = _NOTHING * np.abs(x)
+    floor = np.zeros(x.size)
     while done < longest:
         run = Run(system, p, start_state(system, x), mode, RTOL, atol, most_steps=most - spent)
+        if done == 0:  # a motion that dies away has no size of its own
+            floor = _NOTHING * sizes_along(system, p, x, mode, 2.0 * math.pi / run.rate, atol).of_states
         run.follow(math.inf, batch, None, keep=False)
         seen = Run(system, p, start_state(system, run.x), run.mode, RTOL, atol, most_steps=most - spent - run.tries)
         seen.follow(math.inf, 2 * _LONGEST + 1, _MOST_EVENTS)
@@ -136,7 +138,7 @@ def _search_forced(
             raise ConvergenceError("periodic attractor", recurrence, done, hint, unit="forcing periods")
         states = log.x_after[wraps][:, :-1]
         sizes = sizes_along(system, p, log.x_end, log.mode_end, 2.0 * math.pi / seen.rate, atol)
-        floor = np.maximum(floor, _NOTHING * sizes.of_states)  # a motion that dies away has no size of its own
+        floor = np.maximum(floor, _NOTHING * sizes.of_states)
         sizes = sizes.at_least(floor)
         scale, atol = sizes.of_gaps[:-1], sizes.atol
         for turns in range(1, _LONGEST + 1):
