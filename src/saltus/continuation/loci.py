@@ -313,7 +313,7 @@ class _Run:
             survey = problem.survey(u)
             heights = np.abs(survey.margins)
             i, k = np.unravel_index(int(np.argmin(heights)), heights.shape) if heights.size else (0, 0)
-            sizes = np.array([_reach(problem, u, int(j)) for j in range(heights.shape[1])])
+            sizes = np.array([problem.event_size(int(j), u[: problem.n]) for j in range(heights.shape[1])])
             if not heights.size or not heights[i, k] < _TOUCHING * sizes[k]:
                 least = float(heights.min()) if heights.size else math.inf
                 raise InputError(
@@ -474,14 +474,8 @@ def _vanishing(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[str, int]
             return "duration", i
     rates = problem.survey(u).rates
     for i, transition in enumerate(problem.signature.transitions):
-        if transition >= 0 and abs(rates[i, 0]) * period < _CRITICAL * _TOUCHING**0.5 * _reach(problem, u, transition):
+        if transition >= 0 and abs(rates[i, 0]) * period < _CRITICAL * _TOUCHING**0.5 * problem.event_size(
+            transition, u[: problem.n]
+        ):
             return "rate", i
     return None
-
-
-def _reach(problem: OrbitProblem, u: NDArray[np.float64], transition: int) -> float:
-    """Return how much an event function varies over the orbit, from its gradient and the states' sizes."""
-    n = problem.n
-    out = np.empty(2 + 2 * n)
-    problem.system.compiled.call("event_x", transition, 0, np.ascontiguousarray(u[:n]), problem.extended, out)
-    return float(np.abs(out[2 : 2 + n]) @ problem.state_scale)

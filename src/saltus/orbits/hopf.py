@@ -107,9 +107,7 @@ def _linearised(
     u = np.zeros(problem.size + 1)
     u[:n], u[-1] = point[:n], point[n]
     problem.set_parameters(u)
-    frame, out = np.concatenate([point[:n], np.eye(n).ravel()]), np.empty(n + n * n)
-    problem.system.compiled.call("vary", int(problem.modes[0]), n, frame, problem.extended, out)
-    jacobian = out[n:].reshape(n, n)
+    field, jacobian = problem.system.compiled.linearised(int(problem.modes[0]), point[:n], problem.extended)
     if not np.all(np.isfinite(jacobian)):
         return np.full(n, np.nan), np.full(n, np.nan + 0j)
     values = np.linalg.eigvals(jacobian).astype(np.complex128)
@@ -118,4 +116,4 @@ def _linearised(
     others = np.delete(values, order[0])
     twin = int(np.argmin(np.abs(others - above.conjugate()))) if others.size else 0
     rest = np.delete(others, twin)
-    return out[:n], np.concatenate([[above], others[twin : twin + 1], rest])
+    return field, np.concatenate([[above], others[twin : twin + 1], rest])

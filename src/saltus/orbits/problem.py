@@ -377,14 +377,20 @@ class OrbitProblem:
     def event_sizes(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how much each segment's event function varies with the states' sizes, shape (segments,)."""
         self.set_parameters(u)
-        sizes, gradient = np.zeros(self.segments), np.empty(2 + 2 * self.n)
         blocks = u[: self.size].reshape(self.segments, self.n + 1)
-        for i, transition in enumerate(self.signature.transitions):
-            if transition >= 0:
-                x = np.ascontiguousarray(blocks[(i + 1) % self.segments, : self.n])
-                self.system.compiled.call("event_x", transition, 0, x, self.extended, gradient)
-                sizes[i] = float(np.abs(gradient[2 : 2 + self.n]) @ self.state_scale)
-        return sizes
+        ends = np.roll(blocks[:, : self.n], -1, axis=0)
+        return np.array(
+            [
+                self.event_size(transition, x) if transition >= 0 else 0.0
+                for transition, x in zip(self.signature.transitions, ends, strict=True)
+            ]
+        )
+
+    def event_size(self, transition: int, x: NDArray[np.float64]) -> float:
+        """Return how much an event function varies near a full state with the states' sizes."""
+        gradient = np.empty(2 + 2 * self.n)
+        self.system.compiled.call("event_x", transition, 0, np.ascontiguousarray(x), self.extended, gradient)
+        return float(np.abs(gradient[2 : 2 + self.n]) @ self.state_scale)
 
     def flow_at_start(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the vector field where the first segment starts, shape (n,)."""
@@ -402,11 +408,9 @@ class OrbitProblem:
         """
         period, n = float(np.abs(blocks[:, self.n]).sum()), self.n
         terms = np.zeros((n, n))
-        out = np.empty(n * (n + 1))
         for mode, block in zip(self.modes, blocks, strict=True):
-            y = np.concatenate([block[:n], np.eye(n).ravel()])
-            self.system.compiled.call("vary", int(mode), n, y, self.extended, out)
-            entries = np.abs(out[n:].reshape(n, n)) * np.abs(block[:n])
+            J = self.system.compiled.linearised(int(mode), block[:n], self.extended)[1]
+            entries = np.abs(J) * np.abs(block[:n])
             terms = np.maximum(terms, np.where(np.isfinite(entries), entries, 0.0))
         self._least = _EPSILON / self.tol * period * terms.sum(axis=1)
         self._moved = terms.sum(axis=1) > np.diag(terms)
@@ -478,9 +482,7 @@ class OrbitProblem:
             grid, first = mesh[ends[i] : ends[i + 1]], int(ends[i])
             for k in np.unique(np.linspace(0, grid.size - 2, _SAMPLED).astype(int)):
                 length = u[i * (self.n + 1) + self.n] * 6.0 * grid[k] * (1.0 - grid[k]) * (grid[k + 1] - grid[k])
-                frame, out = np.concatenate([nodes[first + k], np.eye(self.n).ravel()]), np.empty(self.n * (self.n + 1))
-                self.system.compiled.call("vary", int(mode), self.n, frame, self.extended, out)
-                J = out[self.n :].reshape(self.n, self.n)
+                J = self.system.compiled.linearised(int(mode), nodes[first + k], self.extended)[1]
                 near.append(np.all(np.isfinite(J)) and length * max(-np.linalg.eigvals(J).real) > _FAST)
         return bool(np.mean(near) > _MANY)
 

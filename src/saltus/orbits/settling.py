@@ -198,7 +198,4 @@ def _jacobian(
     system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Field and its derivative in the state."""
-    n = x.size
-    y, out = np.concatenate([x, np.eye(n).ravel()]), np.empty(n * (n + 1))
-    system.compiled.call("vary", mode, n, y, system.compiled.extended(p), out)
-    return out[:n].copy(), out[n:].reshape(n, n).copy()
+    return system.compiled.linearised(mode, x, system.compiled.extended(p))

@@ -119,10 +119,6 @@ def converge(
     inner = nontrivial(orbit.multipliers, autonomous=system.phase is None)
     if np.any(np.abs(inner - 1.0) < _PERHAPS_ONE) and of_a_family(first, given):
         raise ConvergenceError("isolated periodic orbit", orbit.residual, 0, _FAMILY)
-    _, ends, nodes, _ = problem.dense()
-    for i, mode in enumerate(chosen.modes):
-        states = nodes[ends[i] : ends[i + 1]]
-        check_continuous(system, np.full(len(states), mode), states, problem.extended)
     return orbit
 
 

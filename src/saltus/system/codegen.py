@@ -80,6 +80,14 @@ class Compiled:
         self.call("field", mode, 0, x, self.extended(p), out)
         return out
 
+    def linearised(
+        self, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the field of a mode at a full state, shape (n,), and its Jacobian, (n, n); `p` is extended."""
+        frame, out = np.concatenate([x, np.eye(self.n).ravel()]), np.empty(self.n * (self.n + 1))
+        self.call("vary", mode, self.n, frame, p, out)
+        return out[: self.n], out[self.n :].reshape(self.n, self.n)
+
     def call(
         self,
         name: str,
