@@ -71,7 +71,8 @@ def tapping(modes: int = 2) -> Model:
     """Return the model, with one mode of the cantilever or two."""
     system = sections.model(modes)
     region = dict.fromkeys(system.states, sections.RANGE)
-    return Model(system, find_attractors(system, sections.PARAMETERS, region))
+    # trapping regions as `map_basins` makes them for a plane: measured as well as the labels of its cells are worth
+    return Model(system, find_attractors(system, sections.PARAMETERS, region, motions=sections.RESOLUTION**2))
 
 
 def grids(resolution: int = sections.RESOLUTION) -> dict[str, tuple[int, Grid]]:

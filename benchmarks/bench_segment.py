@@ -45,7 +45,24 @@ def report(orbit: saltus.PeriodicOrbit, segment: Segment) -> None:
     def run(mesh: NDArray[np.float64]) -> NDArray[np.float64]:
         y, errors = np.empty(n * (1 + n)), np.empty(mesh.size)
         kernels.flow(
-            functions, mode, 0, False, x0, 0, duration, p, no_parameter, TOL, TOL, mesh, 0, mesh.size - 1, n, y, errors
+            functions,
+            mode,
+            0,
+            False,
+            False,
+            x0,
+            0,
+            duration,
+            p,
+            no_parameter,
+            TOL,
+            TOL,
+            mesh,
+            0,
+            mesh.size - 1,
+            n,
+            y,
+            errors,
         )
         return y
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 import traceback
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,6 +19,8 @@ import saltus
 SAME = 1e-6  # agreement of a motion with SciPy's, relative to 1 or to the states' sizes
 NUDGE = 1e-10  # displacement of a start that tells how well conditioned its motion is
 GROWN = 1e-8  # where the nudge has grown beyond this, a motion is not compared
+ACCUMULATE = 5  # events in a row, each sooner than the last, that may go on without end
+KNOWN = 1e-9  # size of a multiplier beside sensitivities of size 1, below which it is their error
 PLACES = 41  # times at which motions are compared
 
 CALLS = ("simulate", "find_orbit", "continue_orbit", "run_sweep", "lyapunov_spectrum")
@@ -71,7 +74,9 @@ class Work:
         self.tell(True)
         begin = time.process_time()
         try:
-            return function(*arguments, **options)
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "saltus: .* lands beyond")
+                return function(*arguments, **options)
         finally:
             self.seconds += time.process_time() - begin
             self.tell(False)
@@ -84,7 +89,7 @@ class Work:
             path = self.ask(saltus.simulate, self.system, {}, drawn.x0, t_end=drawn.span, **self.options)
         except (saltus.ChatteringError, saltus.DivergenceError) as error:
             if truth is not None:
-                checks.append(("early end", self._early_end(error, truth)))
+                checks.append(("early end", self._early_end(error, truth, until)))
                 if 0.9 * error.args[0] > 0.0:
                     path = self.ask(
                         saltus.simulate, self.system, {}, drawn.x0, t_end=0.9 * error.args[0], **self.options
@@ -123,6 +128,7 @@ class Work:
             if len(near.events) != len(truth.events):
                 longer = max(near.events, truth.events, key=len)
                 until = min(until, 0.999 * longer[min(len(near.events), len(truth.events))][0])
+            until = min(until, _accumulation(truth.events))
             bad = times[~close & ~_near_events(times, truth, 1e-6)]
             until = min(until, float(bad[0]) * 0.999 if bad.size else until)
         return truth, until
@@ -154,7 +160,9 @@ class Work:
             return f"apart by {apart[worst]:.2g} at t = {inside[worst]:.6g}"
         return "" if inside[-1] > 0.0 else "too short to compare"
 
-    def _early_end(self, error: Exception, truth: Motion) -> str:
+    def _early_end(self, error: Exception, truth: Motion, until: float) -> str:
+        if until < min(error.args[0], truth.time):
+            return "too short to compare"
         t, told = float(error.args[0]), type(error).__name__
         kind = {"chatter": "ChatteringError", "diverged": "DivergenceError", "": "no error"}[truth.ended]
         # SciPy's motion counts as divergent at a nearer bound, and as chattering a little later
@@ -250,8 +258,9 @@ class Work:
         control = saltus.StepControl(most=150)
         branch = self.ask(saltus.continue_orbit, self.orbit, "mu", (mu - 0.2, mu + 0.2), steps=control)
         checks = []
-        if not np.all(np.isfinite(branch.values)) or not np.all(np.isfinite(branch.multipliers)):
-            checks.append(("finite", "a value or multiplier on the branch is not"))
+        # at a grazing whose reset moves the state one multiplier is infinite
+        if not np.all(np.isfinite(branch.values)) or np.any(np.isnan(branch.multipliers)):
+            checks.append(("finite", "a value on the branch is not, or a multiplier is no number"))
         located = branch.special_points.of_type("SN", "PD", "TR")[:4]
         checks += [(point.type, self._special(point)) for point in located]
         rng = np.random.default_rng(self.drawn.number)
@@ -320,7 +329,7 @@ class Work:
         if self.orbit is not None:
             with np.errstate(divide="ignore"):
                 wanted = np.sort(np.log(np.abs(self.orbit.multipliers)) / self.orbit.period)[::-1]
-            both = np.isfinite(wanted) & (wanted > -3.0)
+            both = wanted > max(-3.0, math.log(KNOWN) / self.orbit.period)
             apart = np.abs(found - wanted)[both]
             checks.append(
                 ("exponents", "" if not apart.size or apart.max() < 0.1 else f"{found}, by the multipliers {wanted}")
@@ -345,6 +354,19 @@ def _near_events(times: np.ndarray, motion: Motion, close: float) -> np.ndarray:
         return np.zeros(times.shape, dtype=bool)
     at = np.array([t for t, _ in motion.events])
     return np.asarray(np.min(np.abs(times[:, None] - at[None, :]), axis=1) < close)
+
+
+def _accumulation(events: list[tuple[float, str]]) -> float:
+    """Return when events may begin to accumulate; infinity where they do not.
+
+    Where they do, a motion may end, or pass through the limit of infinitely many events: rounding decides when.
+    """
+    run = 0
+    for (a, _), (b, _), (c, _) in zip(events, events[1:], events[2:], strict=False):
+        run = run + 1 if 0.0 <= c - b < b - a else 0
+        if run >= ACCUMULATE:
+            return a
+    return math.inf
 
 
 def _size(states: np.ndarray) -> np.ndarray:

@@ -148,3 +148,21 @@ def test_a_file_that_may_not_be_read_is_told(held, tmp_path, monkeypatch):
     monkeypatch.setattr(type(path), "open", refuse)
     with pytest.raises(InputError, match="must be a file that can be read; Permission denied"):
         load(path)
+
+
+def test_an_orbit_without_a_period_is_told(held, tmp_path):
+    def stand(dataset):
+        dataset["segment_duration"] = ("segment", np.zeros(dataset.sizes["segment"]))
+
+    with pytest.raises(InputError, match="durations of a positive sum, the period"):
+        load(_changed(held["orbit"], tmp_path, stand))
+
+
+def test_attractors_inside_a_file_of_basins_have_a_seal_of_their_own(held, tmp_path):
+    def damage(dataset):
+        content = np.array(dataset["attractors"].values)
+        content[content.size // 2] ^= 1
+        dataset["attractors"] = (dataset["attractors"].dims, content)
+
+    with pytest.raises(InputError, match="attractors = .*it is damaged: its content is not what was written"):
+        load(_changed(held["basins"], tmp_path, damage))

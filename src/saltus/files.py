@@ -21,7 +21,7 @@ from uuid import uuid4
 
 from saltus.errors import InputError
 
-__all__ = ["checked_seal", "flush", "interrupt_waits", "telling", "whole_file", "write_sealed"]
+__all__ = ["checked_seal", "flush", "interrupt_waits", "is_sealed", "sealed", "telling", "whole_file", "write_sealed"]
 
 _FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
 _NAME = 60  # characters of a file's name that the name of its draft repeats: names have at most 255 bytes
@@ -169,6 +169,11 @@ def _write(stream: Any, content: memoryview) -> None:
         content = content[stream.write(content) :]
 
 
+def sealed(content: memoryview) -> bytes:
+    """Return content with a digest of it behind, as `write_sealed` writes it."""
+    return bytes(content) + _SEAL + sha256(content).hexdigest().encode()
+
+
 def checked_seal(path: Path) -> bool:
     """Return whether a file has a seal, as one has not that another program has written since.
 
@@ -177,20 +182,38 @@ def checked_seal(path: Path) -> bool:
     InputError
         The file cannot be read, or its content is not the one that was sealed.
     """
-    digest = sha256()
     try:
         with path.open("rb") as stream:
-            left = max(stream.seek(0, os.SEEK_END) - _SEALED, 0)
-            stream.seek(left)
-            seal = stream.read(_SEALED)
-            if not seal.startswith(_SEAL):
-                return False
-            stream.seek(0)
-            while left > 0 and (piece := stream.read(min(_PIECE, left))):
-                digest.update(piece)
-                left -= len(piece)
+            return is_sealed(stream, "path", str(path))
     except OSError as error:
         raise InputError("path", str(path), "a file that can be read", error.strerror or str(error)) from error
+
+
+def is_sealed(stream: Any, name: str, value: str) -> bool:
+    """Return whether what a binary stream holds has a seal.
+
+    Parameters
+    ----------
+    stream : binary stream
+        Which can be sought in.
+    name, value : str
+        What messages call the content, and show of it.
+
+    Raises
+    ------
+    InputError
+        The content is not the one that was sealed.
+    """
+    digest = sha256()
+    left = max(stream.seek(0, os.SEEK_END) - _SEALED, 0)
+    stream.seek(left)
+    seal = stream.read(_SEALED)
+    if not seal.startswith(_SEAL):
+        return False
+    stream.seek(0)
+    while left > 0 and (piece := stream.read(min(_PIECE, left))):
+        digest.update(piece)
+        left -= len(piece)
     if seal.removeprefix(_SEAL) != digest.hexdigest().encode():
-        raise InputError("path", str(path), "a whole file", "it is damaged: its content is not what was written")
+        raise InputError(name, value, "a whole file", "it is damaged: its content is not what was written")
     return True

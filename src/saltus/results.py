@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -20,7 +21,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import InputError, SaltusError
-from saltus.files import checked_seal, interrupt_waits, write_sealed
+from saltus.files import checked_seal, interrupt_waits, is_sealed, write_sealed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,7 +46,7 @@ _STORE = "zarr.json"
 
 _UNPACKED = 2**28  # bytes that any file may unpack to
 _PACKING = 100  # times its own size that a larger one may unpack to; what saltus writes is not packed
-_PATIENCE, _PACE = 60.0, 1e7  # seconds, and bytes a second, within which a file without a seal is read
+_PATIENCE, _PACE = 30.0, 1e7  # seconds, and bytes a second, within which a file without a seal is read
 _TOLD = 200  # characters of what another library says of a damaged file
 
 
@@ -190,6 +191,16 @@ def reading(path: Path) -> Iterator[None]:
         yield
 
 
+_LOOK = """
+import faulthandler, json, sys
+faulthandler.dump_traceback_later(float(sys.argv[3]), exit=True)
+sys.path[:] = json.loads(sys.argv[2])
+from saltus.results import look
+look(sys.argv[1])
+"""
+"""What a process does that reads a file; it ends by itself, should nobody be left to end it."""
+
+
 def look(path: str) -> None:
     """Read everything in a NetCDF file, and forget it."""
     import xarray as xr
@@ -205,9 +216,8 @@ def _look_from_afar(path: Path) -> None:
 
     What that process raises, this one raises again.
     """
-    code = "import json, sys; sys.path[:] = json.loads(sys.argv[2]); from saltus.results import look; look(sys.argv[1])"
     longest = _PATIENCE + path.stat().st_size / _PACE
-    command = [sys.executable, "-c", code, str(path.absolute()), json.dumps(sys.path)]
+    command = [sys.executable, "-c", _LOOK, str(path.absolute()), json.dumps(sys.path), str(longest + 1.0)]
     try:
         done = subprocess.run(command, capture_output=True, timeout=longest, check=False)
     except subprocess.TimeoutExpired:
@@ -222,7 +232,13 @@ def dataset_in(content: bytes, name: str) -> xr.Dataset:
     """Return the Dataset in the content of a NetCDF file, as `netcdf` makes it; `name` is what messages call it."""
     import xarray as xr
 
-    with _decoding(name, f"{len(content)} bytes"):
+    shown = f"{len(content)} bytes"
+    if not is_sealed(BytesIO(content), name, shown):
+        with TemporaryDirectory() as folder:
+            copy = Path(folder) / "content.nc"
+            copy.write_bytes(content)
+            _look_from_afar(copy)
+    with _decoding(name, shown):
         _check_size(BytesIO(content), len(content))
         with xr.open_dataset(BytesIO(content), **READ) as dataset:
             return dataset.load()

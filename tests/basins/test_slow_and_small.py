@@ -9,6 +9,7 @@ import pytest
 
 import systems
 from saltus import Attractors, HybridSystem, InputError, Mode, find_attractors, map_basins
+from saltus.basins import recurrence
 from saltus.basins.attractors import Search
 from saltus.basins.cost import estimate_cost
 from saltus.basins.labelling import units_of
@@ -166,3 +167,15 @@ def test_an_estimate_counts_the_search(forced, resonant):
     assert cost.search_seconds > 0.0
     assert cost.seconds() == cost.search_seconds + cost.cells / cost.orbits_per_second
     assert estimate_cost(forced, {}, grid, resonant.attractors, seconds=0.0).search_seconds == 0.0
+
+
+def test_an_angle_that_runs_on_makes_no_endless_copies_of_a_transient(monkeypatch):
+    """A driven pendulum turns over again and again, into one copy of its well after another, for a very long time."""
+    seen = []
+    monkeypatch.setattr(recurrence.Hunt, "_stay", lambda hunt, found: seen.append(found) or recurrence.Stay(1, 1.0, 1))
+    pendulum = HybridSystem(
+        ("x", "v"), {}, {"m": Mode({"x": "v", "v": "-0.2*v - sin(x) + 1.66*cos(s)"})}, phase=("s", "1")
+    )
+    found = find_attractors(pendulum, {}, {"x": (-3.0, 3.0), "v": (-3.0, 3.0)}, **QUICK)
+    assert 1 <= len(seen) <= 16
+    assert set(found.orbits) == set(found.names)

@@ -16,6 +16,7 @@ from saltus import (
     continue_locus,
     continue_orbit,
     find_orbit,
+    load,
     solve_orbit,
     switch_branch,
 )
@@ -196,7 +197,8 @@ def test_a_motion_that_starts_beyond_an_event_and_comes_back_is_admissible():
         {"free": Mode({"x": "v", "v": swing}), "push": Mode({"x": "v", "v": f"{swing} + F"})},
         [Transition("free", "push", "x", 1), Transition("push", "free", "x - 0.2", 1)],
     )
-    orbit = find_orbit(system, {}, [0.1, 1.0], mode="push")
+    with pytest.warns(RuntimeWarning, match="'push_to_free' lands beyond event 'free_to_push' of mode 'free'"):
+        orbit = find_orbit(system, {}, [0.1, 1.0], mode="push")
     assert orbit.admissible
     assert len(orbit.segments) == 2
 
@@ -297,3 +299,50 @@ def test_a_start_at_a_grazing_shows_no_bifurcation_of_rounding(side):
     again = continue_orbit(switch_branch(branch["GR1"])[side], "A", (0.1, 3.0))
     assert {p.type for p in again.special_points} == {"GR", "SN"}
     assert sorted(p.parameters["A"] for p in again.special_points.of_type("SN")) == pytest.approx(sorted(folds))
+
+
+@pytest.mark.parametrize("lag", [0.0, 1e-3, 0.3])
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_touch_from_either_side_is_located_wherever_the_phase_begins(side, lag):
+    """x = p cos(s - lag) lies below 1, or above -1; from p = 1 on the event happens on a way down."""
+    field = {"x": "-x + side*p*(cos(s - lag) - sin(s - lag))", "y": "1 - y"}
+    events = [Transition("m", "m", "x - side", -1, {"y": "y/2"}, name="fall")]
+    parameters = {"p": 0.5, "side": side, "lag": lag}
+    system = HybridSystem(("x", "y"), parameters, {"m": Mode(field)}, events, phase=("s", "1"))
+    start = find_orbit(system, {}, x0=[0.0, 1.0])
+    for most in (0.02, 0.1, 0.3):
+        branch = continue_orbit(start, "p", (0.2, 3.0), steps=StepControl(largest=most))
+        assert branch["GR1"].parameters["p"] == pytest.approx(1.0, abs=1e-9)
+        quiet = [orbit for orbit in map(branch.orbit, range(len(branch))) if orbit.signature == (("m", "s"),)]
+        assert all(orbit.parameters["p"] < 1.0 + 1e-9 for orbit in quiet if orbit.admissible)
+    falling = find_orbit(system, {"p": 1.0001}, x0=[0.0, 1.0])
+    assert falling.signature == (("m", "fall"),)
+
+
+@pytest.mark.parametrize("step", [0.001, 0.01, 0.1])
+def test_a_reset_that_lands_on_the_far_side_of_an_event_of_either_direction_is_not_admissible(step):
+    """From 1 the state is set to q, and rises again: for q below 0 it meets the surface at 0 first."""
+    field = {"x": "1", "y": "1 - y"}
+    events = [Transition("m", "m", "x*(x - 1)", 0, {"x": "q*x*x"}, name="edge")]
+    system = HybridSystem(("x", "y"), {"q": 0.2}, {"m": Mode(field)}, events)
+    branch = continue_orbit(find_orbit(system, {}, x0=[0.5, 1.0]), "q", (-0.5, 0.5), steps=StepControl(largest=step))
+    admissible = [o.parameters["q"] for o in map(branch.orbit, range(len(branch))) if o.admissible]
+    assert min(admissible) == pytest.approx(0.0, abs=1e-6)
+    assert min(admissible) >= -1e-9
+
+
+def test_an_orbit_beyond_a_surface_can_be_saved_and_read_again(rising, tmp_path):
+    low = find_orbit(rising, {}, x0=[0.1, 1.0])
+    beyond = solve_orbit(rising, {"p": 2.0}, [(s.mode, s.transition, s.state, s.duration) for s in low.segments])
+    assert beyond.reasons == (BEYOND,)
+    assert load(beyond.save(tmp_path / "orbit.nc")) == beyond
+
+
+def test_a_long_signature_is_shown_in_short():
+    field, events = (
+        {"x": "cos(s) - x/10", "y": "1 - y"},
+        [Transition("m", "m", "sin(20*x)", 1, {"y": "y/2"}, name="tick")],
+    )
+    orbit = find_orbit(HybridSystem(("x", "y"), {}, {"m": Mode(field)}, events, phase=("s", "1")), {}, x0=[0.5, 1.0])
+    assert len(orbit.signature) > 4
+    assert f"m:tick ({len(orbit.signature)} times)" in repr(orbit)

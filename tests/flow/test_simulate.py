@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+import saltus
 import saltus.results
 import systems
 from oracles.closed_forms import TableJump
@@ -675,3 +676,73 @@ def test_the_sign_of_a_state_may_be_in_an_event():
     )
     seen = simulate(system, None, [0.0, 1.0], t_end=3.0).events
     assert seen["time"][0] == pytest.approx(math.asin(0.3), abs=1e-10)
+
+
+def relay(reset):
+    """A relay that turns at 1 and at 1/2, and moves the state when it turns at 1."""
+    return HybridSystem(
+        ("x",),
+        {"r": 0.3, "scale": 1.0},
+        {"up": Mode({"x": "scale"}), "down": Mode({"x": "-scale"})},
+        [
+            Transition("up", "down", "x - scale", 1, reset, name="turn"),
+            Transition("down", "up", "x - scale/2", -1, name="back"),
+        ],
+    )
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-9, 1e9])
+def test_a_landing_beyond_an_event_of_the_target_mode_is_told(scale):
+    system = relay({"x": "x - r*scale"})
+    parameters, start = {"r": 0.7, "scale": scale}, [0.0]
+    with pytest.warns(
+        RuntimeWarning, match="'turn' lands beyond event 'back' of mode 'down' at t = 1, .*goes on as if"
+    ):
+        motion = simulate(system, parameters, start, t_end=3.0, atol=1e-12 * scale)
+    (landing,) = motion.landings_beyond
+    assert (landing.transition, landing.mode, landing.event) == ("turn", "down", "back")
+    assert (landing.time, landing.value) == pytest.approx((1.0, -0.2 * scale), rel=1e-9)
+    assert "\n  'turn' lands beyond event 'back'" in repr(motion)
+    assert motion.mode_end == "down"
+
+
+@pytest.mark.parametrize("r", [0.0, 0.3, 0.5])
+@pytest.mark.parametrize("scale", [1.0, 1e-9, 1e9])
+def test_a_landing_on_the_near_side_or_on_the_surface_is_none(scale, r):
+    motion = simulate(relay({"x": "x - r*scale"}), {"r": r, "scale": scale}, [0.0], t_end=9.2, atol=1e-12 * scale)
+    assert motion.landings_beyond == ()
+
+
+def test_a_reset_within_a_mode_that_jumps_over_an_event_is_told_once():
+    system = HybridSystem(
+        ("x", "y"),
+        {},
+        {"a": Mode({"x": "0", "y": "1"}), "b": Mode({"x": "0", "y": "1"})},
+        [
+            Transition("a", "b", "x - 1", 1, name="pass"),
+            Transition("a", "a", "sin(y)", 1, {"x": "x + 0.6"}, name="kick"),
+        ],
+    )
+    with pytest.warns(RuntimeWarning, match="'kick' lands beyond event 'pass' of mode 'a'"):
+        motion = simulate(system, {}, [0.0, 0.1], t_end=30.0)
+    assert [landing.time for landing in motion.landings_beyond] == pytest.approx([4.0 * math.pi - 0.1])
+
+
+def test_an_orbit_that_lands_beyond_an_event_is_found_with_a_warning():
+    """Up to 1, set back by r, pushed up by y, down to 1/2, and up again: for r = 0.7 it lands below 1/2."""
+    system = HybridSystem(
+        ("x", "y"),
+        {"r": 0.3},
+        {"up": Mode({"x": "1", "y": "-y"}), "down": Mode({"x": "3*y - 1", "y": "-y"})},
+        [
+            Transition("up", "down", "x - 1", 1, {"x": "x - r", "y": "1"}, name="turn"),
+            Transition("down", "up", "x - 0.5", -1, name="back"),
+        ],
+    )
+    near = saltus.find_orbit(system, {}, [0.6, 0.5], mode="up")
+    assert near.landings_beyond == ()
+    with pytest.warns(RuntimeWarning, match="'turn' lands beyond event 'back' of mode 'down'"):
+        far = saltus.find_orbit(system, {"r": 0.7}, [0.6, 0.5], mode="up")
+    (landing,) = far.landings_beyond
+    assert landing.value == pytest.approx(-0.2)
+    assert "lands beyond event 'back'" in repr(far)

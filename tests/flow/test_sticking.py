@@ -22,6 +22,7 @@ from saltus import (
     run_sweep,
     simulate,
 )
+from saltus.flow import variational
 from saltus.flow.ensemble import Ensemble
 
 
@@ -145,3 +146,17 @@ def test_a_section_does_not_count_where_a_motion_starts_on_it(direction, x0):
     times = simulate(jerk, {}, x0, t_end=20.0).events["time"]
     assert times.size
     assert times[0] > 0.1
+
+
+def test_exponents_of_a_motion_that_becomes_ever_stiffer_end_with_a_word(monkeypatch):
+    monkeypatch.setattr(variational, "_STIFF_STEPS", 50_000)
+    system = HybridSystem(("x", "y"), {}, {"m": Mode({"x": "x/2", "y": "-x*y"})})
+    with pytest.raises(StiffnessError, match=r"steps took the motion only to t = .*, mode 'm', .*it is stiff there"):
+        lyapunov_spectrum(system, {}, [1.0, 1.0], t=200.0)
+
+
+def test_exponents_of_a_long_motion_need_not_fear_the_limit_of_stiff_ones(monkeypatch):
+    monkeypatch.setattr(variational, "_STIFF_STEPS", 10_000)
+    system = HybridSystem(("x", "y"), {}, {"m": Mode({"x": "y", "y": "(1 - x*x)*y - x"})})
+    spectrum = lyapunov_spectrum(system, {}, [2.0, 0.0], t=4000.0)
+    assert spectrum.exponents == pytest.approx([0.0, -1.0594], abs=2e-3)

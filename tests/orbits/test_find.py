@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import re
 
@@ -143,3 +144,12 @@ def test_a_start_of_another_length(x0):
 def test_an_unknown_mode():
     with pytest.raises(InputError, match=r"^mode = 'stik': must be one of slip, stick; did you mean 'stick'\?$"):
         find_orbit(systems.stick_slip(), x0=[0.0, 0.3], mode="stik")
+
+
+def test_an_orbit_of_too_many_transitions_is_told_before_its_equations_are_made(monkeypatch):
+    monkeypatch.setattr(importlib.import_module("saltus.orbits.solve"), "_MOST_UNKNOWNS", 12)
+    field = {"x": "cos(s) - x/10", "y": "1 - y"}
+    ticks = [Transition("m", "m", "sin(20*x)", 1, {"y": "y/2"}, name="tick")]
+    system = HybridSystem(("x", "y"), {}, {"m": Mode(field)}, ticks, phase=("s", "1"))
+    with pytest.raises(ConvergenceError, match="segments of the orbit = [0-9]+: must be at most 3; its"):
+        find_orbit(system, {}, [0.5, 1.0], settle=60)

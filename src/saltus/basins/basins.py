@@ -20,6 +20,7 @@ from saltus.basins.store import Store, Window, flags
 from saltus.basins.wilson import wilson
 from saltus.contents import Contents, checked_texts
 from saltus.errors import InputError
+from saltus.files import sealed
 from saltus.flow.traps import DIVERGED, NOT_DONE, UNDECIDED
 from saltus.results import Result, dataset_in, frozen, netcdf
 
@@ -494,7 +495,7 @@ def attractors_bytes(attractors: Any) -> bytes:
     """Return the attractors as the content of a NetCDF file; nothing for those of an array from elsewhere."""
     if not isinstance(attractors, Attractors):
         return b""
-    return bytes(netcdf({"": attractors.to_xarray()}))
+    return sealed(netcdf({"": attractors.to_xarray()}))
 
 
 def outcomes_from(held: bytes, said: Mapping[str, Any]) -> Any:

@@ -133,8 +133,8 @@ def map_basins(
 
     Notes
     -----
-    Labels that are wrong: of 20 000 random cells each 0 per cent in the plane of Fig. 9, 0.01 per cent in the worst
-    plane of Fig. 10 and 0.015 per cent in [-5, 5]^4, with the tapping cantilever of two modes (see `examples/configs`)
+    Labels that are wrong: of 20 000 random cells each 0 per cent in the plane of Fig. 9, 0.015 per cent in the worst
+    plane of Fig. 10 and 0.02 per cent in [-5, 5]^4, with the tapping cantilever of two modes (see `examples/configs`)
     at the default tolerance, against the event-driven flow at tolerance 1e-11, followed until it is within 1e-6 of an
     attractor (``benchmarks/basin_accuracy.py``). Motions that are chaotic for long have more:
     `Basins.label_error` measures it, and a store has it as ``label_error``, of a hundredth of its cells, and of some

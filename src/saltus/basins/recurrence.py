@@ -99,6 +99,10 @@ _ALONE = 100.0
 MOTIONS = 40_000
 """Motions that will be labelled, where it is not told how many."""
 
+_TRANSIENTS = 16
+"""Attractors that motions were found to leave after which only periodic orbits count: an angle that runs on, say, makes
+endless copies of a transient."""
+
 _NEUTRAL = 4
 """Motions along which volumes stay as they are after which no other is taken for an attractor that is no orbit."""
 
@@ -587,7 +591,7 @@ class Hunt:
         settling = np.zeros(len(x), dtype=bool)
         self._find_long(clouds, x, modes, remaining)
         for i in range(len(x)):
-            if settling[i] or not remaining[i] or self.neutral >= _NEUTRAL:
+            if settling[i] or not remaining[i] or self.neutral >= _NEUTRAL or self._drifts:
                 continue
             regionless = [found for found in self.found if found.ellipsoid is None and found.cage is None]
             if known := [found for found in regionless if found.carries(clouds[i], self.scale)]:
@@ -694,10 +698,18 @@ class Hunt:
     def drop_transients(self) -> None:
         """Follow motions from every attractor that is no periodic orbit, and drop those that they leave too soon."""
         while (found := next((each for each in self.found if self._unmeasured(each)), None)) is not None:
-            found.stay = self._stay(found)
-            if found.stay.mean < _LIVES * self.search.longest:
+            if not self._drifts:
+                self.told.expect(_MEMBERS)
+                found.stay = self._stay(found)
+                self.told.step(_MEMBERS)
+            if found.stay is None or found.stay.mean < _LIVES * self.search.longest:
                 self.found.remove(found)
                 self.dropped.append(found)
+
+    @property
+    def _drifts(self) -> bool:
+        """Whether motions go from transient to transient, so that what they visit for a while is no attractor."""
+        return len(self.dropped) >= _TRANSIENTS
 
     def _unmeasured(self, found: Found) -> bool:
         return found.stay is None and found.orbit is None and found.ellipsoid is None and found.cage is None

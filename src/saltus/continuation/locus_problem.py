@@ -15,7 +15,7 @@ from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.guards import residual_fault, unconfirmed
 from saltus.continuation.phase_plane import astray, depart
 from saltus.continuation.zero_problem import at_grazing, grazing_monitors, shadowed_rates, side_of
-from saltus.orbits.critical import Branching, Critical, Grazing
+from saltus.orbits.critical import Branching, Critical, Grazing, openness
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.normal_form import flip_coefficient, null_vectors, torus_coefficient
 from saltus.orbits.problem import DIRECTION, MEAN_END, TOUCH_END, OrbitProblem, Survey
@@ -401,7 +401,7 @@ class LocusBranch:
 
 def _undetermined(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
     """Return whether the equations leave every multiplier open, as at the grazing of a surface that bends no motion."""
-    return all(Critical(problem, mu, u, J).distance(J, whole=True) < _OPEN for mu in (1.0, -1.0))
+    return all(openness(problem, mu, u, J) < _OPEN for mu in (1.0, -1.0))
 
 
 def _torus_coefficient(problem: OrbitProblem, J: NDArray[np.float64], u: NDArray[np.float64], kappa: float) -> float:

@@ -43,7 +43,7 @@ def grows_for_ever(points: list[Row]) -> str | None:
     """
     branch, last = points[-1]
     period = _period(branch, last)
-    if len(points) > 1 and period > max(_LONGEST * _period(*points[0]), _period(*points[-2])):
+    if len(points) > 1 and period > _LONGEST * _period(*points[0]) and period > _period(*points[-2]):
         return _told(period)
     if CUT_END not in branch.problem.signature.kinds:
         return None

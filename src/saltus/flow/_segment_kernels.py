@@ -211,6 +211,77 @@ def _surface_slopes(functions, mode, transition, sign, columns, n, params, n_act
                 slopes[n + e * columns + n + a] += weight * fp[e]
 
 
+def _made_step(at_surface):
+    """Return the kernel of a step of state and sensitivities; `at_surface` for the last one of a field with roots there.
+
+    Two kernels: what is done at a surface would make every other step an eighth slower.
+    """
+
+    @njit(**INNER)
+    def step_kernel(
+        functions,
+        mode,
+        transition,
+        mean,
+        duration,
+        s,
+        h,
+        n,
+        columns,
+        length,
+        params,
+        n_active,
+        p,
+        y,
+        slopes,
+        trial,
+        ev,
+        work,
+    ):
+        """Take a step from y, (length,), into trial; slopes[:length] is set before, slopes[12 length:13 length] after."""
+        size = n * (1 + columns)
+        for i in range(1, 13):
+            stage(i, slopes, length, h, y, trial)
+            at = i * length
+            time = s + C[i] * h
+            call(functions[VARY], mode, columns, trial, 0, p, slopes, at)
+            weight = 6.0 * time * (1.0 - time)
+            rate = duration * weight
+            if mean:
+                for e in range(n):
+                    ev[e] = slopes[at + e]
+            for e in range(size):
+                slopes[at + e] *= rate
+            if mean:
+                for e in range(n):
+                    slopes[at + n + e * columns + columns - 1] += weight * ev[e]
+            for a in range(n_active):
+                call(functions[FIELD_P], mode, params[a], trial, 0, p, ev, 0)
+                for e in range(n):
+                    slopes[at + n + e * columns + n + a] += rate * ev[e]
+            if mean:
+                call(functions[EVENT_X], transition, 0, trial, 0, p, ev, 0)
+                slopes[at + size] = weight * ev[1]
+                for c in range(columns):
+                    total = 0.0
+                    for e in range(n):
+                        total += ev[2 + n + e] * trial[n + e * columns + c]
+                    slopes[at + size + 1 + c] = weight * total
+                for a in range(n_active):
+                    call(functions[EVENT_P], transition, params[a], trial, 0, p, ev, 0)
+                    slopes[at + size + 1 + n + a] += weight * ev[1]
+            if at_surface and C[i] == 1.0:
+                _surface_slopes(
+                    functions, mode, transition, -1.0, columns, n, params, n_active, duration, trial, p, work,
+                    pointer(slopes, at),
+                )  # fmt: skip
+
+    return step_kernel
+
+
+_step, _step_to_surface = _made_step(False), _made_step(True)
+
+
 @njit(cache=True, error_model="numpy")
 def flow(
     functions, mode, transition, mean, rooted, x0, x0_at, duration, p, active, rtol, atol, mesh, mesh_at, count, n, y,
@@ -231,7 +302,7 @@ def flow(
     work = pointer(ev, 2 + 2 * n)
     y, p, mesh, errors = pointer(y, 0), pointer(p, 0), pointer(mesh, mesh_at), pointer(errors, mesh_at)
     x0, n_active, params = pointer(x0, x0_at), active.size, pointer(active, 0)
-    vary, field_p, event_x, event_p = functions[VARY], functions[FIELD_P], functions[EVENT_X], functions[EVENT_P]
+    functions = pointer(functions, 0)
     for e in range(length):
         y[e] = 0.0
     for e in range(n):
@@ -246,41 +317,16 @@ def flow(
     for step in range(count):
         s = mesh[step]
         h = mesh[step + 1] - s
-        for i in range(1, 13):
-            stage(i, slopes, length, h, y, trial)
-            at = i * length
-            time = s + C[i] * h
-            call(vary, mode, columns, trial, 0, p, slopes, at)
-            weight = 6.0 * time * (1.0 - time)
-            rate = duration * weight
-            if mean:
-                for e in range(n):
-                    ev[e] = slopes[at + e]
-            for e in range(size):
-                slopes[at + e] *= rate
-            if mean:
-                for e in range(n):
-                    slopes[at + n + e * columns + columns - 1] += weight * ev[e]
-            for a in range(n_active):
-                call(field_p, mode, params[a], trial, 0, p, ev, 0)
-                for e in range(n):
-                    slopes[at + n + e * columns + n + a] += rate * ev[e]
-            if mean:
-                call(event_x, transition, 0, trial, 0, p, ev, 0)
-                slopes[at + size] = weight * ev[1]
-                for c in range(columns):
-                    total = 0.0
-                    for e in range(n):
-                        total += ev[2 + n + e] * trial[n + e * columns + c]
-                    slopes[at + size + 1 + c] = weight * total
-                for a in range(n_active):
-                    call(event_p, transition, params[a], trial, 0, p, ev, 0)
-                    slopes[at + size + 1 + n + a] += weight * ev[1]
-            if rooted and step == count - 1 and C[i] == 1.0:
-                _surface_slopes(
-                    functions, mode, transition, -1.0, columns, n, params, n_active, duration, trial, p, work,
-                    pointer(slopes, at),
-                )  # fmt: skip
+        if rooted and step == count - 1:
+            _step_to_surface(
+                functions, mode, transition, mean, duration, s, h, n, columns, length, params, n_active, p, y, slopes,
+                trial, ev, work,
+            )  # fmt: skip
+        else:
+            _step(
+                functions, mode, transition, mean, duration, s, h, n, columns, length, params, n_active, p, y, slopes,
+                trial, ev, work,
+            )  # fmt: skip
         largest = 1e-300
         for e in range(n, size):
             largest = max(largest, abs(trial[e]))

@@ -13,6 +13,8 @@ Rules
 * Chattering is told where more than 50 events in a row each follow after less than 1e-10 of the time scale (the period
   of the phase, or else the longest time between events so far) and these times shrink, where time stands still for
   50 events, or where the motion hops from an event to the same one below rounding four times in a row.
+* A transition that lands beyond an event of its target mode is told by a `RuntimeWarning` and by
+  `Trajectory.landings_beyond`; the motion goes on in that mode.
 * A field that jumps, as by ``sign(v)`` at v = 0, may be passed but must not hold the motion: that ends it with the
   place where it is held.
 * The phase runs on [0, 2 pi); its wrap is landed on exactly and recorded as an event of kind ``"phase"``.
@@ -25,6 +27,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -32,8 +35,10 @@ import numpy as np
 from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
+from saltus.flow.landings import Landing, landings_beyond, warn_of
 from saltus.flow.observables import Motion, dense_states, observe
 from saltus.flow.run import Run, check_tolerances, how_long, start_state, starting_mode
+from saltus.flow.sizes import ATOL, RTOL, followed_in_size
 from saltus.results import Result, frozen
 from saltus.system.evaluate import evaluate
 from saltus.system.hybrid import HybridSystem
@@ -150,6 +155,17 @@ class Trajectory(Result):
         values = evaluate(self.system, expression, self(flat), self._modes_at(flat), self.parameters)
         return values if times.ndim else float(values[0])
 
+    @cached_property
+    def landings_beyond(self) -> tuple[Landing, ...]:
+        """Transitions that led beyond an event of their target mode, in order of time.
+
+        Such a motion goes on in the mode as if the event were still to come: the definition lacks a transition, or a
+        reset goes too far.
+        """
+        log = self.events[self.events["kind"] == "event"]
+        sizes = np.abs(self.step_starts).max(axis=0, initial=0.0)
+        return landings_beyond(self.system, self.parameters, log, sizes)
+
     def motion(self, t_start: float | None = None, t_end: float | None = None) -> Motion:
         """Return a stretch of the trajectory as `saltus.flow.observables` takes it; by default all of it.
 
@@ -255,11 +271,13 @@ class Trajectory(Result):
         wraps = int(np.sum(kinds == "phase"))
         told += f", {wraps} periods of {self.system.phase[0]}" if self.system.phase is not None else ""
         title = repr(self.system.name) if self.system.name else "a system"
+        beyond = "".join(f"\n  {landing}" for landing in self.landings_beyond[:1])
+        beyond += f", and {more} more like it" if (more := len(self.landings_beyond) - 1) > 0 else ""
         end = ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.system.all_states, self.x_end, strict=True))
         return (
             f"Trajectory of {title} over 0 <= t <= {self.t_end:.10g}: {self.step_times.size} steps, {told}\n"
             f"  ends in mode {self.mode_end!r} at {end}\n"
-            f"  {self.stopped}"
+            f"  {self.stopped}{beyond}"
         )
 
     def to_xarray(self) -> xr.Dataset:
@@ -413,8 +431,8 @@ def simulate(
     mode: str | None = None,
     t_end: float | None = None,
     periods: int | None = None,
-    rtol: float = 1e-10,
-    atol: float = 1e-12,
+    rtol: float = RTOL,
+    atol: float | None = None,
     max_events: int = 100_000,
     max_steps: int | None = None,
 ) -> Trajectory:
@@ -436,7 +454,8 @@ def simulate(
     periods : int
         for how many periods of the phase. Exactly one of the two.
     rtol, atol : float, optional
-        Relative and absolute tolerance of a step; `rtol` between 1e-14 and 0.1.
+        Relative and absolute tolerance of a step; `rtol` between 1e-14 and 0.1. By default the second is 1e-12, or so
+        much smaller as the smallest state where that stays below 1e-2 all along the motion.
     max_events : int, optional
         The motion ends early after so many transitions; `stopped` says so.
     max_steps : int, optional
@@ -455,6 +474,11 @@ def simulate(
         Events accumulate; as a `StickingError`, the field jumps where the motion is and holds it there.
     DivergenceError
         The state leaves every bound, or the domain of its mode; an event function is not finite.
+
+    Warns
+    -----
+    RuntimeWarning
+        A transition lands beyond an event of its target mode; see `Trajectory.landings_beyond`.
 
     References
     ----------
@@ -478,7 +502,7 @@ def simulate(
     checks.instance("system", system, HybridSystem)
     p = system.parameter_vector(parameters)
     x = start_state(system, x0)
-    check_tolerances(rtol, atol)
+    check_tolerances(rtol, ATOL if atol is None else atol)
     if (t_end is None) == (periods is None):
         given = {"t_end": t_end, "periods": periods}
         raise InputError("t_end, periods", given, "exactly one of the two given")
@@ -491,8 +515,15 @@ def simulate(
     room = _MEMORY // (8 * (8 * x.size + 4))
     most_steps = room if max_steps is None else checks.count("max_steps", max_steps)
     start = starting_mode(system, x, p, mode)
-    run = Run(system, p, x, start, rtol, atol, steps_kept=min(_STEPS_KEPT, most_steps), room=most_steps)
-    run.follow(end, periods, max_events)
+
+    def begun(atol: float) -> Run:
+        return Run(system, p, x.copy(), start, rtol, atol, steps_kept=min(_STEPS_KEPT, most_steps), room=most_steps)
+
+    if atol is None:
+        run = followed_in_size(begun, lambda run: run.follow(end, periods, max_events))
+    else:
+        run = begun(atol)
+        run.follow(end, periods, max_events)
     full = run.time
     short = ""
     if full < end and (periods is None or not run.went_round(periods)):
@@ -500,7 +531,7 @@ def simulate(
     stopped = f"t_end = {end:.12g} reached" if periods is None else f"{periods} periods reached"
     stopped = f"{short} reached at t = {full:.12g}" if short else stopped
     times, modes, starts, dense = run.steps()
-    return Trajectory(
+    motion = Trajectory(
         system=system,
         parameters=system.resolve(parameters),
         t_end=full if periods is not None or short else end,
@@ -513,9 +544,11 @@ def simulate(
         step_modes=frozen(modes, np.int64),
         step_starts=frozen(starts),
         step_dense=frozen(dense),
-        rtol=float(rtol),
-        atol=float(atol),
+        rtol=run.rtol,
+        atol=run.atol,
     )
+    warn_of(motion.landings_beyond)
+    return motion
 
 
 def settle(

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 __all__ = ["check_continuous", "sticking_surface"]
 
-_JUMPING = ("sign", "abs", "sqrt", "atan2")  # functions without which no field jumps; sqrt(v**2) is abs(v)
 _STEPS_AWAY = 8.0  # farthest from the jump, in steps of the motion
 _CONTINUOUS = 1e-6  # difference of the fields on two sides of a surface, over their size, that is none
 _ROUNDING = 64.0 * 2.220446049250313e-16  # of an expression, relative to its terms
@@ -126,8 +125,7 @@ def _sides(
 @lru_cache(maxsize=32)
 def _jumps(system: HybridSystem) -> list[list[_Jump]]:
     """Expressions at whose zeros the field of each mode may jump."""
-    if not any(name in text.lower() for mode in system.modes.values() for text in mode.field.values()
-               for name in _JUMPING):  # fmt: skip
+    if not any(system.compiled.jumps):
         return [[] for _ in system.modes]
     import sympy
 
@@ -135,14 +133,9 @@ def _jumps(system: HybridSystem) -> list[list[_Jump]]:
 
     symbolic = Symbolic(system)
     found = []
-    for field in symbolic.field:
-        arguments: dict[sympy.Expr, None] = {}
-        for rate in field:
-            for call in rate.atoms(sympy.sign, sympy.Abs, sympy.atan2):
-                if call.args[0].free_symbols & set(symbolic.x):
-                    arguments[call.args[0]] = None
+    for mode in range(len(system.modes)):
         jumps = []
-        for argument in sorted(arguments, key=str):
+        for argument in symbolic.jumps(mode):
             gradient = symbolic.gradients([argument], symbolic.x)[0]
             at = sympy.lambdify([*symbolic.x, *symbolic.p], [argument, *gradient], "numpy")
             jumps.append(_Jump(str(argument), at))

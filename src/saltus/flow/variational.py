@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
+from saltus.errors import StiffnessError
 from saltus.flow.run import Run, check_tolerances, how_long, start_state
 from saltus.flow.sticking import check_continuous
 from saltus.results import frozen
@@ -29,6 +30,7 @@ CONFIDENCE = 0.95
 _ROWS = 25 * BATCHES
 _STEPS_KEPT = 256
 _STEPS_A_PERIOD = 50_000  # a motion that takes more is stiff
+_SHRUNK, _STIFF_STEPS = 100.0, 1_000_000  # without a period: one whose steps are so much shorter, for so many of them
 
 
 @dataclass(frozen=True)
@@ -140,9 +142,9 @@ def growth_along(
     ChatteringError, DivergenceError
         As `simulate`.
     DefinitionError
-        The motion passes a jump of its mode's field.
+        The motion passes a jump of its mode's field; a power below 1/2 vanishes on a surface of a mode.
     StiffnessError
-        It takes more than 50 000 steps a period.
+        It takes more than 50 000 steps a period; without a phase, a million steps a hundred times shorter than before.
 
     References
     ----------
@@ -151,6 +153,7 @@ def growth_along(
     dynamic systems with discontinuities, Chaos, Solitons & Fractals 5 (1995) 1671-1681.
     """
     check_tolerances(rtol, atol)
+    system.compiled.check_powers(system, range(len(system.modes)))
     length = how_long(system, periods, t)[0]
     n, most = len(system.states), np.iinfo(np.int64).max
     columns = n if exponents is None else checks.count("exponents", exponents, 1, n, "the number of states")
@@ -185,8 +188,9 @@ def _run_rows(
     places[kernels.LIVE] = frame.shape[1]
     logs, ends = np.zeros((row_times.size, frame.shape[1])), np.zeros(row_times.size)
     again, done = run.kernels.AGAIN, run.kernels.DONE
-    status = again
+    status, longest, stiff = again, 0.0, 0
     while status == again:
+        tries, time = run.tries, run.time
         status = kernels.growth_kernel(
             run.addresses, run.transitions, run.rate, run.p, run.rtol, run.atol, run.budget, run.x, run.slopes,
             run.size, run.numbers, run.counts, run.side, run.on, run.value, run.first_steps, *run.step_buffers,
@@ -194,6 +198,11 @@ def _run_rows(
         )  # fmt: skip
         if status == again:
             run.watch()
+            step = (run.time - time) / max(run.tries - tries, 1)
+            longest = max(longest, step)
+            stiff = stiff + run.tries - tries if step < longest / _SHRUNK else 0
+            if run.rate == 0.0 and stiff > _STIFF_STEPS:
+                raise StiffnessError(run.time, run.x, run.system.mode_names[run.mode], run.tries)
         count = int(run.counts[run.kernels.N_STEPS])
         check_continuous(run.system, run.step_buffers[1][:count], run.step_buffers[2][:count], run.p)
     if status != done:

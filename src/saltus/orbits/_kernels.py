@@ -33,9 +33,9 @@ from saltus.orbits.problem import (
 from saltus.system.codegen import FUNCTIONS
 from saltus.system.machine_code import njit
 
-DERIVE, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = (
+DERIVE, VARY, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = (
     FUNCTIONS.index(name)
-    for name in ("derive", "event", "event_x", "event_p", "reset", "reset_x", "reset_p", "outputs", "guard")
+    for name in ("derive", "vary", "event", "event_x", "event_p", "reset", "reset_x", "reset_p", "outputs", "guard")
 )
 FINE = 3  # samples of a step in the survey
 PEAK = 0.02  # share of a quantity's range by which a sampled extreme may miss the true one
@@ -53,6 +53,26 @@ def set_parameters(functions, u, m, active, scales, p):
         p[active[k]] = u[m + k] * scales[k]
     if active.size > 0:
         call(functions[DERIVE], 0, 0, p, 0, p, p, 0)
+
+
+@njit(cache=True, error_model="numpy")
+def largest_terms(functions, modes, u, n, p, terms):
+    """Write the largest size of each term J_ij x_j of the states' rates at the segments' starts in `terms`, (n, n)."""
+    block = np.empty(2 * n * (n + 1))
+    functions, frame, out = pointer(functions, 0), pointer(block, 0), pointer(block, n * (n + 1))
+    u, p, terms = pointer(u, 0), pointer(p, 0), pointer(terms, 0)
+    for e in range(n * n):
+        terms[e] = 0.0
+        frame[n + e] = 1.0 if e % (n + 1) == 0 else 0.0
+    for i in range(modes.size):
+        for e in range(n):
+            frame[e] = u[i * (n + 1) + e]
+        call(functions[VARY], modes[i], n, frame, 0, p, out, 0)
+        for e in range(n * n):
+            size = abs(out[n + e] * frame[e % n])
+            if terms[e] < size < np.inf:
+                terms[e] = size
+    keep(block)
 
 
 @njit(cache=True, error_model="numpy")
@@ -81,7 +101,7 @@ def equations(
     """Write the residual F, (m,), and the Jacobian J, (m, m + active), of all segment equations.
 
     u: each segment's state (n,) and duration, m = segments * (n + 1) in all. p: extended parameters. mesh_at: offsets of
-    the segments' meshes, one more than segments. rooted: whether the modes' fields have roots. anchor: point and direction of the phase condition, (2 n,). shares: each
+    the segments' meshes, one more than segments. rooted: whether the modes' fields have roots that vanish on a surface. anchor: point and direction of the phase condition, (2 n,). shares: each
     segment's part of the period, kept at cuts. Returns the largest error of a step, in tolerances.
     """
     segments, wide, n_active = modes.size, n + 1, active.size
@@ -737,10 +757,6 @@ def survey(
                 continue
             height = pointer(heights, k * (total + 1))
             sign = -1.0 if directions[k] > 0 else 1.0
-            if directions[k] == 0 and height[1] < 0.0:
-                sign = -1.0
-                for j in range(total + 1):
-                    height[j] = -height[j]
             size, top, bottom = 0.0, height[0], height[0]
             for j in range(total + 1):
                 size = max(size, abs(height[j]))
@@ -750,6 +766,10 @@ def survey(
             for e in range(n):
                 reach += abs(slope[2 + e]) * sizes[e]
             small = 1e-9 * (1e-3 * reach + size)
+            if directions[k] == 0 and height[0 if abs(height[0]) > small else 1] < 0.0:
+                sign, top, bottom = -1.0, -bottom, -top
+                for j in range(total + 1):
+                    height[j] = -height[j]
             level = duration > BRIEF * period and top - bottom <= LEVEL * reach + 1e-14 * size
             passed = top < -small and directions[k] != 0 and surfaces[k] == BOUNDARY
             if k != transition and k != before and (level or passed):
@@ -771,11 +791,20 @@ def survey(
                         height[j - 2], height[j - 1], height[j], p, x, out,
                     )  # fmt: skip
                     call(functions[GUARD], n_modes + k, 0, x, 0, p, one, 0)
-                    if one[0] > 0.0 and least < margins[head * n_transitions + k]:
-                        margins[head * n_transitions + k] = least
-                        places[head * n_transitions + k] = place
-                        if least < -small:
-                            bad |= EARLY
+                    if one[0] > 0.0:
+                        bad |= _noted(margins, places, head * n_transitions + k, least, place, small)
+                # from beyond the surface the motion may come back through it for a moment, and meet the event then
+                if 2 <= j and not armed and height[j - 2] < height[j - 1] >= height[j] and height[j - 1] <= small:
+                    fa, fm, fb = -height[j - 2], -height[j - 1], -height[j]
+                    if fm <= max(fa, fb) - fm:
+                        place, depth = lowest(
+                            functions, mode, n + n_outputs + k, -sign, grid, count, n, n_outputs, states, curves,
+                            _fine(grid, count, j - 2), _fine(grid, count, j - 1), _fine(grid, count, j), fa, fm, fb,
+                            p, x, out,
+                        )  # fmt: skip
+                        call(functions[GUARD], n_modes + k, 0, x, 0, p, one, 0)
+                        if one[0] > 0.0:
+                            bad |= _noted(margins, places, head * n_transitions + k, depth, place, small)
                 # an event that has just happened does not happen again as the motion passes on through its surface
                 starts = j == 1 and abs(height[0]) <= small and duration > 0.0 and k != before
                 if 0 < j < total and height[j] < -small and (armed or starts):
@@ -799,12 +828,57 @@ def survey(
                     bad |= EARLY
                 if height[j] > small:
                     armed = seen = True
+            if kinds[head] == PHASE_END or kinds[head] == CLOSED_END:
+                # an orbit without events has no end: an extremum may lie where its segment begins
+                for side in range(2):
+                    up = 1.0 if side == 0 else -1.0
+                    fa, fm, fb = up * height[total - 1], up * height[0], up * height[1]
+                    if not (fm <= fa and fm <= fb and fm < max(fa, fb)):
+                        continue
+                    if not (seen if side == 0 else not seen and fm <= max(fa, fb) - fm):
+                        continue
+                    place, least = _turning(
+                        functions, mode, n + n_outputs + k, up * sign, grid, count, n, n_outputs, states, curves, total, p,
+                        x, out,
+                    )  # fmt: skip
+                    call(functions[GUARD], n_modes + k, 0, x, 0, p, one, 0)
+                    if one[0] > 0.0:
+                        bad |= _noted(margins, places, head * n_transitions + k, least, place, small)
     if not has_phase or not found_zero:
         for e in range(n):
             at_zero[e] = u[e]
     keep(block)
     keep(joined)
     return bad
+
+
+@njit(**INNER)
+def _noted(margins, places, at, least, place, small):
+    """Keep a least distance and its place where none is less yet; the bit of a surface that is passed there, if any."""
+    if not least < margins[at]:
+        return 0
+    margins[at], places[at] = least, place
+    return EARLY if least < -small else 0
+
+
+@njit(**INNER)
+def _turning(functions, mode, what, sign, mesh, count, n, n_outputs, nodes, coefficients, total, p, x, out):
+    """Return place and value of the least value of an event function, times `sign`, next to where a closed segment begins."""
+    outlined()
+    _sample(functions, mode, what, sign, mesh, count, n, n_outputs, nodes, coefficients, 0.0, p, x, out)
+    low, high = 0.0, 0.0
+    if sign * out[1] > 0.0:
+        low, high = _fine(mesh, count, total - 1), mesh[count]
+    elif sign * out[1] < 0.0:
+        high = _fine(mesh, count, 1)
+    for _ in range(60):
+        place = 0.5 * (low + high)
+        _sample(functions, mode, what, sign, mesh, count, n, n_outputs, nodes, coefficients, place, p, x, out)
+        if sign * out[1] < 0.0:
+            low = place
+        else:
+            high = place
+    return high, _sample(functions, mode, what, sign, mesh, count, n, n_outputs, nodes, coefficients, high, p, x, out)
 
 
 @njit(**INNER)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from saltus.orbits.problem import OrbitProblem, Survey
 
-__all__ = ["Branching", "Condition", "Critical", "Grazing", "TorusCondition", "closing", "scaling",
+__all__ = ["Branching", "Condition", "Critical", "Grazing", "TorusCondition", "closing", "openness", "scaling",
            "solve_branch_point"]  # fmt: skip
 
 _ITERATIONS, _CONVERGED, _UNFORCED = 12, 1e-9, 1e-9
@@ -68,6 +68,26 @@ def scaling(problem: OrbitProblem, J: NDArray[np.float64], u: NDArray[np.float64
     return columns, 1.0 / rows
 
 
+def _scaled(
+    problem: OrbitProblem,
+    mu: float,
+    J: NDArray[np.float64],
+    B: NDArray[np.float64],
+    columns: NDArray[np.float64],
+    equations: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return A - mu B in units of the unknowns and of the equations, shape (size, size)."""
+    A = J[:, : problem.size] + (1.0 - mu) * B
+    return np.asarray(equations[:, None] * A * columns)
+
+
+def openness(problem: OrbitProblem, mu: float, u: NDArray[np.float64], J: NDArray[np.float64]) -> float:
+    """Return the least singular value of A - mu B over the largest, in scaled unknowns and equations."""
+    columns, equations = scaling(problem, J, u)
+    values = np.linalg.svd(_scaled(problem, mu, J, closing(problem), columns, equations), compute_uv=False)
+    return float(values[-1] / values[0])
+
+
 class Critical:
     """A multiplier at 1 (``mu=1``: saddle-node) or at -1 (``mu=-1``: period doubling).
 
@@ -98,9 +118,7 @@ class Critical:
         self._b, self._c = left[:, -1], right[-1]
 
     def _matrix(self, J: NDArray[np.float64]) -> NDArray[np.float64]:
-        size = self.problem.size
-        A = J[:, :size] + (1.0 - self.mu) * self._B
-        return np.asarray(self._equations[:, None] * A * self.columns)
+        return _scaled(self.problem, self.mu, J, self._B, self.columns, self._equations)
 
     def evaluate(
         self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
@@ -121,10 +139,10 @@ class Critical:
         """Take the borders from the null vectors last computed."""
         self._b, self._c = self._w, self._v
 
-    def distance(self, J: NDArray[np.float64], *, whole: bool = False) -> float:
-        """Return how far A - mu B is from being singular: its least singular value over the next, or the largest."""
+    def distance(self, J: NDArray[np.float64]) -> float:
+        """Return how far A - mu B is from being singular: its least singular value over the next one."""
         values = np.linalg.svd(self._matrix(J), compute_uv=False)
-        return float(values[-1] / values[0 if whole else -2])
+        return float(values[-1] / values[-2])
 
     @property
     def twist(self) -> float:

@@ -54,8 +54,12 @@ def _growth(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.float64
 
 def stretched(problem: OrbitProblem, J: NDArray[np.float64]) -> bool:
     """Return whether a smooth orbit has a piece over which sensitivities grow so far that it is to be cut."""
-    smooth = problem.signature.kinds[0] in (PHASE_END, CLOSED_END)
-    return smooth and problem.segments < MOST_PIECES and float(_growth(problem, J).max()) > STRETCHED
+    if problem.signature.kinds[0] not in (PHASE_END, CLOSED_END) or problem.segments >= MOST_PIECES:
+        return False
+    scale, entries = problem.state_scale, np.abs(J[:, : problem.size])
+    if (float(entries.max()) + 1.0) * float(scale.max()) <= STRETCHED * float(scale.min()):
+        return False
+    return float(_growth(problem, J).max()) > STRETCHED
 
 
 def cut(

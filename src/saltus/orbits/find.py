@@ -10,10 +10,12 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ConvergenceError, DefinitionError, SaltusError, StiffnessError
+from saltus.flow.landings import warn_of
+from saltus.flow.sizes import ATOL, RTOL, STEPS_KEPT, sizes_along, sizes_on_the_way
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import CLOSED_END, EVENT_END, PHASE_END, Signature
 from saltus.orbits.rounds import divided, rounds_of
-from saltus.orbits.settling import ATOL, RTOL, Stretch, event_log, follow, rest_of, sizes_along, sizes_of
+from saltus.orbits.settling import Stretch, event_log, follow, rest_of, sizes_of
 from saltus.orbits.solve import check_tol, converge, in_pieces
 from saltus.system import HybridSystem
 
@@ -80,6 +82,11 @@ def find_orbit(
     ChatteringError, DivergenceError
         As `simulate`.
 
+    Warns
+    -----
+    RuntimeWarning
+        A transition of the orbit lands beyond an event of its target mode; see `PeriodicOrbit.landings_beyond`.
+
     Notes
     -----
     Whatever the units of the states and of time, the search counts periods, returns and steps, and measures states by
@@ -96,7 +103,7 @@ def find_orbit(
     >>> find_orbit(oscillator, x0=[0.0, 0.0]).signature
     (('free', 'impact'),)
     """
-    from saltus.flow.run import starting_mode
+    from saltus.flow.run import passed_event, starting_mode
 
     checks.instance("system", system, HybridSystem)
     tol = check_tol(tol)
@@ -106,10 +113,13 @@ def find_orbit(
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
     search = _search_forced if system.phase is not None else _search_autonomous
     try:
-        return in_pieces(search(system, p, x, start, longest, tol))
+        orbit = in_pieces(search(system, p, x, start, longest, tol))
     except StiffnessError as error:
         hint = f"settle= allows {_STEPS} steps for each period"
         raise StiffnessError(error.time, error.state, error.mode, error.steps, hint) from None
+    if any(passed_event(system, system.mode_index(part.mode), part.state, p) for part in orbit.segments):
+        warn_of(orbit.landings_beyond)
+    return orbit
 
 
 def _search_forced(
@@ -123,9 +133,10 @@ def _search_forced(
     spent, most = 0, int(_STEPS * max(longest, batch + 2 * _LONGEST + 1))
     floor = np.zeros(x.size)
     while done < longest:
-        run = Run(system, p, start_state(system, x), mode, RTOL, atol, most_steps=most - spent)
+        kept = STEPS_KEPT if done == 0 else 0
+        run = Run(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=kept, most_steps=most - spent)
         if done == 0:  # a motion that dies away has no size of its own
-            floor = _NOTHING * sizes_along(system, p, x, mode, 2.0 * math.pi / run.rate, atol).of_states
+            floor = _NOTHING * sizes_on_the_way(run, 2.0 * math.pi / run.rate).of_states
         run.follow(math.inf, batch, None, keep=False)
         seen = Run(system, p, start_state(system, run.x), run.mode, RTOL, atol, most_steps=most - spent - run.tries)
         seen.follow(math.inf, 2 * _LONGEST + 1, _MOST_EVENTS)
@@ -177,6 +188,8 @@ def _why_not(orbit: PeriodicOrbit) -> str:
 
 def _once_round(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64]) -> PeriodicOrbit:
     """Return an orbit once round, where it was found as several rounds of a shorter one."""
+    if orbit.form.turns == 1:
+        return orbit
     problem, u = orbit.problem(), orbit.unknowns
     count = rounds_of(problem, u)
     once = divided(problem, u, count) if count > 1 else None

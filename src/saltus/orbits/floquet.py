@@ -203,6 +203,8 @@ def _eigenvalues(P: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.c
     """Return the generalised eigenvalues of a pencil, infinite ones as inf."""
     from scipy.linalg.lapack import dggev
 
+    if not P.size:
+        return np.empty(0, dtype=np.complex128)
     re, im, beta, _, _, _, info = dggev(P, R, compute_vl=0, compute_vr=0)
     if info != 0:
         return np.full(len(P), np.nan + 0j)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Mapping
@@ -15,6 +16,7 @@ import numpy as np
 from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import ConvergenceError, InputError
+from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Motion, observe
 from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
 from saltus.orbits.problem import CUT_END, FAULTS, OrbitProblem, Signature, Survey
@@ -30,7 +32,8 @@ if TYPE_CHECKING:
 
 __all__ = ["PeriodicOrbit", "Segment", "complex_of", "follow_from", "orbit_at", "signature_from"]
 
-MOST_FAULTS = 127  # all bits of `PeriodicOrbit.faults`
+MOST_FAULTS = sum(bit for bit, _ in FAULTS)  # all bits of `PeriodicOrbit.faults`
+_COUNTED, _SHOWN = 4, 12  # of a signature: segments alike in a row that are counted; parts that are shown
 TOLERANCES = (1e-16, 1.0)  # between which the relative tolerance of a flow lies
 
 
@@ -161,6 +164,23 @@ class PeriodicOrbit(Result):
         return rounds_of(self.problem(), self.unknowns)
 
     @cached_property
+    def landings_beyond(self) -> tuple[Landing, ...]:
+        """Transitions that lead beyond an event of their target mode, as `Trajectory.landings_beyond` tells them."""
+        segments = self.segments
+        ends = np.cumsum([segment.duration for segment in segments])
+        names, modes = np.array(self.system.transition_names), np.array(self.system.mode_names)
+        n = len(self.system.all_states)
+        fields = [("time", "f8"), ("name", names.dtype if names.size else "U1"), ("mode_before", modes.dtype),
+                  ("mode_after", modes.dtype), ("before", "f8", (n,)), ("after", "f8", (n,))]  # fmt: skip
+        rows = [
+            (end, one.transition, one.mode, other.mode, np.full(n, np.nan), other.state)
+            for end, one, other in zip(ends, segments, (*segments[1:], segments[0]), strict=True)
+            if one.transition in self.system.transition_names
+        ]
+        sizes = np.maximum(np.abs(self.lows), np.abs(self.highs))[:n]
+        return landings_beyond(self.system, self.parameters, np.array(rows, dtype=fields), sizes)
+
+    @cached_property
     def min(self) -> Mapping[str, float]:
         """Least value of every state and output over the period."""
         return MappingProxyType(self._extremes(self.lows))
@@ -276,12 +296,15 @@ class PeriodicOrbit(Result):
         held.names("quantity", (*system.all_states, *system.output_names))
         parts = ("multiplier_re", "multiplier_im")
         held.expect(multiplier=len(system.states))
+        durations = held.array("segment_duration", ("segment",))
+        if not float(durations.sum()) > 0.0:
+            raise InputError("segment_duration", durations.tolist(), "durations of a positive sum, the period")
         return cls(
             system,
             held_parameters(held, system),
             signature_from(held.json("form", list)),
             held.array("segment_state", ("segment", "state")),
-            held.array("segment_duration", ("segment",)),
+            durations,
             complex_of(*(held.array(part, ("multiplier",), finite=False) for part in parts)),
             held.number("residual", finite=False),
             held.count("faults", most=MOST_FAULTS),
@@ -295,7 +318,7 @@ class PeriodicOrbit(Result):
         kind = "stable" if self.stable else "unstable"
         if not self.admissible:
             kind += f", not admissible ({'; '.join(self.reasons)})"
-        path = " -> ".join(f"{mode}:{transition}" if transition else mode for mode, transition in self.signature)
+        path = _path(self.signature)
         turns = f" = {self.form.turns} forcing period{'s' if self.form.turns > 1 else ''}" if self.form.turns else ""
         rounds = f", {self.rounds} times round an orbit of a shorter one" if self.rounds > 1 else ""
         shown = ", ".join(f"{value:.6g}" for value in self.x0)
@@ -306,7 +329,7 @@ class PeriodicOrbit(Result):
             f"  signature   {path}\n"
             f"  x0          [{shown}]\n"
             f"  |multipliers| {sizes}\n"
-            f"  residual    {self.residual:.2g}"
+            f"  residual    {self.residual:.2g}" + "".join(f"\n  {landing}" for landing in self.landings_beyond[:1])
         )
 
 
@@ -361,3 +384,13 @@ def complex_of(re: NDArray[np.float64], im: NDArray[np.float64]) -> NDArray[np.c
     out = np.empty(re.shape, dtype=np.complex128)
     out.real, out.imag = re, im
     return out
+
+
+def _path(signature: tuple[tuple[str, str], ...]) -> str:
+    """Return a signature as text: many of the same in a row are counted, and the end of a long one is left out."""
+    shown: list[str] = []
+    for (mode, transition), group in itertools.groupby(signature):
+        step, count = f"{mode}:{transition}" if transition else mode, len(list(group))
+        shown += [step] * count if count < _COUNTED else [f"{step} ({count} times)"]
+    left_out = [f"... ({len(signature)} segments)"] if len(shown) > _SHOWN else []
+    return " -> ".join(shown[:_SHOWN] + left_out)

@@ -45,6 +45,8 @@ _NEARBY, _NOTHING = 1e-6, 1e-13
 """Size of an orbit at rest, over that of those on its branch, below which it tells nothing; size above which it is no
 rounding of 0."""
 
+_FEW_STEPS = 1 << 12  # of a mesh that is tried before there is room for as many as may be
+
 _REMESHED = 12
 """Times that meshes are moved for one orbit."""
 
@@ -224,8 +226,11 @@ class OrbitProblem:
         self.segments = len(self.signature)
         self.size = self.segments * (self.n + 1)
         self._functions = compiled.addresses
-        self._rooted = compiled.rooted
+        self._limits = compiled.limits
+        # nothing but a plane fixes where on the orbit the first segment starts
+        self.slides = self.signature.kinds[0] == CLOSED_END
         self.modes = np.array(self.signature.modes, dtype=np.int64)
+        compiled.check_powers(self.system, self.signature.modes)
         self._transitions = np.array(self.signature.transitions, dtype=np.int64)
         self.kinds = np.array(self.signature.kinds, dtype=np.int64)
         self._active = np.array(self.active, dtype=np.int64)
@@ -289,15 +294,19 @@ class OrbitProblem:
         """Return each segment's mesh, its steps as long as the tolerance allows; a segment that cannot be followed."""
         from saltus.flow import _segment_kernels
 
-        meshes, buffer = [], np.empty(_segment_kernels.MOST_STEPS + 1)
+        meshes = []
         for index, (mode, block) in enumerate(zip(self.modes, blocks, strict=True)):
             x, duration = np.ascontiguousarray(block[: self.n]), block[self.n]
-            count = _segment_kernels.adapt(
-                self._functions, mode, x, duration, self.extended, self.tol, self._atol, buffer
-            )
+            for most in (_FEW_STEPS, _segment_kernels.MOST_STEPS + 1):
+                mesh = np.empty(most)
+                count = _segment_kernels.adapt(
+                    self._functions, mode, x, duration, self.extended, self.tol, self._atol, mesh
+                )
+                if count >= 0:
+                    break
             if count < 0:
                 return index
-            meshes.append(buffer[: count + 1].copy())
+            meshes.append(mesh[: count + 1].copy())
         return meshes
 
     def _sizes_nearby(self, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
@@ -338,11 +347,6 @@ class OrbitProblem:
     @phase_plane.setter
     def phase_plane(self, plane: NDArray[np.float64]) -> None:
         self._anchor = plane
-
-    @property
-    def slides(self) -> bool:
-        """Whether nothing but a plane fixes where on the orbit the first segment starts."""
-        return bool(self.kinds[0] == CLOSED_END)
 
     def fix_phase(self, u: NDArray[np.float64], survey: Survey) -> None:
         """Lay the plane of the phase condition through the start of the orbit `u`, across the flow.
@@ -407,11 +411,8 @@ class OrbitProblem:
         this is no more than the tolerance, errors can be told.
         """
         period, n = float(np.abs(blocks[:, self.n]).sum()), self.n
-        terms = np.zeros((n, n))
-        for mode, block in zip(self.modes, blocks, strict=True):
-            J = self.system.compiled.linearised(int(mode), block[:n], self.extended)[1]
-            entries = np.abs(J) * np.abs(block[:n])
-            terms = np.maximum(terms, np.where(np.isfinite(entries), entries, 0.0))
+        terms = np.empty((n, n))
+        self.kernels.largest_terms(self._functions, self.modes, blocks.ravel(), n, self.extended, terms)
         self._least = _EPSILON / self.tol * period * terms.sum(axis=1)
         self._moved = terms.sum(axis=1) > np.diag(terms)
 
@@ -500,7 +501,7 @@ class OrbitProblem:
         m = self.size
         F, J = np.empty(m), np.empty((m, m + self._active.size))
         self._worst = self.kernels.equations(
-            self._functions, self.modes, self._transitions, self.kinds, self._rooted, self.signature.turns, self.n, u,
+            self._functions, self.modes, self._transitions, self.kinds, self._limits, self.signature.turns, self.n, u,
             self.extended, self._active, self.scales, self.tol, self._atol, self._mesh, self._mesh_at, self._anchor,
             self._shares, F, J, self._errors,
         )  # fmt: skip
@@ -530,7 +531,7 @@ class OrbitProblem:
         """
         from saltus.orbits import _second_kernels
 
-        if self._rooted[self.modes].any():
+        if self.system.compiled.rooted[self.modes].any():
             return self._differences(u, v)
         self.set_parameters(u)
         compiled = self.system.second(tuple(self._active.tolist()))
@@ -554,7 +555,7 @@ class OrbitProblem:
         self.set_parameters(u)
         gradient = np.zeros(u.size)
         value = self.kernels.rate(
-            self._functions, self.modes, self._transitions, self._rooted, segment, self.n, u, self.extended,
+            self._functions, self.modes, self._transitions, self._limits, segment, self.n, u, self.extended,
             self._active, self.scales, self._mesh, self._mesh_at, gradient, np.empty_like(self._mesh),
         )  # fmt: skip
         return float(value), gradient

@@ -11,20 +11,16 @@ import numpy as np
 from saltus.flow.observables import dense_states
 from saltus.flow.run import Run, start_state
 from saltus.flow.simulate import EventLog, event_log
+from saltus.flow.sizes import ATOL, EPSILON, MOST_KEPT, RTOL, STEPS_KEPT, Sizes, sizes_from
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.system import HybridSystem
 
-__all__ = ["ATOL", "RTOL", "Sizes", "Stretch", "event_log", "follow", "rest_of", "sizes_along", "sizes_of"]
+__all__ = ["Stretch", "event_log", "follow", "rest_of", "sizes_of"]
 
-RTOL, ATOL = 1e-10, 1e-12  # tolerances of a motion's steps; the second for states of size 1 or more
-_STEPS_KEPT = 1024
-_MOST_KEPT = 200_000  # steps of dense output: some 60 bytes each and state
 _SAMPLES = 8  # of a step
-_EPSILON = 2.220446049250313e-16
-_TOLD = 1e4  # a size has to be so many times what rounding makes of the state for differences of it to be told
 _STILL = 1e-9  # change of a state over a stretch, relative to its size, that is none
 _NEARER = 1e-2  # share of its distance from an equilibrium that a motion keeps, at the most, where it comes to rest
 _NEWTON = 30
@@ -66,31 +62,6 @@ class Stretch:
         return dense_states(starts[step], dense[step], (times - spans[step, 0]) / spans[step, 1])
 
 
-@dataclass(frozen=True)
-class Sizes:
-    """How large states are along a motion, each shape (all states,).
-
-    Attributes
-    ----------
-    of_states : ndarray
-        Largest sizes, where they are more than rounding.
-    of_gaps : ndarray
-        Against which differences of states are measured: no less than what can be told from rounding.
-    """
-
-    of_states: NDArray[np.float64]
-    of_gaps: NDArray[np.float64]
-
-    def at_least(self, floor: NDArray[np.float64]) -> Sizes:
-        """Return the sizes, none below `floor`, shape (all states,)."""
-        return Sizes(np.maximum(self.of_states, floor), np.maximum(self.of_gaps, floor))
-
-    @property
-    def atol(self) -> float:
-        """Absolute tolerance of the motion's steps."""
-        return ATOL * min(1.0, float(self.of_states.min()))
-
-
 def follow(
     system: HybridSystem,
     p: NDArray[np.float64],
@@ -103,8 +74,8 @@ def follow(
     sampled: bool,
 ) -> Stretch:
     """Follow a motion for so many steps or transitions, whichever comes first; at most 200 000 steps are kept."""
-    run = Run(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=_STEPS_KEPT if sampled else 0)
-    run.follow_for(min(tries, _MOST_KEPT) if sampled else tries, n_events, t_end=_FOR_EVER, keep=sampled)
+    run = Run(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT if sampled else 0)
+    run.follow_for(min(tries, MOST_KEPT) if sampled else tries, n_events, t_end=_FOR_EVER, keep=sampled)
     steps: tuple[NDArray[np.float64], ...] = ()
     times, states = np.empty(0), np.empty((0, run.x.size))
     if sampled:
@@ -118,33 +89,9 @@ def follow(
 
 def sizes_of(system: HybridSystem, p: NDArray[np.float64], seen: Stretch) -> Sizes:
     """Return how large states are along a stretch whose steps were kept."""
-    return _sizes(system, p, seen.log.x_end, seen.log.mode_end, seen.states, 30.0 * seen.log.t_end / max(seen.tries, 1))
-
-
-def sizes_along(
-    system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, time: float, atol: float
-) -> Sizes:
-    """Return how large states are along a motion for some time, or 200 000 steps if these end before."""
-    run = Run(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=_STEPS_KEPT)
-    run.follow_for(_MOST_KEPT, _MOST_KEPT, t_end=time)
-    return _sizes(system, p, run.x, run.mode, run.steps()[2], time)
-
-
-def _sizes(
-    system: HybridSystem,
-    p: NDArray[np.float64],
-    x: NDArray[np.float64],
-    mode: int,
-    states: NDArray[np.float64],
-    time: float,
-) -> Sizes:
-    size = np.max(np.abs(states), axis=0)
-    top = max(float(size.max()), 1e-300)
-    J = np.abs(_jacobian(system, p, x, mode)[1])
-    rounding = _EPSILON * time * (np.where(np.isfinite(J), J, 0.0) @ size)
-    size = np.maximum(size, rounding / ATOL)
-    size[size == 0.0] = top
-    return Sizes(size, np.maximum(size, _TOLD * rounding))
+    return sizes_from(
+        system, p, seen.log.x_end, seen.log.mode_end, seen.states, 30.0 * seen.log.t_end / max(seen.tries, 1)
+    )
 
 
 def rest_of(
@@ -189,7 +136,7 @@ def _equilibrium(
         if not length < math.inf:
             return None
         x += size * step
-        if length < _EPSILON / ATOL:
+        if length < EPSILON / ATOL:
             return x, J
     return None
 

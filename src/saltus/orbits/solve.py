@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_tol", "converge", "in_pieces", "settle_signature", "solve_orbit", "solve_unknowns"]
 
+_MOST_UNKNOWNS = 4000  # of an orbit's equations, whose Jacobian is dense: 128 MB
 _ITERATIONS = 40
 _SMALL, _SHORT, _ROUNDING, _VANISHED, _ROUNDED = 1e-11, 1e-6, 1e-13, 1e-3, 1e-11
 """Newton step at which an orbit is taken; step at which it is where the residual is rounding; what counts as that;
@@ -99,6 +100,9 @@ def converge(
     system: HybridSystem, signature: Signature, u: NDArray[np.float64], p: NDArray[np.float64], tol: float
 ) -> PeriodicOrbit:
     """Return the orbit of a signature near the unknowns `u`, its segments' ends chosen to be regular."""
+    most = _MOST_UNKNOWNS // (len(system.all_states) + 1)
+    if len(signature) > most:
+        raise InputError("segments of the orbit", len(signature), f"at most {most}", "its equations would be too large")
     problem = OrbitProblem(system, signature, p, tol=tol)
     given, first = u, problem
     try:

@@ -37,6 +37,7 @@ from saltus.flow.classify import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, 
 from saltus.flow.poincare import Iterates, admits, iterate
 from saltus.flow.run import Run, check_tolerances, starting_mode
 from saltus.flow.simulate import simulate
+from saltus.flow.sizes import fitting_atol
 from saltus.flow.variational import Growth, growth_along
 from saltus.sweeps.section import Section, on_section
 from saltus.sweeps.sweep import Sweep
@@ -52,6 +53,7 @@ _FIRST = 16
 """Returns from which the mean one is known, if so many are dropped."""
 
 _STEPS_KEPT = 256
+_ATOL = 1e-10  # absolute tolerance of a step for states of size 1 or more
 
 _SAVED_EVERY = 3.0
 """Seconds between two savings, or more where one takes long."""
@@ -77,7 +79,7 @@ def run_sweep(
     exponents: int = 1,
     criteria: Criteria | None = None,
     rtol: float = 1e-8,
-    atol: float = 1e-10,
+    atol: float | None = None,
     workers: int | None = None,
     client: Any = None,
     path: str | os.PathLike[str] | None = None,
@@ -123,7 +125,8 @@ def run_sweep(
     criteria : Criteria, optional
         Thresholds of the labels.
     rtol, atol : float, optional
-        Tolerances of a step.
+        Tolerances of a step. By default the second is 1e-10, or so much smaller as the smallest state where that is
+        below 1e-2 at the first value.
     workers : int, optional
         Threads that compute; by default as many as there are processors for this process. The result is the same.
     client : dask.distributed.Client, optional
@@ -256,7 +259,7 @@ class _Task:
         discard = checks.count("discard", options["discard"], 0)
         keep = checks.size("keep", options["keep"], 1, checks.LARGEST_LIST // values.size)
         exponents = checks.count("exponents", options["exponents"], 1, len(system.states), "the states")
-        check_tolerances(options["rtol"], options["atol"])
+        check_tolerances(options["rtol"], _ATOL if options["atol"] is None else options["atol"])
         criteria = options["criteria"]
         criteria = Criteria() if criteria is None else checks.instance("criteria", criteria, Criteria)
         start = system.full_state(np.zeros(len(system.states)) if x0 is None else x0)
@@ -265,9 +268,11 @@ class _Task:
             system, steady, places, parameter, base, start, mode, discard, keep,
             checks.names("quantities", quantities, "texts, as ['v1']", least=1),
             checks.names("observables", options["observables"], "texts, as ['mean(v1)']"), exponents, criteria,
-            float(options["rtol"]), float(options["atol"]), {},
+            float(options["rtol"]), _ATOL if options["atol"] is None else float(options["atol"]), {},
         )  # fmt: skip
-        _check_start(task, values, given=x0 is not None)
+        p, first = _checked_start(task, values, given=x0 is not None)
+        if options["atol"] is None:
+            task = replace(task, atol=fitting_atol(system, p, start, first, _ATOL))
         _check_expressions(task)
         return replace(task, settings=task._described(options["section"]))
 
@@ -492,16 +497,21 @@ def _check_expressions(task: _Task) -> None:
                 raise InputError("observable", name, "of a whole order for a system without a phase")
 
 
-def _check_start(task: _Task, values: NDArray[np.float64], *, given: bool) -> None:
-    """Raise what the first value has against the start, if no value admits it."""
+def _checked_start(task: _Task, values: NDArray[np.float64], *, given: bool) -> tuple[NDArray[np.float64], int]:
+    """Return the parameters and the mode of the first value that admits the start.
+
+    Raises
+    ------
+    InputError
+        What the first value has against the start, if no value admits it.
+    """
     refusals = []
     for value in values.tolist():
+        p = task.system.parameter_vector({**task.parameters, task.parameter: value})
         try:
-            task.mode_at_start(task.system.parameter_vector({**task.parameters, task.parameter: value}))
+            return p, task.mode_at_start(p)
         except InputError as error:
             refusals.append(error)
-        else:
-            return
     if given or task.mode is not None:
         raise refusals[0]
     raise InputError("x0", None, "given for this system: no mode holds where all states are 0") from refusals[0]

@@ -13,7 +13,8 @@ import numpy as np
 from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
-from saltus.flow.run import starting_mode
+from saltus.flow.run import check_tolerances, starting_mode
+from saltus.flow.sizes import ATOL, fitting_atol
 from saltus.flow.variational import BATCHES, CONFIDENCE, growth_along
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
@@ -210,7 +211,7 @@ def lyapunov_spectrum(
     discard: float | None = None,
     exponents: int | None = None,
     rtol: float = 1e-10,
-    atol: float = 1e-12,
+    atol: float | None = None,
 ) -> LyapunovSpectrum:
     """Return the Lyapunov exponents of the motion from a state, once it has settled.
 
@@ -235,7 +236,8 @@ def lyapunov_spectrum(
     exponents : int, optional
         How many, the largest; by default all.
     rtol, atol : float, optional
-        Relative and absolute tolerance of a step of the motion; that of the frame is ``1000 rtol``, at most 1e-4.
+        Relative and absolute tolerance of a step of the motion; that of the frame is ``1000 rtol``, at most 1e-4. By
+        default the second is 1e-12, or so much smaller as the smallest state where that is below 1e-2.
 
     Returns
     -------
@@ -283,6 +285,9 @@ def lyapunov_spectrum(
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)
     start = starting_mode(system, x, p, mode)
+    if atol is None:
+        check_tolerances(rtol, ATOL)
+        atol = fitting_atol(system, p, x, start, ATOL)
     growth = growth_along(
         system, p, x, start, periods=periods, t=t, exponents=exponents, discard=discard, rtol=rtol, atol=atol
     )

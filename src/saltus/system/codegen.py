@@ -24,7 +24,7 @@ from saltus.system.cache import cache_folder, let_numba_cache, read_checked, war
 from saltus.system.grammar import clipped
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     import sympy
     from numpy.typing import NDArray
@@ -44,7 +44,7 @@ FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p"
 SECOND = ("derive", "field_2", "event_2", "reset_2")
 """Names of the functions of second derivatives, in the order of `CompiledSecond.addresses`."""
 
-_INVERSE_ROOT = "inverse_root"
+_POLE = "pole"
 
 
 class Compiled:
@@ -57,7 +57,13 @@ class Compiled:
     n, n_parameters, n_constants, n_outputs : int
         Sizes of the full state, of the parameters, of the constants made from them, of the outputs.
     rooted : ndarray of bool, shape (modes,)
-        Whether a mode's field has roots at which its first derivatives are infinite.
+        Whether a mode's field has broken powers at which its first derivatives are infinite.
+    limits : ndarray of bool, shape (modes,)
+        Whether their product with the rate of clustered time has a limit that is not 0.
+    jumps : tuple of bool
+        Whether a mode's field may jump.
+    too_steep : tuple of str
+        The power of each mode with which no sensitivities are computed; empty where there is none.
     """
 
     def __init__(self, module: Any, system: HybridSystem) -> None:
@@ -67,12 +73,23 @@ class Compiled:
         self.n_constants = int(module.CONSTANTS)
         self.n_outputs = len(system.outputs)
         self.rooted = np.array(module.ROOTED, dtype=np.bool_)
+        self.limits = np.array(module.LIMITS, dtype=np.bool_)
+        self.jumps = tuple(module.JUMPS)
+        self.too_steep = tuple(module.TOO_STEEP)
         # valid as long as the module is, which `sys.modules` keeps
-        self._calls: dict[str, Any] = {name: getattr(module, name).ctypes for name in FUNCTIONS}
+        self._calls: dict[str, Any] = {name: _callable(getattr(module, name)) for name in FUNCTIONS}
 
     def extended(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return parameters with the constants behind them, shape (n_parameters + n_constants,)."""
         return _with_constants(self._calls["derive"], p, self.n_constants)
+
+    def check_powers(self, system: HybridSystem, modes: Sequence[int]) -> None:
+        """Raise `DefinitionError` where the field of one of the modes is too steep at a surface for sensitivities."""
+        for mode in modes:
+            if power := self.too_steep[mode]:
+                allowed = "1/2 alone, or above 1/2, where it vanishes on a surface of the mode"
+                hint = "this needs its derivatives; simulate, run_sweep and map_basins do not"
+                raise DefinitionError(f"power in the field of mode {system.mode_names[mode]!r}", power, allowed, hint)
 
     def field(self, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the vector field of a mode at a full state."""
@@ -126,7 +143,7 @@ class CompiledSeries:
         self.order, self.stride = int(module.ORDER), int(module.STRIDE)
         self.forms = np.array(module.FORMS, dtype=np.int64).reshape(len(system.modes), 2)
         self._n_constants = int(module.CONSTANTS)
-        self._derive: Any = module.derive.ctypes
+        self._derive: Any = _callable(module.derive)
 
     def constants(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return parameters with the constants of these functions behind them."""
@@ -145,8 +162,8 @@ class CompiledLinear:
     def __init__(self, module: Any) -> None:
         self.splits: list[dict[str, Any] | None] = module.SPLITS
         self._n_constants = int(module.CONSTANTS)
-        self._derive: Any = module.derive.ctypes
-        self._linear: Any = module.linear.ctypes
+        self._derive: Any = _callable(module.derive)
+        self._linear: Any = _callable(module.linear)
 
     def at(self, mode: int, p: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the generator of a mode's linear part and its event functions, (size, size) and (events, size)."""
@@ -176,7 +193,7 @@ class CompiledLanes:
         self.run: Callable[..., None] = module.run
         self.quantities: tuple[str, ...] = module.QUANTITIES
         self._n_constants = int(module.CONSTANTS)
-        self._derive: Any = module.derive.ctypes
+        self._derive: Any = _callable(module.derive)
 
     def constants(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return parameters with the constants of these functions behind them."""
@@ -215,10 +232,15 @@ class CompiledSecond:
 def _call(
     function: Any, k: int, m: int, x: NDArray[np.float64], p: NDArray[np.float64], out: NDArray[np.float64]
 ) -> None:
+    function(k, m, x.ctypes.data, p.ctypes.data, out.ctypes.data)
+
+
+def _callable(function: Any) -> Any:
+    """Return a generated function as one of integers and addresses, which are converted faster than pointers."""
     import ctypes
 
-    double = ctypes.POINTER(ctypes.c_double)
-    function(k, m, *(a.ctypes.data_as(double) for a in (x, p, out)))
+    integer, address = ctypes.c_int64, ctypes.c_void_p
+    return ctypes.CFUNCTYPE(None, integer, integer, address, address, address)(function.address)
 
 
 def _with_constants(derive: Any, p: NDArray[np.float64], n_constants: int) -> NDArray[np.float64]:
@@ -386,7 +408,7 @@ class Writer:
         self.numbers: dict[str, object] = {}
         self._symbols: list[sympy.Dummy] = []
         self._parameters = set(system.p)
-        self._printer = _printer()
+        self._printer = _printer(clamped=True)
         self._names = {symbol: f"x[{i}]" for i, symbol in enumerate(system.x)}
         self._names |= {symbol: f"p[{i}]" for i, symbol in enumerate(system.p)}
 
@@ -394,7 +416,11 @@ class Writer:
         """Texts of the module's functions."""
         s = self.system
         modes, transitions = range(len(s.field)), range(len(s.event))
-        self.numbers["ROOTED"] = tuple(self._rooted(s.field[k]) for k in modes)
+        powers = [self._vanishing_powers(s.field[k]) for k in modes]
+        self.numbers["ROOTED"] = tuple(bool(found) for found in powers)
+        self.numbers["LIMITS"] = tuple(any(2 * power == 1 for power in found) for found in powers)
+        self.numbers["JUMPS"] = tuple(bool(s.jumps(k)) for k in modes)
+        self.numbers["TOO_STEEP"] = tuple(_too_steep(found) for found in powers)
         yield self._function("field", {k: self._assign(s.field[k]) for k in modes})
         yield self._function("vary", {k: self._vary(s.field[k]) for k in modes})
         yield self._by_parameter("field_p", {k: s.field[k] for k in modes})
@@ -413,7 +439,9 @@ class Writer:
 
     def derive(self) -> str:
         """Text of the function that computes the constants."""
+        usual, self._printer = self._printer, _printer(clamped=False)
         lines = self._lines(list(self.constants), len(self.constants), len(self.system.p), "", True)
+        self._printer = usual
         return self._function("derive", {0: lines})
 
     def _function(self, name: str, branches: dict[int, list[str]]) -> str:
@@ -429,7 +457,7 @@ class Writer:
         branches = {}
         for k, group in expressions.items():
             lines = [f"out[{i}] = 0.0" for i in range(len(group))]
-            first, rooted = True, self._rooted(group)
+            first, rooted = True, bool(self._vanishing_powers(group))
             for j in range(len(self.system.p)):
                 derivatives = self.system.along(group, j)
                 if rooted:
@@ -442,23 +470,29 @@ class Writer:
             branches[k] = lines
         return self._function(name, branches)
 
-    def _rooted(self, field: list[sympy.Expr]) -> bool:
-        """Whether a root in a field vanishes on a surface, where it makes the first derivatives infinite."""
+    def _vanishing_powers(self, field: list[sympy.Expr]) -> list[sympy.Expr]:
+        """Broken powers below 1 of what vanishes on a surface, where they make the first derivatives infinite."""
         import sympy
 
         from saltus.system.regularise import multiple_of
 
-        bases = {
-            power.base
+        powers = {
+            (power.base, power.exp)
             for expression in field
             for power in expression.atoms(sympy.Pow)
-            if power.exp.is_Rational and power.exp.q == 2 and power.exp < 1
+            if _is_broken(power.exp) and power.exp < 1
         }
-        return any(multiple_of(self.system, base, event) is not None for base in bases for event in self.system.event)
+        return sorted(
+            {
+                exponent
+                for base, exponent in powers
+                if any(multiple_of(self.system, base, event) is not None for event in self.system.event)
+            }
+        )
 
     def _vary(self, field: list[sympy.Expr]) -> list[str]:
         n, jacobian = self.n, self.system.jacobian(field)
-        if self._rooted(field):  # elsewhere an infinite derivative is told as one
+        if self._vanishing_powers(field):  # elsewhere an infinite derivative is told as one
             jacobian = [[_without_poles(entry) for entry in row] for row in jacobian]
         entries = [(i, j) for i in range(n) for j in range(n) if jacobian[i][j] != 0]
         lines = self._assign(field, [jacobian[i][j] for i, j in entries], name="j")
@@ -632,23 +666,41 @@ class _SecondWriter(Writer):
         return [_without_poles(g) for row in self.system.gradients(slopes, self._variables) for g in row]
 
 
-def _without_poles(expression: sympy.Expr) -> sympy.Expr:
-    """Replace inverse roots by functions that are zero where the root is.
+def _is_broken(exponent: sympy.Expr) -> bool:
+    """Whether an exponent is a number, but no integer."""
+    return bool(exponent.is_number) and float(exponent) != math.floor(float(exponent))
 
-    A half-integer power of an event function gives its second derivatives a pole on the surface, where the direction is
-    tangential, or the time of the segment stands still: there the product vanishes. A root gives its first derivatives
-    one: their product with the clustered time's rate has a limit, which the flow of a segment adds.
+
+def _too_steep(powers: Sequence[sympy.Expr]) -> str:
+    """The power of those that vanish on a surface with which no sensitivities of a segment are computed, if any is.
+
+    With the power a of an event function, sensitivities grow like s^(2 a - 1) in clustered time: without bound for a
+    below 1/2. At 1/2 they have a limit, which is found by extrapolation, unless there are powers besides.
+    """
+    others = [power for power in powers if 2 * power != 1]
+    steep = [power for power in powers if 2 * power < 1]
+    return str((steep or others)[0]) if steep or (others and len(others) < len(powers)) else ""
+
+
+def _without_poles(expression: sympy.Expr) -> sympy.Expr:
+    """Replace inverse broken powers by functions that are zero where their base is.
+
+    A broken power of an event function gives its second derivatives a pole on the surface, where the direction is
+    tangential, or the time of the segment stands still: there the product vanishes. A power below 1 gives its first
+    derivatives one: for a root, their product with the clustered time's rate has a limit, which the flow of a segment
+    adds; above 1/2 that limit is 0.
     """
     import sympy
 
-    root = sympy.Function(_INVERSE_ROOT)
+    pole = sympy.Function(_POLE)
     return expression.replace(
-        lambda e: e.is_Pow and e.exp.is_Rational and e.exp.q == 2 and e.exp < 0 and not e.base.is_number,
-        lambda e: root(e.base) ** (-2 * e.exp),
+        lambda e: e.is_Pow and _is_broken(e.exp) and e.exp < 0 and not e.base.is_number,
+        lambda e: pole(e.base, e.exp),
     )
 
 
-def _printer() -> Any:
+def _printer(*, clamped: bool) -> Any:
+    """Return what writes Python text; `clamped` where broken powers of negative numbers are 0."""
     import sympy
     from sympy.printing.pycode import PythonCodePrinter
 
@@ -657,7 +709,7 @@ def _printer() -> Any:
         raise DefinitionError("derivatives of the definition", shown, "of real numbers and functions of expressions")
 
     class Printer(PythonCodePrinter):  # type: ignore[misc]
-        """Python text that Numba compiles: exact floats, powers as products, roots clamped at zero."""
+        """Python text that Numba compiles: exact floats, powers as products."""
 
         _print_ImaginaryUnit = _print_Infinity = _print_NegativeInfinity = _print_ComplexInfinity = _print_NaN = refused
         _print_not_supported = emptyPrinter = refused
@@ -688,16 +740,25 @@ def _printer() -> Any:
 
         def _print_Pow(self, expr: Any, rational: bool = False, sqrt: str = "math.sqrt") -> str:
             base, exponent = expr.as_base_exp()
+            text = f"({self._print(base)})"
             if exponent.is_Rational and exponent.q in (1, 2) and abs(exponent.p) <= 24:
-                text = self._power(f"({self._print(base)})", abs(int(exponent.p)), int(exponent.q))
-                return text if exponent.p > 0 else f"(1.0/{text})"
-            return f"(({self._print(base)})**({self._print(exponent)}))"
+                power = self._power(text, abs(int(exponent.p)), int(exponent.q))
+                return power if exponent.p > 0 else f"(1.0/{power})"
+            power = f"({self._print(exponent)})"
+            if not clamped or (exponent.is_number and not _is_broken(exponent)):
+                return f"({text}**{power})"
+            if exponent.is_number:
+                return f"(max({text}, 0.0)**{power})"
+            return f"({text}**{power} if {text} >= 0.0 or {power} == math.floor({power}) else 0.0)"
 
         def _print_Function(self, expr: Any) -> str:
-            if expr.func.__name__ != _INVERSE_ROOT:
+            if expr.func.__name__ != _POLE:
                 return str(super()._print_Function(expr))
-            base = self._print(expr.args[0])
-            return f"(1.0/math.sqrt({base}) if {base} > 0.0 else 0.0)"
+            base, exponent = f"({self._print(expr.args[0])})", expr.args[1]
+            power = f"{base}**({self._print(exponent)})"
+            if exponent.is_Rational and exponent.q == 2:
+                power = f"1.0/{self._power(base, -int(exponent.p), 2)}"
+            return f"({power} if {base} > 0.0 else 0.0)"
 
         @staticmethod
         def _power(base: str, p: int, q: int) -> str:
@@ -705,7 +766,7 @@ def _printer() -> Any:
             factors = [base] * whole
             if half:
                 # stages of a step overshoot the surface where a root begins
-                factors.append(f"math.sqrt(max({base}, 0.0))")
+                factors.append(f"math.sqrt(max({base}, 0.0))" if clamped else f"math.sqrt({base})")
             return f"({'*'.join(factors)})"
 
     return Printer({"fully_qualified_modules": True, "allow_unknown_functions": False})

@@ -68,6 +68,16 @@ class Symbolic:
                 raise DefinitionError(where, text, wanted, hint)
         return expression
 
+    def jumps(self, mode: int) -> list[sympy.Expr]:
+        """Return expressions at whose zeros the field of a mode may jump: arguments of signs, moduli and angles."""
+        arguments = {
+            call.args[0]
+            for rate in self.field[mode]
+            for call in rate.atoms(sympy.sign, sympy.Abs, sympy.atan2)
+            if call.args[0].free_symbols & set(self.x)
+        }
+        return sorted(arguments, key=str)
+
     @cached_property
     def rate(self) -> list[sympy.Expr]:
         """Lie derivative of each event function along its source's field."""

@@ -40,8 +40,8 @@ def evaluate(
         Whose names the expression uses.
     text : str
         An expression in the states, the phase, the parameters and the outputs; numbers, ``pi``, ``+ - * / **``,
-        parentheses and the functions of definitions (``sin``, ``sqrt``, ``atan2``, ...). As in definitions, the root
-        of a negative number is 0.
+        parentheses and the functions of definitions (``sin``, ``sqrt``, ``atan2``, ...). As in definitions, a
+        broken power of a negative number is 0.
     states : array_like, shape (m, all states)
         Full states, the phase last.
     modes : array_like of int, shape (m,)
@@ -180,10 +180,9 @@ def _chained(first: _Expression, steps: list[tuple[Callable[..., _Value], _Expre
 
 
 def _power(base: _Expression, exponent: _Expression) -> _Expression:
-    """Return a power; a half-integer one is 0 for a negative base, as in compiled code, whose stages overshoot."""
-    if not exponent.names:
-        with np.errstate(all="ignore"):
-            number = float(exponent.value({}))
-        if (2.0 * number).is_integer() and not number.is_integer():
-            return _applied(lambda x: np.power(np.maximum(x, 0.0), number), base)
-    return _applied(np.power, base, exponent)
+    """Return a power; a broken one is 0 for a negative base, as in compiled code, whose stages overshoot."""
+
+    def value(x: _Value, a: _Value) -> _Value:
+        return np.power(np.where((x < 0.0) & (a != np.floor(a)), 0.0, x), a)
+
+    return _applied(value, base, exponent)

@@ -1,0 +1,113 @@
+"""Transitions that lead beyond an event of their target mode, where motions of that mode do not come."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.system.evaluate import evaluate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.system.hybrid import HybridSystem, Transition
+
+__all__ = ["Landing", "landings_beyond", "warn_of"]
+
+_LANDED = 1e-9  # of an event function's terms, below which a landing is on its surface
+_LOOKED_AT = 16  # landings at which the size of these terms is looked at
+
+
+@dataclass(frozen=True)
+class Landing:
+    """A transition that led to the far side of an event of its target mode, which motions of the mode do not reach.
+
+    Attributes
+    ----------
+    time : float
+        When.
+    transition : str
+        What led there.
+    mode : str
+        The target mode.
+    event : str
+        The transition from that mode whose event is passed already.
+    value : float
+        Of its event function after the landing.
+    """
+
+    time: float
+    transition: str
+    mode: str
+    event: str
+    value: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.transition!r} lands beyond event {self.event!r} of mode {self.mode!r} at t = {self.time:.10g}, "
+            f"where its function is {self.value:.6g}"
+        )
+
+
+def landings_beyond(
+    system: HybridSystem, parameters: Mapping[str, float], events: NDArray[np.void], sizes: NDArray[np.float64]
+) -> tuple[Landing, ...]:
+    """Return the landings beyond events of the target modes, in order of time.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    parameters : mapping of str to float
+        All its parameters.
+    events : structured ndarray, shape (event,)
+        With the fields `time`, `name`, `mode_before`, `mode_after`, `before` and `after` of `Trajectory.events`.
+    sizes : ndarray, shape (all states,)
+        Of the states along the motion.
+    """
+    found = []
+    for transition in system.transitions:
+        landed = events[events["mode_after"] == transition.source]
+        if not landed.size or transition.direction == 0 or transition.target == transition.source:
+            continue
+        values, there = _beyond(system, parameters, transition, landed["after"], sizes)
+        moved = landed["mode_before"] != transition.source
+        there &= moved | ~_beyond(system, parameters, transition, landed["before"], sizes)[1]
+        for entry, value in zip(landed[there], values[there].tolist(), strict=True):
+            name, mode = str(entry["name"]), transition.source
+            found.append(Landing(float(entry["time"]), name, mode, transition.name, value))
+    return tuple(sorted(found, key=lambda landing: landing.time))
+
+
+def warn_of(landings: tuple[Landing, ...]) -> None:
+    """Warn of the first landing, if there is one, whoever called the caller."""
+    if landings:
+        warnings.warn(f"saltus: {landings[0]}; the motion goes on as if it were not", RuntimeWarning, stacklevel=3)
+
+
+def _beyond(
+    system: HybridSystem,
+    parameters: Mapping[str, float],
+    transition: Transition,
+    states: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Values of an event function, and whether the states are clearly on the far side, its condition holding."""
+    mode = system.mode_index(transition.source)
+    values = evaluate(system, transition.event, states, mode, parameters)
+    past = values * transition.direction > 0.0
+    if past.any() and transition.when is not None:
+        past &= evaluate(system, transition.when, states, mode, parameters) > 0.0
+    if past.any():
+        k, n, compiled = system.transitions.index(transition), states.shape[1], system.compiled
+        p = compiled.extended(system.parameter_vector(parameters))
+        out, slopes = np.empty(2 + 2 * n), np.zeros(n)
+        for x in states[past][:_LOOKED_AT]:
+            compiled.call("event_x", k, 0, x.copy(), p, out)
+            slopes = np.maximum(slopes, np.abs(out[2 : 2 + n]))
+        past &= np.abs(values) > _LANDED * float(slopes @ sizes)
+    return values, past

@@ -1,0 +1,173 @@
+"""How large states are along a motion, and the absolute tolerance of its steps that fits them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.errors import SaltusError, StiffnessError
+from saltus.flow.run import Run, start_state
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["ATOL", "EPSILON", "MOST_KEPT", "RTOL", "STEPS_KEPT", "Sizes", "fitting_atol", "followed_in_size",
+           "sizes_along", "sizes_from", "sizes_on_the_way"]  # fmt: skip
+
+RTOL, ATOL = 1e-10, 1e-12  # tolerances of a motion's steps; the second for states of size 1 or more
+SMALL = 1e-2  # size of a state, over that for which an absolute tolerance was chosen, below which another one is needed
+STEPS_KEPT = 1024
+MOST_KEPT = 200_000  # steps of dense output: some 60 bytes each and state
+_LEAST = 1e-150  # size of the largest state below which no tolerance can be told from 0
+_TRIED = 3  # finer tolerances that are tried
+_DEARER, _FEW = 20, 10_000  # times as many steps, and so many more, that a finer tolerance may take
+_LOOKED_AT = 2000  # steps along which states are looked at before a tolerance is chosen
+EPSILON = 2.220446049250313e-16
+_TOLD = 1e4  # a size has to be so many times what rounding makes of the state for differences of it to be told
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How large states are along a motion, each shape (all states,).
+
+    Attributes
+    ----------
+    of_states : ndarray
+        Largest sizes, where they are more than rounding.
+    of_gaps : ndarray
+        Against which differences of states are measured: no less than what can be told from rounding.
+    """
+
+    of_states: NDArray[np.float64]
+    of_gaps: NDArray[np.float64]
+
+    def at_least(self, floor: NDArray[np.float64]) -> Sizes:
+        """Return the sizes, none below `floor`, shape (all states,)."""
+        return Sizes(np.maximum(self.of_states, floor), np.maximum(self.of_gaps, floor))
+
+    @property
+    def atol(self) -> float:
+        """Absolute tolerance of the motion's steps."""
+        return ATOL * min(1.0, float(self.of_states.min()))
+
+
+def sizes_along(
+    system: HybridSystem,
+    p: NDArray[np.float64],
+    x: NDArray[np.float64],
+    mode: int,
+    time: float,
+    atol: float,
+) -> Sizes:
+    """Return how large states are along a motion for some time, or 200 000 steps if these end before."""
+    run = Run(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT)
+    return sizes_on_the_way(run, time)
+
+
+def sizes_on_the_way(run: Run, time: float) -> Sizes:
+    """Follow a motion that begins, for some time as `sizes_along` does, and return how large states are."""
+    run.follow_for(MOST_KEPT, MOST_KEPT, t_end=time)
+    return sizes_from(run.system, run.p[: len(run.system.parameters)], run.x, run.mode, run.steps()[2], run.time)
+
+
+def sizes_from(
+    system: HybridSystem,
+    p: NDArray[np.float64],
+    x: NDArray[np.float64],
+    mode: int,
+    states: NDArray[np.float64],
+    time: float,
+) -> Sizes:
+    """Return how large states are, shape (m, all states), which a motion has passed in a time; it is at x now."""
+    size = np.max(np.abs(states), axis=0)
+    top = max(float(size.max()), 1e-300)
+    compiled = system.compiled
+    J = np.abs(compiled.linearised(mode, x, compiled.extended(p))[1])
+    rounding = EPSILON * time * (np.where(np.isfinite(J), J, 0.0) @ size)
+    size = np.maximum(size, rounding / ATOL)
+    size[size == 0.0] = top
+    return Sizes(size, np.maximum(size, _TOLD * rounding))
+
+
+def followed_in_size(begun: Callable[[float], Run], follow: Callable[[Run], None]) -> Run:
+    """Return a motion followed with an absolute tolerance that fits its states: again where one of them is far below 1.
+
+    Parameters
+    ----------
+    begun : callable
+        Returns a motion at its start, for an absolute tolerance, that keeps its steps.
+    follow : callable
+        Follows it.
+
+    Raises
+    ------
+    SaltusError
+        What the motion raises with a tolerance that fits it.
+    """
+    run, error = _followed(begun(ATOL), follow)
+    for _ in range(_TRIED):
+        needed = _share_needed(run)
+        if needed * ATOL >= SMALL * run.atol:
+            break
+        again = begun(needed * ATOL)
+        again.most_steps = _DEARER * run.tries + _FEW
+        finer, its_error = _followed(again, follow)
+        if isinstance(its_error, StiffnessError):  # what is so small is rounding
+            break
+        run, error = finer, its_error
+    if error is not None:
+        raise error
+    return run
+
+
+def _followed(run: Run, follow: Callable[[Run], None]) -> tuple[Run, SaltusError | None]:
+    try:
+        follow(run)
+    except SaltusError as error:
+        return run, error
+    return run, None
+
+
+def _share_needed(run: Run) -> float:
+    """Size of the least state along a motion, or 1 where all are larger or none is known."""
+    states = run.steps()[2] if run.kept_steps else np.empty((0, run.x.size))
+    sizes, count = np.abs(states).max(axis=0, initial=0.0), len(run.system.states)
+    if (sizes[:count] >= SMALL).all() or not sizes[:count].max() > _LEAST:
+        return 1.0
+    p = run.p[: len(run.system.parameters)]
+    return min(1.0, float(sizes_from(run.system, p, run.x, run.mode, states, run.time).of_states[:count].min()))
+
+
+def fitting_atol(
+    system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, usual: float
+) -> float:
+    """Return the absolute tolerance that fits a motion: the usual one, unless a state is far below 1.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    p : ndarray, shape (parameters,)
+        `HybridSystem.parameter_vector`.
+    x : ndarray, shape (states,) or (all states,)
+        Start, from which the motion is looked at for 2000 steps.
+    mode : int
+        Index of the mode there.
+    usual : float
+        Tolerance for states of size 1 or more.
+    """
+
+    def begun(atol: float) -> Run:
+        return Run(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT)
+
+    try:
+        run = followed_in_size(begun, lambda run: run.follow_for(_LOOKED_AT, _LOOKED_AT))
+    except SaltusError:  # of which the motion itself will tell
+        return usual
+    return usual * run.atol / ATOL
