@@ -21,11 +21,11 @@ import numpy as np
 from basin_peers import EventDriven, Model, by_scipy, cells_of, grids, states_of_box, tapping
 from measure import machine
 
-from saltus.basins.labelling import TOLERANCE
+from saltus.basins.map.labelling import TOLERANCE
 from saltus.basins.wilson import wilson
+from saltus.ensemble.traps import DIVERGED, UNDECIDED
 from saltus.errors import DivergenceError
-from saltus.flow.run import starting_mode
-from saltus.flow.traps import DIVERGED, UNDECIDED
+from saltus.flow.motion import starting_mode
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -21,12 +21,12 @@ from saltus import afm
 from saltus.afm.figures import fig8, fig9, fig10, sections
 from saltus.afm.galerkin import coefficients
 from saltus.basins import Attractors, Grid, find_attractors
-from saltus.basins.labelling import TOLERANCE
-from saltus.flow.ensemble import Ensemble, _trap_arrays
+from saltus.basins.map.labelling import TOLERANCE
+from saltus.ensemble._kernels import fate
+from saltus.ensemble.ensemble import Ensemble, _trap_arrays
+from saltus.ensemble.traps import UNDECIDED, Traps
+from saltus.flow.motion import starting_mode
 from saltus.flow.poincare import iterate
-from saltus.flow.run import starting_mode
-from saltus.flow.traps import UNDECIDED, Traps
-from saltus.system._lane_kernels import fate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

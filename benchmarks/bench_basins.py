@@ -23,7 +23,7 @@ from measure import interleaved, machine, show
 
 from saltus.afm.figures import sections
 from saltus.basins import map_basins
-from saltus.basins.labelling import TOLERANCE
+from saltus.basins.map.labelling import TOLERANCE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,8 +70,8 @@ FIRST_USE = """
 import json, time
 begin = time.perf_counter()
 from saltus import afm, find_attractors
-from saltus.flow.ensemble import Ensemble
-from saltus.flow.traps import Traps
+from saltus.ensemble.ensemble import Ensemble
+from saltus.ensemble.traps import Traps
 system = afm.tapping_mode(afm.table1(), modes=2, static_term="{static_term}")
 model = time.perf_counter() - begin
 Ensemble(system, {parameters}).settle([[0.1, 0.0, 0.2, 0.0]], Traps(4), 1)

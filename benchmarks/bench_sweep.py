@@ -20,8 +20,8 @@ from saltus.afm.galerkin import coefficients
 from saltus.afm.regimes import settled_orbit
 from saltus.flow._kernels import call
 from saltus.flow.poincare import iterate
-from saltus.flow.simulate import settle
-from saltus.system.codegen import FUNCTIONS
+from saltus.flow.trajectory import settle
+from saltus.system.compiled import FUNCTIONS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

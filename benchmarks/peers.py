@@ -14,7 +14,7 @@ import saltus
 from saltus import afm
 from saltus.afm.galerkin import coefficients
 from saltus.flow._kernels import call
-from saltus.system.codegen import FUNCTIONS
+from saltus.system.compiled import FUNCTIONS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -26,9 +26,9 @@ from measure import machine
 
 import saltus
 from saltus import afm
+from saltus.flow.motion import EventDrivenMotion
 from saltus.flow.observables import observe
 from saltus.flow.poincare import iterate
-from saltus.flow.run import Run
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -109,7 +109,7 @@ def by_series(x: NDArray[np.float64]) -> Crossings:
 
 def by_small_steps(x: NDArray[np.float64], mode: int, t: float) -> Crossings:
     """Return the crossings in a time by Runge-Kutta steps."""
-    run = Run(system(), system().parameter_vector({}), x.copy(), mode, TIGHT, TIGHT)
+    run = EventDrivenMotion(system(), system().parameter_vector({}), x.copy(), mode, TIGHT, TIGHT)
     length = PERIOD / PIECES
     for i in range(1, math.ceil(t / length) + 1):
         run.follow(min(i * length, t), None, None)

@@ -19,8 +19,8 @@ from PIL import Image
 import mutated
 from saltus import find_attractors, load, map_basins, run_sweep
 from saltus.afm.figures.files import write_figure
-from saltus.basins.attractors import Search
-from saltus.basins.basins import Basins
+from saltus.basins.attractors.attractors import Search
+from saltus.basins.map.basins import Basins
 from saltus.sweeps import brute_force
 
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT")

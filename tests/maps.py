@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from saltus import HybridSystem, Mode
-from saltus.basins.trapping import Ellipsoid
+from saltus.basins.attractors.trapping import OrbitEllipsoids
 
 
 def strobed(image, states=("x",)):
@@ -26,4 +26,4 @@ def strobed(image, states=("x",)):
 
 def round_about(point, radius):
     point = np.atleast_1d(point).astype(float)
-    return Ellipsoid(point[None], np.eye(point.size)[None], radius**2)
+    return OrbitEllipsoids(point[None], np.eye(point.size)[None], radius**2)

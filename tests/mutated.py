@@ -26,14 +26,14 @@ from saltus import (
     simulate,
     solve_orbit,
 )
-from saltus.basins.attractors import Attractors
-from saltus.basins.basins import Basins
-from saltus.basins.erosion import ErosionProfile
-from saltus.basins.grid import Grid
-from saltus.basins.labelling import Labelling
+from saltus.basins.attractors.attractors import Attractors
+from saltus.basins.map.basins import Basins
+from saltus.basins.map.grid import Grid
+from saltus.basins.map.labelling import Labelling
+from saltus.basins.measures.erosion import ErosionProfile
+from saltus.ensemble.traps import Cages, Cells, Ellipsoids, Traps
 from saltus.errors import SaltusError
 from saltus.files import write_sealed
-from saltus.flow.traps import Cages, Cells, Ellipsoids, Traps
 from saltus.results import Result, netcdf, tagged
 
 JUNK: tuple[Any, ...] = (

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import saltus.basins.grid
+import saltus.basins.map.grid
 from saltus import cli
 from saltus.basins import Basins
 from saltus.errors import InputError
@@ -96,8 +96,8 @@ def test_what_is_written_is_told_with_its_size(mapped, capsys):
 
 
 def test_an_interrupted_run_says_how_to_go_on_and_goes_on_to_the_same_labels(mapped, config, capsys, monkeypatch):
-    monkeypatch.setattr(saltus.basins.grid, "_LEAST", 30)
-    monkeypatch.setattr(saltus.basins.grid, "_CHUNK", 15)
+    monkeypatch.setattr(saltus.basins.map.grid, "_LEAST", 30)
+    monkeypatch.setattr(saltus.basins.map.grid, "_CHUNK", 15)
 
     @contextmanager
     def interrupting(first):
@@ -118,7 +118,7 @@ def test_an_interrupt_before_there_is_a_store_is_told(config, capsys, monkeypatc
     def stop(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("saltus.basins.mapping.find_attractors", stop)
+    monkeypatch.setattr("saltus.basins.map.mapping.find_attractors", stop)
     found = _run(capsys, "basins", str(config), "-o", str(config.with_name("none.zarr")))
     assert found == (130, "", "saltus: interrupted before there was anything to keep\n")
 
@@ -351,7 +351,7 @@ def test_progress_tells_orbits_a_second_and_the_time_left(capsys, monkeypatch):
 
 
 def test_a_system_that_is_made_takes_no_arguments(tmp_path):
-    from saltus.basins.config import read_config, system_of
+    from saltus.basins.map.config import read_config, system_of
 
     (tmp_path / "made_here.py").write_text("from wells import double_well\nwell = double_well()\n")
     path = tmp_path / "config.toml"
@@ -363,8 +363,8 @@ def test_a_system_that_is_made_takes_no_arguments(tmp_path):
 
 
 def test_a_plane_of_any_direction_is_read(tmp_path):
-    from saltus.basins.config import read_config
-    from saltus.basins.grid import Grid
+    from saltus.basins.map.config import read_config
+    from saltus.basins.map.grid import Grid
 
     path = tmp_path / "config.toml"
     path.write_text(
@@ -376,9 +376,9 @@ def test_a_plane_of_any_direction_is_read(tmp_path):
 
 
 def test_the_example_configurations_can_be_read():
-    from saltus.afm.material import tapping_mode_with
-    from saltus.basins.config import read_config, system_of
-    from saltus.basins.grid import Grid
+    from saltus.afm.variations import tapping_mode_with
+    from saltus.basins.map.config import read_config, system_of
+    from saltus.basins.map.grid import Grid
 
     folder = Path(__file__).parents[1] / "examples" / "configs"
     sizes = {}

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from saltus import load
-from saltus.basins.basins import Basins
+from saltus.basins.map.basins import Basins
 from saltus.errors import InputError
 from saltus.files import checked_seal, interrupt_waits, whole_file, write_sealed
 

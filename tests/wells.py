@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from saltus.flow.ensemble import Ensemble
-from saltus.flow.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
+from saltus.ensemble.ensemble import Ensemble
+from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.system import HybridSystem, Mode
 
 BOX = {"x": (-2.0, 2.0, 30), "v": (-2.0, 2.0, 20)}

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from saltus.basins import Basins
-    from saltus.basins.config import Config
+    from saltus.basins.map.config import Config
     from saltus.system import HybridSystem
 
 __all__ = ["main"]
@@ -203,14 +203,14 @@ def map_(
 ) -> None:
     """Map the basins of a configuration."""
     engine = _checked(out, engine, scheduler, resume=resume, estimate=estimate, preview=preview)
-    from saltus.basins.config import read_config, system_of
+    from saltus.basins.map.config import read_config, system_of
 
     read = read_config(config)
     engine = engine or read.engine.name
     if (engine == "dask") != (scheduler is not None) and not estimate:
         raise InputError("--scheduler", scheduler, "given for the engine dask, and for no other")
     with _interruptible():
-        from saltus.afm.material import tapping_mode_with
+        from saltus.afm.variations import tapping_mode_with
 
         system = system_of(read, {"tapping_mode": tapping_mode_with}, config.absolute().parent)
         if estimate:
@@ -266,8 +266,8 @@ def _engine_options(read: Config) -> dict[str, Any]:
 
 def _search(read: Config) -> dict[str, Any]:
     """Return the options with which attractors are looked for."""
-    from saltus.basins.config import called
-    from saltus.basins.recurrence import Search
+    from saltus.basins.attractors.search import Search
+    from saltus.basins.map.config import called
 
     options = read.attractors.model_dump(exclude_none=True, exclude={"search"})
     if read.attractors.search is not None:
@@ -277,7 +277,7 @@ def _search(read: Config) -> dict[str, Any]:
 
 def _tell_cost(read: Config, system: HybridSystem, engine: str) -> None:
     """Print what the basins of a configuration cost, measured on a sample."""
-    from saltus.basins.cost import estimate_cost
+    from saltus.basins.map.cost import estimate_cost
 
     with _status() as say:
         if say is not None:

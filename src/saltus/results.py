@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 __all__ = ["READ", "Result", "dataset_in", "frozen", "load", "look", "netcdf", "reading", "result_in", "tagged"]
 
 _HOMES = {
-    "Trajectory": "saltus.flow.simulate",
+    "Trajectory": "saltus.flow.trajectory",
     "PeriodicOrbit": "saltus.orbits.orbit",
     "Branch": "saltus.continuation.branch",
     "Locus": "saltus.continuation.locus",
     "Family": "saltus.continuation.family",
-    "Attractors": "saltus.basins.attractors",
-    "Basins": "saltus.basins.basins",
-    "ErosionProfile": "saltus.basins.erosion",
+    "Attractors": "saltus.basins.attractors.attractors",
+    "Basins": "saltus.basins.map.basins",
+    "ErosionProfile": "saltus.basins.measures.erosion",
     "Sweep": "saltus.sweeps.sweep",
     "LyapunovSpectrum": "saltus.sweeps.lyapunov",
 }

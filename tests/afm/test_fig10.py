@@ -11,7 +11,7 @@ matplotlib.use("Agg")
 import numpy as np
 import pytest
 
-import saltus.basins.grid
+import saltus.basins.map.grid
 from basin_sections import made
 from saltus.afm.figures import fig10, runner
 
@@ -84,8 +84,8 @@ class TestWhole:
         assert sorted(group.group_keys()) == sorted(f"q2={q2}" for q2 in fig10.SECTIONS)
 
     def test_an_interrupted_figure_keeps_its_sections_and_goes_on(self, found, tmp_path, monkeypatch):
-        monkeypatch.setattr(saltus.basins.grid, "_LEAST", 30)
-        monkeypatch.setattr(saltus.basins.grid, "_CHUNK", 15)
+        monkeypatch.setattr(saltus.basins.map.grid, "_LEAST", 30)
+        monkeypatch.setattr(saltus.basins.map.grid, "_CHUNK", 15)
 
         def interrupt(line):
             if line.startswith("q2 = -1.39: "):

@@ -240,7 +240,7 @@ def test_system_seen_before_needs_no_sympy(systems):
 
 
 def test_names_of_the_floor_load_in_any_order():
-    code = "import saltus.afm.table1; from saltus import afm; print(*(callable(getattr(afm, n)) for n in afm.__all__))"
+    code = "import saltus.afm.paper; from saltus import afm; print(*(callable(getattr(afm, n)) for n in afm.__all__))"
     assert in_new_process(code) == "True True True True True True True True"
 
 

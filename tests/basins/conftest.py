@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-import saltus.basins.grid
+import saltus.basins.map.grid
 from saltus.basins import Basins, map_basins
 from saltus.system import HybridSystem
 from wells import BOX, Wells, double_well, wells
@@ -27,5 +27,5 @@ def basins(well: HybridSystem, both: Wells) -> Basins:
 
 @pytest.fixture
 def small_units(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(saltus.basins.grid, "_LEAST", 60)
-    monkeypatch.setattr(saltus.basins.grid, "_CHUNK", 30)
+    monkeypatch.setattr(saltus.basins.map.grid, "_LEAST", 60)
+    monkeypatch.setattr(saltus.basins.map.grid, "_CHUNK", 30)

@@ -20,11 +20,11 @@ from saltus import (
     simulate,
     solve_orbit,
 )
-from saltus.basins.attractors import Search, attractors_from
-from saltus.basins.recurrence import Found, Hunt, Stay
+from saltus.basins.attractors.attractors import Search, attractors_from
+from saltus.basins.attractors.search import AttractorSearch, Found, Stay
 from saltus.basins.wilson import wilson
-from saltus.flow.ensemble import Ensemble
-from saltus.flow.traps import UNDECIDED, Ellipsoids, Traps
+from saltus.ensemble.ensemble import Ensemble
+from saltus.ensemble.traps import UNDECIDED, Ellipsoids, Traps
 
 QUICK = Search(samples=400)
 
@@ -126,7 +126,7 @@ def test_names_and_points_do_not_depend_on_which_motions_found_them(wells):
 
 
 def test_a_stable_orbit_is_periodic_even_where_no_ellipsoid_contracts(monkeypatch, wells):
-    monkeypatch.setattr("saltus.basins.recurrence.contracting", lambda *_: None)
+    monkeypatch.setattr("saltus.basins.attractors.search.contracting", lambda *_: None)
     found = find_attractors(duffing(), {}, BOX, seeds=16, search=QUICK)
     assert dict(found.kinds) == {"period-1 A": "period-1", "period-1 B": "period-1"}
     assert all("boxes" in note for note in found.notes.values())
@@ -139,7 +139,7 @@ def test_a_stable_orbit_is_periodic_even_where_no_ellipsoid_contracts(monkeypatc
 def test_motions_that_creep_away_from_an_unstable_orbit_find_no_attractor_there():
     # multiplier 1.01 at 0, and 0.98 at the attractors +-0.1
     system = carried(("x",), {}, {"x": "1.01*x - x**3"})
-    hunt = Hunt(system, {}, np.array([-1.0]), np.array([1.0]), None, Search(samples=100))
+    hunt = AttractorSearch(system, {}, np.array([-1.0]), np.array([1.0]), None, Search(samples=100))
     beside = np.array([[1e-6], [-2e-6]])
     path = np.array([hunt.ensemble.strobe(beside, count=count)[0] for count in (80, 100)])
     assert np.abs(np.diff(path, axis=0)).max() < 1e-5  # it recurs as if it were settling
@@ -252,7 +252,9 @@ def test_a_slow_spiral_towards_a_long_orbit_is_no_attractor_beside_it():
 def test_the_stay_in_a_leaking_interval_is_measured():
     # of the interval [0, 1] each step carries the part 1 - 2/slope away, uniformly
     slope = 2.002
-    hunt = Hunt(carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), None, Search(samples=100, longest=1500))
+    hunt = AttractorSearch(
+        carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), None, Search(samples=100, longest=1500)
+    )
 
     def strobe(points, modes=None, count=1):
         x = np.array(points, dtype=float)
@@ -272,7 +274,9 @@ def test_the_stay_in_a_leaking_interval_is_measured():
 
 
 def test_of_two_intervals_between_which_motions_change_all_the_time_one_is_an_attractor(monkeypatch):
-    hunt = Hunt(carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), None, Search(samples=100, longest=1500))
+    hunt = AttractorSearch(
+        carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), None, Search(samples=100, longest=1500)
+    )
     rng = np.random.default_rng(4)
 
     def strobe(points, modes=None, count=1):
@@ -451,7 +455,7 @@ def test_a_plane_may_go_through_the_sample_itself():
 
 
 def test_what_is_nearer_to_an_attractor_is_within_its_planes_too(wells):
-    from saltus.basins.labelling import _nearer
+    from saltus.basins.map.labelling import _nearer
 
     points = {label: wells.points[name] for label, name in enumerate(wells.names)}
     nearer = _nearer(wells.traps, points)

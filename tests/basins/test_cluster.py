@@ -7,10 +7,10 @@ import time
 import numpy as np
 import pytest
 
-import saltus.basins.cluster
+import saltus.basins.map.cluster
 from saltus import InputError
 from saltus.basins import map_basins
-from saltus.flow.traps import NOT_DONE
+from saltus.ensemble.traps import NOT_DONE
 from wells import BOX, Interrupt
 
 dask = pytest.importorskip("dask")
@@ -51,7 +51,7 @@ def test_a_cluster_that_is_interrupted_keeps_what_is_done(threads, well, both, b
 
 
 def test_what_a_worker_says_against_a_store_is_told(threads, well, both, small_units, tmp_path, monkeypatch):
-    monkeypatch.setattr(saltus.basins.cluster, "_digest", lambda text: str(time.monotonic_ns()))
+    monkeypatch.setattr(saltus.basins.map.cluster, "_digest", lambda text: str(time.monotonic_ns()))
     with pytest.raises(InputError, match=r"^store = .*: must be the client's; all workers and the client must see "):
         map_basins(well, {}, BOX, both, engine="dask", client=threads, store=tmp_path / "a.zarr")
     assert saltus.load(tmp_path / "a.zarr").fractions()["not done"] == 1.0
@@ -70,7 +70,9 @@ def test_an_address_without_a_scheduler_is_told(well, both):
 
 @pytest.mark.parametrize("address", ["nonsense", "tcp://h", "foo://h:1"])
 def test_what_is_no_address_is_told_at_once_and_leaves_no_store(well, tmp_path, monkeypatch, address):
-    monkeypatch.setattr("saltus.basins.mapping.find_attractors", lambda *_, **__: pytest.fail("attractors were sought"))
+    monkeypatch.setattr(
+        "saltus.basins.map.mapping.find_attractors", lambda *_, **__: pytest.fail("attractors were sought")
+    )
     with pytest.raises(
         InputError, match=rf"^client = '{address}': must be the address of a scheduler, as tcp://host:8786"
     ):

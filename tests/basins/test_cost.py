@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from saltus.basins import Grid, Search
-from saltus.basins.cost import Cost, _sample, estimate_cost
-from saltus.basins.labelling import Labelling
+from saltus.basins.map.cost import Cost, _sample, estimate_cost
+from saltus.basins.map.labelling import Labelling
 from saltus.errors import InputError
 from wells import BOX
 

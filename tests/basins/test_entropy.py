@@ -10,10 +10,10 @@ import pytest
 
 from oracles import known_basins as kb
 from saltus import InputError
-from saltus.basins.entropy import basin_entropy
-from saltus.basins.grid import Grid
-from saltus.basins.uncertainty import uncertainty_by_neighbours, uncertainty_by_shifts
-from saltus.basins.wada import wada_by_merging
+from saltus.basins.map.grid import Grid
+from saltus.basins.measures.entropy import basin_entropy
+from saltus.basins.measures.uncertainty import uncertainty_by_neighbours, uncertainty_by_shifts
+from saltus.basins.measures.wada import wada_by_merging
 
 CANTOR = 1.0 - math.log(2.0) / math.log(3.0)
 """Uncertainty exponent of a boundary that is the middle-thirds Cantor set."""

@@ -11,10 +11,10 @@ import pytest
 
 import saltus
 from saltus import HybridSystem, InputError, Mode
-from saltus.basins.erosion import ErosionProfile, erosion_profile
-from saltus.basins.integrity import local_integrity
+from saltus.basins.measures.erosion import ErosionProfile, erosion_profile
+from saltus.basins.measures.integrity import local_integrity
+from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.errors import ConvergenceError
-from saltus.flow.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.plotting.erosion import plot_erosion
 
 SYSTEM = HybridSystem(

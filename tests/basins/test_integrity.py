@@ -10,19 +10,19 @@ import pytest
 
 from oracles import known_basins as kb
 from saltus import InputError
-from saltus.basins.basins import Basins, Outcomes
-from saltus.basins.blocks import blocks
-from saltus.basins.entropy import basin_entropy
-from saltus.basins.grid import Grid, Plane
-from saltus.basins.integrity import (
+from saltus.basins.map.basins import Basins, Outcomes
+from saltus.basins.map.chunked_reading import blocks
+from saltus.basins.map.grid import Grid, Plane
+from saltus.basins.measures.entropy import basin_entropy
+from saltus.basins.measures.integrity import (
     global_integrity,
     integrity_factor,
     local_integrity,
     minimal_fatal_perturbation,
 )
-from saltus.basins.stability import basin_stability
-from saltus.basins.uncertainty import uncertainty_by_neighbours
-from saltus.basins.wada import wada_by_merging
+from saltus.basins.measures.stability import basin_stability
+from saltus.basins.measures.uncertainty import uncertainty_by_neighbours
+from saltus.basins.measures.wada import wada_by_merging
 from saltus.basins.wilson import wilson
 
 DISC = kb.sampled(lambda x, y: x**2 + y**2 > 0.36, (300, 300), 1.0, {"a": [[0.25, -0.1]]})
@@ -205,7 +205,7 @@ def test_the_distance_from_a_flat_boundary_is_right_to_half_a_cells_diagonal(dim
 
 
 def test_a_search_outwards_finds_the_nearest_cell_of_all(monkeypatch):
-    monkeypatch.setattr("saltus.basins.integrity._NEAR", 200)  # cells of a block
+    monkeypatch.setattr("saltus.basins.measures.integrity._NEAR", 200)  # cells of a block
     for _ in range(100):
         labels = (RANDOM.random((20, 30, 20)) < 0.003).astype(np.uint8)
         basins = kb.basins(labels, (1.0, 1.5, 2.0))
@@ -351,7 +351,7 @@ def test_a_grid_too_large_for_the_transform_is_refused():
 
 
 def test_measures_of_a_store_and_of_its_sections_are_those_of_the_array(tmp_path, small_units, monkeypatch):
-    monkeypatch.setattr("saltus.basins.integrity._NEAR", 100)
+    monkeypatch.setattr("saltus.basins.measures.integrity._NEAR", 100)
     labels = np.repeat(np.repeat(np.repeat(RANDOM.integers(0, 3, (5, 4, 6)), 4, axis=0), 5, axis=1), 3, axis=2)
     held = kb.basins(labels, (1.0, 1.5, 2.0))
     held.save(tmp_path / "labels.zarr")

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import saltus
-import saltus.basins.mapping
+import saltus.basins.map.mapping
 from saltus import InputError
 from saltus.basins import Basins, Grid, Plane, Search, find_attractors, map_basins
-from saltus.basins.labelling import Labelling
-from saltus.flow.traps import NOT_DONE, UNDECIDED, Cages, Traps
+from saltus.basins.map.labelling import Labelling
+from saltus.ensemble.traps import NOT_DONE, UNDECIDED, Cages, Traps
 from saltus.system import HybridSystem, Mode
 from wells import BOX, Interrupt, double_well
 
@@ -133,7 +133,7 @@ def test_an_interrupt_after_the_last_unit_is_told(well, both, basins, small_unit
 
 def test_the_time_left_goes_by_cells_even_where_few_motions_are_followed(well, both, small_units, monkeypatch):
     clock = iter([0.0])
-    monkeypatch.setattr("saltus.basins.mapping.monotonic", lambda: next(clock, 10.0))
+    monkeypatch.setattr("saltus.basins.map.mapping.monotonic", lambda: next(clock, 10.0))
     seen: list[tuple[int, int, float, float]] = []
     map_basins(well, {}, BOX, both, preview=True, progress=lambda *told: seen.append(told))
     assert [left for *_, left in seen] == pytest.approx([10.0 * (600 - done) / done for done, *_ in seen])
@@ -296,7 +296,7 @@ def test_labels_of_an_array_are_checked():
 
 
 def test_points_of_a_grid_by_cuda_are_classified_by_the_cpu_where_that_is_asked_for(basins, monkeypatch):
-    monkeypatch.setattr("saltus.flow.cuda.cuda_devices", lambda: ())
+    monkeypatch.setattr("saltus.ensemble.cuda.cuda_devices", lambda: ())
     elsewhere = replace(basins, inputs={**basins.inputs, "engine": "cuda"})
     points = basins.grid.points()[:40]
     with pytest.raises(InputError, match=r'^engine = \'cuda\': must be one that this machine can run; .*engine="cpu"'):
@@ -394,7 +394,7 @@ def test_attractors_are_looked_for_with_the_options_given(well, monkeypatch):
         asked.append(options)
         return find_attractors(system, parameters, **options)
 
-    monkeypatch.setattr(saltus.basins.mapping, "find_attractors", found)
+    monkeypatch.setattr(saltus.basins.map.mapping, "find_attractors", found)
     basins = map_basins(well, {}, {**BOX, "v": 0.1}, {"seeds": 12, "search": Search(samples=200)})
     region = {"x": (-2.0, 2.0), "v": 0.1}
     options = {"region": region, "seeds": 12, "search": Search(samples=200), "motions": 30}
@@ -407,14 +407,14 @@ def test_attractors_are_looked_for_with_the_options_given(well, monkeypatch):
 
 
 def test_what_cannot_run_is_told_before_attractors_are_looked_for(well, both, tmp_path, monkeypatch):
-    from saltus.flow.cuda import cuda_devices
+    from saltus.ensemble.cuda import cuda_devices
 
     if cuda_devices():
         pytest.skip("there is a CUDA device")
     with pytest.raises(InputError, match=r'engine="cpu"'):
         map_basins(well, {}, BOX, both, engine="cuda", store=tmp_path / "a.zarr")
     monkeypatch.setattr(
-        saltus.basins.mapping, "find_attractors", lambda *_, **__: pytest.fail("attractors were sought")
+        saltus.basins.map.mapping, "find_attractors", lambda *_, **__: pytest.fail("attractors were sought")
     )
     with pytest.raises(InputError, match=r'engine="cpu"'):
         map_basins(well, {}, BOX, engine="cuda", store=tmp_path / "a.zarr")

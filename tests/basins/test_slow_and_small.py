@@ -9,11 +9,11 @@ import pytest
 
 import systems
 from saltus import Attractors, HybridSystem, InputError, Mode, find_attractors, map_basins
-from saltus.basins import recurrence
-from saltus.basins.attractors import Search
-from saltus.basins.cost import estimate_cost
-from saltus.basins.labelling import units_of
-from saltus.basins.patience import decay_periods, patience_for
+from saltus.basins.attractors import search as recurrence
+from saltus.basins.attractors.attractors import Search
+from saltus.basins.map.cost import estimate_cost
+from saltus.basins.map.labelling import units_of
+from saltus.basins.map.patience import decay_periods, patience_for
 
 QUICK = {"seeds": 64, "search": Search(samples=300)}
 
@@ -172,7 +172,9 @@ def test_an_estimate_counts_the_search(forced, resonant):
 def test_an_angle_that_runs_on_makes_no_endless_copies_of_a_transient(monkeypatch):
     """A driven pendulum turns over again and again, into one copy of its well after another, for a very long time."""
     seen = []
-    monkeypatch.setattr(recurrence.Hunt, "_stay", lambda hunt, found: seen.append(found) or recurrence.Stay(1, 1.0, 1))
+    monkeypatch.setattr(
+        recurrence.AttractorSearch, "_stay", lambda hunt, found: seen.append(found) or recurrence.Stay(1, 1.0, 1)
+    )
     pendulum = HybridSystem(
         ("x", "v"), {}, {"m": Mode({"x": "v", "v": "-0.2*v - sin(x) + 1.66*cos(s)"})}, phase=("s", "1")
     )

@@ -19,8 +19,8 @@ from zarr.storage import LocalStore
 import saltus
 from saltus import InputError
 from saltus.basins import Basins, Search, map_basins
-from saltus.basins.labelling import ACCURACY
-from saltus.flow.traps import NOT_DONE
+from saltus.basins.map.labelling import ACCURACY
+from saltus.ensemble.traps import NOT_DONE
 from wells import BOX, Interrupt, double_well
 
 
@@ -146,9 +146,9 @@ def test_a_section_of_a_store_can_be_saved_on_its_own(stored, basins, tmp_path):
 
 
 def test_large_stores_have_chunks_within_the_unit_of_one_writer(both, tmp_path):
-    from saltus.basins.basins import attributes_of
-    from saltus.basins.grid import Grid
-    from saltus.basins.store import Store
+    from saltus.basins.map.basins import attributes_of
+    from saltus.basins.map.grid import Grid
+    from saltus.basins.map.store import Store
 
     grid = Grid(("x", "v"), {"x": (0, 1, 4000), "v": (0, 1, 4000)})
     Store.create(tmp_path / "large.zarr", grid, attributes_of({}, grid, both), b"")
@@ -179,8 +179,8 @@ def test_what_is_done_is_not_computed_again(stored, well, both):
 
 KILLED = """
 import sys, time
-import saltus.basins.grid
-saltus.basins.grid._LEAST, saltus.basins.grid._CHUNK = 60, 30
+import saltus.basins.map.grid
+saltus.basins.map.grid._LEAST, saltus.basins.map.grid._CHUNK = 60, 30
 from saltus.basins import map_basins
 from wells import BOX, double_well, wells
 well = double_well()
@@ -279,7 +279,7 @@ def test_a_store_is_resumed_with_the_search_for_attractors_that_made_it_or_witho
 
 
 def test_a_store_of_another_version_is_refused(stored, well, both, monkeypatch):
-    monkeypatch.setattr(saltus.basins.mapping, "version", lambda name: "9.9")
+    monkeypatch.setattr(saltus.basins.map.mapping, "version", lambda name: "9.9")
     with pytest.raises(InputError, match=rf"its saltus_version is '{saltus.__version__}', not '9\.9'$"):
         map_basins(well, {}, BOX, both, store=stored.path)
 
@@ -371,13 +371,13 @@ def test_a_store_that_may_only_be_read_is_opened_and_told_when_it_is_to_be_writt
 
 @pytest.mark.slow
 def test_a_grid_is_mapped_measured_and_cut_in_a_fraction_of_its_size(well, both, tmp_path, monkeypatch):
-    from saltus.basins.labelling import Labelling
+    from saltus.basins.map.labelling import Labelling
 
     def quadrant(self, points):
         return ((points[:, 0] > 0.0) & (points[:, 1] > 0.0)).astype(np.uint8)
 
     monkeypatch.setattr(Labelling, "of", quadrant)
-    monkeypatch.setattr(saltus.basins.mapping, "_check_attractors", lambda *parts: None)
+    monkeypatch.setattr(saltus.basins.map.mapping, "_check_attractors", lambda *parts: None)
     grid = {"x": (-1.0, 1.0, 10_000), "v": (-1.0, 1.0, 10_000)}
     tracemalloc.start()
     try:

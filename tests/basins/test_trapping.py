@@ -7,9 +7,8 @@ import pytest
 
 from maps import round_about, strobed
 from saltus import HybridSystem, Mode, Transition, find_orbit, simulate
-from saltus.basins.cells import boxes_along
-from saltus.basins.trapping import (
-    Ellipsoid,
+from saltus.basins.attractors.trapping import (
+    OrbitEllipsoids,
     contracting,
     core_of,
     largest_multiplier,
@@ -17,6 +16,7 @@ from saltus.basins.trapping import (
     metric_of,
     orbit_jacobians,
 )
+from saltus.basins.attractors.visited_boxes import boxes_along
 
 
 @pytest.mark.parametrize("period", [1, 3])
@@ -78,7 +78,7 @@ def test_an_orbits_jacobians_shrink_areas_by_damping_and_impacts_and_multiply_to
 
 def test_samples_fill_the_ellipsoid_evenly():
     metrics = np.array([[[2.0, 1.0], [0.0, 0.5]], [[1.0, 0.0], [0.0, 3.0]]])
-    ellipsoid = Ellipsoid(np.array([[1.0, 2.0], [-4.0, 0.0]]), metrics, 0.25)
+    ellipsoid = OrbitEllipsoids(np.array([[1.0, 2.0], [-4.0, 0.0]]), metrics, 0.25)
     x = ellipsoid.samples(20_000, np.random.default_rng(0))
     sizes = ellipsoid.sizes(x)
     own = np.concatenate([sizes[:10_000, 0], sizes[10_000:, 1]])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import _thread
+import itertools
 import math
 import multiprocessing
 import os
@@ -11,7 +11,6 @@ import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -22,6 +21,7 @@ import saltus
 import systems
 from oracles.closed_forms import HENON, LOGISTIC, ImpactOrbit, henon_fixed_point
 from saltus import Family, InputError, StepControl, continue_family, continue_orbit, solve_orbit
+from saltus.continuation.orbit_problem import OrbitZeroProblem
 
 GAPS = (1.2, 0.8, 1.0, 1.1)
 BOUNDS = (0.05, 6.0)
@@ -248,12 +248,16 @@ def test_an_interrupted_family_keeps_the_members_that_are_done(orbit, family):
     assert (again[2], again[3]) == (family[2], family[3])
 
 
-def test_a_branch_that_is_interrupted_is_no_member(orbit):
-    def interrupt(done, total, text):
-        if done == 0:
-            threading.Timer(0.3, _thread.interrupt_main).start()
+def test_a_branch_that_is_interrupted_is_no_member(orbit, monkeypatch):
+    examined, examine = itertools.count(), OrbitZeroProblem.examine
 
-    family = continue_family(orbit, "A", {"d": [1.0]}, BOUNDS, steps=LONG, processes=1, progress=interrupt)
+    def interrupted(self, point, before):
+        if next(examined) == 50:
+            raise KeyboardInterrupt
+        return examine(self, point, before)
+
+    monkeypatch.setattr(OrbitZeroProblem, "examine", interrupted)
+    family = continue_family(orbit, "A", {"d": [1.0]}, BOUNDS, steps=LONG, processes=1)
     assert family.interrupted
     assert (family.branches, dict(family.failures)) == ((None,), {0: UNDONE})
 

@@ -8,7 +8,7 @@ import pytest
 import systems
 from saltus.errors import InputError
 from saltus.flow.saltation import saltation_matrix
-from saltus.flow.simulate import events_after, settle
+from saltus.flow.trajectory import events_after, settle
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,11 @@ import saltus.results
 import systems
 from oracles.closed_forms import TableJump
 from saltus.errors import ChatteringError, DivergenceError, InputError
-from saltus.flow.simulate import events_after, settle, simulate
+from saltus.flow.trajectory import events_after, settle, simulate
 from saltus.system.hybrid import HybridSystem, Mode, Transition
 
 # the package offers the function under the module's name
-module = importlib.import_module("saltus.flow.simulate")
+module = importlib.import_module("saltus.flow.trajectory")
 
 TIGHT = {"rtol": 1e-12, "atol": 1e-14}
 
@@ -539,8 +539,8 @@ def test_buffers_do_not_change_the_motion(afm1, monkeypatch):
     whole = simulate(afm1, None, [0.0, 0.0], periods=20)
     assert np.array_equal(settle(afm1, p, [0.0, 0.0], 0, periods=20)[0], whole.x_end)
     monkeypatch.setattr(module, "_STEPS_KEPT", 7)
-    monkeypatch.setattr("saltus.flow.run._EVENTS_KEPT", 3)
-    monkeypatch.setattr("saltus.flow.run._BUDGET", 11)
+    monkeypatch.setattr("saltus.flow.motion._EVENTS_KEPT", 3)
+    monkeypatch.setattr("saltus.flow.motion._BUDGET", 11)
     assert simulate(afm1, None, [0.0, 0.0], periods=20) == whole
 
 

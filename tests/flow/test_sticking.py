@@ -22,8 +22,8 @@ from saltus import (
     run_sweep,
     simulate,
 )
+from saltus.ensemble.ensemble import Ensemble
 from saltus.flow import variational
-from saltus.flow.ensemble import Ensemble
 
 
 @pytest.fixture(scope="module")

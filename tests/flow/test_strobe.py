@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from saltus import HybridSystem, Mode, Transition, find_orbit, lyapunov_spectrum, run_sweep, simulate
-from saltus.flow.ensemble import Ensemble
+from saltus.ensemble.ensemble import Ensemble
 
 D, T, P = 0.4, 3.0, 2.0
 LOST = math.exp(-D * T)

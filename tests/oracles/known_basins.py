@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from saltus.basins.basins import Basins
+from saltus.basins.map.basins import Basins
 
 UNDECIDED = 254
 

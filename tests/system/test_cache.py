@@ -15,8 +15,9 @@ from pathlib import Path
 import pytest
 
 from saltus import HybridSystem, InputError, Mode
-from saltus.system import cache, codegen
+from saltus.system import cache, generated
 from saltus.system.cache import let_numba_cache, read_checked, write_checked
+from saltus.system.compiled import FLOW
 
 TINY = """
 from saltus import HybridSystem, Mode
@@ -33,7 +34,7 @@ def tiny():
 def folder(monkeypatch, tmp_path):
     """An empty cache folder; modules loaded from it are forgotten, as in a new process."""
     monkeypatch.setenv("SALTUS_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setattr(codegen, "_UNWRITTEN", {})
+    monkeypatch.setattr(generated, "_UNWRITTEN", {})
     yield tmp_path / "cache"
     forget()
 
@@ -92,10 +93,10 @@ DAMAGES += [a_pipe] if hasattr(os, "mkfifo") else []
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_generated_file_is_written_anew(damage, folder):
-    file = codegen.source_file(tiny())
+    file = generated.source_file(FLOW, tiny())
     text = read_checked(file)
     damage(file)
-    assert codegen.source_file(tiny()) == file
+    assert generated.source_file(FLOW, tiny()) == file
     assert read_checked(file) == text
     assert sorted(folder.iterdir()) == [file]
 
@@ -185,7 +186,7 @@ def test_a_full_disk_is_told_and_the_system_works(folder, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device", str(file))
 
     cache.warn_once.cache_clear()
-    monkeypatch.setattr(codegen, "write_checked", full)
+    monkeypatch.setattr(generated, "write_checked", full)
     with pytest.warns(RuntimeWarning, match="saltus: generated code is not kept: No space left on device: .*system_"):
         system = tiny()
     assert system.field("m", [2.0]) == [-3.0]

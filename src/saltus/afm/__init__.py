@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 # Not deferred: the first import of the module `table1` would put the module in the place of the function.
-from saltus.afm.table1 import table1
+from saltus.afm.paper import table1
 
 if TYPE_CHECKING:
     from saltus.afm.animation import animate

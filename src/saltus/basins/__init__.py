@@ -1,11 +1,12 @@
 """Floor 4: attractors, their basins, and measures of the basins' integrity."""
 
-from saltus.basins.attractors import Attractors, Search, attractors_from, find_attractors
-from saltus.basins.basins import Basins, LabelError, Outcomes
-from saltus.basins.entropy import BasinEntropy, basin_entropy
-from saltus.basins.erosion import ErosionProfile, erosion_profile
-from saltus.basins.grid import Grid, Plane
-from saltus.basins.integrity import (
+from saltus.basins.attractors.attractors import Attractors, Search, attractors_from, find_attractors
+from saltus.basins.map.basins import Basins, LabelError, Outcomes
+from saltus.basins.map.grid import Grid, Plane
+from saltus.basins.map.mapping import map_basins
+from saltus.basins.measures.entropy import BasinEntropy, basin_entropy
+from saltus.basins.measures.erosion import ErosionProfile, erosion_profile
+from saltus.basins.measures.integrity import (
     Ball,
     FatalPerturbation,
     Volume,
@@ -14,10 +15,9 @@ from saltus.basins.integrity import (
     local_integrity,
     minimal_fatal_perturbation,
 )
-from saltus.basins.mapping import map_basins
-from saltus.basins.stability import Stability, basin_stability
-from saltus.basins.uncertainty import UncertaintyExponent, uncertainty_by_neighbours, uncertainty_by_shifts
-from saltus.basins.wada import WadaTest, wada_by_merging
+from saltus.basins.measures.stability import Stability, basin_stability
+from saltus.basins.measures.uncertainty import UncertaintyExponent, uncertainty_by_neighbours, uncertainty_by_shifts
+from saltus.basins.measures.wada import WadaTest, wada_by_merging
 
 __all__ = [
     "Attractors",

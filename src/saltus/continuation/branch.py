@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from saltus.continuation.curve import Curve
+from saltus.continuation.orbit_curve import OrbitCurve
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,14 +17,14 @@ __all__ = ["Branch"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Branch(Curve):
+class Branch(OrbitCurve):
     """Periodic orbits along one parameter.
 
     Attributes
     ----------
     parameter : str
-        What varies; its values along the branch are in `values`, shape (point,). `Curve` tells the other attributes,
-        `special_points` being SN, PD, TR, BP, GR, HB and users' events.
+        What varies; its values along the branch are in `values`, shape (point,). `OrbitCurve` tells the other
+        attributes, `special_points` being SN, PD, TR, BP, GR, HB and users' events.
     """
 
     parameter: str

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.arclength import Point, StepControl, ZeroProblem, correct
-from saltus.continuation.directions import SAME
+from saltus.continuation.two_sided import SAME
 from saltus.orbits.cuts import clustered
 from saltus.orbits.problem import PHASE_END
 

@@ -25,11 +25,11 @@ from saltus.continuation.arclength import StepControl
 from saltus.continuation.branch import Branch
 from saltus.continuation.orbits import continue_orbit
 from saltus.errors import InputError, SaltusError, nearest
-from saltus.flow.threads import starting
 from saltus.orbits import PeriodicOrbit
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 from saltus.system.plain import held_system
+from saltus.work import starting
 
 if TYPE_CHECKING:
     from multiprocessing.synchronize import Event

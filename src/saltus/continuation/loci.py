@@ -20,13 +20,13 @@ from saltus.continuation.arclength import (
     start_point,
 )
 from saltus.continuation.closure import alongside, passes
-from saltus.continuation.curve import SpecialPoint
-from saltus.continuation.directions import SAME, Found, Half, join, turned
 from saltus.continuation.grazing import Neighbour, neighbour, touching
 from saltus.continuation.locus import Locus
-from saltus.continuation.locus_problem import LocusBranch, LocusData
+from saltus.continuation.locus_problem import LocusData, LocusZeroProblem
+from saltus.continuation.orbit_curve import SpecialPoint
+from saltus.continuation.orbit_problem import BIFURCATIONS, at_grazing
 from saltus.continuation.orbits import read_stops
-from saltus.continuation.zero_problem import BIFURCATIONS, at_grazing
+from saltus.continuation.two_sided import SAME, Found, OneSide, join, turned
 from saltus.errors import InputError
 from saltus.orbits.critical import Branching, Condition, Critical, Grazing, TorusCondition
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
@@ -123,7 +123,7 @@ def continue_locus(
     stops = read_stops(stop_at, _CODIMENSION_TWO)
     run = _Run(start, orbit, kind, names, intervals, control, stops, progress)
     origin = run.begin(names.index(parameters[1]))
-    halves: list[Half] = []
+    halves: list[OneSide] = []
     for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
         if halves and (halves[0].closed or halves[0].interrupted):
             break
@@ -206,7 +206,7 @@ class _Run:
         self.bounds = ((low[0], high[0]), (low[1], high[1]))
         self.log: list[Failure] = []
         self.count = 0
-        self.branch: LocusBranch
+        self.branch: LocusZeroProblem
 
     def _problem(self, signature: Signature, unknowns: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]]:
         """Return the equations of a signature with the two parameters active, started, and all unknowns."""
@@ -232,7 +232,7 @@ class _Run:
             problem, u = self._problem(self.orbit.form, self.orbit.unknowns)
             condition, extra = self._condition(problem, u)
         z = np.concatenate([u[: problem.size], extra, u[-2:]])
-        self.branch = LocusBranch(problem, self.kind, condition, z, self.bounds)
+        self.branch = LocusZeroProblem(problem, self.kind, condition, z, self.bounds)
         values = np.linalg.svd(self.branch.evaluate(z)[1] * self.branch.scale(), compute_uv=False)
         if values[-1] < _REGULAR * values[0]:
             reason = "the extended equations have more than one solution direction there"
@@ -250,7 +250,7 @@ class _Run:
                 "start", f"{moved:.2g} away", f"a located {self.kind}", "the nearest one lies that far from the orbit"
             )
         point.examined = self.branch.examine(point, None)
-        return turned(point, float(point.tangent[towards - 2]), LocusBranch.odd)
+        return turned(point, float(point.tangent[towards - 2]), LocusZeroProblem.odd)
 
     def _irregular(self, reason: str) -> InputError:
         wanted = f"two parameters in which the {self.kind} has a regular locus"
@@ -330,15 +330,15 @@ class _Run:
                 raise self._irregular("the touching motion cannot be cut at its surface")
         return problem, u, Grazing(problem, *found)
 
-    def trace(self, origin: Point, sign: float) -> Half:
+    def trace(self, origin: Point, sign: float) -> OneSide:
         """Follow one direction to its end."""
-        half = Half()
+        half = OneSide()
         # the other direction has left the meshes, and the null vectors' signs, of another place
         branch, start = self.branch, replace(origin, u=origin.u.copy(), tangent=origin.tangent.copy())
         branch.problem.start(branch.orbit(start.u))
         branch.evaluate(start.u)
         start.examined = branch.examine(start, None)
-        point = turned(start, sign, LocusBranch.odd)
+        point = turned(start, sign, LocusZeroProblem.odd)
         for i, (low, high) in enumerate(self.bounds):
             way = math.copysign(1.0, float(point.tangent[i - 2]))
             if way * (float(point.u[i - 2]) - (high if way > 0.0 else low)) > -_ROUNDING:
@@ -354,7 +354,7 @@ class _Run:
         values = point.u[-2:] * self.scales
         return ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.names, values, strict=True))
 
-    def _follow(self, half: Half, point: Point, origin: Point) -> str:
+    def _follow(self, half: OneSide, point: Point, origin: Point) -> str:
         last = point
         for item in follow(self.branch, point, self.control, log=self.log):
             if isinstance(item, str):
@@ -380,7 +380,7 @@ class _Run:
             last = item
         raise AssertionError("follow ends with a reason")
 
-    def _close(self, half: Half, last: Point, start: Point) -> None:
+    def _close(self, half: OneSide, last: Point, start: Point) -> None:
         """End a locus at its start; of its last step only the special points before that are kept."""
         half.specials = [found for found in half.specials if found.after < len(half.points)]
         half.closed = True
@@ -393,7 +393,7 @@ class _Run:
             self._event(half, event)
         half.points.append((self.branch, again))
 
-    def _event(self, half: Half, event: Event) -> str | None:
+    def _event(self, half: OneSide, event: Event) -> str | None:
         """Note a special point; return why the locus ends there, if it does."""
         kind, *rest = event.name.split(" ")
         if kind in ("low", "high"):
@@ -437,7 +437,7 @@ class _Run:
             return None
         return Found(start.type, self._orbit(origin), origin.examined.monitors[start.type], 0, 0.0, start.of)
 
-    def assemble(self, origin: Point, halves: list[Half], options: dict[str, Any], order: tuple[str, ...]) -> Locus:
+    def assemble(self, origin: Point, halves: list[OneSide], options: dict[str, Any], order: tuple[str, ...]) -> Locus:
         """Return the locus made of the directions from `origin`."""
         joined = join((self.branch, origin), halves, "locus")
         own = self._at_start(origin)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.curve import Curve, SpecialPoint
+from saltus.continuation.orbit_curve import OrbitCurve, SpecialPoint
 from saltus.results import frozen
 
 if TYPE_CHECKING:
@@ -20,13 +20,13 @@ __all__ = ["Locus"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Locus(Curve):
+class Locus(OrbitCurve):
     """Critical periodic orbits along two parameters, whose values are in `values`, shape (point, 2).
 
     `special_points` are ``CP`` (on an SN locus: cusp), ``GPD`` (on a PD locus: the normal form's coefficient vanishes),
     ``CH`` (on a TR locus: likewise), ``R1`` to ``R4`` (strong resonances), ``FF`` (fold-flip: an SN and a PD locus
     meet), ``GR`` (a grazing locus is met), on a GR locus ``SN``, ``PD`` and ``TR`` (such a locus is met), and ``TP``
-    (a parameter turns; `SpecialPoint.of` is its name). `Curve` tells the other attributes.
+    (a parameter turns; `SpecialPoint.of` is its name). `OrbitCurve` tells the other attributes.
 
     Attributes
     ----------

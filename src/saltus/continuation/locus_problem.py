@@ -13,8 +13,8 @@ import numpy as np
 from saltus.continuation.arclength import Event, Examined, Point, correct
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.guards import residual_fault, unconfirmed
+from saltus.continuation.orbit_problem import at_grazing, grazing_monitors, shadowed_rates, side_of
 from saltus.continuation.phase_plane import astray, depart
-from saltus.continuation.zero_problem import at_grazing, grazing_monitors, shadowed_rates, side_of
 from saltus.orbits.critical import Branching, Critical, Grazing, openness
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.normal_form import flip_coefficient, null_vectors, torus_coefficient
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from saltus.orbits.critical import Condition
 
-__all__ = ["LocusBranch", "LocusData"]
+__all__ = ["LocusData", "LocusZeroProblem"]
 
 _PLAIN = ("low 0", "high 0", "low 1", "high 1", "TP 0", "TP 1")
 """Monitor functions that every locus has, and that say nothing of bifurcations."""
@@ -52,7 +52,7 @@ class LocusData:
     coefficient: float
 
 
-class LocusBranch:
+class LocusZeroProblem:
     """Critical orbits of one signature as a `ZeroProblem` whose last two unknowns are the parameters.
 
     The unknowns are those of the orbit, those of the condition, and the two parameters in units of `scales`. Monitor

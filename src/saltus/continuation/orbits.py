@@ -13,12 +13,12 @@ from saltus import checks
 from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, follow, start_point
 from saltus.continuation.branch import Branch
 from saltus.continuation.closure import passes
-from saltus.continuation.directions import SAME, Found, Half, join, turned
 from saltus.continuation.grazing import Neighbour, neighbour
-from saltus.continuation.halving import halved
+from saltus.continuation.orbit_problem import BIFURCATIONS, Interest, OrbitData, OrbitZeroProblem, at_grazing
+from saltus.continuation.period_halving import halved
 from saltus.continuation.shrinking import equilibrium_ahead
+from saltus.continuation.two_sided import SAME, Found, OneSide, join, turned
 from saltus.continuation.unbounded import grows_at_last, grows_for_ever, too_stiff
-from saltus.continuation.zero_problem import BIFURCATIONS, Interest, OrbitBranch, OrbitData, at_grazing
 from saltus.errors import InputError, nearest
 from saltus.orbits.critical import solve_branch_point
 from saltus.orbits.cuts import cut, stretched
@@ -117,7 +117,7 @@ def continue_orbit(
         orbit, parameter, Interest(low / scale, high / scale, scale, wanted), control, stops, at_grazing, progress
     )
     start = run.begin()
-    halves: list[Half] = []
+    halves: list[OneSide] = []
     for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
         if halves and (halves[0].closed or halves[0].interrupted):
             break
@@ -206,19 +206,21 @@ class _Run:
         self.log: list[Failure] = []
         self.count = 0
 
-    def piece(self, signature: Signature, u: NDArray[np.float64]) -> OrbitBranch:
+    def piece(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
         """Return the zero problem of a signature near `u`."""
         p = self.orbit.system.parameter_vector(self.orbit.parameters)
         problem = OrbitProblem(self.orbit.system, signature, p, [self.index], np.array([self.scale]), self.orbit.tol)
         problem.start(u)
-        return OrbitBranch(problem, u, self.interest)
+        return OrbitZeroProblem(problem, u, self.interest)
 
-    def _cut(self, half: Half, branch: OrbitBranch, item: Point) -> tuple[OrbitBranch, Point, float] | None:
+    def _cut(
+        self, half: OneSide, branch: OrbitZeroProblem, item: Point
+    ) -> tuple[OrbitZeroProblem, Point, float] | None:
         """Return the branch with its orbits cut into more pieces, at a point from which on that is due."""
         if not stretched(branch.problem, item.J):
             return None
         problem, u = cut(branch.problem, item.u, item.J)
-        finer = OrbitBranch(problem, u, self.interest)
+        finer = OrbitZeroProblem(problem, u, self.interest)
         try:
             point = start_point(finer, u)
         except ValueError:
@@ -232,7 +234,7 @@ class _Run:
         step = item.arc - half.points[-2][1].arc if len(half.points) > 1 else self.control.initial
         return finer, point, step
 
-    def begin(self) -> tuple[OrbitBranch, Point]:
+    def begin(self) -> tuple[OrbitZeroProblem, Point]:
         """Return the start, its tangent towards growing parameter."""
         value = self.orbit.parameters[self.name] / self.scale
         for bound in (self.interest.low, self.interest.high):
@@ -246,7 +248,7 @@ class _Run:
             raise InputError("orbit", self.orbit.signature, "a regular periodic orbit", hint) from None
         if stretched(branch.problem, point.J):
             problem, u = cut(branch.problem, point.u, point.J)
-            branch = OrbitBranch(problem, u, self.interest)
+            branch = OrbitZeroProblem(problem, u, self.interest)
             point = start_point(branch, u)
         found = branch.examine(point, None)
         # a start at a grazing lies on its admissible side, whatever the rounding
@@ -267,12 +269,12 @@ class _Run:
         value = point.parameter if abs(point.parameter) > _NOTHING else 0.0
         return f"{self.name} = {value * self.scale:.9g}"
 
-    def trace(self, start: tuple[OrbitBranch, Point], sign: float) -> Half:
+    def trace(self, start: tuple[OrbitZeroProblem, Point], sign: float) -> OneSide:
         """Follow one direction to its end."""
-        half = Half()
+        half = OneSide()
         branch, origin = start
         branch.problem.start(origin.u)  # the other direction has left the meshes of another place
-        point = turned(origin, sign, OrbitBranch.odd)
+        point = turned(origin, sign, OrbitZeroProblem.odd)
         outwards = math.copysign(1.0, float(point.tangent[-1]))
         if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -_ROUNDING:
             half.stopped = f"{self._place(point)}: bound reached"
@@ -291,12 +293,12 @@ class _Run:
 
     def _piece(
         self,
-        half: Half,
-        branch: OrbitBranch,
+        half: OneSide,
+        branch: OrbitZeroProblem,
         point: Point,
-        start: tuple[OrbitBranch, Point],
+        start: tuple[OrbitZeroProblem, Point],
         first: float | None,
-    ) -> str | tuple[OrbitBranch, Point, float]:
+    ) -> str | tuple[OrbitZeroProblem, Point, float]:
         """Follow one signature; return why the branch ended, or where it goes on."""
         last = point
         for item in follow(branch, point, self.control, log=self.log, first_step=first):
@@ -330,7 +332,7 @@ class _Run:
                 return finer
         raise AssertionError("follow ends with a reason")
 
-    def _shrunk(self, half: Half, piece: OrbitBranch, end: Point) -> str:
+    def _shrunk(self, half: OneSide, piece: OrbitZeroProblem, end: Point) -> str:
         """End a branch at the Hopf point that is its last point."""
         data = end.examined.data
         orbit = orbit_at(piece.problem, end.u, end.J, data.survey, data.multipliers)
@@ -338,7 +340,9 @@ class _Run:
         half.points.append((piece, end))
         return f"{self._place(end)}: the cycle shrinks to an equilibrium"
 
-    def _event(self, half: Half, branch: OrbitBranch, event: Event) -> str | tuple[OrbitBranch, Point, float] | None:
+    def _event(
+        self, half: OneSide, branch: OrbitZeroProblem, event: Event
+    ) -> str | tuple[OrbitZeroProblem, Point, float] | None:
         kind = event.name.split(" ")[0]
         point = event.point
         if kind in ("low", "high"):
@@ -378,13 +382,13 @@ class _Run:
             return f"{self._place(point)}: grazing, {found}"
         return self._switch(found, point)
 
-    def _end_at(self, half: Half, branch: OrbitBranch, point: Point, name: str) -> str | None:
+    def _end_at(self, half: OneSide, branch: OrbitZeroProblem, point: Point, name: str) -> str | None:
         if name not in self.stops:
             return None
         half.points.append((branch, point))
         return f"{self._place(point)}: {name}"
 
-    def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitBranch, Point, float]:
+    def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitZeroProblem, Point, float]:
         """Return the neighbouring signature's branch at a grazing, its tangent towards admissible orbits."""
         branch = self.piece(found.signature, found.u)
         if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
@@ -398,7 +402,7 @@ class _Run:
         onward = math.copysign(1.0, float(old.tangent[-1]))
         for probe in (1e-5, 1e-6, 1e-4):
             for sign in (onward, -onward):
-                start = turned(point, sign, OrbitBranch.odd)
+                start = turned(point, sign, OrbitZeroProblem.odd)
                 start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
                 trial = follow(
                     branch, start, StepControl(initial=probe, smallest=probe / 4, largest=probe),
@@ -430,8 +434,8 @@ def _assemble(
     orbit: PeriodicOrbit,
     parameter: str,
     scale: float,
-    start: tuple[OrbitBranch, Point],
-    halves: list[Half],
+    start: tuple[OrbitZeroProblem, Point],
+    halves: list[OneSide],
     run: _Run,
     options: dict[str, Any],
 ) -> Branch:
@@ -452,7 +456,7 @@ def _assemble(
     )
 
 
-def _sharpened(branch: OrbitBranch, point: Point) -> Point:
+def _sharpened(branch: OrbitZeroProblem, point: Point) -> Point:
     """Return a branch point located by equations that are regular there; as it was where they have no solution."""
     u = solve_branch_point(branch.problem, point.u, branch.evaluate(point.u)[1])
     if u is None or float(point.weights @ (u - point.u) ** 2) > _NEAR**2:
@@ -468,7 +472,7 @@ def _amplitude(orbit: PeriodicOrbit) -> float:
     return 0.5 * float(np.max(orbit.highs[:n] - orbit.lows[:n]))
 
 
-def _found(name: str, branch: OrbitBranch, event: Event, half: Half) -> Found:
+def _found(name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
     point, data = event.point, event.point.examined.data
     orbit = orbit_at(branch.problem, point.u, point.J, data.survey, data.multipliers)
     value = event.value

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.arclength import Examined, Point
-from saltus.continuation.zero_problem import OrbitBranch, OrbitData
+from saltus.continuation.orbit_problem import OrbitData, OrbitZeroProblem
 from saltus.orbits.hopf import HopfPoint, solve_hopf
 from saltus.orbits.problem import CLOSED_END, OrbitProblem, Signature
 
@@ -22,7 +22,7 @@ _AGREES = 0.1  # share of what is left to the Hopf point by which it may differ 
 _ROUNDING = 1e-9  # differences of parameter and period, over their sizes, that are none
 
 
-def equilibrium_ahead(branch: OrbitBranch, before: Point, point: Point) -> tuple[OrbitBranch, Point] | None:
+def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> tuple[OrbitZeroProblem, Point] | None:
     """Return the equations of the equilibrium to which the cycle shrinks a step or two ahead, and it as a point.
 
     The amplitude of a cycle vanishes linearly in the arclength, its parameter and period differ from those of the Hopf
@@ -31,7 +31,7 @@ def equilibrium_ahead(branch: OrbitBranch, before: Point, point: Point) -> tuple
 
     Parameters
     ----------
-    branch : OrbitBranch
+    branch : OrbitZeroProblem
         The cycles.
     before, point : Point
         The last two points, examined.
@@ -67,14 +67,14 @@ def _period(problem: OrbitProblem, point: Point) -> float:
     return float(point.u[problem.n : problem.size : problem.n + 1].sum())
 
 
-def _at_rest(branch: OrbitBranch, point: Point, found: HopfPoint) -> tuple[OrbitBranch, Point]:
+def _at_rest(branch: OrbitZeroProblem, point: Point, found: HopfPoint) -> tuple[OrbitZeroProblem, Point]:
     """Return a Hopf point as the last point of a branch."""
     old = branch.problem
     signature = Signature((old.signature.modes[0],), (-1,), (CLOSED_END,), 0)
     problem = OrbitProblem(old.system, signature, old.p, old.active, old.scales, old.tol)
     u: NDArray[np.float64] = np.concatenate([found.state, [found.period, found.parameter]])
     problem.start(u, old.state_scale)
-    piece = OrbitBranch(problem, u, branch.interest)
+    piece = OrbitZeroProblem(problem, u, branch.interest)
     away = np.append((u[: old.n] - point.u[: old.n]) / old.state_scale, u[-1] - point.parameter)
     weights = piece.metric(u)
     end = Point(u, problem.evaluate(u)[1], np.zeros(u.size), weights, 1.0, 0.0, 0.0, arc=point.arc)

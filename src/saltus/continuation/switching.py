@@ -12,10 +12,10 @@ import numpy as np
 from saltus import checks
 from saltus.continuation.arclength import StepControl, correct
 from saltus.continuation.branch import Branch
-from saltus.continuation.curve import SpecialPoint
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
+from saltus.continuation.orbit_curve import SpecialPoint
+from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.orbits import continue_orbit
-from saltus.continuation.zero_problem import Interest, OrbitBranch
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.normal_form import null_vectors
@@ -189,7 +189,7 @@ def _step_off(
     for amplitude in (size * step for step in _AMPLITUDES):
         problem = OrbitProblem(orbit.system, signature, p, [index], np.array([scale]), orbit.tol)
         problem.start(u, sizes)
-        branch = OrbitBranch(problem, u, Interest(-math.inf, math.inf, scale))
+        branch = OrbitZeroProblem(problem, u, Interest(-math.inf, math.inf, scale))
         weights = branch.metric(u)
         tangent = direction / math.sqrt(float(weights @ direction**2))
         point = correct(branch, u + amplitude * tangent, tangent, weights, 10)

@@ -8,10 +8,10 @@ from saltus.orbits.problem import CUT_END
 
 if TYPE_CHECKING:
     from saltus.continuation.arclength import Point
-    from saltus.continuation.zero_problem import OrbitBranch
+    from saltus.continuation.orbit_problem import OrbitZeroProblem
     from saltus.orbits.problem import OrbitProblem
 
-    Row = tuple[OrbitBranch, Point]
+    Row = tuple[OrbitZeroProblem, Point]
 
 __all__ = ["grows_at_last", "grows_for_ever", "too_stiff"]
 
@@ -64,7 +64,7 @@ def too_stiff(problem: OrbitProblem) -> str | None:
     )
 
 
-def _period(piece: OrbitBranch, point: Point) -> float:
+def _period(piece: OrbitZeroProblem, point: Point) -> float:
     return float(point.u[piece.n : piece.problem.size : piece.n + 1].sum())
 
 

@@ -28,7 +28,7 @@ from saltus.flow._kernels import (
     stage,
 )
 from saltus.flow._polynomial_kernels import DEPTH, ROOTS, bernstein_roots, bernstein_value, variations
-from saltus.system.codegen import FUNCTIONS
+from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
 FIELD, EVENT, EVENT_X, RESET, GUARD = (
@@ -438,7 +438,7 @@ def _begin(
 ):  # fmt: skip
     """Begin a segment: its first slope and step, and on which side of every event it starts; a status.
 
-    Where a motion begins, `side` tells of those on whose surface it starts what is known of them; see `Run`.
+    Where a motion begins, `side` tells of those on whose surface it starts what is known of them; see `EventDrivenMotion`.
     """
     outlined()
     call(addresses[FIELD], mode, 0, x, 0, p, slopes, 0)

@@ -16,7 +16,7 @@ import numpy as np
 
 from saltus.flow._kernels import INNER, call, keep, outlined, pointer, stage
 from saltus.flow.tableaux import NODES as C
-from saltus.system.codegen import FUNCTIONS, SECOND
+from saltus.system.compiled import FUNCTIONS, SECOND
 from saltus.system.machine_code import njit
 
 VARY, FIELD_P, EVENT_X, EVENT_P = (FUNCTIONS.index(name) for name in ("vary", "field_p", "event_x", "event_p"))

@@ -25,7 +25,7 @@ from saltus.flow._kernels import (
     stage,
 )
 from saltus.flow.tableaux import NODES as C
-from saltus.system.codegen import FUNCTIONS
+from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
 VARY, FIELD, FIELD_P, EVENT_X, EVENT_P = (

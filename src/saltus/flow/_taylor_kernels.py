@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from numba import float64, int64
 
+from saltus.flow._bit_kernels import bits_of, float_of
 from saltus.flow._event_kernels import BOUND, DURATION, EPSILON, PASSES, ROUNDING, T_LOW, TWO_PI, T, advance
 from saltus.flow._kernels import INNER, call, keep, outlined, pointer
 from saltus.flow._polynomial_kernels import DEPTH, ROOTS, bernstein_roots, variations
-from saltus.system._lane_kernels import bits_of, float_of
-from saltus.system.codegen import FUNCTIONS
+from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
 FIELD, EVENT, EVENT_X, RESET, GUARD = (

@@ -14,7 +14,7 @@ import numpy as np
 
 from saltus.flow._event_kernels import AGAIN, DONE, EPSILON, N_EVENTS, N_STEPS, T_LOW, T, run_kernel
 from saltus.flow._kernels import INNER, call, error_norm, keep, outlined, pointer, stage
-from saltus.system.codegen import FUNCTIONS
+from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
 FIELD, VARY, EVENT_X, RESET_X = (FUNCTIONS.index(name) for name in ("field", "vary", "event_x", "reset_x"))

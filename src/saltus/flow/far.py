@@ -1,4 +1,4 @@
-"""Tables of a mode's exact linear flow, for the steps of `saltus.system.split`."""
+"""Tables of a mode's exact linear flow, for the steps of `saltus.system.linear_split`."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.system.split import NODES, RUNGS, RUNGS_AN_OCTAVE, WEIGHTS
+from saltus.system.linear_split import NODES, RUNGS, RUNGS_AN_OCTAVE, WEIGHTS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.system.codegen import CompiledLinear, CompiledSeries
+    from saltus.system.compiled import CompiledLinear, CompiledSeries
 
 __all__ = ["tables"]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import InputError
-from saltus.flow.run import Run, check_tolerances, domain_value, passed_event, start_state
+from saltus.flow.motion import EventDrivenMotion, check_tolerances, domain_value, passed_event, start_state
 from saltus.flow.taylor import ORDER, STEPS_A_RETURN, TaylorRun
 from saltus.results import frozen
 
@@ -110,7 +110,7 @@ def iterate(
         x_end = frozen(motion.x[:-1])
         return Iterates(frozen(states), frozen(modes, np.int64), frozen(times), x_end, motion.mode)
     most = STEPS_A_RETURN * max(discard + keep, 1)
-    run = Run(system, p, start_state(system, x), mode, rtol, atol, most_steps=most)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol, most_steps=most)
     log = _to_phase_zero(run, discard, keep) if section is None else _to_events(run, section, discard, keep, longest)
     times, which, ends, _ = log
     states = ends[:, 1] if section is None else ends[:, 0]
@@ -126,7 +126,7 @@ _Log = tuple["NDArray[np.float64]", "NDArray[np.int64]", "NDArray[np.float64]", 
 """Times, transitions with modes, states on both sides, and rates of events."""
 
 
-def _to_phase_zero(run: Run, discard: int, keep: int) -> _Log:
+def _to_phase_zero(run: EventDrivenMotion, discard: int, keep: int) -> _Log:
     run.offset = 0.0  # periods are counted at the wraps, wherever the motion starts
     run.follow(math.inf, discard, None, keep=False)
     kept = []
@@ -136,7 +136,7 @@ def _to_phase_zero(run: Run, discard: int, keep: int) -> _Log:
     return _joined(kept, run)
 
 
-def _to_events(run: Run, section: tuple[int, ...], discard: int, keep: int, longest: float) -> _Log:
+def _to_events(run: EventDrivenMotion, section: tuple[int, ...], discard: int, keep: int, longest: float) -> _Log:
     """Follow as many events as there are returns missing: so the motion ends at the last return, never past it."""
     kept: list[_Log] = []
     seen, last = 0, 0.0
@@ -157,7 +157,7 @@ def _to_events(run: Run, section: tuple[int, ...], discard: int, keep: int, long
     return _joined(kept, run)
 
 
-def _take(run: Run, section: tuple[int, ...]) -> _Log:
+def _take(run: EventDrivenMotion, section: tuple[int, ...]) -> _Log:
     """Return the returns among the events kept so far, and forget them all."""
     times, which, ends, rates = run.events()
     run.kept_events.clear()
@@ -166,7 +166,7 @@ def _take(run: Run, section: tuple[int, ...]) -> _Log:
     return times[chosen], which[chosen], ends[chosen], rates[chosen]
 
 
-def _joined(parts: list[_Log], run: Run) -> _Log:
+def _joined(parts: list[_Log], run: EventDrivenMotion) -> _Log:
     nothing = (np.empty(0), np.empty((0, 3), np.int64), np.empty((0, 2, run.x.size)), np.empty(0))
     times, which, ends, rates = (np.concatenate(part) for part in zip(nothing, *parts, strict=True))
     return times, which, ends, rates

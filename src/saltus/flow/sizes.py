@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import SaltusError, StiffnessError
-from saltus.flow.run import Run, start_state
+from saltus.flow.motion import EventDrivenMotion, start_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -66,11 +66,11 @@ def sizes_along(
     atol: float,
 ) -> Sizes:
     """Return how large states are along a motion for some time, or 200 000 steps if these end before."""
-    run = Run(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT)
     return sizes_on_the_way(run, time)
 
 
-def sizes_on_the_way(run: Run, time: float) -> Sizes:
+def sizes_on_the_way(run: EventDrivenMotion, time: float) -> Sizes:
     """Follow a motion that begins, for some time as `sizes_along` does, and return how large states are."""
     run.follow_for(MOST_KEPT, MOST_KEPT, t_end=time)
     return sizes_from(run.system, run.p[: len(run.system.parameters)], run.x, run.mode, run.steps()[2], run.time)
@@ -95,7 +95,9 @@ def sizes_from(
     return Sizes(size, np.maximum(size, _TOLD * rounding))
 
 
-def followed_in_size(begun: Callable[[float], Run], follow: Callable[[Run], None]) -> Run:
+def followed_in_size(
+    begun: Callable[[float], EventDrivenMotion], follow: Callable[[EventDrivenMotion], None]
+) -> EventDrivenMotion:
     """Return a motion followed with an absolute tolerance that fits its states: again where one of them is far below 1.
 
     Parameters
@@ -126,7 +128,9 @@ def followed_in_size(begun: Callable[[float], Run], follow: Callable[[Run], None
     return run
 
 
-def _followed(run: Run, follow: Callable[[Run], None]) -> tuple[Run, SaltusError | None]:
+def _followed(
+    run: EventDrivenMotion, follow: Callable[[EventDrivenMotion], None]
+) -> tuple[EventDrivenMotion, SaltusError | None]:
     try:
         follow(run)
     except SaltusError as error:
@@ -134,7 +138,7 @@ def _followed(run: Run, follow: Callable[[Run], None]) -> tuple[Run, SaltusError
     return run, None
 
 
-def _share_needed(run: Run) -> float:
+def _share_needed(run: EventDrivenMotion) -> float:
     """Size of the least state along a motion, or 1 where all are larger or none is known."""
     states = run.steps()[2] if run.kept_steps else np.empty((0, run.x.size))
     sizes, count = np.abs(states).max(axis=0, initial=0.0), len(run.system.states)
@@ -163,8 +167,8 @@ def fitting_atol(
         Tolerance for states of size 1 or more.
     """
 
-    def begun(atol: float) -> Run:
-        return Run(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT)
+    def begun(atol: float) -> EventDrivenMotion:
+        return EventDrivenMotion(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT)
 
     try:
         run = followed_in_size(begun, lambda run: run.follow_for(_LOOKED_AT, _LOOKED_AT))

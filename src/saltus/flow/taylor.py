@@ -10,12 +10,12 @@ import numpy as np
 
 from saltus.errors import StiffnessError
 from saltus.flow.far import tables
-from saltus.flow.run import Run
+from saltus.flow.motion import EventDrivenMotion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.system.codegen import CompiledSeries
+    from saltus.system.compiled import CompiledSeries
     from saltus.system.hybrid import HybridSystem
 
 __all__ = ["ORDER", "STEPS_A_RETURN", "TaylorRun"]
@@ -83,7 +83,7 @@ class TaylorRun:
         self.p, self.tolerances = p, (float(rtol), float(atol))
         self._helped, self._most = 0, 0
         # what a motion is, and what is refused, is the Runge-Kutta flow's to say
-        first = Run(system, p, x.copy(), mode, rtol, atol)
+        first = EventDrivenMotion(system, p, x.copy(), mode, rtol, atol)
         self.transitions, self.rate = first.transitions, first.rate
         self.extended, self.extended_series = system.compiled.extended(p), series.constants(p)
         self.splits = np.zeros(len(system.modes), np.int64)
@@ -141,7 +141,7 @@ class TaylorRun:
         """Go on by Runge-Kutta steps to the next wrap or event, and past the crowd of others that follow it."""
         kernels, counts, numbers = self.kernels, self.counts, self.numbers
         left = max(self._most - int(counts[kernels.STEPS]) - self._helped, 1)
-        run = Run(self.system, self.p, self.x[:-1].copy(), self.mode, *self.tolerances, most_steps=left)
+        run = EventDrivenMotion(self.system, self.p, self.x[:-1].copy(), self.mode, *self.tolerances, most_steps=left)
         run.counts[[run.kernels.FIRED, run.kernels.MODE_BEFORE]] = counts[[kernels.FIRED, kernels.MODE_BEFORE]]
         if (fired := int(counts[kernels.FIRED])) >= 0:
             last = self.system.transitions[fired]
@@ -169,7 +169,10 @@ class TaylorRun:
         self.side[:] = run.side
 
     def _keep_returns(
-        self, run: Run, discard: int, kept: tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
+        self,
+        run: EventDrivenMotion,
+        discard: int,
+        kept: tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]],
     ) -> None:
         """Count the returns that the run has passed since last asked, and keep those that are wanted."""
         counts, numbers = self.counts, self.numbers

@@ -10,7 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import StiffnessError
-from saltus.flow.run import Run, check_tolerances, how_long, start_state
+from saltus.flow.motion import EventDrivenMotion, check_tolerances, how_long, start_state
 from saltus.flow.sticking import check_continuous
 from saltus.results import frozen
 
@@ -157,7 +157,7 @@ def growth_along(
     length = how_long(system, periods, t)[0]
     n, most = len(system.states), np.iinfo(np.int64).max
     columns = n if exponents is None else checks.count("exponents", exponents, 1, n, "the number of states")
-    run = Run(system, p, start_state(system, x), mode, rtol, atol, steps_kept=_STEPS_KEPT)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol, steps_kept=_STEPS_KEPT)
     if periods is None:
         first_time = 0.5 * length if discard is None else checks.non_negative("discard", discard)
         row_times = first_time + np.linspace(0.0, length, _ROWS + 1)
@@ -179,7 +179,7 @@ def growth_along(
 
 
 def _run_rows(
-    run: Run, row_times: NDArray[np.float64], row_wraps: NDArray[np.int64], frame: NDArray[np.float64]
+    run: EventDrivenMotion, row_times: NDArray[np.float64], row_wraps: NDArray[np.int64], frame: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Ends of the rows, logarithms of growth in each, and the count of events grazed."""
     from saltus.flow import _variational_kernels as kernels

@@ -30,7 +30,7 @@ from saltus.orbits.problem import (
     WHEN,
     WHOLE,
 )
-from saltus.system.codegen import FUNCTIONS
+from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
 DERIVE, VARY, EVENT, EVENT_X, EVENT_P, RESET, RESET_X, RESET_P, OUTPUTS, GUARD = (

@@ -8,7 +8,7 @@ from saltus.flow._kernels import INNER, call, keep, pointer
 from saltus.flow._second_kernels import FIELD_P, VARY, along, flow_second
 from saltus.orbits._kernels import EVENT_P, EVENT_X, RESET_X, SHORT
 from saltus.orbits.problem import EVENT_END, MEAN_END, TOUCH_END
-from saltus.system.codegen import SECOND
+from saltus.system.compiled import SECOND
 from saltus.system.machine_code import njit
 
 DERIVE, EVENT_2, RESET_2 = (SECOND.index(name) for name in ("derive", "event_2", "reset_2"))

@@ -22,7 +22,7 @@ from saltus.system import HybridSystem
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from saltus.flow.simulate import EventLog
+    from saltus.flow.trajectory import EventLog
 
 __all__ = ["find_orbit"]
 
@@ -103,7 +103,7 @@ def find_orbit(
     >>> find_orbit(oscillator, x0=[0.0, 0.0]).signature
     (('free', 'impact'),)
     """
-    from saltus.flow.run import passed_event, starting_mode
+    from saltus.flow.motion import passed_event, starting_mode
 
     checks.instance("system", system, HybridSystem)
     tol = check_tol(tol)
@@ -125,7 +125,7 @@ def find_orbit(
 def _search_forced(
     system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, longest: float, tol: float
 ) -> PeriodicOrbit:
-    from saltus.flow.run import Run, start_state
+    from saltus.flow.motion import EventDrivenMotion, start_state
 
     done, batch, recurrence, atol = 0, 40, math.inf, ATOL
     failure = ""
@@ -134,11 +134,15 @@ def _search_forced(
     floor = np.zeros(x.size)
     while done < longest:
         kept = STEPS_KEPT if done == 0 else 0
-        run = Run(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=kept, most_steps=most - spent)
+        run = EventDrivenMotion(
+            system, p, start_state(system, x), mode, RTOL, atol, steps_kept=kept, most_steps=most - spent
+        )
         if done == 0:  # a motion that dies away has no size of its own
             floor = _NOTHING * sizes_on_the_way(run, 2.0 * math.pi / run.rate).of_states
         run.follow(math.inf, batch, None, keep=False)
-        seen = Run(system, p, start_state(system, run.x), run.mode, RTOL, atol, most_steps=most - spent - run.tries)
+        seen = EventDrivenMotion(
+            system, p, start_state(system, run.x), run.mode, RTOL, atol, most_steps=most - spent - run.tries
+        )
         seen.follow(math.inf, 2 * _LONGEST + 1, _MOST_EVENTS)
         log = event_log(seen)
         done += batch + 2 * _LONGEST + 1

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.observables import dense_states
-from saltus.flow.run import Run, start_state
-from saltus.flow.simulate import EventLog, event_log
 from saltus.flow.sizes import ATOL, EPSILON, MOST_KEPT, RTOL, STEPS_KEPT, Sizes, sizes_from
+from saltus.flow.trajectory import EventLog, event_log
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -74,7 +74,9 @@ def follow(
     sampled: bool,
 ) -> Stretch:
     """Follow a motion for so many steps or transitions, whichever comes first; at most 200 000 steps are kept."""
-    run = Run(system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT if sampled else 0)
+    run = EventDrivenMotion(
+        system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT if sampled else 0
+    )
     run.follow_for(min(tries, MOST_KEPT) if sampled else tries, n_events, t_end=_FOR_EVER, keep=sampled)
     steps: tuple[NDArray[np.float64], ...] = ()
     times, states = np.empty(0), np.empty((0, run.x.size))

@@ -18,13 +18,13 @@ __all__ = ["plot"]
 _HOMES = {
     "saltus.continuation.branch.Branch": "saltus.plotting.branch",
     "saltus.orbits.orbit.PeriodicOrbit": "saltus.plotting.orbit",
-    "saltus.flow.simulate.Trajectory": "saltus.plotting.trajectory",
+    "saltus.flow.trajectory.Trajectory": "saltus.plotting.trajectory",
     "saltus.continuation.family.Family": "saltus.plotting.family",
     "saltus.continuation.locus.Locus": "saltus.plotting.locus",
     "saltus.sweeps.sweep.Sweep": "saltus.plotting.sweep",
     "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
-    "saltus.basins.basins.Basins": "saltus.plotting.basin",
-    "saltus.basins.erosion.ErosionProfile": "saltus.plotting.erosion",
+    "saltus.basins.map.basins.Basins": "saltus.plotting.basin",
+    "saltus.basins.measures.erosion.ErosionProfile": "saltus.plotting.erosion",
 }
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.basins.basins import Basins
+from saltus.basins.map.basins import Basins
 from saltus.errors import InputError, nearest
 from saltus.plotting import plot, style
 

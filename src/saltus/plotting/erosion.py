@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.basins.erosion import ErosionProfile
+from saltus.basins.measures.erosion import ErosionProfile
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.branch import Branch
-from saltus.continuation.curve import Curve, SpecialPoint
 from saltus.continuation.locus import Locus
+from saltus.continuation.orbit_curve import OrbitCurve, SpecialPoint
 from saltus.errors import InputError
 from saltus.plotting import style
 from saltus.plotting.branch import pieces_of
@@ -49,7 +49,7 @@ class Stretch:
     places: NDArray[np.float64]
 
 
-def stretches_of(curve: Curve, names: Sequence[str]) -> list[Stretch]:
+def stretches_of(curve: OrbitCurve, names: Sequence[str]) -> list[Stretch]:
     """Return a branch or a locus as smooth curves, each of one kind; where one ends the next begins.
 
     Parameters
@@ -57,7 +57,7 @@ def stretches_of(curve: Curve, names: Sequence[str]) -> list[Stretch]:
     curve : Branch or Locus
         What is drawn.
     names : sequence of str
-        Two quantities or more: what `Curve.column` knows, or a parameter that is constant along the curve.
+        Two quantities or more: what `OrbitCurve.column` knows, or a parameter that is constant along the curve.
 
     Raises
     ------
@@ -80,12 +80,12 @@ def stretches_of(curve: Curve, names: Sequence[str]) -> list[Stretch]:
     return stretches
 
 
-def coordinates_of(curve: Curve, point: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
+def coordinates_of(curve: OrbitCurve, point: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
     """Return quantities, as `stretches_of` takes them, at a special point of a curve; shape (quantity,)."""
     return np.array([point.parameters[n] if _is_constant(curve, n) else curve.at(point, n) for n in names])
 
 
-def _is_constant(curve: Curve, name: str) -> bool:
+def _is_constant(curve: OrbitCurve, name: str) -> bool:
     return name in curve.parameters and name not in curve.varied
 
 
@@ -160,7 +160,7 @@ def axes_in_space() -> Axes3D:
 
 def draw_in_space(
     ax: Axes3D,
-    curve: Curve,
+    curve: OrbitCurve,
     names: tuple[str, str, str],
     *,
     kinds: Collection[str] = tuple(style.LINES),

@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import InputError
-from saltus.flow.classify import CHAOTIC, DIVERGED, NO_RETURN, QUASI_PERIODIC
+from saltus.flow.motion_kind import CHAOTIC, DIVERGED, NO_RETURN, QUASI_PERIODIC
 from saltus.plotting import plot, style
 from saltus.sweeps.sweep import Sweep
 

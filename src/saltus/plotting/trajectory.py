@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.flow.simulate import Trajectory
+from saltus.flow.trajectory import Trajectory
 from saltus.plotting import plot, style
 from saltus.plotting.orbit import draw_curve, draw_jump
 from saltus.system.evaluate import evaluate

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from saltus.basins.basins import Basins
+    from saltus.basins.map.basins import Basins
 
 __all__ = ["Volume", "check_renderer"]
 

@@ -1,6 +1,6 @@
 """Floor 4: sweeps of a parameter by simulation, and Lyapunov exponents."""
 
-from saltus.flow.classify import Criteria
+from saltus.flow.motion_kind import Criteria
 from saltus.sweeps.brute_force import run_sweep
 from saltus.sweeps.lyapunov import LyapunovSpectrum, lyapunov_spectrum
 from saltus.sweeps.section import Section

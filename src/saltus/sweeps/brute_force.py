@@ -33,11 +33,11 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, StiffnessError
-from saltus.flow.classify import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
+from saltus.flow.motion import EventDrivenMotion, check_tolerances, starting_mode
+from saltus.flow.motion_kind import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
 from saltus.flow.poincare import Iterates, admits, iterate
-from saltus.flow.run import Run, check_tolerances, starting_mode
-from saltus.flow.simulate import simulate
 from saltus.flow.sizes import fitting_atol
+from saltus.flow.trajectory import simulate
 from saltus.flow.variational import Growth, growth_along
 from saltus.sweeps.section import Section, on_section
 from saltus.sweeps.sweep import Sweep
@@ -418,7 +418,9 @@ class _Task:
 
     def _rounding(self, p: NDArray[np.float64], found: Iterates, time: float) -> NDArray[np.float64]:
         """Differences of full states that are none, by their sizes along the motion over a return."""
-        run = Run(self.system, p, found.x_end.copy(), found.mode_end, self.rtol, self.atol, steps_kept=_STEPS_KEPT)
+        run = EventDrivenMotion(
+            self.system, p, found.x_end.copy(), found.mode_end, self.rtol, self.atol, steps_kept=_STEPS_KEPT
+        )
         run.follow(time, None, None)
         sizes = np.abs(run.steps()[2]).max(axis=0)
         return np.asarray(self.criteria.noise * (self.atol + self.rtol * sizes))

@@ -13,7 +13,7 @@ import numpy as np
 from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
-from saltus.flow.run import check_tolerances, starting_mode
+from saltus.flow.motion import check_tolerances, starting_mode
 from saltus.flow.sizes import ATOL, fitting_atol
 from saltus.flow.variational import BATCHES, CONFIDENCE, growth_along
 from saltus.results import Result, frozen

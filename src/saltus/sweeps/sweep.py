@@ -92,7 +92,7 @@ class Sweep(Result):
     points : ndarray, shape (direction, value, kept, quantity)
         The quantities at the returns kept.
     labels : ndarray of str, shape (direction, value)
-        What the motion is; `saltus.flow.classify` says by which criteria. Empty where it was not computed.
+        What the motion is; `saltus.flow.motion_kind` says by which criteria. Empty where it was not computed.
     periods : ndarray of int, shape (direction, value)
         Returns after which it recurs, 0 where it does not.
     rotations : ndarray, shape (direction, value)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from saltus import checks
 from saltus.errors import InputError
-from saltus.flow.threads import starting
+from saltus.work import starting
 
 if TYPE_CHECKING:
     import numpy as np

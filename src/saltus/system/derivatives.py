@@ -12,7 +12,7 @@ from saltus.errors import DefinitionError
 from saltus.system.expressions import parse
 
 if TYPE_CHECKING:
-    from saltus.system.hybrid import HybridSystem
+    from saltus.system.definition import Definition
 
 __all__ = ["Symbolic"]
 
@@ -26,7 +26,7 @@ class Symbolic:
     function along the field of its source mode.
     """
 
-    def __init__(self, system: HybridSystem) -> None:
+    def __init__(self, system: Definition) -> None:
         self.system = system
         names = (*system.all_states, *system.parameters)
         self.x = [sympy.Symbol(name, real=True) for name in system.all_states]

@@ -17,7 +17,7 @@ from saltus.system.grammar import FUNCTIONS, chain, syntax_tree
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from saltus.system.hybrid import HybridSystem
+    from saltus.system.definition import Definition
 
 __all__ = ["check_expression", "evaluate"]
 
@@ -26,7 +26,7 @@ _Term: TypeAlias = Callable[[Mapping[str, _Value]], _Value]
 
 
 def evaluate(
-    system: HybridSystem,
+    system: Definition,
     text: str,
     states: ArrayLike,
     modes: ArrayLike,
@@ -36,7 +36,7 @@ def evaluate(
 
     Parameters
     ----------
-    system : HybridSystem
+    system : Definition
         Whose names the expression uses.
     text : str
         An expression in the states, the phase, the parameters and the outputs; numbers, ``pi``, ``+ - * / **``,
@@ -61,8 +61,8 @@ def evaluate(
 
     Examples
     --------
-    >>> from saltus.system.hybrid import HybridSystem, Mode
-    >>> fall = HybridSystem(("z", "v"), {"g": 2.0}, {"free": Mode({"z": "v", "v": "-g"})}, outputs={"T": "v**2/2"})
+    >>> from saltus.system.definition import Definition, Mode
+    >>> fall = Definition(("z", "v"), {"g": 2.0}, {"free": Mode({"z": "v", "v": "-g"})}, outputs={"T": "v**2/2"})
     >>> evaluate(fall, "T + g*z", [[1.0, 0.0], [0.0, -2.0]], [0, 0])
     array([2., 2.])
     """
@@ -84,7 +84,7 @@ def evaluate(
     return values
 
 
-def check_expression(system: HybridSystem, text: str) -> None:
+def check_expression(system: Definition, text: str) -> None:
     """Raise `InputError` where `evaluate` cannot read the text, or does not know a name in it."""
     _known(system, text)
 
@@ -97,7 +97,7 @@ class _Expression:
     names: frozenset[str]
 
 
-def _known(system: HybridSystem, text: str) -> _Expression:
+def _known(system: Definition, text: str) -> _Expression:
     if not isinstance(text, str):
         raise InputError("expression", text, "text")
     return _read(text, (*system.all_states, *system.parameter_names, *system.output_names))

@@ -84,8 +84,8 @@ def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, A
 
 def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, Result]]:
     """Go through the results of Fig. 2, with their names, computing each when it is asked for."""
+    from saltus.afm.paper import table1
     from saltus.afm.regimes import settled_orbit
-    from saltus.afm.table1 import table1
     from saltus.afm.tapping import tapping_mode
     from saltus.continuation import continue_orbit
 

@@ -103,8 +103,8 @@ def sweep_of(count: int, say: Callable[[str], None] = lambda _: None, part: Path
 
     It is saved in the file `part`, if one is given, and goes on from there.
     """
+    from saltus.afm.paper import table1
     from saltus.afm.regimes import settled_orbit
-    from saltus.afm.table1 import table1
     from saltus.afm.tapping import tapping_mode
     from saltus.sweeps import run_sweep
 

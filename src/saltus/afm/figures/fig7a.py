@@ -128,7 +128,7 @@ def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, 
 
 
 def _saturated_orbit(say: Callable[[str], None] = lambda _: None, tol: float = 1e-12) -> PeriodicOrbit:
-    from saltus.afm.table1 import table1
+    from saltus.afm.paper import table1
     from saltus.afm.tapping import tapping_mode
     from saltus.orbits import solve_orbit
 

@@ -24,7 +24,7 @@ _GUESS = [
 
 def repulsive_orbit(say: Callable[[str], None] = lambda _: None) -> PeriodicOrbit:
     """Return an orbit of the repulsive branch of Fig. 3: one mode, the paper's parameters, ``Omega = 1.05``."""
-    from saltus.afm.table1 import table1
+    from saltus.afm.paper import table1
     from saltus.afm.tapping import tapping_mode
     from saltus.orbits import solve_orbit
 

@@ -59,7 +59,7 @@ MARKS: Mapping[str, str] = MappingProxyType({"repulsive": "#d1495b", "attractive
 
 def model(modes: int) -> HybridSystem:
     """Return tapping mode with the paper's set-up."""
-    from saltus.afm.table1 import table1
+    from saltus.afm.paper import table1
     from saltus.afm.tapping import tapping_mode
 
     return tapping_mode(table1(), modes=modes)
@@ -68,7 +68,7 @@ def model(modes: int) -> HybridSystem:
 def attractors_of(system: HybridSystem, store: Path, say: Callable[[str], None]) -> Any:
     """Return the attractors that the paper's box holds; those in a store where there is one."""
     from saltus.basins import Basins
-    from saltus.basins.attractors import find_attractors
+    from saltus.basins.attractors.attractors import find_attractors
 
     if store.exists():
         return Basins.open(store).attractors

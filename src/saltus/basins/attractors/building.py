@@ -1,0 +1,321 @@
+"""The trapping regions of attractors: made, measured, and no more of both than labelling motions is worth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.basins.attractors.trap_growth import LEFT_OVER, SOON, Enlarging, pieces
+from saltus.basins.attractors.trapping import CONTRACTING, OrbitEllipsoids
+from saltus.basins.attractors.visited_boxes import boxes_along
+from saltus.basins.wilson import wilson
+from saltus.ensemble.traps import UNDECIDED, Cages, Cells, Ellipsoids, Traps
+from saltus.errors import ConvergenceError
+from saltus.results import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from saltus.basins.attractors.search import AttractorSearch, Found
+
+__all__ = ["Building"]
+
+_VISITS, _MOST_VISITS, _LONGER = 16, 256, 8
+"""Strobes in a row in its boxes after which a motion is an attractor's, at first, at the most; how much the check's."""
+
+_ENTERING = 8
+"""How often at most motions from the region enter the ellipsoids, until all end as they should."""
+
+_TOLERATED = 1e-3
+"""Part of the samples in an ellipsoid that is cut that may end elsewhere, or it is not used."""
+
+_LEFT = 0.05
+"""Part of the motions that boxes labelled beyond which, if they go elsewhere, what the boxes hold is a transient."""
+
+_REGION_SAMPLES = 5
+"""The boxes' rule is checked on a part of the samples: one in so many."""
+
+
+_TIMES = 6.0
+"""Times as long as labelling all motions takes that making and measuring regions may, planes aside."""
+
+_FEWEST_SAMPLES, _MOST_SAMPLES = 1000, 20_000
+"""Samples of a region, at the least and at the most, where they are not given."""
+
+_PILOT, _PILOT_LONGEST = 64, 1024
+"""Motions that tell what others will take, and for how many periods they are followed at the most."""
+
+_TO_THE_CORE, _ENTRIES, _PASSES = 2.0, 2.0, 3
+"""How often samples are followed to a core, and motions until they enter; how often samples are followed at all."""
+
+
+class Building:
+    """The trapping regions of attractors in the order of their labels, what is said of each, and the largest error.
+
+    `transients` are the labels of those that turned out to be none.
+    """
+
+    def __init__(self, hunt: AttractorSearch, found: list[Found]) -> None:
+        self.hunt, self.found = hunt, found
+        self.notes: dict[int, str] = {}
+        self.error = 0.0
+        self.transients: set[int] = set()
+        self.cores = {label: each.core for label, each in enumerate(found) if each.core is not None}
+        self.wholes: dict[int, OrbitEllipsoids] = {}
+        self.ellipsoids: dict[int, OrbitEllipsoids] = {}
+        self.samples = _FEWEST_SAMPLES
+        self.pilots: NDArray[np.float64] | None = None
+
+    def traps(self) -> Traps:
+        """Return all trapping regions."""
+        begun = self.hunt.spent
+        enlarging = {}
+        for label in self.cores:
+            if (made := self._enlarging(label, self.found[label])) is not None:
+                enlarging[label] = made
+        self.samples = self._affordable(begun)
+        self.hunt.told.expect(_PASSES * len(enlarging) * self.samples)
+        enlarging = {label: made for label, made in enlarging.items() if self._enlarged(label, made)}
+        entered = self._enter(enlarging)
+        for label, each in enumerate(self.found):
+            notes = []
+            if each.cage is not None:
+                distance = ", ".join(f"{value:.4g}" for value in each.cage.distances)
+                notes.append(
+                    f"cage, a theorem: the weighted modal amplitudes stay below {each.cage.bound:.6g} and every event "
+                    f"function at least {distance} from 0; contraction {each.cage.contraction:.3g} < 1"
+                )
+            if label in self.ellipsoids:
+                notes.append(self._measured(label, enlarging[label], entered.get(label)))
+            self.notes[label] = "; ".join(filter(None, notes))
+        return self._with_cells()
+
+    def _regions(self, ellipsoids: Mapping[int, OrbitEllipsoids], cells: Cells | None = None) -> Traps:
+        caged = {label: each.cage for label, each in enumerate(self.found) if each.cage is not None}
+        n = len(self.hunt.low)
+        return Traps(
+            n,
+            Ellipsoids.joined([e.as_traps(label) for label, e in ellipsoids.items()]) if ellipsoids else None,
+            _stacked(caged, n) if caged else None,
+            cells,
+            self.hunt.limit,
+        )
+
+    def _enlarging(self, label: int, found: Found) -> Enlarging | None:
+        """What enlarges the ellipsoids of one attractor, while motions are accounted for in the cores of the others.
+
+        Where there is a cage they are to save time: none are made where they would cost it.
+        """
+        hunt = self.hunt
+        inner, core = found.ellipsoid, found.core
+        assert inner is not None
+        assert core is not None
+
+        def settles(x: NDArray[np.float64], region: OrbitEllipsoids, longest: int) -> NDArray[np.bool_]:
+            labels, _ = hunt.ensemble.settle(x, self._regions({**self.cores, label: region}), longest)
+            hunt.told.step(len(x))
+            return np.asarray(labels == label)
+
+        if found.cage is not None and not hunt.in_lanes(inner.centres[:1]):
+            return None
+        others = np.concatenate(
+            [np.empty((0, len(hunt.low))), *(each.points for each in self.found if each is not found)]
+        )
+        enlarging = Enlarging(hunt.ensemble, settles, 2.0 * hunt.scale, others, hunt.rng, hunt.search)
+        self.wholes[label] = enlarging.grown(inner)
+        return enlarging
+
+    def _affordable(self, begun: float) -> int:
+        """How many samples of each region are worth their time, by what labelling the motions takes."""
+        hunt, longest = self.hunt, min(self.hunt.search.longest, _PILOT_LONGEST)
+        if hunt.search.samples is not None:
+            return hunt.search.samples
+        spent = hunt.spent - begun
+        each = 0.0
+        for whole in self.wholes.values():
+            before = hunt.spent
+            hunt.ensemble.settle(whole.samples(_PILOT, hunt.rng), self._regions(self.cores), longest)
+            each += (hunt.spent - before) / _PILOT
+        labelled = self._labelled(self.wholes, longest)
+        left = _TIMES * labelled - spent
+        cost = _TO_THE_CORE * each + _ENTRIES * labelled / hunt.motions
+        return int(np.clip(left / max(cost, 1.0), _FEWEST_SAMPLES, _MOST_SAMPLES))
+
+    def _labelled(self, regions: Mapping[int, OrbitEllipsoids], longest: int) -> float:
+        """What it takes to label all motions with some regions, from a few of them: their periods, and one each."""
+        hunt = self.hunt
+        if self.pilots is None:
+            self.pilots = hunt.seeds(_PILOT)
+        before = hunt.spent
+        hunt.ensemble.settle(self.pilots, self._regions(regions), longest)
+        return (hunt.spent - before + len(self.pilots)) * hunt.motions / max(len(self.pilots), 1)
+
+    def _enlarged(self, label: int, enlarging: Enlarging) -> bool:
+        """Verify one attractor's ellipsoids; enlarge them by planes as long as that saves more than it takes."""
+        hunt, found, core = self.hunt, self.found[label], self.cores[label]
+        inner = found.ellipsoid
+        assert inner is not None
+        enlarging.samples = self.samples
+        try:
+            whole = enlarging.verified(self.wholes[label], inner, core)
+        except ConvergenceError:
+            if found.cage is None:
+                raise
+            del self.wholes[label]
+            return False
+        self.wholes[label] = self.ellipsoids[label] = whole
+        if hunt.in_lanes(inner.centres[:1]):
+
+            def saved(smaller: OrbitEllipsoids, larger: OrbitEllipsoids) -> float:
+                before, after = (self._labelled({**self.wholes, label: r}, SOON) for r in (smaller, larger))
+                return before - after
+
+            self.ellipsoids[label] = enlarging.beyond(whole, saved, lambda: hunt.spent)
+        return True
+
+    def _enter(self, enlarging: Mapping[int, Enlarging]) -> dict[int, tuple[int, int]]:
+        """Cut the ellipsoids until motions from the region that enter one end in its attractor.
+
+        How many of fresh ones do not in the end, and of how many, for each label whose ellipsoids are cut.
+        """
+        cut = False
+        for _ in range(_ENTERING):
+            labels, states, elsewhere = self._entries()
+            if not elsewhere.any():
+                break
+            cut = True
+            for label in np.unique(labels[elsewhere]).tolist():
+                left_out = states[elsewhere & (labels == label)]
+                self.ellipsoids[label] = enlarging[label].without(self.ellipsoids[label], left_out, self.wholes[label])
+        else:
+            self.ellipsoids = {label: whole for label, whole in self.wholes.items() if self.found[label].cage is None}
+        if cut:  # by these motions regions were cut: fresh ones measure
+            labels, _, elsewhere = self._entries()
+        return {
+            label: (int((elsewhere & (labels == label)).sum()), int((labels == label).sum()))
+            for label in np.unique(labels).tolist()
+        }
+
+    def _entries(self) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.bool_]]:
+        """Labels and states of motions that enter what is cut of ellipsoids, and whether they end elsewhere.
+
+        Fewer motions, where lanes leave many over.
+        """
+        hunt = self.hunt
+        cut = [label for label, region in self.ellipsoids.items() if region is not self.wholes[label]]
+        if not cut:
+            return np.empty(0, np.uint8), np.empty((0, len(hunt.low))), np.empty(0, bool)
+        left_over, found = hunt.ensemble.left_over, []
+        for count in pieces(self.samples):
+            x = hunt.rng.uniform(hunt.low, hunt.high, (count, len(hunt.low)))
+            labels, states, modes = hunt.ensemble.arrivals(x, self._regions(self.ellipsoids), SOON)
+            entering = np.isin(labels, cut)
+            labels, states, modes = labels[entering], states[entering], modes[entering]
+            ends, periods = hunt.ensemble.settle(states, self._regions(self.wholes), SOON, modes)
+            beyond = periods > 0
+            found.append((labels[beyond], states[beyond], (ends != labels)[beyond]))
+            if hunt.ensemble.left_over > left_over + LEFT_OVER:
+                break
+        labels, states, elsewhere = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return labels, states, elsewhere
+
+    def _measured(self, label: int, enlarging: Enlarging, entered: tuple[int, int] | None) -> str:
+        """Measure how much of an attractor's ellipsoids is another's, and tell.
+
+        Where it is much, they are dropped if there is a cage, else taken as large as they are without planes.
+        """
+        core, inner = self.cores[label], self.found[label].ellipsoid
+        assert inner is not None
+        # of what starts in the core, only contraction was seen
+        samples = self.samples if core.level < inner.level else min(self.samples, CONTRACTING)
+        elsewhere = enlarging.elsewhere(self.ellipsoids[label], core, samples)
+        if elsewhere > _TOLERATED * samples:
+            if self.found[label].cage is not None:
+                del self.ellipsoids[label]
+                return ""
+            if self.ellipsoids[label] is not self.wholes[label]:
+                self.ellipsoids[label], entered = self.wholes[label], None
+                elsewhere = enlarging.elsewhere(self.wholes[label], core, samples)
+        region = self.ellipsoids[label]
+        bound = wilson(elsewhere, samples)[1]
+        self.error = max(self.error, bound)
+        radius = ", ".join(f"{value:.3g}" for value in region.half_widths()[0])
+        points = f"each of {len(region.centres)} points" if len(region.centres) > 1 else "its point"
+        planes = f", cut by {region.offsets.shape[1]} planes" if region.offsets.size else ""
+        note = (
+            f"ellipsoid of the discrete Lyapunov equation about {points}, half widths {radius}{planes}; measured: "
+            f"{samples} samples, {elsewhere or 'none'} elsewhere: < {bound:.2g} at 95 %"
+        )
+        if entered is None:
+            return note
+        return f"{note}; {entered[0] or 'none'} of {entered[1]} motions that entered it beyond its largest ellipsoid"
+
+    def _with_cells(self) -> Traps:
+        clouds = {
+            label: each.points for label, each in enumerate(self.found) if each.cage is None and each.ellipsoid is None
+        }
+        certain = self._regions(self.ellipsoids)
+        if not clouds:
+            return certain
+        hunt = self.hunt
+        elsewhere = [each.points for label, each in enumerate(self.found) if label not in clouds]
+        others = np.concatenate([np.empty((0, len(hunt.low))), *elsewhere])
+        boxes = boxes_along(hunt.ensemble, clouds, others, hunt.scale, _VISITS, hunt.rng)
+        starts = hunt.seeds(max(self.samples // _REGION_SAMPLES, 100))
+        visits, leaving = _VISITS, dict.fromkeys(clouds, False)
+        while True:
+            cells = replace(boxes.cells, visits=visits)
+            traps = self._regions(self.ellipsoids, cells)
+            left = self._left(starts, traps, cells)
+            wrong, told = (sum(counts) for counts in zip(*left.values(), strict=True))
+            # where no motion stays long enough any more, what those did that stayed shorter counts
+            leaving |= {label: gone > _LEFT * of for label, (gone, of) in left.items() if of}
+            if not wrong or visits >= _MOST_VISITS:
+                break
+            visits *= 2
+        self.transients = {label for label, leaves in leaving.items() if leaves}
+        bound = wilson(wrong, max(told, 1))[1]
+        self.error = max(self.error, bound)
+        for label in clouds:
+            self.notes[label] = (
+                f"{int((cells.labels == label).sum())} boxes, which hold {boxes.covered[label]:.4f} of its strobes, "
+                f"{visits} of them in a row; measured: {told} motions from the region so labelled, {wrong} of them "
+                f"elsewhere after {_LONGER} times as many: < {bound:.2g} at 95 %"
+            )
+            if (stay := self.found[label].stay) is not None:
+                self.notes[label] += f"; {stay}"
+        return traps
+
+    def _left(self, starts: NDArray[np.float64], traps: Traps, cells: Cells) -> dict[int, tuple[int, int]]:
+        """How many of the motions that each label's boxes held are others' if they have to stay longer; of how many."""
+        hunt, longest = self.hunt, self.hunt.search.longest
+        labels, _ = hunt.ensemble.settle(starts, traps, longest)
+        boxed = np.isin(labels, np.unique(cells.labels))
+        strict = replace(cells, visits=_LONGER * cells.visits)
+        again, _ = hunt.ensemble.settle(starts[boxed], self._regions(self.ellipsoids, strict), longest)
+        elsewhere, first = (again != labels[boxed]) & (again != UNDECIDED), labels[boxed]
+        return {
+            int(label): (int(elsewhere[first == label].sum()), int((first == label).sum()))
+            for label in np.unique(cells.labels)
+        }
+
+
+def _stacked(caged: Mapping[int, Any], n: int) -> Cages:
+    """Cages of several modes as arrays; rows that some lack are zero."""
+    most = max(len(cage.rows) for cage in caged.values())
+    rows = np.zeros((len(caged), most, n), dtype=np.complex128)
+    floors = np.zeros((len(caged), most))
+    for i, cage in enumerate(caged.values()):
+        rows[i, : len(cage.rows)], floors[i, : len(cage.rows)] = cage.rows, cage.floors
+    return Cages(
+        frozen([cage.centre for cage in caged.values()]),
+        frozen(rows, np.complex128),
+        frozen(floors),
+        frozen([cage.bound for cage in caged.values()]),
+        frozen([cage.mode for cage in caged.values()], np.int64),
+        frozen(list(caged), np.uint8),
+    )

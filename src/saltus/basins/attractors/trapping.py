@@ -1,0 +1,353 @@
+"""Trapping regions that are measured: ellipsoids about periodic orbits, boxes along all other attractors.
+
+``docs/theory/basins.md`` tells how they are built, and what of it is proven.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.ensemble.traps import Ellipsoids
+from saltus.errors import InputError
+from saltus.flow.motion import starting_mode
+from saltus.flow.trajectory import events_after
+from saltus.orbits.problem import EVENT_END, PHASE_END, OrbitProblem, Signature
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.ensemble.ensemble import Ensemble
+    from saltus.orbits import PeriodicOrbit
+
+__all__ = [
+    "CONTRACTING",
+    "OrbitEllipsoids",
+    "admits_start",
+    "contracting",
+    "core_of",
+    "largest_multiplier",
+    "map_jacobians",
+    "metric_of",
+    "orbit_jacobians",
+]
+
+_RATE = 0.8
+"""Least rate, over a period of the orbit, at which distances from it shall shrink in its metric."""
+
+_STEP = 1e-4
+"""Difference of states, as a part of their scale, from which Jacobians of a smooth map are taken."""
+
+CONTRACTING, _LEVELS, _RUNGS = 400, 4.0, 22
+"""Samples in each ellipsoid that shall contract; the ratio of the radii tried, squared; and their count."""
+
+_CLEAR = 1e-3
+"""Part of a level below which the engine's errors hide whether a sample contracts."""
+
+_CORES = (64.0, 16.0, 4.0)
+"""Levels at which samples contract over those of their cores, the best first."""
+
+_CORE_SAMPLES, _STRETCH, _STRETCHES = 64, 16, 16
+"""How many motions tell a core, the strobes after which they are looked at, and how often."""
+
+
+@dataclass(frozen=True)
+class OrbitEllipsoids:
+    """Ellipsoids about the points of one periodic orbit, ``|metric (x - centre)|^2 < level``.
+
+    Attributes
+    ----------
+    centres : ndarray, shape (period, n)
+        The points, in the order in which they are visited.
+    metrics : ndarray, shape (period, n, n)
+        Upper triangular; distances shrink from each point's metric to the next one's.
+    level : float
+        Square of the radius.
+    normals : ndarray, shape (period, planes, n), optional
+        Unit vectors of planes that cut the ellipsoids, to where ``normal . metric (x - centre) < offset``; zero for
+        a plane that an ellipsoid lacks.
+    offsets : ndarray, shape (period, planes), optional
+    modes : ndarray of int64, shape (period,), optional
+        Of the motions that each holds; -1 for all.
+    """
+
+    centres: NDArray[np.float64]
+    metrics: NDArray[np.float64]
+    level: float
+    normals: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0, 0)))
+    offsets: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    modes: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+
+    def __post_init__(self) -> None:
+        period, n = self.centres.shape
+        if not self.offsets.size:
+            object.__setattr__(self, "normals", np.empty((period, 0, n)))
+            object.__setattr__(self, "offsets", np.empty((period, 0)))
+        if not self.modes.size:
+            object.__setattr__(self, "modes", np.full(period, -1))
+
+    def at(self, level: float) -> OrbitEllipsoids:
+        """Return the same ellipsoids at another level, with the same planes."""
+        return replace(self, level=level)
+
+    def cut(self, x: NDArray[np.float64], part: float) -> OrbitEllipsoids:
+        """Return the ellipsoids cut by planes so that none of some states, shape (m, n), is in any.
+
+        Each plane is parallel to the tangent of the ellipsoid through the state nearest to the centre of those still
+        inside, at a part of its distance.
+
+        References
+        ----------
+        R. Deits, R. Tedrake, Computing large convex regions of obstacle-free space through semidefinite programming,
+        Algorithmic Foundations of Robotics XI (2015) 109-124.
+        """
+        planes = [
+            [(normal, offset) for normal, offset in zip(*pair, strict=True) if normal.any()]
+            for pair in zip(self.normals, self.offsets, strict=True)
+        ]
+        for k, inside in enumerate(self._inside(x).T):
+            y = (x[inside] - self.centres[k]) @ self.metrics[k].T
+            while len(y):
+                distances = np.linalg.norm(y, axis=1)
+                nearest = int(np.argmin(distances))
+                normal, offset = y[nearest] / distances[nearest], part * distances[nearest]
+                planes[k].append((normal, offset))
+                y = np.delete(y, nearest, axis=0)
+                y = y[y @ normal < offset]
+        most = max(map(len, planes))
+        normals, offsets = np.zeros((len(planes), most, x.shape[1])), np.ones((len(planes), most))
+        for k, own in enumerate(planes):
+            for j, (normal, offset) in enumerate(own):
+                normals[k, j], offsets[k, j] = normal, offset
+        return replace(self, normals=normals, offsets=offsets)
+
+    def share(self, samples: int, rng: np.random.Generator) -> float:
+        """Return the least part of an ellipsoid's volume that its planes leave, from some samples."""
+        y = math.sqrt(self.level) * _in_ball(samples, self.centres.shape[1], rng)
+        inside = np.einsum("kpj,mj->kmp", self.normals, y) < self.offsets[:, None, :]
+        return float(inside.all(axis=2).mean(axis=1).min())
+
+    def sizes(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return ``|metric (x - centre)|^2`` about each point, shape (m, period), of states, shape (m, n)."""
+        return np.asarray((self._apart(x) ** 2).sum(axis=2))
+
+    def holds(self, x: NDArray[np.float64], modes: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
+        """Return whether each state, in its mode where told, lies in one of the ellipsoids."""
+        inside = self._inside(x)
+        if modes is not None:
+            inside &= (self.modes < 0) | (self.modes == modes[:, None])
+        return np.asarray(inside.any(axis=1))
+
+    def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether each state lies in each ellipsoid, shape (m, period)."""
+        y = self._apart(x)
+        within = (np.einsum("kpi,mki->mkp", self.normals, y) < self.offsets).all(axis=2)
+        return np.asarray(within & ((y**2).sum(axis=2) < self.level))
+
+    def _apart(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.einsum("kij,mkj->mki", self.metrics, x[:, None, :] - self.centres))
+
+    def samples(self, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Return states uniform in each ellipsoid, `count` in all, shape (count, n); those of a point together."""
+        period, n = self.centres.shape
+        which = np.arange(count) * period // count
+        y = np.empty((count, n))
+        outside = np.arange(count)
+        while len(outside):
+            y[outside] = math.sqrt(self.level) * _in_ball(len(outside), n, rng)
+            own = which[outside]
+            inside = (np.einsum("mpj,mj->mp", self.normals[own], y[outside]) < self.offsets[own]).all(axis=1)
+            outside = outside[~inside]
+        inverse = np.linalg.inv(self.metrics)
+        return np.asarray(self.centres[which] + np.einsum("mij,mj->mi", inverse[which], y))
+
+    def half_widths(self) -> NDArray[np.float64]:
+        """Return the half widths of the boxes about the ellipsoids, shape (period, n)."""
+        return np.asarray(np.sqrt(self.level * (np.linalg.inv(self.metrics) ** 2).sum(axis=2)))
+
+    def as_traps(self, label: int) -> Ellipsoids:
+        """Return the ellipsoids as trapping regions of an attractor's label."""
+        return Ellipsoids(
+            self.centres,
+            self.metrics / math.sqrt(self.level),
+            np.full(len(self.centres), label, np.uint8),
+            np.einsum("kpi,kij->kpj", self.normals, self.metrics),
+            self.offsets,
+            self.modes,
+        )
+
+
+def _in_ball(count: int, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Points uniform in the unit ball, shape (count, n)."""
+    ball = rng.standard_normal((count, n))
+    return np.asarray(ball * (rng.random(count) ** (1.0 / n) / np.linalg.norm(ball, axis=1))[:, None])
+
+
+def orbit_jacobians(orbit: PeriodicOrbit, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Jacobians of the one-period map along an orbit of a system with a phase, shape (period, n, n).
+
+    They come from the segment equations, as the orbit's multipliers do, the segments cut at each phase 0 as well as at
+    each event, so that no difference is taken: next to a grazing the map is linear on no scale that one could choose.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+    points : ndarray, shape (period, n)
+        Its states at phase 0 in the order of visits, beginning with any.
+
+    Raises
+    ------
+    ChatteringError, DivergenceError
+        The orbit cannot be followed from the first point.
+
+    References
+    ----------
+    As `saltus.flow.saltation.saltation_matrix`, by the implicit function theorem.
+    """
+    system, n = orbit.system, points.shape[1]
+    p, x = system.parameter_vector(orbit.parameters), system.full_state(points[0])
+    mode = starting_mode(system, x, p)
+    log = events_after(system, p, x, mode, periods=len(points), rtol=orbit.tol, atol=orbit.tol)
+    wraps = log.transition < 0
+    starts = np.vstack([x, log.x_after[:-1]])
+    starts[:, -1] += 2.0 * math.pi * np.append(0, np.cumsum(wraps)[:-1])
+    form = Signature(
+        (mode, *log.mode_after[:-1].tolist()),
+        tuple(log.transition.tolist()),
+        tuple(np.where(wraps, PHASE_END, EVENT_END).tolist()),
+        len(points),
+    )
+    chain = OrbitProblem(system, form, p, tol=orbit.tol)
+    unknowns = np.column_stack([starts, np.diff(log.time, prepend=0.0)]).ravel()
+    chain.start(unknowns)
+    _, equations = chain.evaluate(unknowns)
+    size, wide = n + 1, n + 2
+    jacobians, passed = [], np.eye(size)
+    for k, wrap in enumerate(wraps):
+        rows = slice(k * wide, k * wide + size)
+        block = equations[rows, k * wide : (k + 1) * wide] + (np.eye(size, wide) if len(form) == 1 else 0.0)
+        # the end: where the phase has turned once, or the event function vanishes
+        end = block[-1] if wrap else equations[rows.stop, k * wide : (k + 1) * wide]
+        passed = (block[:, :-1] - np.outer(block[:, -1], end[:-1] / end[-1])) @ passed
+        if wrap:
+            jacobians.append(passed[:n, :n])
+            passed = np.eye(size)
+    return np.array(jacobians)
+
+
+def map_jacobians(ensemble: Ensemble, points: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Jacobians of the map from strobe to strobe at points, by central differences, shape (m, n, n).
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        Best of a tight tolerance.
+    points : ndarray, shape (m, n)
+        Where the map is smooth, as it is at an equilibrium.
+    scale : ndarray, shape (n,)
+        Size of each state.
+    """
+    m, n = points.shape
+    pushes = np.concatenate([np.diag(_STEP * scale), np.diag(-_STEP * scale)])
+    images, _ = ensemble.strobe((points[:, None, :] + pushes).reshape(-1, n))
+    ahead, behind = np.split(images.reshape(m, 2 * n, n), 2, axis=1)
+    return np.asarray(((ahead - behind) / (2.0 * _STEP * scale)[:, None]).transpose(0, 2, 1))
+
+
+def largest_multiplier(jacobians: NDArray[np.float64]) -> float:
+    """Return the largest modulus of a multiplier of the product of Jacobians, shape (period, n, n), once round."""
+    once_round = np.eye(jacobians.shape[1])
+    for jacobian in jacobians:
+        once_round = jacobian @ once_round
+    return float(np.abs(np.linalg.eigvals(once_round)).max())
+
+
+def metric_of(
+    points: NDArray[np.float64], jacobians: NDArray[np.float64], scale: NDArray[np.float64]
+) -> OrbitEllipsoids | None:
+    """Return the ellipsoids in whose metric the linearised map contracts, at level 1; None for an unstable orbit.
+
+    With the Jacobians A_k along an orbit of N points, P_k solves ``P_k = S + A_k^T P_(k+1) A_k / rho^2``, S being the
+    inverse square of `scale` and rho^N halfway between the largest multiplier and 1, `_RATE` at the least. So the
+    linearised map takes ``x^T P_k x`` to less than rho^2 of itself at the next point.
+
+    References
+    ----------
+    J. P. Hespanha, Linear Systems Theory, Princeton 2009, section 8.5, the discrete Lyapunov equation.
+    """
+    from scipy.linalg import solve_discrete_lyapunov
+
+    period, n = points.shape
+    # in parts of the states' scales: in their own units the equation is as ill-conditioned as these are far apart
+    jacobians = jacobians * scale / scale[:, None]
+    weight, largest = np.eye(n), largest_multiplier(jacobians)
+    if not largest < 1.0:
+        return None
+    rate = max(_RATE, 0.5 * (1.0 + largest)) ** (1.0 / period)
+    scaled = jacobians / rate
+    total, passed = np.zeros((n, n)), np.eye(n)
+    for jacobian in scaled:
+        total += passed.T @ passed
+        passed = jacobian @ passed
+    metric = solve_discrete_lyapunov(passed.T, total)
+    metrics = [metric]
+    for jacobian in scaled[:0:-1]:
+        metrics.append(weight + jacobian.T @ metrics[-1] @ jacobian)
+    inorder = np.array([metrics[0], *metrics[:0:-1]])
+    return OrbitEllipsoids(points, np.array([np.linalg.cholesky(0.5 * (P + P.T)).T / scale for P in inorder]), 1.0)
+
+
+def contracting(ensemble: Ensemble, ellipsoid: OrbitEllipsoids, rng: np.random.Generator) -> OrbitEllipsoids | None:
+    """Return the largest of a ladder of levels at which samples contract, None where they do at none.
+
+    The next strobe of each of `CONTRACTING` states, uniform in every ellipsoid, is nearer to the next point, in that
+    point's metric; so it is at the level and on the next rung, a quarter of it.
+    """
+    contracts = False
+    for rung in range(_RUNGS):
+        trial = ellipsoid.at(_LEVELS**-rung)
+        before, contracts = contracts, _contracts(ensemble, trial, rng)
+        if before and contracts:
+            return ellipsoid.at(_LEVELS ** (1 - rung))
+    return None
+
+
+def _contracts(ensemble: Ensemble, ellipsoid: OrbitEllipsoids, rng: np.random.Generator) -> bool:
+    period = len(ellipsoid.centres)
+    x = ellipsoid.samples(period * CONTRACTING, rng)
+    which = np.repeat(np.arange(period), CONTRACTING)
+    rows = np.arange(len(x))
+    before = ellipsoid.sizes(x)[rows, which]
+    after = ellipsoid.sizes(ensemble.strobe(x)[0])[rows, (which + 1) % period]
+    clear = before > _CLEAR * ellipsoid.level
+    # NaN, where a motion diverges, is not less
+    contracts = (after < ellipsoid.level) & (~clear | (after < before))
+    return not any(admits_start(ensemble, row) for row in x[~contracts])
+
+
+def core_of(ensemble: Ensemble, inner: OrbitEllipsoids, rng: np.random.Generator) -> OrbitEllipsoids:
+    """Return the core of ellipsoids in which samples contract: the small part that most motions from them soon reach.
+
+    Motions are accounted for once they are in the core, so those that start elsewhere in the ellipsoids have to come
+    there. Where they are too slow, as near a bifurcation, the core is all of `inner`.
+    """
+    x = inner.samples(len(inner.centres) * _CORE_SAMPLES, rng)
+    modes, typical = None, inner.level
+    for _ in range(_STRETCHES):
+        x, modes = ensemble.strobe(x, modes, _STRETCH)
+        typical = float(np.median(np.nan_to_num(inner.sizes(x).min(axis=1), nan=np.inf)))
+        if typical < inner.level / _CORES[0]:
+            break
+    return inner.at(inner.level / next((ratio for ratio in _CORES if typical < inner.level / ratio), 1.0))
+
+
+def admits_start(ensemble: Ensemble, x: NDArray[np.float64]) -> bool:
+    """Return whether a motion can start from a state: in a mode's domain, and before its events."""
+    try:
+        starting_mode(ensemble.system, ensemble.system.full_state(x), ensemble.p)
+    except InputError:
+        return False
+    return True

@@ -1,0 +1,119 @@
+"""Boxes along attractors that are no periodic orbits: a motion that stays in them for long is theirs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from saltus.ensemble.traps import Cells
+from saltus.results import frozen
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.ensemble.ensemble import Ensemble
+
+__all__ = ["Boxes", "boxes_along"]
+
+_POINTS, _MOTIONS = 20_000, 256
+"""States of each attractor from which boxes are made, and from how many motions."""
+
+_PUSH, _FORGOTTEN = 1e-6, 64
+"""Distance of their starts from the attractor, as a part of its extent; strobes before they are looked at."""
+
+_PARTS = (96, 64, 48, 32, 24, 16, 12, 8)
+"""Boxes along an attractor's extent, in the order in which they are tried."""
+
+_COVERED = 0.99
+_EXTENT = 1e-6
+
+
+class Boxes(NamedTuple):
+    """Boxes, and how well they hold their attractors.
+
+    Attributes
+    ----------
+    cells : Cells
+    covered : dict of int to float
+        Part of each attractor's strobes that falls into its boxes, by label, measured on others than made them.
+    """
+
+    cells: Cells
+    covered: dict[int, float]
+
+
+def boxes_along(
+    ensemble: Ensemble,
+    clouds: dict[int, NDArray[np.float64]],
+    others: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    visits: int,
+    rng: np.random.Generator,
+) -> Boxes:
+    """Return boxes along attractors, the finest that nearly all of their strobes fall into.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        Follows motions on the attractors.
+    clouds : dict of int to ndarray, shape (k, n)
+        States on each attractor, by label.
+    others : ndarray, shape (m, n)
+        States on other attractors, which no box may hold.
+    scale : ndarray, shape (n,)
+        Size of each state.
+    visits : int
+        Strobes in a row that a motion must be seen in one attractor's boxes.
+    rng : numpy.random.Generator
+    """
+    seen, fresh = ({label: _followed(ensemble, cloud, rng) for label, cloud in clouds.items()} for _ in range(2))
+    extents = [np.ptp(cloud, axis=0) for cloud in seen.values()]
+    widest = np.maximum(np.min(extents, axis=0), 1e-3 * np.max(extents, axis=0))
+    widest = np.maximum(widest, _EXTENT * scale)
+    origin = np.min([cloud.min(axis=0) for cloud in seen.values()], axis=0)
+    best: Boxes | None = None
+    for parts in _PARTS:
+        size = widest / parts
+        start = origin - 0.37 * size
+        boxes = {label: _boxes(cloud, start, size) for label, cloud in seen.items()}
+        shared = np.concatenate([*boxes.values(), *([_boxes(others, start, size)] if len(others) else [])])
+        if len(np.unique(shared, axis=0)) < len(shared) and best is not None:
+            break  # coarser boxes would hold parts of two attractors
+        covered = {label: _part(fresh[label], boxes[label], start, size) for label in clouds}
+        labels = np.concatenate([np.full(len(own), label) for label, own in boxes.items()])
+        every = np.concatenate(list(boxes.values()))
+        order = np.lexsort(every.T[::-1])
+        cells = Cells(
+            frozen(start), frozen(size), frozen(every[order], np.int64), frozen(labels[order], np.uint8), visits
+        )
+        best = Boxes(cells, covered)
+        if min(covered.values()) >= _COVERED:
+            break
+    assert best is not None
+    return best
+
+
+def _followed(ensemble: Ensemble, cloud: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """Strobes of motions from beside an attractor, after they have come back to it and forgotten where they began."""
+    starts = cloud[:: -(-len(cloud) // _MOTIONS)]
+    x, _ = ensemble.strobe(starts + _PUSH * np.ptp(cloud, axis=0) * rng.standard_normal(starts.shape), count=_FORGOTTEN)
+    x = x[np.isfinite(x).all(axis=1)]
+    states = []
+    for _ in range(-(-_POINTS // len(x))):
+        x, _ = ensemble.strobe(x)
+        states.append(x)
+    return np.concatenate(states)
+
+
+def _boxes(points: NDArray[np.float64], origin: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.int64]:
+    return np.unique(np.floor((points - origin) / size).astype(np.int64), axis=0)
+
+
+def _part(
+    points: NDArray[np.float64], boxes: NDArray[np.int64], origin: NDArray[np.float64], size: NDArray[np.float64]
+) -> float:
+    """Part of the points that falls into the boxes."""
+    known = {tuple(box) for box in boxes.tolist()}
+    indices = np.floor((points - origin) / size).astype(np.int64)
+    return sum(tuple(index) in known for index in indices.tolist()) / len(points)

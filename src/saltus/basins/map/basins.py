@@ -1,0 +1,581 @@
+"""Basins of attraction over a grid of initial conditions: the label of each cell, in memory or in a store."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import checks
+from saltus.basins.attractors.attractors import Attractors
+from saltus.basins.map.grid import Grid, tiles
+from saltus.basins.map.labelling import ACCURACY, Labelling
+from saltus.basins.map.store import Store, Window, flags
+from saltus.basins.wilson import wilson
+from saltus.contents import Contents, checked_texts
+from saltus.ensemble.traps import DIVERGED, NOT_DONE, UNDECIDED
+from saltus.errors import InputError
+from saltus.files import sealed
+from saltus.results import Result, dataset_in, frozen, netcdf
+
+if TYPE_CHECKING:
+    import os
+
+    import xarray as xr
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Basins", "LabelError", "Outcomes"]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """What the labels of an array from elsewhere stand for.
+
+    Attributes
+    ----------
+    labels : mapping of str to int
+        The byte of each outcome.
+    points : mapping of str to ndarray, shape (k, n)
+        Points of the attractors, where they are known.
+    kinds, notes : mapping of str to str
+        What kind of attractor each is, and what is known of its trapping region.
+    measured_error : float or None
+        Bound on the part of a trapping region that belongs elsewhere, where it was measured.
+    """
+
+    labels: Mapping[str, int]
+    points: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    kinds: Mapping[str, str] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)
+    measured_error: float | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The attractors: outcomes other than divergence and indecision."""
+        return tuple(name for name, label in self.labels.items() if label < DIVERGED)
+
+
+@dataclass(frozen=True)
+class LabelError:
+    """How many labels are not those of motions that are followed more exactly; see `Basins.label_error`.
+
+    Attributes
+    ----------
+    wrong, cells : int
+        Labels that differ, and all that were compared.
+    bound : float
+        The part that is wrong is less, at 95 % confidence.
+    tolerance : float
+        Of a step of the motions that were followed anew.
+    wrong_by_events, cells_by_events : int
+        The same of the cells whose motions the event-driven flow followed as well.
+    """
+
+    wrong: int
+    cells: int
+    bound: float
+    tolerance: float
+    wrong_by_events: int = 0
+    cells_by_events: int = 0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Basins(Result):
+    """The attractor of each cell of a grid of initial conditions; made by `map_basins`.
+
+    Attributes
+    ----------
+    labels : array of uint8, shape of the grid
+        A byte a cell, `attractors.labels` says of what; 255 where a cell is not done. In memory an ndarray; in a store
+        it is sliced as one is, and read where it is.
+    grid : Grid
+        The cells; a label belongs to its cell's centre.
+    attractors : Attractors or Outcomes
+        What the labels stand for.
+    inputs : mapping
+        All inputs but the grid as plain data: the system's definition, parameters, tolerance, trapping regions, ...
+    stopped : str
+        Whether all cells are done, in words; of a section, those of the whole grid.
+    path : Path or None
+        The store.
+    orbits_per_second : float
+        Motions followed a second when the basins were computed; NaN where it is not known.
+    undecided : str
+        Why cells are undecided, in words; nothing where none was found to be.
+
+    Examples
+    --------
+    >>> x = np.linspace(-0.95, 0.95, 20)
+    >>> disc = Basins.from_array(x[:, None] ** 2 + x**2 < 0.36, {"x": x, "y": x}, {"outside": 0, "inside": 1})
+    >>> disc.fractions()
+    {'outside': 0.72, 'inside': 0.28, 'diverged': 0.0, 'undecided': 0.0}
+    >>> disc.section(y=0.42).labels.tolist()
+    [0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0]
+    """
+
+    labels: NDArray[np.uint8] | Window
+    grid: Grid
+    attractors: Any
+    inputs: Mapping[str, Any] = field(default_factory=dict)
+    stopped: str = ""
+    path: Path | None = None
+    orbits_per_second: float = float("nan")
+    undecided: str = ""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.labels, np.ndarray):
+            self.labels.setflags(write=False)
+        object.__setattr__(self, "inputs", MappingProxyType(dict(self.inputs)))
+
+    @classmethod
+    def from_array(
+        cls,
+        labels: ArrayLike,
+        axes: Mapping[str, ArrayLike],
+        names: Mapping[str, int],
+        points: Mapping[str, ArrayLike] | None = None,
+    ) -> Basins:
+        """Return the basins that an array of labels from elsewhere shows.
+
+        Parameters
+        ----------
+        labels : array_like of integers or booleans, shape (len(axes[0]), len(axes[1]), ...)
+            The label of each cell, between 0 and 254.
+        axes : mapping of str to array_like, shape (count,)
+            Centres of the cells along each coordinate, evenly spaced, at least two.
+        names : mapping of str to int
+            The label of each outcome, between 0 and 252; ``diverged`` is 253 and ``undecided`` 254.
+        points : mapping of str to array_like, shape (k, coordinates), optional
+            Points of the attractors.
+
+        Raises
+        ------
+        InputError
+            Centres that are not evenly spaced, another shape, a label without a name, or names and points that cannot
+            be.
+        """
+        given = checks.mapping("axes", axes, "coordinates to centres of cells")
+        ranges = {name: _range(name, centres) for name, centres in given.items()}
+        grid = Grid(tuple(ranges), ranges)
+        try:
+            array = np.asarray(labels)
+        except Exception as error:  # rows of different lengths, or whatever an object's __array__ raises
+            raise InputError("labels", labels, "an array of integers or booleans") from error
+        if array.dtype.kind not in "biu":
+            raise InputError("labels", f"an array of {array.dtype}", "integers or booleans")
+        if array.shape != grid.shape:
+            raise InputError("labels' shape", array.shape, f"that of the axes, {grid.shape}")
+        named = _named(checks.mapping("names", names, "outcomes to labels"))
+        if unnamed := sorted(set(np.unique(array).tolist()) - set(named.values())):
+            raise InputError("labels", unnamed[0], f"labels that are named: {', '.join(map(str, named.values()))}")
+        at_strobes = checks.mapping("points", points, "attractors to points")
+        held = {name: _points_of(name, at, names, grid) for name, at in at_strobes.items()}
+        return cls(array.astype(np.uint8), grid, Outcomes(named, held), stopped=told(array.size, array.size))
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> Basins:
+        """Return the basins in a store, of which nothing is read until it is asked for; `saltus.load` comes here.
+
+        Raises
+        ------
+        InputError
+            It is no store of basins.
+        """
+        store = Store.open(checks.path("path", path, "the path of a folder"))
+        held = store.attractors
+        try:
+            outcomes = outcomes_from(held, store.attributes["attractors"])
+            _check_belong(store.grid, outcomes, store.attributes["inputs"])
+            return cls.of_store(store, outcomes)
+        except InputError as error:
+            raise InputError("path", str(path), "a whole store of basins", str(error)) from error
+
+    @classmethod
+    def of_store(cls, store: Store, attractors: Any, *, interrupted: bool = False) -> Basins:
+        """Return the basins in an open store, whose attractors are known, and whether it was left by an interrupt."""
+        done, rate = store.done(), store.orbits_per_second
+        said = store.attributes.get("stopped") or told(done, store.grid.size, interrupted=interrupted)
+        why = store.attributes.get("undecided", "")
+        for name, text in (("stopped", said), ("undecided", why)):
+            if not isinstance(text, str):
+                raise InputError(f"attribute {name!r}", text, "a text")
+        return cls(store.labels, store.grid, attractors, store.attributes["inputs"], said, store.path, rate, why)
+
+    @cached_property
+    def names(self) -> Mapping[int, str]:
+        """The name of each label."""
+        return MappingProxyType(
+            {label: name for name, label in self.attractors.labels.items()} | {NOT_DONE: "not done"}
+        )
+
+    def section(self, **values: float) -> Basins:
+        """Return the section at the cells nearest to given values of some coordinates; nothing is read yet.
+
+        Its `grid.fixed` says at which values, the centres of these cells, the section is.
+
+        Parameters
+        ----------
+        **values : float
+            Coordinates by name.
+
+        Raises
+        ------
+        InputError
+            A coordinate that is not free, a value outside the grid, or no coordinate left free.
+        """
+        cells = self.grid.nearest(values)
+        grid = self.grid.section(cells)
+        at = {self.grid.names.index(name): index for name, index in cells.items()}
+        if isinstance(self.labels, np.ndarray):
+            labels: Any = self.labels[tuple(at.get(k, slice(None)) for k in range(self.labels.ndim))]
+        else:
+            labels = self.labels.section(at)
+        return replace(self, labels=labels, grid=grid)
+
+    def blocks(self) -> Iterator[tuple[tuple[slice, ...], NDArray[np.uint8]]]:
+        """Go through the array in blocks of at most half a million cells: where each lies, and its labels.
+
+        This is the way to work on a grid that is larger than memory.
+        """
+        unit = self.grid.layout[1] if isinstance(self.labels, np.ndarray) else self.labels.unit
+        for cells in tiles(self.grid.shape, unit):
+            yield cells, self.labels[cells]
+
+    def fractions(self) -> dict[str, float]:
+        """Return the share of the cells that each outcome has, by name; ``not done`` too where cells are not done."""
+        counts = np.zeros(256, dtype=np.int64)
+        for _, labels in self.blocks():
+            counts += np.bincount(labels.ravel(), minlength=256)
+        shares = (counts / self.grid.size).tolist()
+        found = {name: shares[label] for name, label in self.attractors.labels.items()}
+        return found | ({"not done": shares[NOT_DONE]} if counts[NOT_DONE] else {})
+
+    def classify(self, points: ArrayLike, *, engine: str | None = None) -> NDArray[np.uint8]:
+        """Return the labels of the motions that start at any points, on the grid or off it.
+
+        They are computed as those of the cells are; `names` has the name of each.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., n)
+            States in the system's order, at phase 0.
+        engine : {"cpu", "cuda"}, optional
+            Who computes; by default who computed the grid, and the processors in the place of a cluster.
+
+        Returns
+        -------
+        ndarray of uint8, shape (...)
+
+        Raises
+        ------
+        InputError
+            Another shape, a point that is not finite, no such engine here, or basins of an array from elsewhere, which
+            have no system.
+        """
+        labelling, n = self._labelling, len(self.grid.states)
+        if engine is not None:
+            checks.chosen("engine", engine, ("cpu", "cuda"))
+            labelling = labelling if engine == labelling.engine else replace(labelling, engine=engine)
+        wanted = f"an array of shape (..., {n}): {', '.join(self.grid.states)}"
+        x = checks.array("points", points, wanted)
+        if not x.ndim or x.shape[-1] != n:
+            raise InputError("points", x.shape, wanted)
+        return np.asarray(labelling.of(x.reshape(-1, n)).reshape(x.shape[:-1]))
+
+    def label_error(
+        self, cells: int = 1000, *, by_events: int = 100, tolerance: float = 1e-12, seed: int = 0
+    ) -> LabelError:
+        """Return how many labels are wrong, of random cells whose motions are followed anew and more exactly.
+
+        How sensitive labels are is a matter of the system: with the same tolerance one grid has no wrong label and
+        another, whose motions are chaotic for long, one in twenty.
+
+        Motions are followed at a finer tolerance, and until they are ten times nearer to an attractor than the trapping
+        regions reach: an error of these regions is seen, too. What all lanes get wrong is not, so that the event-driven
+        flow, which steps in another way, follows the first of the motions as well, at 1e-11. The boxes in which
+        motions stay at a chaotic or quasi-periodic attractor are taken as they are.
+
+        Parameters
+        ----------
+        cells : int, optional
+            How many; some may be drawn twice. Those that are undecided or not done do not count, nor those whose motion
+            has not come near an attractor after twice `longest` periods.
+        by_events : int, optional
+            How many of them the event-driven flow follows, at some milliseconds each.
+        tolerance : float, optional
+            Of a step.
+        seed : int, optional
+            Of the random numbers.
+
+        Returns
+        -------
+        LabelError
+            A finished store has one; see `noted_error`.
+
+        Raises
+        ------
+        InputError
+            No cell, or basins of an array from elsewhere, which have no system.
+        """
+        count, few = checks.size("cells", cells), checks.count("by_events", by_events, 0)
+        tolerance = checks.between("tolerance", tolerance, 1e-14, 1e-2)
+        numbers = np.random.default_rng(checks.count("seed", seed, 0)).integers(0, self.grid.size, count)
+        at = np.unravel_index(numbers, self.grid.shape)
+        labels = np.asarray(self.labels[at])
+        said = (labels != NOT_DONE) & (labels != UNDECIDED)
+        labels, points = labels[said], self.grid.at(np.stack(at, axis=-1)[said])
+        known, held = self.attractors.labels, self.attractors.points
+        strict = self._labelling.stricter(tolerance, {known[name]: held[name] for name in held})
+        wrong, compared = _differing(labels, strict.of(points))
+        bound = wilson(wrong, compared)[1] if compared else 1.0
+        by_hand = _differing(labels[:few], strict.by_events(points[:few]))
+        return LabelError(wrong, compared, bound, tolerance, *by_hand)
+
+    @property
+    def noted_error(self) -> LabelError | None:
+        """The `label_error` that `map_basins` measured of all cells when a store was finished; None without one."""
+        kept = None if self.path is None else Store.open(self.path).attributes.get("label_error")
+        return None if kept is None else _label_error(kept)
+
+    @cached_property
+    def _labelling(self) -> Labelling:
+        if not self.inputs:
+            raise InputError("basins", "from an array", "computed by map_basins", "there is no system to follow")
+        return Labelling.from_definition(self.inputs)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return everything as a Dataset: ``labels`` over the free coordinates, the attractors, all inputs.
+
+        The labels of a store are read when they are asked for.
+        """
+        import xarray as xr
+
+        attributes = flags(self.attractors.labels)
+        coords: dict[str, Any] = {
+            name: np.array(axis) for name, axis in zip(self.grid.names, self.grid.axes, strict=True)
+        }
+        coords |= {name: value for name, value in self.grid.fixed.items() if name not in coords}
+        held = np.frombuffer(attractors_bytes(self.attractors), np.uint8)
+        dataset = xr.Dataset(
+            {"labels": (self.grid.names, self._lazy(), attributes), "attractors": ("byte", held)},
+            coords=coords,
+            attrs={
+                "grid": json.dumps(self.grid.definition()),
+                "outcomes": json.dumps(summary(self.attractors)),
+                "inputs": json.dumps(dict(self.inputs)),
+                "stopped": self.stopped,
+                "undecided": self.undecided,
+            },
+        )
+        dataset["labels"].encoding["_FillValue"] = None
+        return dataset
+
+    def _lazy(self) -> Any:
+        """The labels, those of a store as a variable of xarray that reads them when they are asked for."""
+        if isinstance(self.labels, np.ndarray):
+            return self.labels
+        import xarray as xr
+
+        whole = xr.open_zarr(self.path, chunks=None, consolidated=False, mask_and_scale=False)["labels"]
+        fixed = {name: index for name, index in zip(whole.dims, self.labels.fixed, strict=True) if index is not None}
+        return whole.isel(fixed).variable
+
+    @classmethod
+    def from_xarray(cls, dataset: xr.Dataset) -> Basins:
+        """Return the basins that `to_xarray` described, in memory; raise `InputError` where they cannot be some."""
+        held = Contents(dataset)
+        grid, inputs = Grid.from_definition(held.json("grid", dict)), held.json("inputs", dict)
+        kept = held.array("attractors", ("byte",), int, least=0, most=255).astype(np.uint8).tobytes()
+        outcomes = outcomes_from(kept, held.json("outcomes", dict))
+        _check_belong(grid, outcomes, inputs)
+        held.expect(**dict(zip(grid.names, grid.shape, strict=True)))
+        labels = held.array("labels", grid.names, int, least=0, most=NOT_DONE).astype(np.uint8)
+        if unnamed := sorted(set(np.unique(labels).tolist()) - {*outcomes.labels.values(), NOT_DONE}):
+            raise InputError("variable 'labels'", unnamed[0], f"of outcomes: {sorted(outcomes.labels.values())}")
+        why = held.text("undecided") if "undecided" in dataset.attrs else ""  # files of version 0.1 lack it
+        return cls(labels, grid, outcomes, inputs, held.text("stopped"), undecided=why)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the basins to a Zarr store, if `path` ends in ``.zarr``, or else to a NetCDF file; return its path.
+
+        Raises
+        ------
+        InputError
+            It cannot be written, or the store exists.
+        """
+        path = checks.path("path", path)
+        if path.suffix != ".zarr":
+            return super().save(path)
+        if path.exists():
+            raise InputError("path", str(path), "a new folder", "a store is never written over")
+        attributes = attributes_of(self.inputs, self.grid, self.attractors)
+        store = Store.create(path, self.grid, attributes, attractors_bytes(self.attractors))
+        for cells in self.grid.units():
+            store.write(cells, np.asarray(self.labels[cells]))
+        if self.stopped != told(store.done(), self.grid.size):
+            store.note(stopped=self.stopped)
+        if self.undecided:
+            store.note(undecided=self.undecided)
+        return path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        values = (self.labels, self.grid, self.attractors, dict(self.inputs), self.stopped, self.path)
+        return Basins, (*values, self.orbits_per_second, self.undecided)
+
+    def __repr__(self) -> str:
+        system = self.inputs.get("system", {}).get("name") or "a hybrid system"
+        lines = [f"Basins of {system}: {' x '.join(map(str, self.grid.shape))} cells"]
+        for name, (low, high, count) in zip(self.grid.names, self.grid.ranges, strict=True):
+            lines.append(f"  {name:6s} {low:g} to {high:g}, {count} cells")
+        lines += [f"  {name:6s} {value:.6g}" for name, value in self.grid.fixed.items()]
+        if isinstance(self.labels, np.ndarray):
+            shares = (
+                (name, share) for name, share in self.fractions().items() if share or name in self.attractors.names
+            )
+            lines.append("  " + ", ".join(f"{name} {share:.4%}" for name, share in shares))
+        else:
+            lines.append(f"  of {', '.join(self.attractors.names)}; in {self.path}")
+        if self.undecided:
+            lines.append(f"  undecided: {self.undecided}")
+        if "longest" in self.inputs:
+            lines.append(f"  longest {self.inputs['longest']} periods: {self.inputs.get('longest_reason', 'as given')}")
+        if error := self.noted_error:
+            lines.append(f"  wrong labels: {error.wrong} of {error.cells} followed again, < {error.bound:.2g} at 95 %")
+        return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
+
+
+def _differing(labels: NDArray[np.uint8], others: NDArray[np.uint8]) -> tuple[int, int]:
+    """How many labels differ from others, and how many of these are decided."""
+    decided = others != UNDECIDED
+    return int((decided & (labels != others)).sum()), int(decided.sum())
+
+
+def told(done: int, total: int, *, interrupted: bool = False) -> str:
+    """Say how many cells are done; an interrupt after the last of them is told, too."""
+    whole = done == total and not interrupted
+    return f"all {total} cells done" if whole else f"interrupted: {done} of {total} cells done"
+
+
+# attractors in a store
+
+
+def attributes_of(inputs: Mapping[str, Any], grid: Grid, attractors: Any) -> dict[str, Any]:
+    """Return the metadata of a store."""
+    from importlib.metadata import version
+
+    return {
+        "saltus_result": "Basins",
+        "saltus_version": version("saltus"),
+        "inputs": dict(inputs),
+        "grid": grid.definition(),
+        "attractors": summary(attractors),
+        **({"accuracy": dict(ACCURACY)} if inputs else {}),
+    }
+
+
+def summary(attractors: Any) -> dict[str, Any]:
+    """Return what a reader wants to know of the attractors, as plain data."""
+    told = {
+        "labels": dict(attractors.labels),
+        "points": {name: np.asarray(points).tolist() for name, points in attractors.points.items()},
+        "kinds": dict(attractors.kinds),
+        "notes": dict(attractors.notes),
+        "measured_error": attractors.measured_error,
+    }
+    return dict(json.loads(json.dumps(told, default=str)))
+
+
+def attractors_bytes(attractors: Any) -> bytes:
+    """Return the attractors as the content of a NetCDF file; nothing for those of an array from elsewhere."""
+    if not isinstance(attractors, Attractors):
+        return b""
+    return sealed(netcdf({"": attractors.to_xarray()}))
+
+
+def outcomes_from(held: bytes, said: Mapping[str, Any]) -> Any:
+    """Return the attractors of a store; raise `InputError` where it does not hold them whole."""
+    return Attractors.from_xarray(dataset_in(held, "attractors")) if held else _outcomes(said)
+
+
+def _outcomes(said: Mapping[str, Any]) -> Outcomes:
+    """Return the outcomes of an array from elsewhere, as `summary` told them."""
+    labels, error = said.get("labels"), said.get("measured_error")
+    if not isinstance(labels, Mapping) or not all(
+        type(label) is int and 0 <= label < NOT_DONE for label in labels.values()
+    ):
+        raise InputError("outcomes' labels", labels, f"labels between 0 and {NOT_DONE - 1} by name")
+    for key in ("kinds", "notes", "points"):
+        if not isinstance(said.get(key), Mapping) or not set(said[key]) <= set(labels):
+            raise InputError(f"outcomes' {key}", said.get(key), f"a mapping of some of {', '.join(labels)}")
+    for key in ("kinds", "notes"):
+        checked_texts(list(said[key].values()), f"outcomes' {key}")
+    if error is not None and not checks.is_real(error):
+        raise InputError("outcomes' measured_error", error, "a number, or none")
+    try:
+        points = {name: frozen(points) for name, points in said["points"].items()}
+    except (TypeError, ValueError) as wrong:
+        raise InputError("outcomes' points", type(said["points"]).__name__, "rows of numbers", str(wrong)) from None
+    if any(held.ndim != 2 or not np.isfinite(held).all() for held in points.values()):
+        raise InputError("outcomes' points", [held.shape for held in points.values()], "rows of finite numbers")
+    return Outcomes(dict(labels), points, said["kinds"], said["notes"], error)
+
+
+def _check_belong(grid: Grid, outcomes: Any, inputs: Any) -> None:
+    """Raise `InputError` where grid, attractors and inputs in a file are not of one system."""
+    if not isinstance(inputs, Mapping):
+        raise InputError("inputs", inputs, "a mapping")
+    states = [outcomes.system.states] if isinstance(outcomes, Attractors) else []
+    states += [Labelling.from_definition(inputs).system.states] if inputs else []
+    if any(of_system != grid.states for of_system in states):
+        raise InputError("the grid's states", grid.states, f"those of the system: {', '.join(states[0])}")
+    if any(held.shape[1] != len(grid.states) for held in outcomes.points.values()):
+        raise InputError("points", [held.shape for held in outcomes.points.values()], f"of {len(grid.states)} columns")
+
+
+def _label_error(kept: Any) -> LabelError:
+    """Return what a store says of wrong labels."""
+    wanted = {part.name for part in fields(LabelError)}
+    if not isinstance(kept, Mapping) or set(kept) != wanted or not all(map(checks.is_real, kept.values())):
+        raise InputError("attribute 'label_error'", kept, f"numbers by {', '.join(sorted(wanted))}")
+    return LabelError(**kept)
+
+
+def _named(names: Mapping[str, int]) -> dict[str, int]:
+    """All outcomes, each with a label of its own."""
+    named = {"diverged": DIVERGED, "undecided": UNDECIDED}
+    for name, label in names.items():
+        if name not in named:
+            checks.count(f"names[{name!r}]", label, 0, DIVERGED - 1)
+        else:
+            checks.count(f"names[{name!r}]", label, named[name], named[name])
+    found = {**names, **named}
+    if len(set(found.values())) < len(found):
+        raise InputError("names", dict(names), "a label of its own for each")
+    return found
+
+
+def _points_of(name: str, points: ArrayLike, names: Mapping[str, int], grid: Grid) -> NDArray[np.float64]:
+    checks.chosen("points", name, names)
+    where, allowed = f"points[{name!r}]", f"rows of finite {', '.join(grid.states)}"
+    found: NDArray[np.float64] = frozen(np.atleast_2d(checks.array(where, points, allowed)))
+    if found.ndim != 2 or found.shape[1] != len(grid.states):
+        raise InputError(where, points, allowed)
+    return found
+
+
+def _range(name: str, given: ArrayLike) -> tuple[float, float, int]:
+    where = f"axes[{name!r}]"
+    centres = checks.array(where, given)
+    if centres.ndim != 1 or centres.size < 2:
+        raise InputError(where, np.shape(centres), "centres of cells, at least two")
+    step = (centres[-1] - centres[0]) / (centres.size - 1)
+    even = centres[0] + step * np.arange(centres.size)
+    if not step > 0.0 or np.abs(centres - even).max() > 1e-6 * step:
+        raise InputError(where, centres.tolist()[:3], "ascending centres of cells, evenly spaced")
+    return float(centres[0] - step / 2.0), float(centres[-1] + step / 2.0), centres.size

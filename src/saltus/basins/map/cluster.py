@@ -1,0 +1,141 @@
+"""Units of a grid labelled by the workers of a Dask cluster, each of which writes its own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
+from hashlib import sha256
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.basins.map.grid import Grid
+from saltus.basins.map.labelling import Labelling
+from saltus.basins.map.store import Store
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["labelled_by", "scheduler"]
+
+_WITHOUT_PORT = ("inproc://", "ucx://")
+
+_AHEAD = 3
+"""Units that wait or are computed, for each thread of the cluster."""
+
+
+@contextmanager
+def scheduler(client: Any) -> Iterator[Any]:
+    """Return a client of a cluster: the one given, or one of an address, which is closed in the end.
+
+    Raises
+    ------
+    InputError
+        It is neither, there is no scheduler at the address, or Dask is not installed.
+    """
+    if not isinstance(client, str):
+        if not callable(getattr(client, "submit", None)):
+            raise InputError("client", client, "a dask.distributed.Client, or the address of a scheduler")
+        yield client
+        return
+    try:
+        distributed = import_module("distributed")
+    except ImportError as error:
+        raise InputError("engine", "dask", "used where Dask is installed", "pip install 'saltus[cluster]'") from error
+    try:
+        if not client.startswith(_WITHOUT_PORT):
+            distributed.comm.get_address_host_port(client)  # a client of no address takes a minute to close
+        opened = distributed.Client(client, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise InputError("client", client, "the address of a scheduler, as tcp://host:8786", str(error)) from error
+    with opened:
+        yield opened
+
+
+def labelled_by(
+    client: Any, grid: Grid, inputs: Mapping[str, Any], store: Path | None, units: Sequence[tuple[slice, ...]]
+) -> Iterator[tuple[tuple[slice, ...], NDArray[np.uint8] | None, int]]:
+    """Go through units as the workers finish them: the cells, their labels, how many motions were followed.
+
+    Parameters
+    ----------
+    client : dask.distributed.Client
+        The cluster. What a worker that dies had in hand goes to another.
+    grid : Grid
+        All cells.
+    inputs : mapping
+        All inputs, as plain data.
+    store : Path or None
+        The store in which the workers write; then no labels come back. They find the inputs there.
+    units : sequence of tuple of slice
+        What is to be labelled.
+    """
+    all_inputs = {"grid": grid.definition(), "inputs": inputs}
+    task: tuple[Any, ...] = (
+        (None, json.dumps(all_inputs)) if store is None else (str(store.resolve()), _digest(all_inputs))
+    )
+    waiting = iter(units)
+    running: dict[Any, tuple[slice, ...]] = {}
+    ready = import_module("distributed").as_completed(loop=client.loop)
+
+    def hand_out() -> None:
+        wanted = _AHEAD * max(sum(client.ncores().values()), 1)
+        while len(running) < wanted and (cells := next(waiting, None)) is not None:
+            future = client.submit(_label_unit, *task, [(part.start, part.stop) for part in cells], pure=False)
+            running[future] = cells
+            ready.add(future)
+
+    try:
+        hand_out()
+        while running:
+            future = next(ready)
+            cells = running.pop(future)
+            labels, followed = future.result()
+            hand_out()
+            yield cells, labels, followed
+    finally:
+        client.cancel(list(running))
+
+
+def _digest(inputs: Mapping[str, Any]) -> str:
+    return sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
+
+
+def _label_unit(
+    store: str | None, inputs: str, cells: Sequence[tuple[int, int]]
+) -> tuple[NDArray[np.uint8] | None, int]:
+    """On a worker: label a unit, and write it where there is a store."""
+    unit = tuple(slice(start, stop) for start, stop in cells)
+    if store is None:
+        grid, labelling = _read(inputs)
+        target = None
+    else:
+        target, grid, labelling = _opened(store, inputs)
+    _, labels, followed = next(labelling.units(grid, [unit]))
+    if target is None:
+        return labels, followed
+    target.write(unit, labels)
+    return None, followed
+
+
+@lru_cache(maxsize=2)
+def _read(inputs: str) -> tuple[Grid, Labelling]:
+    data = json.loads(inputs)
+    return Grid.from_definition(data["grid"]), Labelling.from_definition(data["inputs"], threads=1)
+
+
+@lru_cache(maxsize=2)
+def _opened(path: str, wanted: str) -> tuple[Store, Grid, Labelling]:
+    hint = "all workers and the client must see the same folder by the same path"
+    if not Path(path).is_dir():
+        raise InputError("store", path, "on a file system that all workers share", hint)
+    store = Store.open(Path(path), writable=True)
+    inputs = store.attributes["inputs"]
+    if _digest({"grid": store.grid.definition(), "inputs": inputs}) != wanted:
+        raise InputError("store", path, "the client's", hint)
+    return store, store.grid, Labelling.from_definition(inputs, threads=1)

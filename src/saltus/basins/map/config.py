@@ -1,0 +1,248 @@
+"""The file that `saltus basins` reads: a system, its parameters, a grid and options, in TOML."""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from importlib import import_module
+from inspect import Parameter, signature
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
+
+from saltus import checks
+from saltus.basins.map.grid import Plane
+from saltus.errors import InputError, nearest
+from saltus.system import HybridSystem
+
+__all__ = ["AttractorOptions", "Config", "EngineOptions", "PlaneTable", "called", "read_config", "system_of"]
+
+_STRICT = ConfigDict(extra="forbid", frozen=True)
+
+_Number: TypeAlias = Annotated[float, Strict()]
+_Count: TypeAlias = Annotated[int, Strict()]
+"""Neither texts nor booleans."""
+
+
+class EngineOptions(BaseModel):
+    """The table ``[engine]``: what computes, and how well; what is left out is as `saltus.map_basins` has it."""
+
+    model_config = _STRICT
+
+    name: Literal["cpu", "cuda", "dask"] = "cpu"
+    """What computes."""
+    tolerance: _Number | None = Field(default=None, gt=0.0)
+    """Of a step."""
+    longest: _Count | None = Field(default=None, ge=1)
+    """Periods after which a motion is undecided."""
+
+
+class AttractorOptions(BaseModel):
+    """The table ``[attractors]``: how attractors are looked for; what is left out is as `find_attractors` has it."""
+
+    model_config = _STRICT
+
+    region: dict[str, Any] | None = None
+    """For each state the interval or the value at which motions start; by default the box of the grid."""
+    seeds: _Count | None = Field(default=None, ge=1)
+    """How many motions start there."""
+    search: dict[str, Any] | None = None
+    """Arguments of `saltus.basins.attractors.search.Search`: how long motions are followed, and so on."""
+
+
+class PlaneTable(BaseModel):
+    """The table ``[plane]``: a plane of any direction, `saltus.basins.Plane`, in the place of a grid."""
+
+    model_config = _STRICT
+
+    origin: dict[str, _Number]
+    u: dict[str, _Number]
+    v: dict[str, _Number]
+    extents: tuple[tuple[_Number, _Number], tuple[_Number, _Number]]
+    counts: tuple[_Count, _Count]
+    names: tuple[str, str] = ("u", "v")
+
+
+class Config(BaseModel):
+    """What a configuration holds; `read_config` reads one."""
+
+    model_config = _STRICT
+
+    system: str
+    """A known name, or ``module:attribute``."""
+    model: dict[str, Any] = Field(default_factory=dict)
+    """Arguments of what makes the system."""
+    parameters: dict[str, _Number] = Field(default_factory=dict)
+    """Parameters that differ from the system's defaults."""
+    interval: _Number | None = Field(default=None, gt=0.0)
+    """Time between two looks at a system without a phase."""
+    grid: dict[str, Any] | None = None
+    """For each state ``[low, high, count]`` or the value it is frozen at."""
+    plane: PlaneTable | None = None
+    """In the place of `grid`."""
+    engine: EngineOptions = EngineOptions()
+    """What computes, and how well."""
+    attractors: AttractorOptions = AttractorOptions()
+    """How attractors are looked for."""
+
+    @property
+    def cells(self) -> dict[str, Any] | Plane:
+        """The grid as `saltus.map_basins` takes it."""
+        if self.plane is not None:
+            return Plane(**{name: getattr(self.plane, name) for name in PlaneTable.model_fields})
+        return dict(self.grid or {})
+
+
+def read_config(path: Path) -> Config:
+    r"""Return the configuration in a TOML file.
+
+    Parameters
+    ----------
+    path : Path
+        The file. ``system`` is needed, and one of the tables ``[grid]`` and ``[plane]``; see `Config`.
+
+    Raises
+    ------
+    InputError
+        There is no such file, it is no TOML, or an entry is unknown, missing or of another kind; the error names it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "config.toml"
+    ...     _ = path.write_text('system = "tapping_mode"\n[grid]\nq1 = [-5, 5, 100]\nv1 = 0.5\n')
+    ...     read_config(path).cells
+    {'q1': [-5, 5, 100], 'v1': 0.5}
+    """
+    try:
+        entries = tomllib.loads(checks.path("config", path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError("config", str(path), "a file that can be read", error.strerror or str(error)) from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError("config", str(path), "a TOML file", str(error)) from None
+    try:
+        config = Config.model_validate(entries)
+    except ValidationError as error:
+        raise _told(error, entries) from None
+    if (config.grid is None) == (config.plane is None):
+        given = "both" if config.grid is not None else "neither"
+        raise InputError("grid, plane", given, "one of the two tables, [grid] or [plane]")
+    return config
+
+
+def _told(error: ValidationError, entries: Mapping[str, Any]) -> InputError:
+    """Return one thing that is wrong in the words of the package, with the key that it is about."""
+    mistakes = error.errors()
+    # a key that is missing may be one that is misspelt
+    first = next((one for one in mistakes if one["type"] == "extra_forbidden"), mistakes[0])
+    place = [part for part in first["loc"] if isinstance(part, str | int)]
+    key = ".".join(map(str, place))
+    if first["type"] == "missing":
+        return InputError(key, None, "given")
+    if first["type"] == "extra_forbidden":
+        known = _known(place[:-1])
+        where = f" in [{'.'.join(map(str, place[:-1]))}]" if len(place) > 1 else ""
+        return InputError("key", str(place[-1]), f"one of {', '.join(known)}{where}", nearest(place[-1], known))
+    allowed = first["msg"].removeprefix("Input should be ").replace("'", "").replace("a valid integer", "an integer")
+    return InputError(key, first["input"], allowed.replace("a valid ", "a "))
+
+
+def _known(place: list[str | int]) -> tuple[str, ...]:
+    """Return the keys of a table, given by the way to it."""
+    table: Any = Config
+    for part in place:
+        table = {"engine": EngineOptions, "attractors": AttractorOptions, "plane": PlaneTable}[str(part)]
+    return tuple(table.model_fields)
+
+
+def system_of(config: Config, known: Mapping[str, Callable[..., HybridSystem]], folder: Path) -> HybridSystem:
+    """Return the system of a configuration.
+
+    Parameters
+    ----------
+    config : Config
+        What was read.
+    known : mapping of str to callable
+        What makes the systems that have a name.
+    folder : Path
+        Where modules are looked for first: that of the configuration.
+
+    Raises
+    ------
+    InputError
+        No system of that name, no such module or attribute, or arguments that what makes it does not take.
+    """
+    make: Any = known.get(config.system)
+    if make is None:
+        if ":" not in config.system:
+            allowed = f"{', '.join(known)}, or module:attribute"
+            raise InputError("system", config.system, allowed, nearest(config.system, known))
+        make = _attribute(config.system, folder)
+    if isinstance(make, HybridSystem):
+        if config.model:
+            raise InputError("model", config.model, "left out", f"{config.system} is made already")
+        return make
+    if not callable(make):
+        raise InputError("system", config.system, "a HybridSystem, or what makes one", f"it is {make!r}")
+    system = called(make, config.model, "model")
+    if not isinstance(system, HybridSystem):
+        raise InputError("system", config.system, "what makes a HybridSystem", f"it made {type(system).__name__}")
+    return system
+
+
+def _attribute(reference: str, folder: Path) -> Any:
+    module, _, name = reference.partition(":")
+    with _importable(folder):
+        try:
+            found: Any = import_module(module)
+        except (ImportError, ValueError) as error:
+            raise InputError(
+                "system", reference, "a module that can be imported, and its attribute", str(error)
+            ) from None
+    for part in name.split("."):
+        if not hasattr(found, part):
+            hint = nearest(part, [other for other in dir(found) if not other.startswith("_")])
+            raise InputError("system", reference, f"an attribute of {module}", hint)
+        found = getattr(found, part)
+    return found
+
+
+@contextmanager
+def _importable(folder: Path) -> Iterator[None]:
+    """Find modules in a folder, too."""
+    place = str(folder.absolute())
+    sys.path.insert(0, place)
+    try:
+        yield
+    finally:
+        sys.path.remove(place)
+
+
+def called(make: Callable[..., Any], arguments: Mapping[str, Any], table: str) -> Any:
+    """Return what a callable makes of the entries of a table.
+
+    Raises
+    ------
+    InputError
+        An entry is none of its arguments, or one is missing.
+
+    Examples
+    --------
+    >>> called(complex, {"real": 1.0}, "number")
+    (1+0j)
+    """
+    parameters = signature(make).parameters.values()
+    taken = [p for p in parameters if p.kind in (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)]
+    names = [parameter.name for parameter in taken]
+    if not any(parameter.kind is Parameter.VAR_KEYWORD for parameter in parameters):
+        for name in arguments:
+            if name not in names:
+                raise InputError("key", name, f"one of {', '.join(names)} in [{table}]", nearest(name, names))
+    for parameter in taken:
+        if parameter.default is Parameter.empty and parameter.name not in arguments:
+            raise InputError(f"{table}.{parameter.name}", None, "given")
+    return make(**arguments)

@@ -1,0 +1,107 @@
+"""How long motions from a grid are followed before they stay undecided: as the slowest decay to an attractor asks for.
+
+Near an attractor distances from it shrink by a factor m a period, the modulus of its largest multiplier. A motion from
+the farthest corner of the grid, R times as far away as the trapping region reaches, is in it after ``log R / -log m``
+periods if it decays at that rate all the way.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from saltus.ensemble.traps import Traps
+
+__all__ = ["Patience", "decay_periods", "patience_for"]
+
+_LEAST, _MOST = 200, 100_000
+"""Periods that motions are followed by default, at the least and at the most."""
+
+_SAFETY = 4.0
+"""Times as many periods as the decay takes: a motion may pass by a saddle, and slower where it is not linear."""
+
+
+class Patience(NamedTuple):
+    """How long motions are followed.
+
+    Attributes
+    ----------
+    periods : int
+        Periods, or intervals of a system without a phase, after which a motion is undecided.
+    reason : str
+        Why so many, in words.
+    """
+
+    periods: int
+    reason: str
+
+
+def patience_for(attractors: Any, box: Mapping[str, tuple[float, float]]) -> Patience:
+    """Return how long motions from a box are followed by default.
+
+    Four times as long as the slowest decay takes from the farthest corner of the box into a trapping region, or as the
+    slowest motion of the search took, if that is longer; 200 periods at the least, 100 000 at the most.
+
+    Parameters
+    ----------
+    attractors : Attractors
+        What they end on; of attractors made elsewhere nothing but the trapping regions is needed.
+    box : mapping of str to (float, float)
+        Where motions start, for each state in the system's order.
+    """
+    found = [Patience(_LEAST, "the least")]
+    slowest = int(getattr(attractors, "slowest", 0))
+    found.append(_times(slowest, f"the {slowest} periods that the slowest motion of the search took"))
+    low, high = np.array(list(box.values()), dtype=np.float64).T
+    for name, decay in getattr(attractors, "decays", {}).items():
+        if not 0.0 < decay < 1.0:
+            continue
+        count = decay_periods(attractors.traps, attractors.labels[name], decay, low, high)
+        what = f"the {count:.4g} periods in which the grid's farthest corner decays into the trap of {name!r}"
+        found.append(_times(count, f"{what}, by {decay:.6g} a period"))
+    longest = max(found, key=lambda patience: patience.periods)
+    if longest.periods > _MOST:
+        return Patience(_MOST, f"the most by default, less than {longest.reason}")
+    return longest
+
+
+def _times(periods: float, what: str) -> Patience:
+    return Patience(math.ceil(_SAFETY * periods), f"{_SAFETY:g} times {what}")
+
+
+def decay_periods(traps: Traps, label: int, decay: float, low: NDArray[np.float64], high: NDArray[np.float64]) -> float:
+    """Return after how many periods the farthest corner of a box is in the trapping region of an attractor.
+
+    Parameters
+    ----------
+    traps : Traps
+        The trapping regions, of which the ellipsoid, the cage or the boxes of the attractor count.
+    label : int
+        The attractor.
+    decay : float
+        Factor by which distances from it shrink in a period.
+    low, high : ndarray, shape (n,)
+        The box.
+    """
+    ratios = []
+    if (e := traps.ellipsoids) is not None:
+        for k in np.flatnonzero(e.labels == label):
+            reach = np.maximum(np.abs(low - e.centres[k]), np.abs(high - e.centres[k]))
+            farthest = float((np.linalg.norm(e.shapes[k], axis=0) * reach).sum())
+            lengths = np.linalg.norm(np.linalg.solve(e.shapes[k].T, e.normals[k].T), axis=0)
+            cut = lengths > 0.0
+            ratios.append(farthest / min(1.0, float((e.offsets[k][cut] / lengths[cut]).min(initial=1.0))))
+    if not ratios and (c := traps.cages) is not None:
+        for k in np.flatnonzero(c.labels == label):
+            reach = np.maximum(np.abs(low - c.centres[k]), np.abs(high - c.centres[k]))
+            ratios.append(float((np.abs(c.rows[k]) @ reach).sum() / c.bounds[k]))
+    if not ratios and (boxes := traps.cells) is not None and (boxes.labels == label).any():
+        ratios.append(float(((high - low) / boxes.size).max()))
+    return math.log(max(ratios, default=1.0)) / -math.log(decay) if max(ratios, default=1.0) > 1.0 else 0.0

@@ -1,0 +1,1 @@
+"""Measures of basins: integrity, erosion, stability, uncertainty, entropy, the Wada property."""

@@ -1,0 +1,510 @@
+r"""Integrity of basins: how far an attractor is from the boundary of its basin, and how large the basin is.
+
+Distances are measured in the free coordinates of the grid, as :math:`|\Delta| = \sqrt{\sum_i (\Delta x_i / w_i)^2}`
+with a weight for each coordinate, 1 by default. A ball of radius r is then an ellipsoid with semi-axes :math:`r w_i`,
+and whether the cells are cubes does not matter. Coordinates of different units cannot do without weights: a ball that
+is round in the one choice of units is not in another.
+
+What is known of a basin are the labels of cell centres. A basin is taken to be the union of the cells with its label;
+where its boundary is flat across a cell, no point of the one boundary is further from the other than half a cell's
+diagonal (`docs/theory/integrity.md` has the proof). That is the error of a distance. Parts of a basin thinner than a
+cell may be missed altogether. Undecided cells count as outside.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus import checks
+from saltus.basins.map.chunked_reading import blocks, label_of, outcome_of, read
+from saltus.ensemble.traps import NOT_DONE
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.basins.map.chunked_reading import Labelled
+    from saltus.basins.map.grid import Grid
+
+__all__ = [
+    "Ball",
+    "FatalPerturbation",
+    "Volume",
+    "global_integrity",
+    "integrity_factor",
+    "local_integrity",
+    "minimal_fatal_perturbation",
+    "weights_of",
+]
+
+_NEAR = 2**20
+"""Cells that are looked at together in a search from the attractor outwards."""
+
+_MEMORY = 2**32
+"""Bytes that a distance transform may take."""
+
+
+@dataclass(frozen=True)
+class Volume:
+    """How large a basin is.
+
+    Attributes
+    ----------
+    value : float
+        Hypervolume in the units of the free coordinates.
+    error : float
+        Standard error, if cells next to the boundary are on the wrong side of it independently of each other: half a
+        cell times the square root of the number of pairs of neighbouring cells that the boundary parts. Not for a flat
+        boundary along the cells, where all of them are on the wrong side together.
+    bound : float
+        Half a cell for each of these pairs: at most so much of a volume is on the wrong side of a boundary that is flat
+        across a cell.
+    share, share_error : float
+        Share of the window, and its standard error.
+    cells : int
+        How many cells there are in the basin.
+    """
+
+    value: float
+    error: float
+    bound: float
+    share: float
+    share_error: float
+    cells: int
+
+
+@dataclass(frozen=True)
+class Ball:
+    """The largest ball in a basin.
+
+    Attributes
+    ----------
+    value : float
+        Its radius, in the metric of the weights.
+    error : float
+        What the radius is known to, by the size of the cells.
+    clipped : bool
+        Whether the window stops the ball, not the basin: then `value` is a lower bound only.
+    centre : ndarray, shape (free coordinates,)
+        Its centre.
+    off_section : float
+        Distance of the attractor's point from the plane of the grid, along the frozen coordinates and in their units.
+    note : str
+        What to know besides, in words; mostly empty.
+    """
+
+    value: float
+    error: float
+    clipped: bool
+    centre: NDArray[np.float64]
+    off_section: float = 0.0
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class FatalPerturbation:
+    """A smallest perturbation that takes a motion out of a basin.
+
+    Attributes
+    ----------
+    value : float
+        Its length in the metric of the weights; infinite where nothing in the window is fatal.
+    error : float
+        How much shorter the smallest one may be; it is not longer.
+    clipped : bool
+        Whether a shorter one may lead out of the window.
+    centre : ndarray, shape (free coordinates,)
+        Where it starts.
+    vector : ndarray, shape (free coordinates,)
+        The perturbation, to the centre of a cell outside the basin; NaN where nothing is fatal.
+    outcome : str
+        Where it leads: the name of that cell's label.
+    off_section, note
+        As those of a `Ball`.
+    """
+
+    value: float
+    error: float
+    clipped: bool
+    centre: NDArray[np.float64]
+    vector: NDArray[np.float64]
+    outcome: str
+    off_section: float = 0.0
+    note: str = ""
+
+
+def global_integrity(basins: Labelled, name: str) -> Volume:
+    """Return the global integrity measure (GIM): the hypervolume of a basin within the grid's window, and its share.
+
+    Soliman and Thompson divide by the volume at a reference value of a parameter; `erosion_profile` gives the volumes
+    from which any such ratio follows.
+
+    Parameters
+    ----------
+    basins : Basins
+        A finished grid of any dimension; it is read block by block.
+    name : str
+        An attractor, or another outcome.
+
+    Returns
+    -------
+    Volume
+
+    Raises
+    ------
+    InputError
+        An unknown name, or cells that are not done.
+
+    References
+    ----------
+    M. S. Soliman, J. M. T. Thompson, Integrity measures quantifying the erosion of smooth and fractal basins of
+    attraction, J. Sound Vib. 135 (1989) 453-475; G. Rega, S. Lenci, Identifying, evaluating, and controlling dynamical
+    integrity measures in non-linear mechanical oscillators, Nonlinear Anal. 63 (2005) 902-914.
+
+    Examples
+    --------
+    A disc of radius 0.6:
+
+    >>> from saltus.basins.map.basins import Basins
+    >>> x = np.linspace(-0.995, 0.995, 200)
+    >>> outside = np.hypot(*np.meshgrid(x, x, indexing="ij")) > 0.6
+    >>> disc = Basins.from_array(outside, {"x": x, "y": x}, {"a": 0, "b": 1}, {"a": [[0.0, 0.0]]})
+    >>> found = global_integrity(disc, "a")
+    >>> print("%.3f, error %.3f, share %.3f" % (found.value, found.error, found.share))
+    1.130, error 0.001, share 0.283
+    """
+    label, labels = label_of(basins, name), basins.labels
+    shape = tuple(labels.shape)
+    last = [np.empty([n for k, n in enumerate(shape) if k != axis], np.bool_) for axis in range(len(shape))]
+    cells = parted = 0
+    for block in blocks(labels):
+        inside = read(labels, block) == label
+        cells += int(inside.sum())
+        for axis, edge in enumerate(last):
+            layers, place = np.moveaxis(inside, axis, 0), block[:axis] + block[axis + 1 :]
+            parted += int((layers[1:] != layers[:-1]).sum())
+            if block[axis].start:
+                parted += int((layers[0] != edge[place]).sum())
+            edge[place] = layers[-1]
+    cell, total = math.prod(basins.grid.spacing), math.prod(shape)
+    error = 0.5 * math.sqrt(parted)
+    return Volume(cell * cells, cell * error, 0.5 * cell * parted, cells / total, error / total, cells)
+
+
+def local_integrity(
+    basins: Labelled,
+    name: str,
+    *,
+    weights: Mapping[str, float] | None = None,
+    centre: ArrayLike | None = None,
+) -> Ball:
+    """Return the local integrity measure (LIM): the radius of the largest ball about an attractor in its basin.
+
+    It is the distance of the attractor from the nearest cell with another label, or from the window's edge where that
+    is nearer (`Ball.clipped`). It is 0 where the attractor's own cell has another label.
+
+    Parameters
+    ----------
+    basins : Basins
+        A finished grid of any dimension, of which only the cells nearer than the best found so far are read.
+    name : str
+        The attractor.
+    weights : mapping of str to float, optional
+        Lengths by which the coordinates are divided, for each free coordinate: the anisometric LIM. All 1 by default.
+    centre : array_like, shape (free coordinates,), optional
+        Centre of the ball; by default the attractor's first point at the strobes, projected onto the free coordinates.
+        `Ball.off_section` says how far from the grid's plane that point is.
+
+    Returns
+    -------
+    Ball
+
+    Raises
+    ------
+    InputError
+        An unknown name, a weight that is missing or not positive, a centre outside the window, cells that are not done.
+
+    References
+    ----------
+    M. S. Soliman, J. M. T. Thompson, Integrity measures quantifying the erosion of smooth and fractal basins of
+    attraction, J. Sound Vib. 135 (1989) 453-475; P. Belardinelli, S. Lenci, G. Rega, Seamless variation of isometric
+    and anisometric dynamical integrity measures in basins' erosion, Commun. Nonlinear Sci. Numer. Simul. 56 (2018)
+    499-507.
+
+    Examples
+    --------
+    An ellipse with semi-axes 0.8 and 0.4:
+
+    >>> from saltus.basins.map.basins import Basins
+    >>> x = np.linspace(-0.995, 0.995, 200)
+    >>> outside = np.hypot(*np.meshgrid(x / 0.8, x / 0.4, indexing="ij")) > 1.0
+    >>> ellipse = Basins.from_array(outside, {"x": x, "y": x}, {"a": 0, "b": 1}, {"a": [[0.0, 0.0]]})
+    >>> found = local_integrity(ellipse, "a")
+    >>> print("%.2f, error %.3f" % (found.value, found.error))
+    0.40, error 0.007
+    >>> found = local_integrity(ellipse, "a", weights={"x": 0.8, "y": 0.4})
+    >>> print("%.2f, error %.3f" % (found.value, found.error))
+    0.99, error 0.014
+    """
+    label, scale = label_of(basins, name), weights_of(basins.grid, weights)
+    start, off = _start(basins, name, centre)
+    radius, _, _ = _nearest_outside(basins, label, start, scale, 0.5)
+    room = _room(basins.grid, start, scale)
+    return Ball(
+        value=min(radius, room),
+        error=_half_diagonal(basins.grid, scale),
+        clipped=room < radius,
+        centre=start,
+        off_section=off,
+        note=_own_cell(basins, label, start),
+    )
+
+
+def integrity_factor(basins: Labelled, name: str, *, weights: Mapping[str, float] | None = None) -> Ball:
+    """Return the integrity factor (IF): the radius of the largest ball anywhere in a basin and within the window.
+
+    Every cell is a candidate for the centre, by the exact Euclidean distance transform. With d the largest distance of
+    a cell's centre from the nearest centre outside, and e half a cell's diagonal, the radius is between ``d - 2 e`` and
+    ``d + e``; `Ball.value` is the middle.
+
+    Parameters
+    ----------
+    basins : Basins
+        A finished grid that fits into memory, with ``4 D + 10`` bytes a cell in D dimensions.
+    name : str
+        An attractor, or another outcome.
+    weights : mapping of str to float, optional
+        Lengths by which the coordinates are divided, for each free coordinate. All 1 by default.
+
+    Returns
+    -------
+    Ball
+        `Ball.clipped` where the window's edge touches it, so that a larger one may fit into a larger window.
+
+    Raises
+    ------
+    InputError
+        An unknown name, a weight that is missing or not positive, cells that are not done, a grid too large.
+
+    References
+    ----------
+    G. Rega, S. Lenci, Identifying, evaluating, and controlling dynamical integrity measures in non-linear mechanical
+    oscillators, Nonlinear Anal. 63 (2005) 902-914; G. Rega, S. Lenci, Dynamical integrity and control of nonlinear
+    mechanical oscillators, J. Vib. Control 14 (2008) 159-179.
+
+    Examples
+    --------
+    An annulus between the radii 0.3 and 0.7:
+
+    >>> from saltus.basins.map.basins import Basins
+    >>> x = np.linspace(-0.995, 0.995, 200)
+    >>> outside = abs(np.hypot(*np.meshgrid(x, x, indexing="ij")) - 0.5) > 0.2
+    >>> annulus = Basins.from_array(outside, {"x": x, "y": x}, {"a": 0, "b": 1})
+    >>> found = integrity_factor(annulus, "a")
+    >>> print("%.2f, error %.2f" % (found.value, found.error))
+    0.20, error 0.01
+    """
+    from scipy import ndimage
+
+    label, scale, labels = label_of(basins, name), weights_of(basins.grid, weights), basins.labels
+    sizes = np.asarray(basins.grid.spacing) / scale
+    padded = tuple(n + 2 for n in labels.shape)
+    if (needed := math.prod(padded) * (4 * len(padded) + 10)) > _MEMORY:
+        raise InputError(
+            "basins", f"a grid of {' x '.join(map(str, labels.shape))} cells",
+            f"one whose distance transform takes at most {_MEMORY / 2**30:g} GiB, not {needed / 2**30:.3g}",
+            "take a section, or map a coarser grid",
+        )  # fmt: skip
+    inside = np.zeros(padded, np.bool_)
+    for block in blocks(labels):
+        inside[tuple(slice(s.start + 1, s.stop + 1) for s in block)] = read(labels, block) == label
+    error = 1.5 * _half_diagonal(basins.grid, scale)
+    if not inside.any():
+        return Ball(0.0, error, False, np.full(len(padded), np.nan), note=f"no cell is labelled {name!r}")
+    sites = ndimage.distance_transform_edt(inside, sampling=sizes, return_distances=False, return_indices=True)
+    farthest, cell = _farthest(sites, sizes)
+    edge = min(min(i, n - 1 - i) * s for i, n, s in zip(cell, padded, sizes, strict=True))
+    return Ball(
+        value=max(farthest - error / 3.0, 0.0),
+        error=error,
+        clipped=bool(edge <= farthest * (1.0 + 1e-9)),
+        centre=np.array([axis[i - 1] for axis, i in zip(basins.grid.axes, cell, strict=True)]),
+    )
+
+
+def minimal_fatal_perturbation(
+    basins: Labelled,
+    name: str,
+    *,
+    weights: Mapping[str, float] | None = None,
+    centre: ArrayLike | None = None,
+) -> FatalPerturbation:
+    """Return the smallest known perturbation that takes a motion from an attractor out of its basin.
+
+    It leads from the attractor to the nearest centre of a cell with another label. The cell's label is that of its
+    centre, so that the perturbation is fatal; the smallest one is at most a cell's diagonal shorter where the boundary
+    is flat across a cell.
+
+    Parameters
+    ----------
+    basins, name, weights, centre
+        As for `local_integrity`.
+
+    Returns
+    -------
+    FatalPerturbation
+
+    Raises
+    ------
+    InputError
+        As `local_integrity`.
+
+    References
+    ----------
+    V. V. Klinshov, V. I. Nekorkin, J. Kurths, Stability threshold approach for complex dynamical systems, New J. Phys.
+    18 (2016) 013004; L. Halekotte, U. Feudel, Minimal fatal shocks in multistable complex networks, Sci. Rep. 10 (2020)
+    11783.
+
+    Examples
+    --------
+    >>> from saltus.basins.map.basins import Basins
+    >>> x = np.linspace(-0.995, 0.995, 200)
+    >>> right = np.repeat((x > 0.25)[:, None], 200, axis=1)
+    >>> halves = Basins.from_array(right, {"x": x, "y": x}, {"a": 0, "b": 1}, {"a": [[-0.005, 0.005]]})
+    >>> found = minimal_fatal_perturbation(halves, "a")
+    >>> found.vector.round(3).tolist(), found.outcome
+    ([0.26, 0.0], 'b')
+    """
+    label, scale = label_of(basins, name), weights_of(basins.grid, weights)
+    start, off = _start(basins, name, centre)
+    length, target, reached = _nearest_outside(basins, label, start, scale, 0.0)
+    return FatalPerturbation(
+        value=length,
+        error=min(2.0 * _half_diagonal(basins.grid, scale), length),
+        clipped=_room(basins.grid, start, scale) < length,
+        centre=start,
+        vector=target - start,
+        outcome=outcome_of(basins, reached) if math.isfinite(length) else "",
+        off_section=off,
+        note=_own_cell(basins, label, start),
+    )
+
+
+def weights_of(grid: Grid, weights: Mapping[str, float] | None) -> NDArray[np.float64]:
+    """Return the weight of each free coordinate, shape (free coordinates,).
+
+    Raises
+    ------
+    InputError
+        An unknown coordinate, one without a weight, or a weight that is not positive.
+    """
+    if weights is None:
+        return np.ones(len(grid.names))
+    given = checks.mapping("weights", weights, "free coordinates to lengths", known=grid.names)
+    if missing := [free for free in grid.names if free not in given]:
+        raise InputError("weights", given, "given for every free coordinate", f"add {missing[0]!r}")
+    return np.array([checks.positive(f"weights[{free!r}]", given[free]) for free in grid.names])
+
+
+def _start(basins: Labelled, name: str, centre: ArrayLike | None) -> tuple[NDArray[np.float64], float]:
+    """The centre in the free coordinates, and how far from the grid's plane the attractor's point is."""
+    grid, off = basins.grid, 0.0
+    if centre is not None:
+        allowed = f"a number for each of {', '.join(grid.names)}"
+        start = checks.array("centre", centre, allowed)
+        if start.shape != (len(grid.names),):
+            raise InputError("centre", centre, allowed)
+    else:
+        if not np.size(basins.attractors.points.get(name, ())):
+            raise InputError("name", name, "an attractor whose points are known", "or give the centre of the ball")
+        point = np.atleast_2d(basins.attractors.points[name])[0]
+        start = np.linalg.lstsq(grid.vectors.T, point - grid.origin, rcond=None)[0]
+        off = float(np.linalg.norm(point - grid.origin - start @ grid.vectors))
+        off = off if off > 1e-12 * float(np.abs(point).max()) else 0.0
+    for k, (free, (low, high, _)) in enumerate(zip(grid.names, grid.ranges, strict=True)):
+        inside = grid.clipped(free, float(start[k]))
+        if inside is None:
+            where = f"centre's {free}" if centre is not None else f"{free} of {name!r}"
+            raise InputError(where, float(start[k]), f"within the window, from {low:g} to {high:g}", "map a larger one")
+        start[k] = inside
+    return start, off
+
+
+def _nearest_outside(
+    basins: Labelled, label: int, start: NDArray[np.float64], scale: NDArray[np.float64], half: float
+) -> tuple[float, NDArray[np.float64], int]:
+    """Distance, centre and label of the nearest cell with another label; infinite and NaN where there is none.
+
+    The distance is that of its centre with `half` = 0, and that of the nearest point of the cell with `half` = 1/2.
+    Blocks are looked at in the order of their distance, until the next is further than what has been found.
+    """
+    grid, labels = basins.grid, basins.labels
+    gaps = [
+        (np.maximum(np.abs(axis - x) - half * size, 0.0) / w) ** 2
+        for axis, x, size, w in zip(grid.axes, start, grid.spacing, scale, strict=True)
+    ]
+    bounded = [
+        (sum(float(gap[s].min()) for gap, s in zip(gaps, block, strict=True)), block)
+        for block in blocks(labels, most=_NEAR)
+    ]
+    best, target, reached = math.inf, np.full(len(gaps), np.nan), NOT_DONE
+    for bound, block in sorted(bounded, key=lambda pair: pair[0]):
+        if bound >= best:
+            break
+        part = tuple(_nearer(gap, s, best - bound) for gap, s in zip(gaps, block, strict=True))
+        found = read(labels, part)
+        outside = found != label
+        if not outside.any():
+            continue
+        squares = np.zeros(found.shape)
+        for k, (gap, s) in enumerate(zip(gaps, part, strict=True)):
+            squares += gap[s].reshape([-1 if i == k else 1 for i in range(len(gaps))])
+        squares[~outside] = math.inf
+        place = np.unravel_index(int(squares.argmin()), squares.shape)
+        if squares[place] < best:
+            best, reached = float(squares[place]), int(found[place])
+            target = np.array([axis[s.start + i] for axis, s, i in zip(grid.axes, part, place, strict=True)])
+    return math.sqrt(best), target, reached
+
+
+def _nearer(gap: NDArray[np.float64], part: slice, room: float) -> slice:
+    """The cells of a slice whose gap exceeds the least one there by no more than `room`."""
+    within = np.flatnonzero(gap[part] <= gap[part].min() + room)
+    return slice(part.start + int(within[0]), part.start + int(within[-1]) + 1)
+
+
+def _farthest(sites: NDArray[np.int32], sizes: NDArray[np.float64]) -> tuple[float, tuple[int, ...]]:
+    """The largest distance of a cell from its site, and that cell; layer by layer, to save memory."""
+    best, cell = -1.0, (0,) * len(sizes)
+    shape = sites.shape[1:]
+    for layer in range(shape[0]):
+        squares = ((sites[0, layer] - layer) * sizes[0]) ** 2
+        for k in range(1, len(sizes)):
+            own = np.arange(shape[k]).reshape([-1 if i == k else 1 for i in range(1, len(sizes))])
+            squares = squares + ((sites[k, layer] - own) * sizes[k]) ** 2
+        if (most := float(squares.max())) > best:
+            place = np.unravel_index(int(squares.argmax()), shape[1:])
+            best, cell = most, (layer, *map(int, place))
+    return math.sqrt(best), cell
+
+
+def _half_diagonal(grid: Grid, scale: NDArray[np.float64]) -> float:
+    return 0.5 * float(np.linalg.norm(np.asarray(grid.spacing) / scale))
+
+
+def _room(grid: Grid, start: NDArray[np.float64], scale: NDArray[np.float64]) -> float:
+    """Distance of a point from the window's edge."""
+    ends = np.array([(low, high) for low, high, _ in grid.ranges])
+    return float((np.abs(ends - start[:, None]).min(axis=1) / scale).min())
+
+
+def _own_cell(basins: Labelled, label: int, start: NDArray[np.float64]) -> str:
+    """A sentence where the cell that a point lies in has another label."""
+    cell = basins.grid.nearest(dict(zip(basins.grid.names, start.tolist(), strict=True)))
+    own = int(read(basins.labels, tuple(slice(i, i + 1) for i in cell.values())).item())
+    return "" if own == label else f"the centre's own cell is labelled {outcome_of(basins, own)!r}"

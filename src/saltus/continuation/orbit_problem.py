@@ -1,0 +1,424 @@
+"""Orbits of one signature as a zero problem with a parameter: metric, monitor functions, what may follow what."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.arclength import RESTS, Event, Examined, Point, correct
+from saltus.continuation.grazing import turned
+from saltus.continuation.guards import INFINITE, residual_fault, unconfirmed
+from saltus.continuation.phase_plane import astray, depart
+from saltus.orbits.floquet import (
+    Passage,
+    doubling_determinant,
+    height,
+    multipliers,
+    nontrivial,
+    passage,
+    unstable_count,
+)
+from saltus.orbits.problem import CUT_END, MEAN_END, WHOLE, OrbitProblem, Survey
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = [
+    "BIFURCATIONS",
+    "Interest",
+    "OrbitData",
+    "OrbitZeroProblem",
+    "at_grazing",
+    "grazing_monitors",
+    "shadowed_rates",
+    "side_of",
+]
+
+BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
+
+_FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
+_SHARPER = 1e-6  # Newton step, in sizes of the unknowns, below which a point is as good as found
+_SHORT = 1e-5  # step below which several multipliers may cross the unit circle in it
+_SLOWED = 0.05  # share of its velocity that a step leaves an event at least
+_CRITICAL = 1e-6  # height within which a multiplier is critical
+
+
+@dataclass(frozen=True)
+class Interest:
+    """What is looked for along a branch.
+
+    Attributes
+    ----------
+    low, high : float
+        Bounds of the parameter, in units of `scale`.
+    scale : float
+        Unit of the parameter among the unknowns.
+    events : tuple of (name, kind, value)
+        Users' events; `kind` is ``parameter``, or ``min_`` or ``max_`` and a state or output.
+    """
+
+    low: float
+    high: float
+    scale: float
+    events: tuple[tuple[str, str, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class OrbitData:
+    """What a point of a branch keeps.
+
+    Attributes
+    ----------
+    survey : Survey
+        What a dense look shows.
+    multipliers : ndarray of complex, shape (states,)
+        All of them, largest first.
+    unstable : int
+        How many are.
+    followed : tuple of complex
+        Those but the trivial one, in the order of those at the point before that they come from.
+    """
+
+    survey: Survey
+    multipliers: NDArray[np.complex128]
+    unstable: int
+    followed: tuple[complex, ...] = ()
+
+
+class OrbitZeroProblem:
+    """Orbits of one signature as a `ZeroProblem`.
+
+    Monitor functions are the bounds (``low``, ``high``), the bifurcations (``SN``, ``PD``, ``BP``, and ``TR i``, the
+    height of the i-th multiplier followed, where it is of a complex pair the one above the real axis), what vanishes at
+    a grazing (``margin i k``: segment i's distance from the surface of transition k; ``side i k``: that of a segment
+    that is equally far from it throughout; ``duration i`` of a segment that starts on its own event; ``rate i``: the
+    normal velocity at segment i's end), and users' events (``event i``).
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations, started.
+    u : ndarray, shape (size + 1,)
+        An orbit.
+    interest : Interest
+        What is looked for.
+    """
+
+    singular = frozenset({"BP"})
+    odd = frozenset({"SN", "BP"})
+    """Monitor functions that change sign with the tangent's direction."""
+    noise: Mapping[str, float] = MappingProxyType({})
+
+    def __init__(self, problem: OrbitProblem, u: NDArray[np.float64], interest: Interest) -> None:
+        self.problem = problem
+        self.interest = interest
+        self.n = problem.n
+        self._autonomous = problem.system.phase is None
+        self._logs: dict[str, float] = {}
+        self._step: tuple[Point, Point] | None = None
+        self._adjust(u)
+        kinds = problem.signature.kinds
+        self._durations = {f"duration {i}": i for i, kind in enumerate(kinds) if kind == MEAN_END}
+        self._simple: dict[str, Callable[[Point], float]] = {
+            "low": lambda point: _beyond(point.parameter - interest.low),
+            "high": lambda point: _beyond(point.parameter - interest.high),
+            "SN": lambda point: float(point.tangent[-1]),
+            "PD": lambda point: self._sized("PD", *doubling_determinant(problem, point.J), point),
+            "BP": lambda point: self._sized("BP", point.sign, point.log, point),
+        }
+        if CUT_END in kinds:
+            # the multipliers know the flow's direction exactly, the whole determinants to the flow's tolerance only
+            self._simple["SN"] = lambda point: point.sign * self._product("SN", point, 1.0)
+            self._simple["PD"] = lambda point: self._product("PD", point, -1.0)
+            self.noise = MappingProxyType({"SN": _FAINT, "PD": _FAINT})  # they run through many powers of ten in a step
+        for name, i in self._durations.items():
+            self._simple[name] = lambda point, at=i * (self.n + 1) + self.n: float(point.u[at])  # type: ignore[misc]
+        self._surveyed = grazing_monitors(problem)
+        names = (*problem.system.all_states, *problem.system.output_names)
+        for i, (_, kind, value) in enumerate(interest.events):
+            if kind == "parameter":
+                self._simple[f"event {i}"] = lambda point, v=value: point.parameter * interest.scale - v  # type: ignore[misc]
+            else:
+                side, q = kind[:3], names.index(kind[4:])
+                self._surveyed[f"event {i}"] = lambda s, side=side, q=q, v=value: (  # type: ignore[misc]
+                    float(s.lows[q] if side == "min" else s.highs[q]) - v
+                )
+
+    def _adjust(self, u: NDArray[np.float64]) -> None:
+        """Take typical sizes from an orbit."""
+        problem = self.problem
+        period = float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
+        self._block = np.zeros(self.n + 1)
+        self._block[: self.n] = 1.0 / problem.state_scale**2
+        self._scale = np.ones(problem.size + 1)
+        table = self._scale[:-1].reshape(problem.segments, self.n + 1)
+        table[:, : self.n], table[:, self.n] = problem.state_scale, period
+
+    def _sized(self, name: str, sign: float, log: float, point: Point) -> float:
+        """Return a determinant over the size that it had first and the factor that the phase condition gives it."""
+        value = sign * math.exp(min(log - self._logs.setdefault(name, log), 600.0))
+        return value / (self.problem.facing(point.u) or math.nan)
+
+    def depart(self, point: Point) -> None:
+        """Lay the plane that fixes an autonomous cycle's phase anew where the flow has turned away from its normal."""
+        if depart(self, self.problem, point.u, point):
+            monitors = self._measured(point)
+            point.examined = replace(point.examined, monitors={**point.examined.monitors, **monitors})
+
+    def _product(self, name: str, point: Point, mu: float) -> float:
+        """Return the product of all multipliers' distances from `mu`, over the size that it had first."""
+        values = nontrivial(multipliers(self.problem, point.u, point.J), autonomous=self._autonomous)
+        distance = complex(np.prod(values - mu)).real
+        log = math.log(max(abs(distance), 1e-300))
+        return math.copysign(math.exp(min(log - self._logs.setdefault(name, log), 600.0)), distance)
+
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residual and Jacobian."""
+        return self.problem.evaluate(u)
+
+    def accurate(self) -> bool:
+        """Return whether the meshes were fine enough at the last evaluation; refine them where they were not."""
+        return self.problem.refine()
+
+    def scale(self) -> NDArray[np.float64]:
+        """Return typical sizes of the unknowns."""
+        return self._scale
+
+    def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return weights by the trapezoidal rule over the period, so that a segment of zero length changes nothing."""
+        problem = self.problem
+        weights = np.empty(problem.size + 1)
+        problem.kernels.metric(u, problem.segments, self.n, self._block, weights)
+        return weights
+
+    def examine(self, point: Point, before: Point | None) -> Examined:
+        """Return monitors, data and fault of a point; solve it again where its mesh passed over something."""
+        problem = self.problem
+        if before is not None and (fault := astray(problem, point.u)) is not None:
+            return Examined({}, fault)
+        self._sharpen(point)
+        survey = problem.survey(point.u)
+        if survey.coarse:
+            plane = problem.phase_plane
+            problem.start(point.u)
+            problem.phase_plane = plane
+            better = correct(self, point.u, point.tangent, point.weights, 7)
+            if isinstance(better, str):
+                return Examined({}, better)
+            point.u, point.J, point.tangent = better.u, better.J, better.tangent
+            point.sign, point.log, point.residual = better.sign, better.log, better.residual
+            survey = problem.survey(point.u)
+        if before is not None and (fault := residual_fault(problem, survey, point.u)) is not None:
+            return Examined({}, fault)
+        problem.prepare(point.u)
+        problem.rescale(survey)
+        self._adjust(point.u)
+        values = multipliers(problem, point.u, point.J)
+        way = self._follow(point, before, values)
+        followed = way.followed
+        data = OrbitData(survey, values, unstable_count(values[: len(followed)]), followed)
+        monitors = self._measured(point)
+        monitors |= {name: value(survey) for name, value in self._surveyed.items()}
+        if abs(values[0]) < INFINITE:
+            monitors |= {f"TR {i}": height(value) for i, value in enumerate(followed) if value.imag > 0.0}
+        point.weights = self.metric(point.u)
+        point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
+        if before is None:
+            return Examined(monitors, None, data)
+        self._step = before, point
+        return Examined(monitors, _fault(point, before, monitors, data, way), data)
+
+    def _sharpen(self, point: Point) -> None:
+        """Correct a point of a branch of orbits in pieces once more: their multipliers show the last Newton step."""
+        if CUT_END not in self.problem.signature.kinds:
+            return
+        from saltus.flow._linear_kernels import bordered
+
+        row = point.weights * point.tangent
+        F, J = self.problem.evaluate(point.u)
+        steps, sign, log, size, residual = bordered(J, F, row, point.u, point.u, self._scale)
+        if size < _SHARPER:
+            point.u, point.J, point.residual = point.u + steps[:, 0], J, residual
+            point.tangent = steps[:, 1] / math.sqrt(float(point.weights @ steps[:, 1] ** 2))
+            point.sign, point.log = sign, log
+
+    def _measured(self, point: Point) -> dict[str, float]:
+        """Return the monitors that need no survey; that of folds is 0 where the parameter rests."""
+        monitors = {name: value(point) for name, value in self._simple.items()}
+        if CUT_END not in self.problem.signature.kinds and abs(monitors["SN"]) < RESTS:
+            monitors["SN"] = 0.0
+        return monitors
+
+    def recover(self, point: Point) -> bool:
+        """Shorten the steps of a stiff flow, whose stability limits them, for the orbits near a point."""
+        return self.problem.stabilise(point.u)
+
+    def _follow(self, point: Point, before: Point | None, values: NDArray[np.complex128]) -> Passage:
+        """Return how the multipliers before a point, or at the nearer end of the step examined last, become its own."""
+        own: list[complex] = nontrivial(values, autonomous=self._autonomous).tolist()
+        if before is None and self._step is not None:
+            first, last = self._step
+            if first.arc <= point.arc <= last.arc:
+                before = first if point.arc - first.arc < last.arc - point.arc else last
+        data: OrbitData | None = None if before is None else before.examined.data
+        if data is None or len(data.followed) != len(own):
+            return Passage(tuple(own), 0, 0, True)
+        return passage(data.followed, own)
+
+    def monitor(self, name: str, point: Point) -> float:
+        """Return one monitor function at a point that need not be quite corrected."""
+        if bifurcates(name):
+            self._sharpen(point)
+        if name in self._simple:
+            return self._simple[name](point)
+        if name.startswith("TR"):
+            way = self._follow(point, None, multipliers(self.problem, point.u, point.J))
+            value = way.followed[int(name[3:])]
+            return height(value) if value.imag != 0.0 else math.nan
+        if name.startswith("side"):
+            return side_of(self.problem, name, point.u)
+        return self._surveyed[name](self.problem.survey(point.u))
+
+    def leading(self, names: list[str]) -> list[str]:
+        """Return the names without the velocities that vanish because a segment beside them does."""
+        vanishing = [self._durations[name] for name in names if name in self._durations]
+        shadowed = shadowed_rates(vanishing, self.problem.segments)
+        return [name for name in names if name not in shadowed]
+
+    def sort_out(self, events: list[Event]) -> list[Event] | str:
+        """Return the events without shadows, or why the step is not to be taken.
+
+        Where the whole Jacobian loses rank there is a branch point, no fold; at a grazing without a jump of the field
+        the parameter turns like the square of the vanishing duration, and with it every determinant has a zero.
+        """
+        points = [event.point.arc for event in events if event.name == "BP"]
+        grazings = [event.point.arc for event in events if at_grazing(event.name)]
+        kept = [e for e in events if e.name != "SN" or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
+        kept = [e for e in kept if not bifurcates(e.name) or all(abs(e.point.arc - arc) > 1e-7 for arc in grazings)]
+        long = self._step is not None and self._step[1].arc - self._step[0].arc >= _SHORT
+        for event in [e for e in kept if e.name[:2] in ("SN", "PD", "TR")]:
+            u, data = event.point.u, event.point.examined.data
+            if data is not None and unconfirmed(self.problem, event.name[:2], u, event.point.J, data.multipliers):
+                if long:
+                    return f"location: the orbit at a zero of {event.name} has no multiplier that is critical"
+                kept.remove(event)
+        first = next((e for e in kept if bifurcates(e.name) or at_grazing(e.name)), None)
+        if first is None or self._step is None or not long:
+            return kept
+        return self._unexplained(first, *self._step) or kept
+
+    def _unexplained(self, event: Event, before: Point, after: Point) -> str | None:
+        """Return why the first bifurcation or grazing of a step does not go with the step's ends, if it does not.
+
+        Some multipliers are critical there, and the others as stable as at the ends: so a complex pair shows that comes
+        about and crosses the circle in the same step as a real multiplier.
+        """
+        a, here, b = (point.examined.data for point in (before, event.point, after))
+        if not a.survey.admissible:
+            return None
+        if turned(self.problem, event.name, event.point.u):
+            return "not admissible: a segment touches its surface inside before it does where it starts"
+        if not a.followed or _rests(before, after):
+            return None
+        kind, followed = event.name[:2], here.followed
+        critical = {i for i, value in enumerate(followed) if abs(height(value)) < _CRITICAL}
+        if bifurcates(event.name):
+            at = -1.0 if kind == "PD" else 1.0
+            away = [abs(height(value)) if kind == "TR" else abs(value - at) for value in followed]
+            critical |= set(sorted(range(len(away)), key=away.__getitem__)[: 2 if kind == "TR" else 1])
+        unstable = sum(abs(value) > 1.0 for i, value in enumerate(followed) if i not in critical)
+        undetermined = sum(abs(value) >= INFINITE for value in followed)
+        ends = (a,) if at_grazing(event.name) else (a, b)
+        if all(unstable - undetermined <= end.unstable <= unstable + len(critical) for end in ends):
+            return None
+        return "stability changes without a bifurcation that explains it"
+
+    def crowded(self, names: list[str]) -> bool:
+        """Return whether more than one bifurcation or grazing lies in a step."""
+        return sum(bifurcates(name) for name in names) + any(at_grazing(name) for name in names) > 1
+
+
+def grazing_monitors(problem: OrbitProblem) -> dict[str, Callable[[Survey], float]]:
+    """Return what a survey tells of grazings: ``margin i k``, ``side i k`` and ``rate i``.
+
+    Each is positive on the admissible side, but for a side where either direction of the event counts.
+    """
+    found: dict[str, Callable[[Survey], float]] = {}
+    system, signature = problem.system, problem.signature
+    for i, (mode, end) in enumerate(zip(signature.modes, signature.transitions, strict=True)):
+        for k, transition in enumerate(system.transitions):
+            if transition.source == system.mode_names[mode]:
+                found[f"margin {i} {k}"] = lambda s, at=(i, k): (  # type: ignore[misc]
+                    float(s.margins[at]) if s.places[at] != WHOLE else math.inf
+                )
+                found[f"side {i} {k}"] = lambda s, at=(i, k): (  # type: ignore[misc]
+                    float(s.margins[at]) if s.places[at] == WHOLE else math.nan
+                )
+        if end >= 0:
+            way = float(system.transitions[end].direction or -1)
+            found[f"rate {i}"] = lambda s, i=i, way=way: way * float(s.rates[i, 0])  # type: ignore[misc]
+    return found
+
+
+def side_of(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> float:
+    """Return the monitor ``side i k`` of an orbit that need not be quite corrected."""
+    segment, transition = (int(number) for number in monitor.split(" ")[1:])
+    return problem.distance(u, segment, transition)[0]
+
+
+def shadowed_rates(vanishing: list[int], count: int) -> set[str]:
+    """Return the velocities that vanish because a segment beside them, of `count` in all, has no length."""
+    return {f"rate {i}" for j in vanishing for i in (j, (j - 1) % count)}
+
+
+def bifurcates(name: str) -> bool:
+    """Return whether a monitor function vanishes at bifurcations of smooth branches."""
+    return name.split(" ")[0] in BIFURCATIONS
+
+
+def at_grazing(name: str) -> bool:
+    """Return whether a monitor function vanishes at grazings."""
+    return name.startswith(("margin", "side", "duration", "rate"))
+
+
+def _rests(a: Point, b: Point) -> bool:
+    """Whether the parameter rests in a step: it does along a family at one value, whose multiplier 1 is rounded."""
+    return max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1]))) < RESTS
+
+
+def _beyond(distance: float) -> float:
+    """Distance from a bound, zero where it is rounding."""
+    return distance if abs(distance) > 1e-12 else 0.0
+
+
+def _fault(point: Point, before: Point, monitors: Mapping[str, float], data: OrbitData, way: Passage) -> str | None:
+    """Return why a point may not follow the one before, if it may not."""
+    old: OrbitData = before.examined.data
+    known = before.examined.monitors
+    changed = {
+        name
+        for name, value in monitors.items()
+        if name in known and (known[name] < 0.0) != (value < 0.0) and math.isfinite(known[name] + value)
+    }
+    grazing = any(at_grazing(name) for name in changed)
+    if old.survey.admissible and not data.survey.admissible and not grazing:
+        return "not admissible: " + "; ".join(data.survey.reasons())
+    if point.arc - before.arc < _SHORT or grazing or not old.survey.admissible or _rests(before, point):
+        return None
+    if any(
+        name.startswith("rate") and 0.0 < value < _SLOWED * known.get(name, 0.0) for name, value in monitors.items()
+    ):
+        return "velocity: an event is met so much slower that a touch before may be passed over"
+    if not way.sure:
+        return "stability: multipliers may have crossed the unit circle in opposite ways"
+    if way.real + way.pairs > 1:
+        return "stability: more than one multiplier crosses the unit circle within the step"
+    simple, tori = sum(name in ("SN", "PD", "BP") for name in changed), sum(name.startswith("TR") for name in changed)
+    if way.pairs != tori or way.real > simple or (simple - way.real) % 2:
+        return "stability changes without a bifurcation that explains it"
+    return None

@@ -1,0 +1,97 @@
+"""Where a branch of doubled period ends: at a period doubling or a grazing of the orbit that it goes round twice."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.arclength import Event, Point, correct, locate, start_point
+from saltus.continuation.orbit_problem import OrbitZeroProblem
+from saltus.orbits.cuts import in_shares
+from saltus.orbits.problem import CLOSED_END, PHASE_END, OrbitProblem
+from saltus.orbits.rounds import divided
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["halved"]
+
+_ALIKE = 1e-2  # difference, over the size of a state, of two halves that may be one
+_NEAR = 1e-4  # distance between the parameters of a branch point and of the period doubling that it is
+_REACHES = (1e-3, 1e-2)  # steps along the shorter orbit's branch in which the period doubling is looked for
+
+
+def halved(branch: OrbitZeroProblem, point: Point) -> Point | None:
+    """Return a branch point at which the orbit is a shorter one twice, located as that one's period doubling.
+
+    At the branch point itself the equations are singular, and as the parameter turns there, its place along the branch
+    is known to half the digits only; the shorter orbit's branch passes it regularly.
+
+    Parameters
+    ----------
+    branch : OrbitZeroProblem
+        The branch of doubled period.
+    point : Point
+        The branch point, as located on it.
+
+    Returns
+    -------
+    Point or None
+        None where the orbit is not a shorter one twice, or that one does not double its period there.
+    """
+    short = divided(branch.problem, point.u, 2, _ALIKE * branch.problem.state_scale)
+    if short is None:
+        return None
+    signature, u = short
+    old = branch.problem
+    problem = OrbitProblem(old.system, signature, old.p, old.active, old.scales, old.tol)
+    problem.start(u)
+    single = OrbitZeroProblem(problem, u, branch.interest)
+    doubling = _doubling(single, u)
+    if doubling is None or abs(doubling.point.parameter - point.parameter) > _NEAR:
+        return None
+    u = _twice(problem, doubling.point.u)
+    if old.segments > len(signature) == 1:
+        u = in_shares(problem, doubling.point.u, old, point.u)
+    old.start(u)
+    found = Point(u, branch.evaluate(u)[1], point.tangent, point.weights, point.sign, point.log, 0.0, 1, point.arc)
+    found.examined = branch.examine(found, None)
+    return None if found.examined.data is None else found
+
+
+def _doubling(branch: OrbitZeroProblem, u: NDArray[np.float64]) -> Event | None:
+    """Return the period doubling of a branch near an orbit."""
+    try:
+        middle = start_point(branch, u)
+    except ValueError:
+        return None
+    for reach in _REACHES:
+        ends = []
+        for sign in (-1.0, 1.0):
+            end = correct(branch, middle.u + sign * reach * middle.tangent, middle.tangent, middle.weights, 7)
+            if isinstance(end, str):
+                return None
+            end.arc = sign * reach
+            end.examined = branch.examine(end, None)
+            ends.append(end)
+        values = [end.examined.monitors.get("PD", math.nan) for end in ends]
+        if values[0] * values[1] < 0.0:
+            return locate(branch, "PD", ends[0], ends[1], *values)
+    return None
+
+
+def _twice(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the unknowns of an orbit gone round twice."""
+    n, signature = problem.n, problem.signature
+    first = u[: problem.size].reshape(problem.segments, n + 1)
+    if signature.kinds[0] in (PHASE_END, CLOSED_END):
+        both = first.copy()
+        both[0, n] *= 2.0
+    else:
+        second = first.copy()
+        if problem.system.phase is not None:
+            second[:, n - 1] += 2.0 * math.pi * signature.turns
+        both = np.vstack([first, second])
+    return np.append(both, u[problem.size :])

@@ -1,0 +1,141 @@
+"""The two directions of a curve from its start, what is found on each, and how they are put together."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.arclength import Examined, Point
+from saltus.continuation.orbit_curve import SpecialPoint, SpecialPoints
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.orbits.orbit import PeriodicOrbit
+
+__all__ = ["SAME", "BothSides", "Found", "OneSide", "join", "turned"]
+
+SAME = 1e-6  # distance at which two points of a curve are the same
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A special point: its type, the orbit in the signature in which it is shown, its test function, its place.
+
+    `of` and `tangent` are those of `SpecialPoint`.
+    """
+
+    name: str
+    orbit: PeriodicOrbit
+    value: float
+    after: int
+    arc: float
+    of: str = ""
+    tangent: NDArray[np.float64] | None = None
+
+
+@dataclass
+class OneSide:
+    """One direction of a curve."""
+
+    points: list[Any] = field(default_factory=list)
+    specials: list[Found] = field(default_factory=list)
+    stopped: str = ""
+    closed: bool = False
+    interrupted: bool = False
+
+
+@dataclass
+class BothSides:
+    """Both directions in one order.
+
+    Attributes
+    ----------
+    rows : list of (piece, point)
+        All points.
+    arcs : list of float
+        Arclength of each, from the start.
+    specials : list of (Found, position, arclength)
+        Special points, likewise.
+    offset : int
+        Where among the rows the start is.
+    stopped : tuple of str
+        Why the curve ended, at its first and at its last point.
+    """
+
+    rows: list[Any]
+    arcs: list[float]
+    specials: list[tuple[Found, float, float]]
+    offset: int
+    stopped: tuple[str, str]
+
+    def special_points(self, varied: tuple[str, ...], locus: str = "") -> SpecialPoints:
+        """Return the special points, numbered by type."""
+        counts: dict[str, int] = {}
+        points = []
+        for found, position, arc in self.specials:
+            counts[found.name] = counts.get(found.name, 0) + 1
+            label = f"{found.name}{'_' if locus and found.name[-1].isdigit() else ''}{counts[found.name]}"
+            points.append(
+                SpecialPoint(
+                    found.name, label, found.orbit, found.value, position, arc - self.arcs[0], varied, found.of,
+                    locus, found.tangent,
+                )
+            )  # fmt: skip
+        return SpecialPoints(points, varied)
+
+    def fields(self) -> dict[str, Any]:
+        """Return those fields of a `OrbitCurve` that say the same of each point, whatever the curve."""
+        states = len(self.rows[0][0].problem.system.states)
+        forms = list(dict.fromkeys(piece.problem.signature for piece, _ in self.rows))
+        data = [point.examined.data for _, point in self.rows]
+        n = self.rows[0][0].problem.n
+        return {
+            "x0": np.array([d.survey.x0[:states] for d in data]),
+            "multipliers": np.array([d.multipliers for d in data]),
+            "stable": np.array([d.unstable == 0 for d in data]),
+            "admissible": np.array([d.survey.admissible for d in data]),
+            "period": np.array([point.u[n : piece.problem.size : n + 1].sum() for piece, point in self.rows]),
+            "residual": np.array([d.survey.residual for d in data]),
+            "arclength": np.array(self.arcs) - self.arcs[0],
+            "lows": np.array([d.survey.lows for d in data]),
+            "highs": np.array([d.survey.highs for d in data]),
+            "forms": tuple(forms),
+            "form": np.array([forms.index(piece.problem.signature) for piece, _ in self.rows]),
+            "unknowns": tuple(point.u[: piece.problem.size] for piece, point in self.rows),
+            "stopped": self.stopped,
+        }
+
+
+def turned(point: Point, sign: float, odd: Collection[str]) -> Point:
+    """Return a point with its tangent reversed where `sign` < 0, and with it the monitor functions named in `odd`."""
+    if sign >= 0.0:
+        return point
+    monitors = {name: -value if name in odd else value for name, value in point.examined.monitors.items()}
+    examined = Examined(monitors, point.examined.fault, point.examined.data)
+    return replace(point, tangent=-point.tangent, sign=-point.sign, examined=examined)
+
+
+def join(start: Any, halves: list[OneSide], what: str) -> BothSides:
+    """Put the two directions of `what` from the row `start` together, the second after the first turned round."""
+    rows, arcs, offset = [start], [0.0], 0
+    specials: list[tuple[Found, float, float]] = []
+    if len(halves) == 2:
+        back = halves[0]
+        offset = len(back.points)
+        rows = [*reversed(back.points), start]
+        arcs = [-point.arc for _, point in rows]
+        specials = [(found, offset - found.after - 0.5, -found.arc) for found in reversed(back.specials)]
+    ahead = halves[-1]
+    rows += ahead.points
+    travelled = ahead.points[-2][1].arc if ahead.closed and len(ahead.points) > 1 else 0.0
+    arcs += [point.arc if point is not start[1] else travelled for _, point in ahead.points]
+    specials += [(found, offset + found.after + 0.5, found.arc) for found in ahead.specials]
+    reasons = [half.stopped for half in halves]
+    stopped = (reasons[0], reasons[1]) if len(reasons) == 2 else ("the start", reasons[0])
+    if halves[0].closed:
+        stopped = (f"the {what} is closed", f"the {what} is closed")
+    return BothSides(rows, arcs, specials, offset, stopped)

@@ -1,0 +1,82 @@
+"""The steps of many motions at once, compiled for one system."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.system.compiled import SERIES_TEXT, callable_at, with_constants
+from saltus.system.generated import Kind, module_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from saltus.system.definition import Definition
+    from saltus.system.derivatives import Symbolic
+    from saltus.system.writer import Writer
+
+__all__ = ["LANES", "CompiledLanes", "load_lanes"]
+
+
+class CompiledLanes:
+    """Steps of many motions at once, compiled for one system.
+
+    Attributes
+    ----------
+    module : module
+        The generated module, from which a graphics card's kernels take the same functions.
+    run : callable
+        Follows motions until each has met its fate; see `saltus.ensemble.writer`.
+    quantities : tuple of str
+        Names of the numbers that `run` reads from its argument ``q``.
+    """
+
+    def __init__(self, module: Any) -> None:
+        self.module = module
+        self.run: Callable[..., None] = module.run
+        self.quantities: tuple[str, ...] = module.QUANTITIES
+        self._n_constants = int(module.CONSTANTS)
+        self._derive: Any = callable_at(module.derive)
+
+    def constants(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return parameters with the constants of these functions behind them."""
+        return with_constants(self._derive, p, self._n_constants)
+
+    def scratch(self, motions: int) -> tuple[NDArray[Any], ...]:
+        """Return the arrays that one call of `run` works in, for so many motions at most."""
+        m = self.module
+        pools = np.ones((m.POOLS + 1, m.NF * m.NL)), np.zeros((m.POOLS, m.NL), np.int64), np.zeros(m.POOLS, np.int64)
+        return *pools, np.zeros(motions, np.int64), np.empty(m.N)
+
+
+def _writer(symbolic: Symbolic, order: int, exact: list[tuple[int, int]], _: tuple[str, ...]) -> Writer:
+    from saltus.ensemble.writer import LaneWriter
+
+    return LaneWriter(symbolic, order, dict(exact))
+
+
+_TEXT = ("driver", "exact_step", "labels", "lane_kinds", "lane_text", "taylor_step", "writer")
+LANES = Kind("lanes", _writer, (*SERIES_TEXT, *(f"ensemble.{name}" for name in _TEXT)))
+
+
+def load_lanes(system: Definition, order: int, exact: dict[int, int]) -> CompiledLanes | None:
+    """Return the steps of many motions at once; None where the definition has no series.
+
+    Parameters
+    ----------
+    system : Definition
+        What moves.
+    order : int
+        Last coefficient of the Taylor series.
+    exact : dict of int to int
+        Modes with steps by the exact flow, and the pairs of complex eigenvalues of their linear parts.
+    """
+    from saltus.system.taylor import NotAnalyticError
+
+    try:
+        return CompiledLanes(module_of(LANES, system, order, sorted(exact.items()), system.positive))
+    except NotAnalyticError:
+        return None

@@ -1,0 +1,218 @@
+"""Many motions of one system at once on CUDA devices: the same generated steps as on the processor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from queue import SimpleQueue
+from types import FunctionType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.ensemble.ensemble import Ensemble
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["CudaEnsemble", "cuda_devices"]
+
+_BLOCKS = 16
+"""Blocks for each multiprocessor, more than run at once: those that come late find nothing left to do."""
+
+_WARP = 32
+_SHARED_BYTES = 48 * 1024
+"""Shared memory that a block can have on any device."""
+
+_FEWEST, _MOST = 1 << 16, 1 << 20
+"""Motions that a device is given at once; the last ones of a piece run beside the first ones of the next."""
+
+_STREAMS = 2
+
+
+class CudaEnsemble(Ensemble):
+    """Many motions of one system at once, all from phase 0, looked at once a period, on CUDA devices.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    parameters : mapping of str to float, optional
+        Parameters that differ from the system's defaults.
+    tolerance : float, optional
+        Of a step, against `scale`.
+    interval : float, optional
+        Time between two looks at a system without a phase.
+    scale : array_like, shape (n,), optional
+        Size of each state against which an error is measured; 1 by default.
+    devices : sequence of int, optional
+        Devices that share the motions, as CUDA numbers them; all by default.
+
+    Raises
+    ------
+    InputError
+        There is no CUDA device, or none with such a number; the packages for CUDA are not installed.
+
+    Notes
+    -----
+    A block of threads keeps 192 motions in its shared memory, in a queue for each kind of step, and its threads always
+    work on the longest queue. A motion that is done gives its place to the next at once. The steps are those that
+    `saltus.ensemble.ensemble.Ensemble` makes on the processor, from the same text; sums of products may round
+    otherwise.
+
+    Examples
+    --------
+    >>> from saltus.ensemble.cuda import CudaEnsemble, cuda_devices
+    >>> from saltus import HybridSystem, Mode
+    >>> duffing = HybridSystem(
+    ...     ("x", "v"), {"w": 1.0}, {"free": Mode({"x": "v", "v": "x - x**3 - v/5 + cos(s)/5"})}, phase=("s", "w")
+    ... )
+    >>> if cuda_devices():
+    ...     ends, modes = CudaEnsemble(duffing).strobe([[1.0, 0.0], [-1.0, 0.0]], count=3)
+    """
+
+    def __init__(
+        self,
+        system: HybridSystem,
+        parameters: Mapping[str, float] | None = None,
+        *,
+        tolerance: float = 1e-8,
+        interval: float | None = None,
+        scale: ArrayLike | None = None,
+        devices: Sequence[int] | None = None,
+    ) -> None:
+        super().__init__(system, parameters, tolerance=tolerance, interval=interval, scale=scale)
+        self.devices = _chosen(devices)
+
+    def _run(
+        self,
+        x: NDArray[np.float64],
+        modes: NDArray[np.int64],
+        tables: tuple[NDArray[Any], ...],
+        settings: tuple[float | int, ...],
+        found: tuple[NDArray[Any], ...],
+    ) -> None:
+        assert self._lanes is not None
+        module = self._lanes.module
+        slots = self.devices if _is_simulated() else self.devices * _STREAMS  # the simulator runs one kernel at a time
+        free: SimpleQueue[int] = SimpleQueue()
+        for device in slots:
+            free.put(device)
+
+        def follow(part: slice) -> None:
+            device = free.get()
+            try:
+                _follow(device, module, x[part], modes[part], tables, settings, tuple(array[part] for array in found))
+            finally:
+                free.put(device)
+
+        size = min(max(-(-len(x) // len(slots)), _FEWEST), _MOST)
+        with ThreadPoolExecutor(len(slots)) as pool:
+            list(pool.map(follow, (slice(start, start + size) for start in range(0, len(x), size))))
+
+
+def cuda_devices() -> tuple[int, ...]:
+    """Return the numbers of the CUDA devices that can be used; none where there is no device, driver or package."""
+    try:
+        from numba import cuda
+    except ImportError:
+        return ()
+    return tuple(range(len(cuda.gpus))) if cuda.is_available() else ()
+
+
+def _chosen(devices: Sequence[int] | None) -> tuple[int, ...]:
+    if not (present := cuda_devices()):
+        hint = f'{_obstacle()}; engine="cpu" needs no CUDA device'
+        raise InputError("engine", "cuda", "one that this machine can run", hint)
+    chosen = present if devices is None else tuple(devices)
+    if not chosen or not set(chosen) <= set(present):
+        raise InputError("devices", devices, f"some of the CUDA devices, {', '.join(map(str, present))}")
+    return chosen
+
+
+def _obstacle() -> str:
+    """Why no CUDA device can be used."""
+    try:
+        from numba import cuda
+    except ImportError:
+        return 'pip install "saltus[cuda]" installs what CUDA devices need'
+    error = cuda.cuda_error()
+    return error.strip().splitlines()[0].rstrip(".") if error else "the CUDA toolkit was not found"
+
+
+def _is_simulated() -> bool:
+    from numba import config
+
+    return bool(config.ENABLE_CUDASIM)
+
+
+def _follow(
+    device: int,
+    module: ModuleType,
+    x: NDArray[np.float64],
+    modes: NDArray[np.int64],
+    tables: tuple[NDArray[Any], ...],
+    settings: tuple[float | int, ...],
+    found: tuple[NDArray[Any], ...],
+) -> None:
+    """Follow motions on one device; `found` is written."""
+    from numba import cuda
+
+    kernel, arena_size = _kernel(module)
+    threads = max(_WARP, module.NL // module.POOLS // _WARP * _WARP)
+    with cuda.gpus[device]:
+        stream = cuda.stream()
+        # the simulator's device says nothing of itself
+        blocks = _BLOCKS * getattr(cuda.get_current_device(), "MULTIPROCESSOR_COUNT", 1)
+        arena: Any
+        if _is_simulated():  # items of tuples reach its kernels as they are
+            arena, lent = np.empty((blocks, arena_size)), list(tables)
+        else:
+            arena = cuda.device_array((blocks, arena_size), np.float64, stream=stream)
+            lent = [cuda.to_device(array, stream=stream) for array in tables]
+        points, starts, next_motion, *results = (
+            cuda.to_device(array, stream=stream) for array in (x, modes, np.zeros(1, np.int64), *found)
+        )
+        kernel[blocks, threads, stream](
+            (*lent[:2], arena), tuple(lent[2:5]), tuple(lent[5:]), settings, points, starts, next_motion, *results
+        )
+        for result, array in zip(results, found, strict=True):
+            result.copy_to_host(array, stream=stream)
+        stream.synchronize()
+
+
+@cache
+def _kernel(module: ModuleType) -> tuple[Any, int]:
+    """The kernel for a generated module, and how many numbers each block keeps in the device's memory."""
+    from numba import cuda
+
+    from saltus.ensemble import _cuda_kernels
+    from saltus.system.machine_code import keep_checked
+
+    numbers, queued = module.NF * module.NL, module.POOLS * module.NL
+    fits = 8 * numbers + 4 * queued + 16 * (module.NL + module.POOLS) <= _SHARED_BYTES
+    names = {
+        **vars(_cuda_kernels),
+        "lanes": module,
+        "STATES": module.N,
+        "LANES": module.NL,
+        "POOLS": module.POOLS,
+        "QUEUED": queued,
+        "SHARED": numbers if fits else 0,
+    }
+
+    def bound(name: str) -> FunctionType:
+        function = FunctionType(getattr(_cuda_kernels, name).__code__, names, name)
+        function.__qualname__ = f"{name}_{module.__name__}"  # a file of its own in Numba's cache
+        return function
+
+    for name in ("begun", "looked_at"):
+        names[name] = cuda.jit(device=True)(bound(name))
+    follow = bound("follow")
+    return keep_checked(cuda.jit(follow), follow), 1 if fits else numbers

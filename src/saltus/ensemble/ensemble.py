@@ -1,0 +1,384 @@
+"""Many motions of one system at once."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import checks
+from saltus.ensemble.fallback import follow_alone
+from saltus.ensemble.labels import DIVERGED, LEFT_OVER, NOT_DONE
+from saltus.ensemble.modal import LinearPart, linear_parts
+from saltus.ensemble.traps import Traps
+from saltus.errors import InputError
+from saltus.flow.motion import jumps_at_phase_zero
+from saltus.work import starting
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.ensemble.compiled import CompiledLanes
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["Ensemble"]
+
+_ORDER = 10
+_GROWTH, _LARGEST_TOLERANCE = 4.5, 1e-4
+"""A motion's tolerance grows by this a period, since a late error equals a smaller one at the start, up to that."""
+
+_OF_A_TRAP = 1e-3
+"""Largest tolerance, in units of the narrowest trap's half width."""
+
+_ALIVE = 256
+"""Motions that a thread has under way."""
+
+_PIECE = 8000
+_LONGEST_STEP = 0.25
+_BOUND = 1e8
+"""A state beyond it, in units of the largest scale if that is above 1, has diverged."""
+
+_LEAST_TERM = 1e-30
+"""Least size of a step's last terms, in units of the tolerance, for a step as long as it may be."""
+
+
+class Ensemble:
+    """Many motions of one system at once, all from phase 0, looked at once a period.
+
+    Motions are followed by Taylor steps of order 10, generated for the system and made for many motions side by side
+    (see `saltus.ensemble.writer`); those that they cannot follow, by the event-driven flow.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    parameters : mapping of str to float, optional
+        Parameters that differ from the system's defaults.
+    tolerance : float, optional
+        Of a step, against `scale`.
+    interval : float, optional
+        Time between two looks at a system without a phase.
+    scale : array_like, shape (n,), optional
+        Size of each state against which an error is measured; 1 by default.
+    threads : int, optional
+        Threads that share the motions; by default one for each processor that this process may use.
+
+    Attributes
+    ----------
+    period : float
+        Time between two looks.
+    work : ndarray of int64
+        Steps made so far in each pool of lanes.
+    left_over : int
+        Motions so far that lanes could not follow.
+    periods, periods_alone : int
+        Periods that motions have been followed so far; those of them by the event-driven flow.
+
+    Raises
+    ------
+    InputError
+        An `interval` where there is a phase, or none where there is not; a number out of its range.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem, Mode
+    >>> field = {"x": "v", "v": "x - x**3 - 0.15*v + 0.2*cos(s)"}
+    >>> duffing = HybridSystem(("x", "v"), {"w": 1.0}, {"free": Mode(field)}, phase=("s", "w"))
+    >>> ends, modes = Ensemble(duffing).strobe([[1.0, 0.0], [-1.0, 0.0]], count=3)
+    >>> ends.round(4)
+    array([[ 1.2597, -0.0341],
+           [-0.7664, -0.0387]])
+    """
+
+    def __init__(
+        self,
+        system: HybridSystem,
+        parameters: Mapping[str, float] | None = None,
+        *,
+        tolerance: float = 1e-8,
+        interval: float | None = None,
+        scale: ArrayLike | None = None,
+        threads: int | None = None,
+    ) -> None:
+        if (interval is None) == (system.phase is None):
+            raise InputError("interval", interval, "given for a system without a phase, and for no other")
+        tolerance = checks.between("tolerance", tolerance, 1e-14, 1e-2)
+        interval = None if interval is None else checks.positive("interval", interval)
+        self.system, self.parameters = system, checks.mapping("parameters", parameters, "names to numbers, or None")
+        self.p = system.parameter_vector(self.parameters)
+        self.tolerance = tolerance
+        self.n = len(system.states)
+        self.scale = np.ones(self.n) if scale is None else checks.array("scale", scale, finite=False)
+        if self.scale.shape != (self.n,) or not ((self.scale > 0.0) & (self.scale < np.inf)).all():
+            raise InputError("scale", scale, f"a finite number > 0 for each of {', '.join(system.states)}")
+        self._bound = _BOUND * max(1.0, float(self.scale.max()))
+        self.threads = threads or _processors()
+        self.work = np.zeros(2 * len(system.modes), np.int64)
+        self.left_over, self.periods, self.periods_alone, self.rate = 0, 0, 0, 0.0
+        if interval is None:
+            self.rate = float(system.compiled.field(0, system.full_state(np.zeros(self.n)), self.p)[-1])
+            if not 0.0 < self.rate < math.inf:
+                raise InputError(f"rate of the phase {system.all_states[-1]}", self.rate, "> 0 and finite")
+        self.period = 2.0 * math.pi / self.rate if interval is None else interval
+
+    def strobe(
+        self, points: ArrayLike, modes: ArrayLike | None = None, count: int = 1
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return where motions are after some periods: the iterated Poincare map.
+
+        Parameters
+        ----------
+        points : array_like, shape (m, n)
+            States at phase 0, in the order of `system.states`.
+        modes : array_like of int, shape (m,), optional
+            Indices of the modes there; by default the first that a state allows.
+        count : int, optional
+            Periods.
+
+        Returns
+        -------
+        points : ndarray, shape (m, n)
+            NaN where a motion diverges, or may not start.
+        modes : ndarray of int, shape (m,)
+
+        Raises
+        ------
+        InputError
+            Shapes that do not fit, or a count below 1.
+        """
+        x = self._points(points)
+        starts = self._modes(modes, x)
+        if count < 1:
+            raise InputError("count", count, "at least 1")
+        found = self._followed(x, starts, Traps(self.n, limit=self._bound), count, growth=False)
+        found[2][found[0] == DIVERGED] = np.nan
+        return found[2], found[3]
+
+    def settle(
+        self, points: ArrayLike, traps: Traps, longest: int = 200, modes: ArrayLike | None = None
+    ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+        """Return the label of the trap that each motion falls into, and after how many periods.
+
+        The tolerance grows 4.5 times a period, up to 1e-4, unless motions must stay in the boxes of an attractor: an
+        error late in a transient equals a smaller one at its start. Motions that have met no fate after 48 periods go
+        on at the first tolerance. Where transients are chaotic for very long, labels near the boundary are less certain
+        than elsewhere at any tolerance, and less so for this.
+
+        Parameters
+        ----------
+        points : array_like, shape (m, n)
+            States at phase 0, in the order of `system.states`.
+        traps : Traps
+            Trapping regions.
+        longest : int, optional
+            Periods after which a motion is undecided.
+        modes : array_like of int, shape (m,), optional
+            Indices of the modes at the start; by default the first that a state allows.
+
+        Returns
+        -------
+        labels : ndarray of uint8, shape (m,)
+        periods : ndarray of int32, shape (m,)
+
+        Raises
+        ------
+        InputError
+            Points of another shape.
+        """
+        return self._settled(points, traps, longest, modes)[:2]
+
+    def arrivals(
+        self, points: ArrayLike, traps: Traps, longest: int = 200
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int64]]:
+        """Return the label of the trap that each motion falls into, as `settle` does, and where it is told.
+
+        Parameters
+        ----------
+        points : array_like, shape (m, n)
+            States at phase 0, in the order of `system.states`.
+        traps : Traps
+            Trapping regions.
+        longest : int, optional
+            Periods after which a motion is undecided.
+
+        Returns
+        -------
+        labels : ndarray of uint8, shape (m,)
+        states : ndarray, shape (m, n)
+            The first states at phase 0 in a trap.
+        modes : ndarray of int, shape (m,)
+            Their modes.
+
+        Raises
+        ------
+        InputError
+            Points of another shape.
+        """
+        labels, _, ends, modes = self._settled(points, traps, longest)
+        return labels, ends, modes
+
+    def _settled(
+        self, points: ArrayLike, traps: Traps, longest: int, modes: ArrayLike | None = None
+    ) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.float64], NDArray[np.int64]]:
+        x = self._points(points)
+        return self._followed(x, self._modes(modes, x), traps, longest, growth=traps.cells is None)
+
+    def _modes(self, modes: ArrayLike | None, x: NDArray[np.float64]) -> NDArray[np.int64]:
+        starts = np.full(len(x), -1, np.int64) if modes is None else np.array(modes, dtype=np.int64)
+        if starts.shape != (len(x),):
+            raise InputError("modes", starts.shape, f"as many as points, {len(x)}")
+        return starts
+
+    def _points(self, points: ArrayLike) -> NDArray[np.float64]:
+        x = checks.array("points", points, finite=False)
+        if x.ndim != 2 or x.shape[1] != self.n:
+            names = ", ".join(self.system.states)
+            raise InputError("points", x.shape, f"of shape (m, {self.n})", f"a row holds {names}")
+        return x
+
+    def _followed(
+        self, x: NDArray[np.float64], modes: NDArray[np.int64], traps: Traps, longest: int, *, growth: bool
+    ) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.float64], NDArray[np.int64]]:
+        m = len(x)
+        labels, strobes = np.full(m, NOT_DONE, np.uint8), np.zeros(m, np.int32)
+        ends, end_modes = np.full((m, self.n), np.nan), np.zeros(m, np.int64)
+        if self._lanes is None:
+            labels[:] = LEFT_OVER
+        else:
+            *regions, visits = _trap_arrays(traps, self.n)
+            tables, itol = (self._constants, self._quantities, *regions), 1.0 / self.tolerance
+            settings = (
+                itol, 1.0 / _GROWTH if growth else 1.0, min(1.0 / _largest_tolerance(traps), itol),
+                float(traps.limit), longest, visits,
+            )  # fmt: skip
+            self._run(x, modes, tables, settings, (labels, strobes, ends, end_modes))
+        alone = np.flatnonzero(labels == LEFT_OVER)
+        self.left_over += len(alone)
+        for i in alone:
+            labels[i], strobes[i], ends[i], end_modes[i] = follow_alone(
+                self.system, self.parameters, x[i], int(modes[i]), traps, longest, self.period
+            )
+        self.periods += int(strobes.sum())
+        self.periods_alone += int(strobes[alone].sum())
+        return labels, strobes, ends, end_modes
+
+    def _run(
+        self,
+        x: NDArray[np.float64],
+        modes: NDArray[np.int64],
+        tables: tuple[NDArray[Any], ...],
+        settings: tuple[float | int, ...],
+        found: tuple[NDArray[Any], ...],
+    ) -> None:
+        """Follow motions by lanes into `found`: labels, strobes, ends and their modes."""
+        lanes = self._lanes
+        assert lanes is not None
+        run, (p, q, *regions) = lanes.run, tables
+        *tolerances, limit, longest, visits = settings
+
+        piece = min(_PIECE, max(-(-len(x) // self.threads), _ALIVE))
+
+        def follow(start: int) -> NDArray[np.int64]:
+            part, work = slice(start, start + piece), np.zeros_like(self.work)
+            run(
+                x[part], modes[part], p, q, *tolerances, longest, _ALIVE, limit, *regions, visits,
+                *(array[part] for array in found), work, *lanes.scratch(piece),
+            )  # fmt: skip
+            return work
+
+        starts = range(0, len(x), piece)
+        if len(starts) < 2 or self.threads < 2:
+            for start in starts:
+                self.work += follow(start)
+            return
+        pool = ThreadPoolExecutor(self.threads)
+        try:
+            with starting("threads=1"):
+                for work in pool.map(follow, starts):
+                    self.work += work
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    @cached_property
+    def _linear(self) -> dict[int, LinearPart]:
+        return linear_parts(self.system, self.p, self.rate, self.period)
+
+    @cached_property
+    def _lanes(self) -> CompiledLanes | None:
+        from saltus.ensemble.compiled import load_lanes
+
+        if jumps_at_phase_zero(self.system, self.p):
+            return None  # lanes cannot tell on which side of such a jump they are
+        return load_lanes(self.system, _ORDER, {mode: part.pairs for mode, part in self._linear.items()})
+
+    @cached_property
+    def _constants(self) -> NDArray[np.float64]:
+        assert self._lanes is not None
+        return self._lanes.constants(self.p)
+
+    @cached_property
+    def _quantities(self) -> NDArray[np.float64]:
+        assert self._lanes is not None
+        longest = _LONGEST_STEP * self.period
+        values = {"rate": self.rate, "period": self.period, "longest": longest, "limit": self._bound}
+        values |= {f"least{k}": max(_LEAST_TERM / longest**k, 1e-300) for k in range(_ORDER - 2, _ORDER + 1)}
+        values |= {f"iscale{i}": 1.0 / size for i, size in enumerate(self.scale)}
+        values |= {f"escale{k}": 1.0 / size for k, size in enumerate(self._event_sizes())}
+        for mode, part in self._linear.items():
+            values |= {f"far{mode}_{key}": value for key, value in part.numbers(1.0 / self.scale).items()}
+        return np.array([values[name] for name in self._lanes.quantities])
+
+    def _event_sizes(self) -> list[float]:
+        """How much each event function changes over the states' scales, at a few states of their size."""
+        compiled, n_all = self.system.compiled, len(self.system.all_states)
+        extended, out, found = compiled.extended(self.p), np.empty(2 + 2 * n_all), []
+        for k in range(len(self.system.transitions)):
+            sizes = []
+            for side in (-1.0, 0.0, 1.0):
+                compiled.call("event_x", k, 0, self.system.full_state(side * self.scale), extended, out)
+                sizes.append(float(np.abs(out[2 : 2 + self.n]) @ self.scale))
+            finite = [size for size in sizes if 0.0 < size < math.inf]
+            found.append(max(finite, default=1.0))
+        return found
+
+
+def _largest_tolerance(traps: Traps) -> float:
+    """What a motion's tolerance may grow to: small against the narrowest ellipsoid too."""
+    if traps.ellipsoids is None or not len(traps.ellipsoids.shapes):
+        return _LARGEST_TOLERANCE
+    return min(_LARGEST_TOLERANCE, _OF_A_TRAP * traps.ellipsoids.narrowest())
+
+
+def _processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _trap_arrays(traps: Traps, n: int) -> tuple[Any, ...]:
+    """The trapping regions as `saltus.ensemble._kernels.fate` reads them."""
+    labels = []
+    cages = np.empty((0, 2 + n))
+    if (c := traps.cages) is not None:
+        rows = np.concatenate([c.floors[:, :, None], c.rows.real, c.rows.imag], axis=2)
+        flat = rows.reshape(len(rows), -1)
+        cages = np.concatenate([c.modes[:, None], c.bounds[:, None], c.centres, flat], axis=1)
+        labels.append(c.labels)
+    ellipsoids = np.empty((0, 1 + n + n * n))
+    if (e := traps.ellipsoids) is not None:
+        planes = np.concatenate([e.normals, e.offsets[:, :, None]], axis=2)
+        parts = (e.modes, e.centres, e.shapes, planes)
+        ellipsoids = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1, dtype=np.float64)
+        labels.append(e.labels)
+    names = np.concatenate([np.empty(0, np.int64), *labels]).astype(np.int64)
+    if (boxes := traps.cells) is None:
+        return cages, ellipsoids, names, np.zeros(n), np.ones(n), np.empty((0, n), np.int64), np.empty(0, np.int64), 1
+    order = np.lexsort(boxes.boxes.T[::-1])
+    return (
+        cages, ellipsoids, names, boxes.origin, boxes.size, np.ascontiguousarray(boxes.boxes[order]),
+        boxes.labels[order].astype(np.int64), boxes.visits,
+    )  # fmt: skip

@@ -1,0 +1,95 @@
+"""One motion until it has met its fate, by the event-driven flow: for those that lanes cannot follow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.ensemble.labels import DIVERGED, UNDECIDED
+from saltus.errors import DivergenceError, SaltusError, StickingError
+from saltus.flow.motion import starting_mode
+from saltus.flow.poincare import iterate
+from saltus.flow.trajectory import simulate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.ensemble.traps import Traps
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["follow_alone"]
+
+_TOLERANCE = 1e-11
+
+
+def follow_alone(
+    system: HybridSystem,
+    parameters: Mapping[str, float],
+    x: NDArray[np.float64],
+    mode: int,
+    traps: Traps,
+    longest: int,
+    period: float,
+) -> tuple[int, int, NDArray[np.float64], int]:
+    """Return the label of a motion, the periods after which it was known, and its state and mode then.
+
+    A motion that may not start, whose events accumulate, or that takes too many steps, stays undecided, at a state of
+    NaN.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    parameters : mapping of str to float
+        Parameters that differ from the system's defaults.
+    x : ndarray, shape (n,)
+        Start at phase 0.
+    mode : int
+        Index of the mode there; negative for the first that the state allows.
+    traps : Traps
+        Trapping regions.
+    longest : int
+        Periods after which a motion is undecided.
+    period : float
+        Time between two looks.
+
+    Raises
+    ------
+    StickingError
+        The field jumps where the motion comes to be held: no fate of such a motion can be told.
+    """
+    strobe, visits, inside = 0, 0, UNDECIDED
+    try:
+        if mode < 0:
+            mode = starting_mode(system, system.full_state(x), system.parameter_vector(parameters))
+        label = traps.of(x, mode)
+        while label == UNDECIDED and strobe < longest:
+            x, mode = _after_period(system, parameters, x, mode, period)
+            strobe += 1
+            label = traps.of(x, mode)
+            if label == UNDECIDED and traps.cells is not None:
+                box = traps.box_of(x)
+                visits = visits + 1 if box == inside != UNDECIDED else int(box != UNDECIDED)
+                inside = box
+                label = box if visits >= traps.cells.visits else UNDECIDED
+    except StickingError:
+        raise
+    except DivergenceError:
+        return DIVERGED, strobe, np.full(x.size, np.inf), max(mode, 0)
+    except SaltusError:
+        return UNDECIDED, strobe, np.full(x.size, np.nan), max(mode, 0)
+    return label, strobe, x, mode
+
+
+def _after_period(
+    system: HybridSystem, parameters: Mapping[str, float], x: NDArray[np.float64], mode: int, period: float
+) -> tuple[NDArray[np.float64], int]:
+    if system.phase is not None:
+        p, full = system.parameter_vector(parameters), system.full_state(x)
+        found = iterate(system, p, full, mode, discard=0, keep=1, rtol=_TOLERANCE, atol=_TOLERANCE)
+        return found.states[0, : x.size], int(found.modes[0])
+    name = system.mode_names[mode]
+    motion = simulate(system, parameters, x, mode=name, t_end=period, rtol=_TOLERANCE, atol=_TOLERANCE)
+    return np.array(motion.x_end), system.mode_index(motion.mode_end)

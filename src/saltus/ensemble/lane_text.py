@@ -1,0 +1,93 @@
+"""Fields of a lane and numbers of a run, as text: what the writers of steps share."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from saltus.ensemble.lane_kinds import pools_of
+from saltus.system.writer import Writer
+
+if TYPE_CHECKING:
+    import sympy
+
+    from saltus.system.derivatives import Symbolic
+
+__all__ = ["LaneText"]
+
+
+class LaneText(Writer):
+    """Where a lane keeps what, as text that reads and writes it.
+
+    Parameters
+    ----------
+    system : Symbolic
+        The definition.
+    order : int
+        Last coefficient of the Taylor series.
+    exact : dict of int to int
+        Modes with steps by the exact flow, and the pairs of complex eigenvalues of their linear parts.
+    """
+
+    def __init__(self, system: Symbolic, order: int, exact: dict[int, int]) -> None:
+        super().__init__(system)
+        self.order = order
+        self.has_phase = system.system.phase is not None
+        self.n_states = self.n - 1 if self.has_phase else self.n
+        self.pools = pools_of(system, exact)
+        self.events = [
+            [k for k, source in enumerate(system.source) if source == mode] for mode in range(len(system.field))
+        ]
+        self.n_events = max((len(events) for events in self.events), default=0)
+        n = self.n_states
+        self.fields = {"w": n, "t": n + 1, "cap": n + 2, "itol": n + 3, "count": n + 4, "flag": n + 5, "wait": n + 6}
+        self.n_fields = n + 7 + 2 * self.n_events
+        self.lane_numbers: dict[str, int] = {}
+        self._hoisted: dict[str, str] = {}
+
+    def on(self, j: int) -> int:
+        """Field that tells whether a motion starts on the surface of event j of its mode."""
+        return self.n_states + 7 + j
+
+    def side(self, j: int) -> int:
+        """Field with the side of the surface of event j, where it has no direction."""
+        return self.n_states + 7 + self.n_events + j
+
+    def side_of(self, j: int, transition: int) -> str:
+        """Sign of an event function in its mode: against its direction, or as the motion began."""
+        direction = self.system.system.transitions[transition].direction
+        return repr(-float(direction)) if direction else self.load(self.side(j))
+
+    def load(self, name: str | int) -> str:
+        """Text that reads a field of lane l."""
+        return f"ld(S, {self._field(name)}*NL, l)"
+
+    def store(self, name: str | int, value: str) -> str:
+        """Statement that writes a field of lane l."""
+        return f"st(S, {self._field(name)}*NL, l, {value})"
+
+    def _field(self, name: str | int) -> int:
+        return self.fields[name] if isinstance(name, str) else name
+
+    def number(self, name: str) -> str:
+        """Local variable that holds one of the numbers in ``q``, read before the loop over lanes."""
+        place = self.lane_numbers.setdefault(name, len(self.lane_numbers))
+        return self._hoisted.setdefault(name, f"q{place}")
+
+    def place(self, name: str) -> str:
+        """The same where it is read in place."""
+        return f"q[{self.lane_numbers.setdefault(name, len(self.lane_numbers))}]"
+
+    def reads(self) -> list[str]:
+        """Statements that read the numbers asked for since last time."""
+        lines = [f"{local} = q[{self.lane_numbers[name]}]" for name, local in self._hoisted.items()]
+        self._hoisted = {}
+        return lines
+
+    def text_of(self, expression: sympy.Expr, names: dict[sympy.Expr, str] | None = None) -> str:
+        """An expression in parameters, and in a state whose components have the given names."""
+        kept = self._names
+        self._names = {**kept, **(names or {})}
+        try:
+            return self._text(self._hoist(expression))
+        finally:
+            self._names = kept

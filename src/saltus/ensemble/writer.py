@@ -1,0 +1,239 @@
+"""Many motions at once, as generated text: straight-line steps of one lane, which a loop or a GPU runs side by side.
+
+A lane is a motion under way: its state, the time since phase 0, and what its next step needs. Lanes that take the same
+kind of step stand together in a pool: a pool for each mode, with Taylor steps in time, or in sigma where the mode is
+regularised (see `saltus.system.regularise`), and another where steps by the exact flow of the mode's linear part serve
+(see `saltus.system.linear_split`). Steps have no branches; what happens seldom (an event, phase 0, another kind of
+step) is flagged and done one lane at a time.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import sympy
+
+from saltus.ensemble.driver import DRIVER, HEAD
+from saltus.ensemble.exact_step import exact_step
+from saltus.ensemble.labels import CHANGES, EVENT, GONE, HARD, HUGE, STUCK
+from saltus.ensemble.lane_kinds import Pool
+from saltus.ensemble.lane_text import LaneText
+from saltus.ensemble.taylor_step import taylor_step
+from saltus.system.expansion import expanded
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from saltus.system.linear_split import Split
+
+__all__ = ["LaneWriter"]
+
+
+class LaneWriter(LaneText):
+    """Text of the steps of lanes, and of what is done between them; see `LaneText`."""
+
+    def functions(self) -> Iterator[str]:
+        """Texts of the module: a step for each pool, what is done between steps, and the loop over all."""
+        texts = [self._step(k, pool) for k, pool in enumerate(self.pools)]
+        texts += [self._steps(), self._move(), self._entries(), self._begin(), self._turned(), self._read()]
+        self.numbers |= {
+            "N": self.n_states,
+            "NF": self.n_fields,
+            "POOLS": len(self.pools),
+            "MODE_OF": tuple(pool.mode for pool in self.pools),
+            "T_, ITOL, COUNT, FLAG, WAIT": tuple(self.fields[f] for f in ("t", "itol", "count", "flag", "wait")),
+            "QUANTITIES": tuple(self.lane_numbers),
+        }
+        yield HEAD
+        yield from texts
+        yield DRIVER.replace("MAKE_STEP", self._chosen("step_{}(R, n, p, q)", 12))
+
+    def _step(self, k: int, pool: Pool) -> str:
+        """The text of a pool's steps: a loop over lanes around statements without branches."""
+        self._hoisted = {}
+        constants, body = exact_step(self, pool) if pool.split is not None else taylor_step(self, pool)
+        body = [line.replace("math.sin(", "circular_sin(").replace("math.cos(", "circular_cos(") for line in body]
+        parameters = sorted({int(place) for line in body for place in re.findall(r"\bp\[(\d+)\]", line)})
+        body = [re.sub(r"\bp\[(\d+)\]", r"p\1", line) for line in body]
+        head = [*constants, *(f"p{place} = p[{place}]" for place in parameters), *self.reads()]
+        return "\n".join(
+            [
+                "\n\n@lane",
+                f"def step_{k}(S, n, p, q):",
+                *(f"    {line}" for line in head),
+                "    for l in range(n):",
+                *(f"        {line}" for line in body),
+                "",
+            ]
+        )
+
+    # ---- one lane at a time ----
+
+    def _steps(self) -> str:
+        return f"\n\n@scalar\ndef step(k, S, n, p, q):\n    {self._chosen('step_{}(S, n, p, q)', 4)}\n"
+
+    def _move(self) -> str:
+        """A lane's fields, into a lane of another pool."""
+        lines = [f"    st(Q, {i}*NL, m, ld(S, {i}*NL, l))" for i in range(self.n_fields)]
+        return "\n".join(["\n\n@scalar", "def move(S, l, Q, m):", *lines]) + "\n"
+
+    def _chosen(self, call: str, indent: int) -> str:
+        """Statements that make the call of pool k."""
+        cases = [
+            f"{'elif' if k else 'if'} k == {k}:\n{' ' * (indent + 4)}{call.format(k)}" for k in range(len(self.pools))
+        ]
+        return f"\n{' ' * indent}".join(cases)
+
+    def _state_names(self) -> dict[sympy.Expr, str]:
+        return {symbol: ("theta" if i == self.n_states else f"x{i}") for i, symbol in enumerate(self.system.x)}
+
+    def _state_lines(self) -> list[str]:
+        lines = [f"x{i} = {self.load(i)}" for i in range(self.n_states)]
+        if self.has_phase:
+            lines.append(f"theta = {self.place('rate')}*{self.load('t')}")
+        return lines
+
+    def _entries(self) -> str:
+        """Functions that enter a mode: `on` is the bits of the events whose surface the motion starts on."""
+        s, names, texts = self.system, self._state_names(), []
+        for mode in range(len(s.field)):
+            pool = self.pools[mode]
+            lines = ["\n\n@scalar", f"def enter_{mode}(S, l, on, p, q):", *(f"    {x}" for x in self._state_lines())]
+            lines += [f"    {self.store('w', '0.0')}", f"    {self.store('cap', HUGE)}"]
+            lines += [f"    {self.store(self.on(j), '0.0')}" for j in range(self.n_events)]
+            for j, k in enumerate(self.events[mode]):
+                direction = s.system.transitions[k].direction
+                about = pool.form is not None and pool.form.transition == k
+                value, rate = self.text_of(s.event[k], names), self.text_of(s.rate[k], names)
+                lines += [f"    if on & {1 << j}:"]
+                if about:
+                    lines.append("        pass")
+                else:
+                    lines.append(f"        {self.store(self.on(j), '1.0')}")
+                    if not direction:
+                        lines.append(f"        {self.store(self.side(j), f'math.copysign(1.0, {rate})')}")
+                lines += ["    else:", f"        value = {value}"]
+                if direction:
+                    lines.append(f"        value = {-float(direction)!r}*value")
+                else:
+                    lines.append(f"        {self.store(self.side(j), 'math.copysign(1.0, value)')}")
+                    lines.append("        value = abs(value)")
+                lines += ["        if not value > 0.0:", f"            return {HARD}"]
+                if about:
+                    lines.append(f"        {self.store('w', 'math.sqrt(value)')}")
+            lines.append(f"    return {mode}")
+            texts.append("\n".join(lines) + "\n")
+        return "".join(texts)
+
+    def _begin(self) -> str:
+        """The pool of a motion at phase 0: its mode's, by default the first that its state allows.
+
+        What starts on a surface is left to `saltus.flow.motion.starting_mode`.
+        """
+        s, names = self.system, self._state_names()
+        lines = ["\n\n@scalar", "def begin(mode, S, l, p, q):", *(f"    {x}" for x in self._state_lines())]
+        for mode in range(len(s.field)):
+            surfaces: list[str] = []
+            conditions = [f"{self.text_of(s.domain[mode], names)} > 0.0"] if s.domain[mode] != 1 else []
+            for k in self.events[mode]:
+                transition = s.system.transitions[k]
+                if transition.target == transition.source or not transition.direction:
+                    continue
+                value = self.text_of(s.event[k], names)
+                surfaces.append(f"({value}) == 0.0")
+                passed = f"{float(transition.direction)!r}*({value}) > 0.0"
+                if s.when[k] != 1:
+                    passed = f"({passed} and {self.text_of(s.when[k], names)} > 0.0)"
+                conditions.append(f"not {passed}")
+            if surfaces:
+                lines += [f"    if mode < 0 and ({' or '.join(surfaces)}):", f"        return {HARD}"]
+            lines += [
+                f"    if mode == {mode} or (mode < 0 and {' and '.join(conditions) or 'True'}):",
+                f"        return enter_{mode}(S, l, 0, p, q)",
+            ]
+        return "\n".join([*lines, f"    return {HARD}"]) + "\n"
+
+    def _turned(self) -> str:
+        """What follows a flagged step: the pool in which a lane goes on, or HARD, or GONE."""
+        lines = [
+            "\n\n@scalar",
+            "def turned(k, S, l, p, q):",
+            f"    flag = {self.load('flag')}",
+            f"    if flag == {STUCK!r}:",
+            "        for i in range(N):",
+            f"            if not abs(ld(S, i*NL, l)) < 0.5*{self.place('limit')}:",
+            f"                return {GONE}",
+            "        return k",
+        ]
+        for k, pool in enumerate(self.pools):
+            body = self._exact_left(k, pool) if pool.split is not None else self._taylor_left(pool)
+            lines += [f"    {'if' if k == 0 else 'elif'} k == {k}:", *(f"        {line}" for line in body)]
+        return "\n".join([*lines, f"    return {HARD}"]) + "\n"
+
+    def _taylor_left(self, pool: Pool) -> list[str]:
+        s, names = self.system, self._state_names()
+        lines = self._state_lines()
+        k = next((k for k, p in enumerate(self.pools) if p.split is not None and p.mode == pool.mode), None)
+        if k is not None:
+            lines += [f"if flag == {CHANGES!r}:", *(f"    {line}" for line in self._to_modal(k))]
+        for j, transition in enumerate(self.events[pool.mode]):
+            lines.append(f"if flag == {EVENT + j!r}:")
+            if s.when[transition] != 1:
+                lines += [f"    if not {self.text_of(s.when[transition], names)} > 0.0:", f"        return {HARD}"]
+            resets = [
+                f"    {self.store(i, self.text_of(value, names))}"
+                for i, (value, symbol) in enumerate(zip(s.reset[transition][: self.n_states], s.x, strict=False))
+                if value != symbol
+            ]
+            target = list(s.system.modes).index(s.system.transitions[transition].target)
+            lines += [*resets, f"    return enter_{target}(S, l, {self._surfaces(transition, target)}, p, q)"]
+        return lines
+
+    def _surfaces(self, transition: int, target: int) -> int:
+        """Bits of the events of the target mode that vanish on the surface of a transition, after its reset."""
+        s = self.system
+        moved = dict(zip(s.x, s.reset[transition], strict=True))
+        bits = 0
+        for j, k in enumerate(self.events[target]):
+            event = s.event[k].xreplace(moved)
+            if any(expanded(event + sign * s.event[transition]) == 0 for sign in (-1, 1)):
+                bits |= 1 << j
+        return bits
+
+    def _to_modal(self, k: int) -> list[str]:
+        n, split = self.n_states, self.pools[k].split
+        assert split is not None
+        name = f"far{self.pools[k].mode}_"
+        lines = [f"{part}{j} = circular_{part}({float(j)!r}*theta)" for j in split.harmonics for part in ("cos", "sin")]
+        for i in range(n):
+            terms = [f"{self.place(f'{name}z{i}_{e}')}*x{e}" for e in range(n)]
+            for j in split.harmonics:
+                terms += [f"{self.place(f'{name}z{i}_c{j}')}*cos{j}", f"{self.place(f'{name}z{i}_s{j}')}*sin{j}"]
+            lines.append(self.store(i, f"{' + '.join(terms)} + {self.place(f'{name}z{i}_constant')}"))
+        return [*lines, self.store("cap", HUGE), f"return {k}"]
+
+    def _exact_left(self, k: int, pool: Pool) -> list[str]:
+        assert pool.split is not None
+        theta = [f"theta = {self.place('rate')}*{self.load('t')}"] if self.has_phase else []
+        return [*theta, *self._from_modal(k, pool.split), f"return enter_{pool.mode}(S, l, 0, p, q)"]
+
+    def _from_modal(self, k: int, split: Split, to: str = "st(S, {}*NL, l, {})") -> list[str]:
+        n, name = self.n_states, f"far{self.pools[k].mode}_"
+        lines = [f"{part}{j} = circular_{part}({float(j)!r}*theta)" for j in split.harmonics for part in ("cos", "sin")]
+        lines += [f"z{i} = {self.load(i)}" for i in range(n)]
+        for e in range(n):
+            terms = [f"{self.place(f'{name}x{e}_{i}')}*z{i}" for i in range(n)]
+            for j in split.harmonics:
+                terms += [f"{self.place(f'{name}x{e}_c{j}')}*cos{j}", f"{self.place(f'{name}x{e}_s{j}')}*sin{j}"]
+            lines.append(to.format(e, f"{' + '.join(terms)} + {self.place(f'{name}x{e}_constant')}"))
+        return lines
+
+    def _read(self) -> str:
+        """The state of a lane at phase 0, into x."""
+        lines = ["\n\n@scalar", "def read(k, S, l, x, q):"]
+        for k, pool in enumerate(self.pools):
+            if pool.split is not None:
+                body = ["theta = 0.0", *self._from_modal(k, pool.split, "x[{}] = {}"), "return"]
+                lines += [f"    if k == {k}:", *(f"        {line}" for line in body)]
+        return "\n".join([*lines, "    for i in range(N):", "        x[i] = ld(S, i*NL, l)"]) + "\n"

@@ -1,0 +1,95 @@
+"""Amplitude spectrum of a quantity along a trajectory."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from saltus import checks
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from saltus.flow.trajectory import Trajectory
+
+__all__ = ["Window", "spectrum"]
+
+Window = Literal["none", "hann"]
+"""What samples are multiplied by before the transform."""
+
+_EACH_PERIOD, _EACH_STEP = 256, 8
+"""Samples in a period of the phase, or in a step of a motion without one."""
+
+
+def spectrum(
+    trajectory: Trajectory,
+    expression: str,
+    *,
+    t_start: float | None = None,
+    t_end: float | None = None,
+    samples: int | None = None,
+    window: Window | None = None,
+) -> xr.DataArray:
+    """Return the one-sided amplitude spectrum of an expression along a trajectory; `Trajectory.spectrum` tells more.
+
+    Samples at equidistant times go through a fast Fourier transform. What has higher frequencies than half the rate of
+    the samples is folded back: the amplitudes of a quantity that jumps at impacts, as a velocity does, are true at
+    orders far below ``samples / (2 periods)`` only, while ``Trajectory.observe`` takes any order from integrals.
+
+    References
+    ----------
+    F. J. Harris, On the use of windows for harmonic analysis with the discrete Fourier transform, Proc. IEEE 66 (1978)
+    51-83: Hann's window, and amplitudes divided by its mean.
+
+    Examples
+    --------
+    >>> from saltus.flow.trajectory import simulate
+    >>> from saltus.system.hybrid import HybridSystem, Mode
+    >>> driven = HybridSystem(
+    ...     ("x",), {"w": 2.0}, {"free": Mode({"x": "-x + sin(theta) + 0.5*cos(2*theta)"})}, phase=("theta", "w")
+    ... )
+    >>> lines = simulate(driven, {}, [0.0], periods=4).spectrum("sin(theta) + 0.5*cos(2*theta)")
+    >>> print(lines.sel(order=[0.0, 1.0, 1.5, 2.0]).round(9).values)
+    [0.  1.  0.  0.5]
+    """
+    import xarray as xr
+
+    motion = trajectory.motion(t_start, t_end)
+    phase = trajectory.system.phase
+    if t_start is None and phase is not None:
+        motion = motion.whole() or motion
+    begin, end = motion.begin, motion.end
+    periods = (end - begin) * motion.angle[1] / (2.0 * math.pi)
+    fits = phase is not None and motion.whole() is motion
+    if window is None:
+        window = "none" if fits else "hann"
+    checks.chosen("window", window, get_args(Window))
+    if samples is None:
+        samples = _EACH_STEP * len(motion.modes) if phase is None else _EACH_PERIOD * max(round(periods), 1)
+    samples = checks.size("samples", samples, 2)
+    places = np.arange(samples) / samples
+    times = np.minimum(begin + (end - begin) * places, end)
+    weights = np.ones(samples) if window == "none" else 0.5 - 0.5 * np.cos(2.0 * math.pi * places)
+    amplitudes = 2.0 * np.abs(np.fft.rfft(trajectory.output(expression, times) * weights)) / weights.sum()
+    amplitudes[0] /= 2.0
+    if samples % 2 == 0:
+        amplitudes[-1] /= 2.0
+    lines = np.arange(amplitudes.size)
+    frequency = (2.0 * math.pi * lines / (end - begin), {"long_name": "angular frequency"})
+    coords: dict[str, Any] = {"frequency": ("frequency", *frequency)}
+    if phase is not None:
+        orders = lines / (round(periods) if fits else periods)
+        coords = {
+            "order": ("order", orders, {"long_name": f"frequency / rate of {phase[0]}"}),
+            "frequency": ("order", *frequency),
+        }
+    attrs = {
+        "long_name": f"amplitude of {expression}",
+        "t_start": begin,
+        "t_end": end,
+        "window": window,
+        "samples": samples,
+    }
+    return xr.DataArray(amplitudes, coords, [next(iter(coords))], "amplitude", attrs)

@@ -1,0 +1,381 @@
+"""A motion under way by Runge-Kutta steps: where it may start, how long it lasts, what ends it early."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import checks
+from saltus.errors import ChatteringError, DivergenceError, InputError, SaltusError, StickingError, StiffnessError
+from saltus.flow.sticking import sticking_surface
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["EventDrivenMotion", "allowed_modes", "check_tolerances", "domain_value", "how_long", "passed_event",
+           "start_state", "starting_mode"]  # fmt: skip
+
+_TWO_PI = 2.0 * math.pi
+_EVENTS_KEPT = 1024
+_BUDGET = 1 << 16
+_WATCHED = 2048  # steps tried between two looks at whether a motion sticks
+_HUGE = 1e250  # event functions beyond this are not finite: sums of some of their values overflow
+_LOOKS = 3  # looks in a row at which it must
+_NAME = re.compile(r"[^\W\d]\w*")
+
+
+class EventDrivenMotion:
+    """A motion under way: the kernel's arrays, and what it has written so far.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    p : ndarray, shape (parameters,)
+        `HybridSystem.parameter_vector`.
+    x : ndarray, shape (all states,)
+        Start; the run's own from here on.
+    mode : int
+        Index of the mode there.
+    rtol, atol : float
+        Tolerances of a step.
+    steps_kept : int, optional
+        Steps of dense output between two clearances of the buffer; none is kept for 0.
+    most_steps : int, optional
+        Steps that may be tried in all before a `StiffnessError`.
+    room : int, optional
+        Steps of dense output in all, at which the motion stops.
+
+    Notes
+    -----
+    On which side of an event a motion is that starts on its surface, `side` tells before the first step: of an event
+    function of the phase alone, where the phase comes from; a transition that changes nothing (a section, a counter)
+    does not happen there; of the others nothing is known.
+
+    Raises
+    ------
+    InputError
+        The phase's rate is not positive.
+    """
+
+    def __init__(
+        self,
+        system: HybridSystem,
+        p: NDArray[np.float64],
+        x: NDArray[np.float64],
+        mode: int,
+        rtol: float,
+        atol: float,
+        *,
+        steps_kept: int = 0,
+        most_steps: int | None = None,
+        room: int | None = None,
+    ) -> None:
+        from saltus.flow import _event_kernels as kernels
+
+        compiled, n = system.compiled, x.size
+        self.kernels, self.system, self.rtol, self.atol = kernels, system, float(rtol), float(atol)
+        self.addresses = compiled.addresses
+        self.p = compiled.extended(np.ascontiguousarray(p, dtype=np.float64))
+        self.x = x
+        self.rate = 0.0
+        self.offset = 0.0
+        if system.phase is not None:
+            self.rate = float(compiled.field(mode, x, p)[-1])
+            if not 0.0 < self.rate < math.inf:
+                raise InputError(f"rate of the phase {system.phase[0]}", self.rate, "> 0 and finite")
+        index = {name: i for i, name in enumerate(system.mode_names)}
+        rows = [[index[t.source], index[t.target], t.direction] for t in system.transitions]
+        self.transitions = np.array(rows, dtype=np.int64).reshape(len(rows), 3)
+        self.offset = max(float(x[-1]), 0.0) if self.rate > 0.0 else 0.0
+        self._room = math.inf if room is None else room
+        self.most_steps, self.budget, self._watched, self._looks = most_steps, 2 * _WATCHED, 0, 0
+        self.slopes, self.size = np.zeros(16 * n), np.abs(x)
+        if system.phase is not None:
+            self.size[-1] = _TWO_PI
+        self.numbers = np.zeros(kernels.N_NUMBERS)
+        self.counts = np.zeros(kernels.N_COUNTS, np.int64)
+        self.counts[[kernels.MODE, kernels.STARTING]] = mode, 1
+        self.counts[[kernels.FIRED, kernels.MODE_BEFORE]] = -1
+        self.side, self.on = self._start_sides(mode), np.zeros(len(rows), np.int64)
+        self.value, self.first_steps = np.zeros(len(rows)), np.zeros(len(index))
+        m = steps_kept
+        self.step_buffers = (np.empty((m, 2)), np.empty(m, np.int64), np.empty((m, n)), np.empty((m, 7, n)))
+        m = _EVENTS_KEPT
+        self.event_buffers = (np.empty(m), np.empty((m, 3), np.int64), np.empty((m, 2, n)), np.empty(m))
+        self.kept_steps: list[tuple[NDArray[Any], ...]] = []
+        self.kept_events: list[tuple[NDArray[Any], ...]] = []
+
+    def _start_sides(self, mode: int) -> NDArray[np.int64]:
+        """What is known of the side of each event, should the motion start on its surface.
+
+        A start at phase 0 comes before the events of the phase alone that lie there to rounding, as the strobe does.
+        """
+        side = np.zeros(len(self.system.transitions), np.int64)
+        source = self.system.mode_names[mode]
+        for k, transition in enumerate(self.system.transitions):
+            if transition.source != source:
+                continue
+            if transition.target == source and not transition.reset:
+                side[k] = self.kernels.PASSES
+            elif _is_of_phase(self.system, k):
+                out, near = np.empty(2), self.kernels.AT_WRAP
+                self.system.compiled.call("event", k, 0, self.x, self.p, out)
+                side[k] = -np.sign(out[1])
+                past = self.rate * out[0] / out[1] if out[1] else 0.0
+                if abs(self.x[-1]) <= near and 0.0 < past <= near:
+                    self.x[-1] -= past
+        return side
+
+    @property
+    def time(self) -> float:
+        """Time since the start."""
+        return float(self.numbers[self.kernels.T] + self.numbers[self.kernels.T_LOW])
+
+    @property
+    def mode(self) -> int:
+        """Index of the mode now."""
+        return int(self.counts[self.kernels.MODE])
+
+    @property
+    def wraps(self) -> int:
+        """Wraps of the phase passed so far."""
+        return int(self.counts[self.kernels.WRAPS])
+
+    def went_round(self, periods: int) -> bool:
+        """Whether so many periods are over since the start."""
+        at_phase = float(self.x[-1]) > self.offset - self.kernels.AT_WRAP
+        return self.wraps > periods or (self.wraps == periods and at_phase)
+
+    @property
+    def events_passed(self) -> int:
+        """Transitions passed so far."""
+        return int(self.counts[self.kernels.EVENTS])
+
+    def follow(self, t_end: float, periods: int | None, n_events: int | None, *, keep: bool = True) -> None:
+        """Go on until the time, the number of periods or that of transitions; `periods` end at the phase of the start.
+
+        `keep` False forgets the events.
+        """
+        most = np.iinfo(np.int64).max
+        self._follow(t_end, most if periods is None else periods, most if n_events is None else n_events, keep)
+        if periods is not None and self.offset > 0.0 and self.wraps >= periods:
+            self._follow(
+                min(t_end, self.time + self.offset / self.rate), most, most if n_events is None else n_events, keep
+            )
+
+    def follow_for(self, tries: int, n_events: int, *, t_end: float = math.inf, keep: bool = True) -> None:
+        """Go on until so many steps have been tried, or so many transitions passed, or a time.
+
+        `keep` False forgets the events.
+        """
+        self._follow(t_end, np.iinfo(np.int64).max, self.events_passed + n_events, keep, self.tries + tries)
+
+    @property
+    def tries(self) -> int:
+        """Steps tried so far."""
+        return int(self.counts[self.kernels.TRIES])
+
+    def watch(self) -> None:
+        """Look at a motion that is still under way: whether it sticks, or has taken all the steps that it may.
+
+        Raises
+        ------
+        StickingError, StiffnessError
+            It does.
+        DivergenceError
+            An event function is not finite.
+        """
+        if self.tries - self._watched >= _WATCHED:
+            self._watched = self.tries
+            surface = self._sticks_on()
+            self._looks = self._looks + 1 if surface is not None else 0
+            self.budget = _WATCHED if surface is not None else _BUDGET
+            if (infinite := self._infinite_event()) is not None:
+                raise DivergenceError(self.time, self.x, self.system.mode_names[self.mode], infinite)
+            if surface is not None and self._looks >= _LOOKS:
+                raise StickingError(self.time, self.x, self.system.mode_names[self.mode], surface)
+        if self.most_steps is not None and self.tries > self.most_steps and not self._looks:
+            raise StiffnessError(self.time, self.x, self.system.mode_names[self.mode], self.tries)
+
+    def _sticks_on(self) -> str | None:
+        """Expression at whose zero the field jumps and holds the motion; None where it is not held."""
+        step = max(float(self.numbers[place]) for place in (self.kernels.STEP, self.kernels.STEP_BEFORE))
+        return sticking_surface(self.system, self.mode, self.x, self.p, step)
+
+    def _follow(self, t_end: float, wraps: int, n_events: int, keep: bool, last_try: float = math.inf) -> None:
+        status = self.kernels.AGAIN
+        while status == self.kernels.AGAIN and self.tries < last_try and self._room > 0:
+            budget = int(min(self.budget, last_try - self.tries, self._room))
+            status = self.kernels.run_kernel(
+                self.addresses, self.transitions, self.rate, self.p, t_end, wraps, n_events, self.rtol, self.atol,
+                budget, self.x, self.slopes, self.size, self.numbers, self.counts, self.side, self.on, self.value,
+                self.first_steps, *self.step_buffers, *self.event_buffers,
+            )  # fmt: skip
+            if keep:
+                m, k = (int(self.counts[place]) for place in (self.kernels.N_STEPS, self.kernels.N_EVENTS))
+                self._room -= m
+                self.kept_steps.append(tuple(buffer[:m].copy() for buffer in self.step_buffers))
+                self.kept_events.append(tuple(buffer[:k].copy() for buffer in self.event_buffers))
+            if status == self.kernels.AGAIN:
+                self.watch()
+        if status not in (self.kernels.DONE, self.kernels.AGAIN):
+            raise self.error(status)
+
+    def _infinite_event(self) -> str | None:
+        """Which event function of the mode is not finite, or will be in a step, in words; None where all are."""
+        source, out, ahead = self.system.mode_names[self.mode], np.empty(2), self.x + self._ahead()
+        for k, transition in enumerate(self.system.transitions):
+            if transition.source != source:
+                continue
+            for x in (self.x, ahead):
+                self.system.compiled.call("event", k, 0, x, self.p, out)
+                if not abs(out[0]) < _HUGE:
+                    return f"the event function of {transition.name!r}, {transition.event}, is not finite"
+        return None
+
+    def _ahead(self) -> NDArray[np.float64]:
+        """How far the motion goes in a step that could not be taken."""
+        slope = self.slopes[: self.x.size]
+        return np.asarray(2.0 * float(self.numbers[self.kernels.STEP]) * slope)
+
+    def steps(self) -> tuple[NDArray[Any], ...]:
+        """Times and lengths, modes, starts and dense coefficients of the steps."""
+        return tuple(np.concatenate(parts) for parts in zip(*self.kept_steps, strict=True))
+
+    def events(self) -> tuple[NDArray[Any], ...]:
+        """Times, transitions with modes, states on both sides, and rates of the events."""
+        nothing = tuple(buffer[:0] for buffer in self.event_buffers)
+        return tuple(np.concatenate(parts) for parts in zip(nothing, *self.kept_events, strict=True))
+
+    def error(self, status: int) -> SaltusError:
+        """Return what a status of the kernel that is not DONE says."""
+        kernels = self.kernels
+        t, mode = self.time, self.system.mode_names[self.mode]
+        if status == kernels.CHATTERING:
+            return ChatteringError(t, self.x, mode)
+        if status == kernels.STEP_UNDERFLOW and (surface := self._sticks_on()) is not None:
+            return StickingError(t, self.x, mode, surface)
+        if status == kernels.EVENT_NOT_FINITE:
+            return DivergenceError(t, self.x, mode, self._infinite_event() or "an event function is not finite")
+        step = self.numbers[kernels.STEP]
+        reason = {
+            kernels.UNBOUNDED: f"a state passes {kernels.BOUND:g}",
+            kernels.STEP_UNDERFLOW: f"the step falls to {step:.3g}, as it does before a singularity",
+            kernels.LEFT_DOMAIN: f"it leaves the domain of the mode, {self.system.modes[mode].domain} > 0",
+            kernels.FIELD_NOT_FINITE: "the vector field is not finite",
+            kernels.RESET_NOT_FINITE: "a reset is not finite",
+        }[status]
+        return DivergenceError(t, self.x, mode, reason)
+
+
+def _is_of_phase(system: HybridSystem, transition: int) -> bool:
+    """Whether an event function knows the phase alone, and no state."""
+    if system.phase is None:
+        return False
+    return not set(system.states) & set(_NAME.findall(system.transitions[transition].event))
+
+
+def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:
+    """Return whether an event of the phase alone happens at phase 0, to what the strobe can tell."""
+    from saltus.flow._event_kernels import AT_WRAP
+
+    out, extended = np.empty(2), system.compiled.extended(p)
+    for k, transition in enumerate(system.transitions):
+        if _is_of_phase(system, k):
+            x = np.zeros(len(system.all_states))
+            rate = float(system.compiled.field(system.mode_index(transition.source), x, p)[-1])
+            system.compiled.call("event", k, 0, x, extended, out)
+            if abs(rate * out[0]) <= AT_WRAP * abs(out[1]) and transition.direction * out[1] >= 0.0:
+                return True
+    return False
+
+
+def start_state(system: HybridSystem, x0: ArrayLike) -> NDArray[np.float64]:
+    """Return a full state at which a motion may be started, its phase on [0, 2 pi).
+
+    One that ended at phase 0 to rounding begins there, before the events at that phase.
+    """
+    from saltus.flow._event_kernels import AT_WRAP
+
+    x = system.full_state(x0)
+    if system.phase is not None:
+        x[-1] %= _TWO_PI
+        if x[-1] > _TWO_PI - AT_WRAP:
+            x[-1] -= _TWO_PI
+    return x
+
+
+def check_tolerances(rtol: object, atol: object) -> None:
+    """Raise `InputError` where a tolerance cannot be used."""
+    checks.between("rtol", rtol, 1e-14, 0.1)
+    checks.positive("atol", atol)
+
+
+def how_long(system: HybridSystem, periods: int | None, t: float | None) -> tuple[float, int | None]:
+    """Return the time and the number of periods after which a motion ends; exactly one of the two is given."""
+    if (periods is None) == (t is None):
+        raise InputError("t, periods", {"t": t, "periods": periods}, "exactly one of the two given")
+    if periods is not None and system.phase is None:
+        raise InputError("periods", periods, "left out for a system without a phase", "give t")
+    return math.inf if t is None else checks.positive("t", t), periods
+
+
+def domain_value(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> float:
+    """Return the domain function of a mode, positive where its field is defined."""
+    out = np.empty(1)
+    system.compiled.call("guard", mode, 0, x, system.compiled.extended(p), out)
+    return float(out[0])
+
+
+def starting_mode(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64], mode: str | None = None) -> int:
+    """Return the index of the mode in which a motion starts at x.
+
+    That is `mode`, in whose domain x must lie; by default the first whose domain holds there and none of whose events
+    that lead to another mode is passed.
+    """
+    if mode is not None:
+        index = system.mode_index(mode)
+        if not (value := domain_value(system, index, x, p)) > 0.0:
+            allowed = f"in the domain of mode {mode!r}, {system.modes[mode].domain} > 0"
+            raise InputError("x0", x.tolist(), allowed, f"it is {value:.6g} there")
+        return index
+    if (first := next(allowed_modes(system, x, p), None)) is not None:
+        return first
+    reasons = []
+    for index, name in enumerate(system.mode_names):
+        if not (value := domain_value(system, index, x, p)) > 0.0:
+            reasons.append(f"{name}: {system.modes[name].domain} is {value:.6g}, not positive")
+        else:
+            reasons.append(f"{name}: past its event {passed_event(system, index, x, p)!r}")
+    allowed = "in the domain of a mode and before its events"
+    raise InputError("x0", x.tolist(), allowed, "; ".join(reasons))
+
+
+def allowed_modes(system: HybridSystem, x: NDArray[np.float64], p: NDArray[np.float64]) -> Iterator[int]:
+    """Go through the indices of the modes in which a motion may start at x."""
+    for index in range(len(system.modes)):
+        if domain_value(system, index, x, p) > 0.0 and not passed_event(system, index, x, p):
+            yield index
+
+
+def passed_event(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> str:
+    """Return the name of a transition to another mode whose event is passed already; nothing where none is."""
+    compiled, event, when = system.compiled, np.empty(2), np.empty(1)
+    extended = compiled.extended(p)
+    for k, transition in enumerate(system.transitions):
+        if system.mode_names.index(transition.source) != mode or transition.target == transition.source:
+            continue
+        compiled.call("event", k, 0, x, extended, event)
+        side = event[0] if event[0] != 0.0 else event[1]
+        compiled.call("guard", len(system.modes) + k, 0, x, extended, when)
+        if side * transition.direction > 0.0 and when[0] > 0.0:
+            return transition.name
+    return ""

@@ -1,0 +1,277 @@
+"""Generated functions of a system, compiled: called by address, so that drivers are compiled once for all systems."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.errors import DefinitionError
+from saltus.system.generated import Kind, module_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from saltus.system.definition import Definition
+    from saltus.system.derivatives import Symbolic
+    from saltus.system.writer import Writer
+
+__all__ = [
+    "FLOW",
+    "FUNCTIONS",
+    "SECOND",
+    "SERIES_TEXT",
+    "Compiled",
+    "CompiledLinear",
+    "CompiledSecond",
+    "CompiledSeries",
+    "callable_at",
+    "load",
+    "load_linear",
+    "load_second",
+    "load_series",
+    "with_constants",
+]
+
+FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p", "reset", "reset_x", "reset_p",
+             "outputs", "guard")  # fmt: skip
+"""Names of the generated functions, in the order of `Compiled.addresses`."""
+
+SECOND = ("derive", "field_2", "event_2", "reset_2")
+"""Names of the functions of second derivatives, in the order of `CompiledSecond.addresses`."""
+
+
+class Compiled:
+    """The compiled functions of one system.
+
+    Attributes
+    ----------
+    addresses : ndarray of int64, shape (functions,)
+        Where each of `FUNCTIONS` begins; valid in this process only.
+    n, n_parameters, n_constants, n_outputs : int
+        Sizes of the full state, of the parameters, of the constants made from them, of the outputs.
+    rooted : ndarray of bool, shape (modes,)
+        Whether a mode's field has broken powers at which its first derivatives are infinite.
+    limits : ndarray of bool, shape (modes,)
+        Whether their product with the rate of clustered time has a limit that is not 0.
+    jumps : tuple of bool
+        Whether a mode's field may jump.
+    too_steep : tuple of str
+        The power of each mode with which no sensitivities are computed; empty where there is none.
+    """
+
+    def __init__(self, module: Any, system: Definition) -> None:
+        self.addresses = np.array([getattr(module, name).address for name in FUNCTIONS], dtype=np.int64)
+        self.n = len(system.all_states)
+        self.n_parameters = len(system.parameters)
+        self.n_constants = int(module.CONSTANTS)
+        self.n_outputs = len(system.outputs)
+        self.rooted = np.array(module.ROOTED, dtype=np.bool_)
+        self.limits = np.array(module.LIMITS, dtype=np.bool_)
+        self.jumps = tuple(module.JUMPS)
+        self.too_steep = tuple(module.TOO_STEEP)
+        # valid as long as the module is, which `sys.modules` keeps
+        self._calls: dict[str, Any] = {name: callable_at(getattr(module, name)) for name in FUNCTIONS}
+
+    def extended(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return parameters with the constants behind them, shape (n_parameters + n_constants,)."""
+        return with_constants(self._calls["derive"], p, self.n_constants)
+
+    def check_powers(self, system: Definition, modes: Sequence[int]) -> None:
+        """Raise `DefinitionError` where the field of one of the modes is too steep at a surface for sensitivities."""
+        for mode in modes:
+            if power := self.too_steep[mode]:
+                allowed = "1/2 alone, or above 1/2, where it vanishes on a surface of the mode"
+                hint = "this needs its derivatives; simulate, run_sweep and map_basins do not"
+                raise DefinitionError(f"power in the field of mode {system.mode_names[mode]!r}", power, allowed, hint)
+
+    def field(self, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the vector field of a mode at a full state."""
+        out = np.empty(self.n)
+        self.call("field", mode, 0, x, self.extended(p), out)
+        return out
+
+    def linearised(
+        self, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the field of a mode at a full state, shape (n,), and its Jacobian, (n, n); `p` is extended."""
+        frame, out = np.concatenate([x, np.eye(self.n).ravel()]), np.empty(self.n * (self.n + 1))
+        self.call("vary", mode, self.n, frame, p, out)
+        return out[: self.n], out[self.n :].reshape(self.n, self.n)
+
+    def call(
+        self,
+        name: str,
+        k: int,
+        m: int,
+        x: NDArray[np.float64],
+        p: NDArray[np.float64],
+        out: NDArray[np.float64],
+    ) -> None:
+        """Call one generated function; `p` is extended, arrays are contiguous."""
+        _call(self._calls[name], k, m, x, p, out)
+
+
+class CompiledSeries:
+    """Taylor series of a system's motions, one order.
+
+    ``series`` writes, for mode `k` and at ``x`` (the full state and w behind it), the coefficients of the states
+    without the phase, of two more and of the mode's event functions: shape (order + 1, stride). For ``modes + k`` they
+    are those in sigma, where the mode is regularised (see `saltus.system.regularise`), and the two more are those of w
+    and the time.
+
+    Attributes
+    ----------
+    addresses : ndarray of int64, shape (3,)
+        Where ``derive``, ``series`` and ``far`` begin; valid in this process only.
+    order, stride : int
+        Last coefficient; columns.
+    forms : ndarray of int64, shape (modes, 2)
+        For each mode the transition about which it is regularised (-1: none) and the sign of its event function.
+    """
+
+    def __init__(self, module: Any, system: Definition) -> None:
+        self.addresses = np.array(
+            [getattr(module, name).address for name in ("derive", "series", "far")], dtype=np.int64
+        )
+        self.order, self.stride = int(module.ORDER), int(module.STRIDE)
+        self.forms = np.array(module.FORMS, dtype=np.int64).reshape(len(system.modes), 2)
+        self._n_constants = int(module.CONSTANTS)
+        self._derive: Any = callable_at(module.derive)
+
+    def constants(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return parameters with the constants of these functions behind them."""
+        return with_constants(self._derive, p, self._n_constants)
+
+
+class CompiledLinear:
+    """Linear parts of a system's modes.
+
+    Attributes
+    ----------
+    splits : list of dict or None
+        For each mode what `saltus.system.linear_split.Split.layout` says of its linear part, None where it has none.
+    """
+
+    def __init__(self, module: Any) -> None:
+        self.splits: list[dict[str, Any] | None] = module.SPLITS
+        self._n_constants = int(module.CONSTANTS)
+        self._derive: Any = callable_at(module.derive)
+        self._linear: Any = callable_at(module.linear)
+
+    def at(self, mode: int, p: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the generator of a mode's linear part and its event functions, (size, size) and (events, size)."""
+        layout = self.splits[mode]
+        assert layout is not None
+        size = layout["size"]
+        out = np.empty((size + layout["events"], size))
+        _call(self._linear, mode, 0, out, with_constants(self._derive, p, self._n_constants), out)
+        return out[:size], out[size:]
+
+
+class CompiledSecond:
+    """Second derivatives of one system, in its state and in some of its parameters.
+
+    With y the state and those parameters behind it, and v a direction, ``field_2`` writes the matrix of the second
+    derivative of the field, once along v, shape (n, n + active), ``reset_2`` that of a reset, and ``event_2`` that of
+    an event function and of its rate, shape (2, n + active). Their argument is [state (n,), v (n + active,)].
+
+    Attributes
+    ----------
+    addresses : ndarray of int64, shape (functions,)
+        Where each of `SECOND` begins; valid in this process only.
+    active : tuple of int
+        The parameters, as indices in growing order.
+    extended : int
+        Count of the parameters with the constants of these functions behind them.
+    """
+
+    def __init__(self, module: Any, system: Definition, active: tuple[int, ...]) -> None:
+        self.addresses = np.array([getattr(module, name).address for name in SECOND], dtype=np.int64)
+        self.active = active
+        self.extended = len(system.parameters) + int(module.CONSTANTS)
+
+
+def _call(
+    function: Any, k: int, m: int, x: NDArray[np.float64], p: NDArray[np.float64], out: NDArray[np.float64]
+) -> None:
+    function(k, m, x.ctypes.data, p.ctypes.data, out.ctypes.data)
+
+
+def callable_at(function: Any) -> Any:
+    """Return a generated function as one of integers and addresses, which are converted faster than pointers."""
+    import ctypes
+
+    integer, address = ctypes.c_int64, ctypes.c_void_p
+    return ctypes.CFUNCTYPE(None, integer, integer, address, address, address)(function.address)
+
+
+def with_constants(derive: Any, p: NDArray[np.float64], n_constants: int) -> NDArray[np.float64]:
+    """Return parameters with the constants behind them that a generated ``derive`` makes."""
+    out = np.empty(p.size + n_constants)
+    out[: p.size] = p
+    _call(derive, 0, 0, out, out, out)
+    return out
+
+
+_TEXT = ("derivatives", "expansion", "expressions", "grammar", "printer", "regularise", "writer")
+_FLOW_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "codegen"))
+SERIES_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "linear_split", "taylor"))
+"""Modules from which a text comes that holds Taylor series or linear parts, its writer's own besides."""
+
+
+def _flow(symbolic: Symbolic) -> Writer:
+    from saltus.system.codegen import FlowWriter
+
+    return FlowWriter(symbolic)
+
+
+def _second(symbolic: Symbolic, active: tuple[int, ...]) -> Writer:
+    from saltus.system.codegen import SecondWriter
+
+    return SecondWriter(symbolic, active)
+
+
+def _series(symbolic: Symbolic, order: int) -> Writer:
+    from saltus.system.series_writer import SeriesWriter
+
+    return SeriesWriter(symbolic, order)
+
+
+def _linear(symbolic: Symbolic) -> Writer:
+    from saltus.system.series_writer import LinearWriter
+
+    return LinearWriter(symbolic)
+
+
+FLOW = Kind("flow", _flow, _FLOW_TEXT)
+SECOND_DERIVATIVES = Kind("second", _second, _FLOW_TEXT)
+SERIES = Kind("series", _series, (*SERIES_TEXT, "system.series_writer"))
+LINEAR = Kind("linear", _linear, (*SERIES_TEXT, "system.series_writer"))
+
+
+def load(system: Definition) -> Compiled:
+    """Return the functions of a system, compiled or read from the cache on disk."""
+    return Compiled(module_of(FLOW, system), system)
+
+
+def load_second(system: Definition, active: tuple[int, ...]) -> CompiledSecond:
+    """Return the second derivatives of a system in its state and in the parameters of growing indices `active`."""
+    return CompiledSecond(module_of(SECOND_DERIVATIVES, system, active), system, active)
+
+
+def load_series(system: Definition, order: int) -> CompiledSeries | None:
+    """Return the Taylor series of a system's motions; None where the definition has none."""
+    from saltus.system.taylor import NotAnalyticError
+
+    try:
+        return CompiledSeries(module_of(SERIES, system, order), system)
+    except NotAnalyticError:
+        return None
+
+
+def load_linear(system: Definition) -> CompiledLinear:
+    """Return the linear parts of a system's modes."""
+    return CompiledLinear(module_of(LINEAR, system))

@@ -1,0 +1,439 @@
+"""The definition of a hybrid system, checked: states, parameters, modes, transitions, phase and named outputs."""
+
+from __future__ import annotations
+
+import json
+import math
+import unicodedata
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
+
+import numpy as np
+
+from saltus import checks
+from saltus.errors import DefinitionError, InputError, nearest
+from saltus.system.expressions import check_name, text_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+__all__ = ["Definition", "Mode", "Transition"]
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+_DIRECTIONS = {-1: "falls", 0: "passes", 1: "rises"}
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Smooth dynamics that hold until a transition.
+
+    Parameters
+    ----------
+    field : mapping of str to expression
+        Time derivative of each state.
+    domain : expression, optional
+        Positive where the field is defined; a state outside is refused, an orbit that leaves it is not admissible.
+
+    Examples
+    --------
+    >>> Mode({"z": "v", "v": "-g"}, domain="z")
+    Mode(z' = v, v' = -g; domain z > 0)
+    """
+
+    field: Mapping[str, Any]
+    domain: Any = None
+
+    def __repr__(self) -> str:
+        is_mapping = isinstance(self.field, Mapping)
+        equations = _listed(self.field, ", {}' = {}").removeprefix(", ") if is_mapping else repr(self.field)
+        return f"Mode({equations}" + (f"; domain {self.domain} > 0)" if self.domain is not None else ")")
+
+
+@dataclass(frozen=True)
+class Transition:
+    """A jump from one mode to another when an event function vanishes.
+
+    Parameters
+    ----------
+    source, target : str
+        Modes.
+    event : expression
+        Function of state, phase and parameters whose zero is the event.
+    direction : {-1, 0, 1}
+        The event counts when its function falls through zero (-1), rises (1), or both (0).
+    reset : mapping of str to expression, optional
+        New values of states, in terms of the values before; states not named keep theirs.
+    when : expression, optional
+        Must be positive at the crossing for the transition to happen.
+    name : str, optional
+        By default ``source_to_target``.
+
+    Examples
+    --------
+    >>> Transition("flight", "flight", event="z", direction=-1, reset={"v": "-e*v"}, name="impact")
+    Transition('impact': flight -> flight when z falls through 0, v := -e*v)
+    """
+
+    source: str
+    target: str
+    event: Any
+    direction: int = 0
+    reset: Mapping[str, Any] = field(default_factory=dict)
+    when: Any = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if all(isinstance(name, str) for name in (self.name, self.source, self.target)) and not self.name:
+            object.__setattr__(self, "name", f"{self.source}_to_{self.target}")
+
+    def __repr__(self) -> str:
+        return f"Transition({self.name!r}: {self._sentence()})"
+
+    def _sentence(self) -> str:
+        passes = _DIRECTIONS.get(self.direction) if isinstance(self.direction, int) else None
+        passes = passes or f"passes, in direction {self.direction!r},"
+        text = f"{self.source} -> {self.target} when {self.event} {passes} through 0"
+        if self.when is not None:
+            text += f" and {self.when} > 0"
+        return text + (_listed(self.reset, ", {} := {}") if isinstance(self.reset, Mapping) else f", {self.reset!r}")
+
+
+class Definition:
+    """The checked data of a hybrid system, as `saltus.HybridSystem` takes them; all expressions are texts."""
+
+    def __init__(
+        self,
+        states: Sequence[str],
+        parameters: Mapping[str, float],
+        modes: Mapping[str, Mode],
+        transitions: Iterable[Transition] = (),
+        *,
+        phase: tuple[str, Any] | None = None,
+        outputs: Mapping[str, Any] | None = None,
+        groups: Mapping[str, Sequence[str]] | None = None,
+        positive: Iterable[str] = (),
+        parameter_bounds: Mapping[str, tuple[float, float]] | None = None,
+        regimes: Mapping[str, Sequence[str]] | None = None,
+        name: str = "",
+    ) -> None:
+        if not isinstance(name, str):
+            raise DefinitionError("name", name, "text")
+        self.name = str(name)
+        self.states = _names(states, "states")
+        parameters = _mapping(parameters, "parameters", "of names to numbers")
+        self.parameters = {check_name(key, "parameters"): _number(value, key) for key, value in parameters.items()}
+        self.phase = _clean_phase(phase, (*self.states, *self.parameters))
+        names = (*self.all_states, *self.parameters)
+        modes = _mapping(modes, "modes", "of names to Mode")
+        self.modes = {key: _clean_mode(key, mode, names) for key, mode in modes.items()}
+        listed = _sequence(transitions, "transitions", "of Transition")
+        self.transitions = tuple(_clean_transition(transition, names) for transition in listed)
+        self.outputs = self._clean_outputs(_mapping(outputs, "outputs", "of names to expressions"), names)
+        groups = _mapping(groups, "groups", "of names to sequences of parameters")
+        self.groups = {key: _texts(members, f"group {key!r}", "names of parameters") for key, members in groups.items()}
+        self.positive = _texts(positive, "positive", "names of parameters")
+        bounds = _mapping(parameter_bounds, "parameter_bounds", "of parameters to intervals")
+        self.parameter_bounds = {key: _clean_bounds(key, interval) for key, interval in bounds.items()}
+        regimes = _mapping(regimes, "regimes", "of names to sequences of modes")
+        self.regimes = {key: _texts(visited, f"regime {key!r}", "names of modes") for key, visited in regimes.items()}
+        self._check_structure()
+        self.parameter_vector({})
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Do what a subclass needs once the data are checked."""
+
+    @property
+    def all_states(self) -> tuple[str, ...]:
+        """Names of the full state: the states, then the phase where there is one."""
+        return self.states if self.phase is None else (*self.states, self.phase[0])
+
+    @property
+    def mode_names(self) -> tuple[str, ...]:
+        """Names of the modes, in the order of definition."""
+        return tuple(self.modes)
+
+    @property
+    def transition_names(self) -> tuple[str, ...]:
+        """Names of the transitions, in the order of definition."""
+        return tuple(transition.name for transition in self.transitions)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of definition."""
+        return tuple(self.parameters)
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the outputs, in the order of definition."""
+        return tuple(self.outputs)
+
+    def definition(self) -> dict[str, Any]:
+        """Return the definition as plain data, from which `from_definition` makes an equal system."""
+        return {
+            "name": self.name,
+            "states": list(self.states),
+            "parameters": dict(self.parameters),
+            "phase": None if self.phase is None else list(self.phase),
+            "modes": {key: {"field": dict(mode.field), "domain": mode.domain} for key, mode in self.modes.items()},
+            "transitions": [
+                {
+                    "source": t.source, "target": t.target, "event": t.event, "direction": t.direction,
+                    "reset": dict(t.reset), "when": t.when, "name": t.name,
+                }
+                for t in self.transitions
+            ],
+            "outputs": {key: dict(value) for key, value in self.outputs.items()},
+            "groups": {key: list(value) for key, value in self.groups.items()},
+            "positive": list(self.positive),
+            "parameter_bounds": {key: list(value) for key, value in self.parameter_bounds.items()},
+            "regimes": {key: list(value) for key, value in self.regimes.items()},
+        }  # fmt: skip
+
+    @classmethod
+    def from_definition(cls, definition: Mapping[str, Any]) -> Self:
+        """Return the system that `definition` describes."""
+        data = dict(_mapping(definition, "definition", "as HybridSystem.definition returns it"))
+        try:
+            modes = {key: Mode(**mode) for key, mode in data.pop("modes").items()}
+            transitions = [Transition(**transition) for transition in data.pop("transitions")]
+            return cls(modes=modes, transitions=transitions, **data)
+        except (AttributeError, KeyError, TypeError) as error:
+            hint = f"{type(error).__name__}: {error}"
+            raise DefinitionError("definition", list(data), "as HybridSystem.definition returns it", hint) from error
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Definition) and json.dumps(self.definition()) == json.dumps(other.definition())
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.states, self.parameter_names, self.mode_names, self.transition_names))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self).from_definition, (self.definition(),)
+
+    def resolve(self, parameters: Mapping[str, float] | None) -> dict[str, float]:
+        """Return all parameters: the defaults with `parameters` over them, groups spread out.
+
+        Raises
+        ------
+        InputError
+            An unknown name, a value that is not finite, or one out of its bounds.
+        """
+        given = checks.mapping("parameters", parameters, "names to numbers, or None")
+        values = dict(self.parameters)
+        for key, value in given.items():
+            if key not in values and key not in self.groups:
+                checks.chosen("parameter", key, (*values, *self.groups))
+            for member in self.groups.get(key, (key,)):
+                values[member] = value
+        for key, value in values.items():
+            values[key] = self._checked(key, value)
+        return values
+
+    def _checked(self, key: str, value: object) -> float:
+        number = checks.number(key, value)
+        if key in self.positive and number <= 0.0:
+            raise InputError(key, number, "> 0")
+        low, high = self.parameter_bounds.get(key, (-math.inf, math.inf))
+        if not low <= number <= high:
+            raise InputError(key, number, _interval(low, high))
+        return number
+
+    def allowed(self, parameter: str) -> tuple[float, float]:
+        """Return the closed interval in which a parameter may lie; a positive one begins just above 0."""
+        checks.chosen("parameter", parameter, self.parameters)
+        low, high = self.parameter_bounds.get(parameter, (-math.inf, math.inf))
+        return (max(low, math.ulp(0.0)), high) if parameter in self.positive else (low, high)
+
+    def parameter_vector(self, parameters: Mapping[str, float] | None) -> NDArray[np.float64]:
+        """Return all parameters as a vector in the order of `parameter_names`; see `resolve`."""
+        return np.array(list(self.resolve(parameters).values()), dtype=np.float64)
+
+    def full_state(self, x0: ArrayLike, name: str = "x0") -> NDArray[np.float64]:
+        """Return `x0`, shape (states,), at phase 0, or with the phase as its last component, as a full state.
+
+        Raises
+        ------
+        InputError
+            Another length, or a value that is not finite.
+        """
+        x = checks.array(name, x0, f"numbers, one for each of {', '.join(self.states)}", finite=False)
+        n = len(self.states)
+        if x.shape != (n,) and x.shape != (len(self.all_states),):
+            wanted = f"of shape ({n},), one number for each of {', '.join(self.states)}"
+            raise InputError(name, x.tolist(), wanted)
+        if not np.all(np.isfinite(x)):
+            raise InputError(name, x.tolist(), "finite")
+        return np.append(x, 0.0) if x.shape == (n,) and self.phase is not None else x
+
+    def mode_index(self, mode: str) -> int:
+        """Return the index of a mode; raise `InputError` where there is none of that name."""
+        return self.mode_names.index(checks.chosen("mode", mode, self.modes))
+
+    def _clean_outputs(self, outputs: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, dict[str, str]]:
+        clean: dict[str, dict[str, str]] = {}
+        for key, value in outputs.items():
+            where = f"output {key!r}"
+            check_name(key, "outputs")
+            by_mode = value if isinstance(value, Mapping) else dict.fromkeys(self.modes, value)
+            if set(by_mode) != set(self.modes):
+                raise DefinitionError(where, list(by_mode), f"given for each of the modes {', '.join(self.modes)}")
+            clean[key] = {mode: text_of(by_mode[mode], where, names) for mode in self.modes}
+        return clean
+
+    def _check_structure(self) -> None:
+        taken: set[str] = set()
+        for name in (*self.all_states, *self.parameters, *self.outputs):
+            if (read := unicodedata.normalize("NFKC", name)) in taken:
+                raise DefinitionError("states, parameters, phase and outputs", name, "named once")
+            taken.add(read)
+        if not self.modes:
+            raise DefinitionError("modes", {}, "at least one mode")
+        for key, mode in self.modes.items():
+            if missing := [name for name in self.states if name not in mode.field]:
+                wanted = f"an equation for each of {', '.join(self.states)}"
+                raise DefinitionError(f"mode {key!r}", list(mode.field), wanted, f"{missing[0]!r} is missing")
+            if extra := [name for name in mode.field if name not in self.states]:
+                hint = "the phase has its rate already" if self.phase and extra[0] == self.phase[0] else ""
+                hint = hint or nearest(extra[0], self.states)
+                raise DefinitionError(f"mode {key!r}", extra[0], f"a state: {', '.join(self.states)}", hint)
+        names = self.transition_names
+        for transition in self.transitions:
+            where = f"transition {transition.name!r}"
+            if names.count(transition.name) > 1:
+                raise DefinitionError(where, transition.name, "named once", "pass name=")
+            for name in (transition.source, transition.target):
+                if not isinstance(name, str) or name not in self.modes:
+                    hint = nearest(name, self.modes)
+                    raise DefinitionError(where, name, f"a mode: {', '.join(self.modes)}", hint)
+            for state in transition.reset:
+                if state not in self.all_states:
+                    wanted = f"a state to reset: {', '.join(self.states)}"
+                    raise DefinitionError(where, state, wanted, nearest(state, self.states))
+                if self.phase and state == self.phase[0]:
+                    raise DefinitionError(where, state, "a state other than the phase, which runs on across events")
+        for key, members in self.groups.items():
+            if unknown := [member for member in members if member not in self.parameters]:
+                raise DefinitionError(f"group {key!r}", unknown[0], f"one of {', '.join(self.parameters)}")
+        for key, visited in self.regimes.items():
+            if unknown := [mode for mode in visited if mode not in self.modes]:
+                hint = nearest(unknown[0], self.modes)
+                raise DefinitionError(f"regime {key!r}", unknown[0], f"a mode: {', '.join(self.modes)}", hint)
+        for key in (*self.positive, *self.parameter_bounds):
+            if key not in self.parameters:
+                raise DefinitionError("positive, parameter_bounds", key, f"one of {', '.join(self.parameters)}")
+
+    def __str__(self) -> str:
+        kind = type(self).__name__
+        lines = [f"{kind} {self.name!r}" if self.name else kind]
+        lines.append(f"  states      {', '.join(self.states)}")
+        if self.phase is not None:
+            lines.append(f"  phase       {self.phase[0]}' = {self.phase[1]}, modulo 2 pi")
+        lines.append(f"  parameters  {', '.join(f'{key} = {value!r}' for key, value in self.parameters.items())}")
+        for key, mode in self.modes.items():
+            lines.append(f"  mode {key}" + (f", where {mode.domain} > 0" if mode.domain is not None else ""))
+            lines += [f"    {name}' = {rate}" for name, rate in mode.field.items()]
+        lines += [f"  transition {t.name}: {t._sentence()}" for t in self.transitions]
+        for key, by_mode in self.outputs.items():
+            texts = set(by_mode.values())
+            shown = texts.pop() if len(texts) == 1 else "; ".join(f"{text} in {m}" for m, text in by_mode.items())
+            lines.append(f"  output {key} = {shown}")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+
+def _names(names: Sequence[str], where: str) -> tuple[str, ...]:
+    if isinstance(names, str) or not isinstance(names, Iterable) or not (listed := tuple(names)):
+        raise DefinitionError(where, names, "a sequence of names, at least one")
+    return tuple(check_name(name, where) for name in listed)
+
+
+def _mapping(value: Any, where: str, what: str) -> Mapping[Any, Any]:
+    return _as_definition(checks.mapping, where, value, what.removeprefix("of "))
+
+
+def _sequence(value: Any, where: str, what: str) -> tuple[Any, ...]:
+    if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
+        raise DefinitionError(where, value, f"a sequence {what}")
+    return tuple(value)
+
+
+def _texts(value: Any, where: str, what: str) -> tuple[str, ...]:
+    return _as_definition(checks.names, where, value, what)
+
+
+def _number(value: Any, name: str, *, finite: bool = True) -> float:
+    return _as_definition(checks.number, name, value, "a finite number" if finite else "a number", finite=finite)
+
+
+def _as_definition(check: Callable[_P, _T], *arguments: _P.args, **options: _P.kwargs) -> _T:
+    """Return what a check returns; what it refuses is a fault of the definition."""
+    try:
+        return check(*arguments, **options)
+    except InputError as error:
+        raise DefinitionError(*error.args) from None
+
+
+def _clean_phase(phase: Any, names: tuple[str, ...]) -> tuple[str, str] | None:
+    if phase is None:
+        return None
+    if not isinstance(phase, tuple | list) or len(phase) != 2:
+        raise DefinitionError("phase", phase, "a name and a rate, as in ('theta', 'w')")
+    name = check_name(phase[0], "phase")
+    return name, text_of(phase[1], "phase", (*names, name))
+
+
+def _clean_bounds(parameter: str, interval: Any) -> tuple[float, float]:
+    where = f"parameter_bounds of {parameter!r}"
+    if not isinstance(interval, tuple | list) or len(interval) != 2:
+        raise DefinitionError(where, interval, "the two ends of an interval, as in (0.0, 1.0)")
+    low, high = (_number(end, where, finite=False) for end in interval)
+    if not low <= high:
+        raise DefinitionError(where, interval, "an interval with the lower end first")
+    return low, high
+
+
+def _clean_mode(key: str, mode: Mode, names: tuple[str, ...]) -> Mode:
+    where = f"mode {key!r}"
+    if not isinstance(mode, Mode):
+        raise DefinitionError(where, mode, "a Mode")
+    if not isinstance(mode.field, Mapping):
+        raise DefinitionError(where, mode.field, "a mapping of each state to its rate as the field")
+    field_ = {name: text_of(rate, where, names) for name, rate in mode.field.items()}
+    return Mode(field_, None if mode.domain is None else text_of(mode.domain, where, names))
+
+
+def _clean_transition(transition: Transition, names: tuple[str, ...]) -> Transition:
+    if not isinstance(transition, Transition):
+        raise DefinitionError("transitions", transition, "a sequence of Transition")
+    if not isinstance(transition.name, str):
+        raise DefinitionError("transition", transition.name, "text as its name")
+    where = f"transition {transition.name!r}"
+    if not isinstance(transition.reset, Mapping):
+        raise DefinitionError(where, transition.reset, "a mapping of states to new values as its reset")
+    if not isinstance(transition.direction, int | float | np.integer) or transition.direction not in _DIRECTIONS:
+        raise DefinitionError(where, transition.direction, "-1 (falling), 0 (either) or 1 (rising) as its direction")
+    return Transition(
+        transition.source,
+        transition.target,
+        text_of(transition.event, where, names),
+        int(transition.direction),
+        {name: text_of(value, where, names) for name, value in transition.reset.items()},
+        None if transition.when is None else text_of(transition.when, where, names),
+        transition.name,
+    )
+
+
+def _listed(values: Mapping[str, Any], form: str) -> str:
+    return "".join(form.format(name, value) for name, value in values.items())
+
+
+def _interval(low: float, high: float) -> str:
+    if math.isinf(high):
+        return f">= {low:g}"
+    return f"<= {high:g}" if math.isinf(low) else f"between {low:g} and {high:g}"

@@ -1,0 +1,107 @@
+"""Expressions as Python text that Numba compiles: exact floats, powers as products, no infinite derivatives."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NoReturn
+
+import sympy
+from sympy.printing.pycode import PythonCodePrinter
+
+from saltus.errors import DefinitionError
+from saltus.system.grammar import clipped
+
+__all__ = ["code_printer", "is_broken", "without_poles"]
+
+_POLE = "pole"
+
+
+def is_broken(exponent: sympy.Expr) -> bool:
+    """Whether an exponent is a number, but no integer."""
+    return bool(exponent.is_number) and float(exponent) != math.floor(float(exponent))
+
+
+def without_poles(expression: sympy.Expr) -> sympy.Expr:
+    """Replace inverse broken powers by functions that are zero where their base is.
+
+    A broken power of an event function gives its second derivatives a pole on the surface, where the direction is
+    tangential, or the time of the segment stands still: there the product vanishes. A power below 1 gives its first
+    derivatives one: for a root, their product with the clustered time's rate has a limit, which the flow of a segment
+    adds; above 1/2 that limit is 0.
+    """
+    pole = sympy.Function(_POLE)
+    return expression.replace(
+        lambda e: e.is_Pow and is_broken(e.exp) and e.exp < 0 and not e.base.is_number,
+        lambda e: pole(e.base, e.exp),
+    )
+
+
+def code_printer(*, clamped: bool) -> Any:
+    """Return what writes Python text; `clamped` where broken powers of negative numbers are 0."""
+
+    def refused(_: object, expr: Any) -> NoReturn:
+        shown = "a number that no float can hold" if expr.is_Number else clipped(str(expr), 40)
+        raise DefinitionError("derivatives of the definition", shown, "of real numbers and functions of expressions")
+
+    class Printer(PythonCodePrinter):  # type: ignore[misc]
+        """Python text that Numba compiles: exact floats, powers as products."""
+
+        _print_ImaginaryUnit = _print_Infinity = _print_NegativeInfinity = _print_ComplexInfinity = _print_NaN = refused
+        _print_not_supported = emptyPrinter = refused
+
+        def _print_Float(self, expr: Any) -> str:
+            try:
+                value = float(expr)
+            except OverflowError:
+                value = math.inf
+            if not math.isfinite(value) or (value == 0.0 and not expr.is_zero):
+                refused(self, expr)
+            return repr(value)
+
+        _print_Rational = _print_Float
+
+        def _print_Integer(self, expr: Any) -> str:
+            self._print_Float(expr)
+            return f"{int(expr)}.0"
+
+        def _print_Pi(self, expr: Any) -> str:
+            return repr(float(sympy.pi))
+
+        def _print_sign(self, expr: Any) -> str:
+            return f"math.copysign(1.0, {self._print(expr.args[0])})"
+
+        def _print_Abs(self, expr: Any) -> str:
+            return f"abs({self._print(expr.args[0])})"
+
+        def _print_Pow(self, expr: Any, rational: bool = False, sqrt: str = "math.sqrt") -> str:
+            base, exponent = expr.as_base_exp()
+            text = f"({self._print(base)})"
+            if exponent.is_Rational and exponent.q in (1, 2) and abs(exponent.p) <= 24:
+                power = self._power(text, abs(int(exponent.p)), int(exponent.q))
+                return power if exponent.p > 0 else f"(1.0/{power})"
+            power = f"({self._print(exponent)})"
+            if not clamped or (exponent.is_number and not is_broken(exponent)):
+                return f"({text}**{power})"
+            if exponent.is_number:
+                return f"(max({text}, 0.0)**{power})"
+            return f"({text}**{power} if {text} >= 0.0 or {power} == math.floor({power}) else 0.0)"
+
+        def _print_Function(self, expr: Any) -> str:
+            if expr.func.__name__ != _POLE:
+                return str(super()._print_Function(expr))
+            base, exponent = f"({self._print(expr.args[0])})", expr.args[1]
+            power = f"{base}**({self._print(exponent)})"
+            if exponent.is_Rational and exponent.q == 2:
+                power = f"1.0/{self._power(base, -int(exponent.p), 2)}"
+            return f"({power} if {base} > 0.0 else 0.0)"
+
+        @staticmethod
+        def _power(base: str, p: int, q: int) -> str:
+            whole, half = divmod(p, q)
+            factors = [base] * whole
+            if half:
+                # stages of a step overshoot the surface where a root begins
+                factors.append(f"math.sqrt(max({base}, 0.0))" if clamped else f"math.sqrt({base})")
+            return f"({'*'.join(factors)})"
+
+    return Printer({"fully_qualified_modules": True, "allow_unknown_functions": False})

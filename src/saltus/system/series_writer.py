@@ -1,0 +1,93 @@
+"""Writers of the Taylor series of a system's motions, and of the linear parts of its modes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from saltus.system.linear_split import split_of_mode
+from saltus.system.regularise import regularised
+from saltus.system.taylor import series_of_mode
+from saltus.system.writer import Writer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from saltus.system.derivatives import Symbolic
+    from saltus.system.linear_split import Split
+    from saltus.system.regularise import Regularised
+
+__all__ = ["LinearWriter", "SeriesWriter"]
+
+
+class SeriesWriter(Writer):
+    """Text of the Taylor series of every mode."""
+
+    def __init__(self, system: Symbolic, order: int) -> None:
+        super().__init__(system)
+        self.order = order
+
+    def functions(self) -> Iterator[str]:
+        """Texts of the series, and of the tables of the linear parts."""
+        modes = range(len(self.system.field))
+        forms = [regularised(self.system, k) for k in modes]
+        wanted: dict[int, Regularised | None] = dict.fromkeys(modes)
+        wanted |= {len(modes) + k: form for k, form in enumerate(forms) if form is not None}
+        first_event = len(self.system.system.states) + 2
+        stride = first_event + max(self.system.source.count(k) for k in modes)
+        self.numbers = {
+            "ORDER": self.order,
+            "STRIDE": stride,
+            "FORMS": [(-1, 1) if form is None else (form.transition, form.sign) for form in forms],
+        }
+        branches = {}
+        for k, form in wanted.items():
+            series = series_of_mode(self.system, k % len(modes), self.order, lambda e: self._text(self._hoist(e)), form)
+            places = [*range(first_event - (2 if form is None else 0)), *range(first_event, stride)]
+            branches[k] = (
+                series.constants
+                + series.lines
+                + [
+                    f"out[{stride * i + place}] = {name}_{i}"
+                    for i in range(self.order + 1)
+                    for place, name in zip(places, series.columns, strict=False)
+                ]
+            )
+        yield "\nfrom saltus.system._series_kernels import products\n"
+        yield self._far(_splits(self.system))
+        yield self._function("series", branches).replace("**OPTIONS", "**OPTIONS, fastmath=FAST")
+
+    def _far(self, splits: list[Split | None]) -> str:
+        """Text of ``far``, and where each mode's tables begin behind the constants."""
+        far = {
+            k: split.lines(f"TABLES_{k}", lambda e: self._text(self._hoist(e)))
+            for k, split in enumerate(splits)
+            if split is not None
+        }
+        text = self._function("far", far)
+        place = len(self.system.p) + len(self.constants)
+        for k, split in enumerate(splits):
+            if split is not None:
+                self.numbers[f"TABLES_{k}"] = place
+                place += split.table_size
+        return text
+
+
+class LinearWriter(Writer):
+    """Text of the linear parts of the modes."""
+
+    def functions(self) -> Iterator[str]:
+        """Text of the linear parts."""
+        splits = _splits(self.system)
+        self.numbers["SPLITS"] = [None if split is None else split.layout() for split in splits]
+        entries = {
+            k: [entry for row in (*split.matrix, *split.events) for entry in row]
+            for k, split in enumerate(splits)
+            if split is not None
+        }
+        yield self._function("linear", {k: self._assign(rows) for k, rows in entries.items()})
+
+
+def _splits(system: Symbolic) -> list[Split | None]:
+    """The linear part of each mode that is not regularised and has one."""
+    modes = range(len(system.field))
+    return [split_of_mode(system, k) if regularised(system, k) is None else None for k in modes]

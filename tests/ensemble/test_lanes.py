@@ -1,0 +1,139 @@
+"""The generated text of lanes: its pools, its vector instructions, its place on disk."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+
+import llvmlite.binding as llvm
+import numpy as np
+import pytest
+from numba import float64, int64, void
+
+import systems
+from saltus.ensemble.ensemble import Ensemble
+from saltus.ensemble.traps import Traps
+from saltus.system.hybrid import HybridSystem, Mode, Transition
+
+PACKED = {"x86_64": r"\bv?[a-z0-9]*pd\b[^\n]*%{}", "arm64": r"\bf[a-z]+\s+v\d+\.2d", "aarch64": r"\bf[a-z]+\s+v\d+\.2d"}
+"""Instructions on several float64 at once; on x86-64 in the registers of the widest kind."""
+
+
+def registers():
+    """Registers of the widest vectors that this processor has, or nothing where that is not known."""
+    machine, features = platform.machine(), llvm.get_host_cpu_features()
+    if machine in ("arm64", "aarch64"):
+        return "v"
+    if machine == "x86_64" and features.get("avx2"):
+        return "[yz]mm"
+    return ""
+
+
+def hertz():
+    """A driven mass and a contact with a root: steps in time, in sigma, and by the exact flow."""
+    free = "-x - 0.1*v + A*cos(s)"
+    return HybridSystem(
+        ("x", "v"),
+        {"w": 0.8, "A": 0.5, "d": 0.1, "k": 20.0},
+        {"free": Mode({"x": "v", "v": free}), "touch": Mode({"x": "v", "v": f"{free} - k*(x - d)**(3/2)"})},
+        [Transition("free", "touch", "x - d", 1), Transition("touch", "free", "x - d", -1)],
+        phase=("s", "w"),
+    )
+
+
+TIMED = """
+import json, sys, time
+import numpy as np
+import numba
+from numba.core import event
+from saltus import HybridSystem
+from saltus.ensemble.ensemble import Ensemble
+
+system = HybridSystem.from_definition(json.loads(sys.argv[1]))
+points = np.random.default_rng(1).uniform(-2.0, 2.0, (4000, 2))
+with event.install_recorder("numba:compile") as compiled:
+    lanes = Ensemble(system, threads=1)
+    ends, _ = lanes.strobe(points)
+least = np.inf
+for _ in range(7):
+    start = time.perf_counter()
+    lanes.strobe(points)
+    least = min(least, time.perf_counter() - start)
+print(json.dumps({"compiled": len(compiled.buffer), "least": least, "sum": float(np.abs(ends).sum())}))
+"""
+
+
+def timed(system, folder, **environment):
+    """What a process of its own finds: compilations, the least time of 4000 motions, and the sum of their ends."""
+    folder.mkdir(exist_ok=True)
+    environment = {**os.environ, "SALTUS_CACHE_DIR": str(folder), "NUMBA_CACHE_DIR": str(folder), **environment}
+    ran = subprocess.run(
+        [sys.executable, "-W", "error", "-c", TIMED, json.dumps(system.definition())],
+        check=True, capture_output=True, text=True, env=environment,
+    )  # fmt: skip
+    return json.loads(ran.stdout)
+
+
+@pytest.mark.slow
+def test_a_second_process_compiles_nothing_and_lanes_are_lanes(tmp_path):
+    system = hertz()
+    first = timed(system, tmp_path / "vectors")
+    assert first["compiled"] > 0
+    second = timed(system, tmp_path / "vectors")
+    assert second["compiled"] == 0
+    assert second["sum"] == first["sum"]
+    # the same text, one lane after the other
+    scalar = timed(system, tmp_path / "scalar", NUMBA_LOOP_VECTORIZE="0", NUMBA_SLP_VECTORIZE="0")
+    assert scalar["sum"] == pytest.approx(second["sum"], rel=1e-6)
+    if llvm.get_host_cpu_features().get("avx512f"):
+        assert scalar["least"] > 3.0 * second["least"]
+    elif registers():
+        assert scalar["least"] > 1.3 * second["least"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not registers(), reason="vector instructions of this processor are not known here")
+@pytest.mark.parametrize(
+    "make", [hertz, systems.impact_oscillator, lambda: systems.afm(2)], ids=["Hertz", "impact", "afm"]
+)
+def test_steps_are_made_of_vector_instructions(make):
+    lanes = Ensemble(make())._lanes
+    signature = void(float64[::1], int64, float64[::1], float64[::1])
+    for k in range(lanes.module.POOLS):
+        step = getattr(lanes.module, f"step_{k}")
+        step.compile(signature)
+        (text,) = step.inspect_asm().values()
+        packed = len(re.findall(PACKED[platform.machine()].format(registers()), text))
+        alone = len(re.findall(r"\bv?(?:mul|add|sub|fn?m(?:add|sub)\d+)sd\b", text))
+        assert packed > 100
+        # an epilogue for lanes that are no multiple of a vector may stand behind
+        assert packed > 0.8 * alone, f"step {k}: {packed} packed, {alone} scalar"
+        assert not re.search(r"\bcall\w*\s+[^\n]*\b(?:sin|cos|exp|pow)\b", text)
+
+
+def test_every_mode_has_a_pool_and_a_linear_one_another():
+    lanes = Ensemble(hertz())._lanes
+    assert lanes.module.MODE_OF == (0, 1, 0)
+
+
+def test_steps_of_all_pools_are_of_use():
+    lanes = Ensemble(hertz(), threads=1)
+    points = np.random.default_rng(2).uniform(-2.0, 2.0, (300, 2))
+    lanes.settle(points, Traps(2), longest=3)
+    assert (lanes.work[: lanes._lanes.module.POOLS] > 100).all()
+
+
+def test_other_parameters_need_no_other_text():
+    modules = [Ensemble(hertz(), {"w": w, "A": 0.2})._lanes.module.__file__ for w in (0.5, 0.8, 1.7)]
+    assert len(set(modules)) == 1
+
+
+def test_motions_of_other_parameters_differ():
+    points = [[0.0, 0.5], [0.05, -0.5]]
+    ends = [Ensemble(hertz(), {"k": k}).strobe(points)[0] for k in (1.0, 20.0, 20.0)]
+    assert np.abs(ends[0] - ends[1]).max() > 1e-3
+    np.testing.assert_array_equal(ends[1], ends[2])

@@ -1,0 +1,230 @@
+"""Labels against what maps are known to do, rotation numbers against closed forms, thresholds by their text."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from saltus.errors import InputError
+from saltus.flow.motion_kind import Criteria, classify, rotation_number
+
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+KEPT = 100
+
+
+def returns(image, start, count=KEPT, dropped=600):
+    x = np.array(start, dtype=float)
+    points = []
+    for i in range(dropped + count):
+        x = np.array(image(x))
+        if i >= dropped:
+            points.append(x)
+    return np.array(points)
+
+
+def logistic(r, **options):
+    return returns(lambda x: r * x * (1.0 - x), [0.3], **options)
+
+
+def delayed_logistic(c, beyond):
+    """Points a little beyond the Neimark-Sacker bifurcation at a = 2 + c, of angle arccos((1 - c) / 2)."""
+    a = 2.0 + c + beyond
+    return returns(lambda x: (x[1], a * x[1] * (1.0 - x[0]) - c * (x[1] - x[0])), [0.55, 0.5], dropped=6000)
+
+
+def on_circle(turns):
+    return np.column_stack([np.cos(2.0 * np.pi * turns), np.sin(2.0 * np.pi * turns)])
+
+
+@pytest.mark.parametrize(
+    ("r", "period"),
+    # doublings at 3, 1 + sqrt 6, 3.5440903596, 3.5644072661; the window of period 3 begins at 1 + sqrt 8
+    [(2.9, 1), (3.2, 2), (3.5, 4), (3.55, 8), (3.566, 16), (1.0 + math.sqrt(8.0) + 1e-3, 3)],
+)
+def test_logistic_map_has_its_period(r, period):
+    points = logistic(r)
+    multiplier = np.prod(r * (1.0 - 2.0 * points[-period:]))
+    kind = classify(points, math.log(abs(multiplier)) / period, 1e-6)
+    assert (kind.label, kind.period) == (f"period-{period}", period)
+
+
+@pytest.mark.parametrize("r", [3.0 - 0.04, 3.0 - 2e-3, 3.0 + 2e-3])
+def test_a_motion_still_settling_beside_a_doubling_has_the_period_it_settles_to(r):
+    points = logistic(r, dropped=100)
+    period, multiplier = (1, 2.0 - r) if r < 3.0 else (2, 4.0 + 2.0 * r - r**2)
+    assert np.max(np.abs(points[period:] - points[:-period])) > 1e-5 * points.max()  # it has not settled
+    assert classify(points, math.log(abs(multiplier)) / period, 1e-5).period == period
+
+
+def test_a_motion_that_settles_slowly_to_a_point_has_the_period_one():
+    """Beside a period doubling at a multiplier of -0.9995, two returns later it is as good as where it was."""
+    points = 1.0 + 1e-3 * (-0.9995) ** np.arange(KEPT)[:, None]
+    assert np.max(np.abs(points[2:] - points[:-2])) < 1e-5
+    assert classify(points, math.log(0.9995), 1e-6).label == "period-1"
+
+
+def test_a_doubled_motion_whose_halves_still_draw_together_has_the_period_two():
+    n = np.arange(KEPT)[:, None]
+    points = 1.0 + 0.1 * (-1.0) ** n * (1.0 + 0.3 * np.exp(-0.01 * n))
+    assert np.all(np.diff(np.abs(np.diff(points, axis=0)), axis=0) < 0.0)
+    assert classify(points, -0.01, 1e-6).label == "period-2"
+
+
+def test_differences_within_rounding_are_none():
+    points = 1e-12 * np.random.default_rng(2).standard_normal((KEPT, 2))
+    assert classify(points, -0.1, 0.01, rounding=[1e-9, 1e-9]).label == "period-1"
+    assert classify(points, -0.1, 0.01, rounding=[1e-9, 1e-14]).period == 0
+
+
+def test_logistic_map_at_four_is_chaotic():
+    assert classify(logistic(4.0 - 1e-12), math.log(2.0), 0.1).label == "chaotic"
+
+
+def test_henon_map_is_chaotic():
+    points = returns(lambda x: (1.4 - x[0] ** 2 + 0.3 * x[1], x[0]), [0.1, 0.1])
+    assert classify(points, 0.4192, 0.1).label == "chaotic"
+
+
+@pytest.mark.parametrize("c", [0.5, 0.2, -0.5, 0.8])
+def test_rotation_beyond_a_torus_bifurcation_is_the_angle_of_its_multipliers(c):
+    """It departs from it in proportion to the distance: half of that is left where the distance is halved."""
+    angle = math.acos((1.0 - c) / 2.0) / (2.0 * math.pi)
+    far, near = (classify(delayed_logistic(c, beyond), 0.0, 1e-4) for beyond in (8e-3, 4e-3))
+    assert far.label == near.label == "quasi-periodic"
+    assert near.rotation == pytest.approx(angle, abs=2e-3)
+    assert abs(near.rotation - angle) < 0.7 * abs(far.rotation - angle)
+
+
+def test_rotation_by_the_golden_mean_is_found_to_ten_digits():
+    kind = classify(on_circle(GOLDEN * np.arange(KEPT)), 0.0, 1e-3)
+    assert kind.rotation == pytest.approx(1.0 - GOLDEN, abs=1e-10)
+
+
+@pytest.mark.parametrize("K", [0.3, 0.8])
+def test_rotation_of_the_circle_map_is_the_mean_of_its_lift(K):
+    """Over 100 points, against the mean over 200000 steps; weights make the error smaller than 1 / 100."""
+    turn, lifted, points = 0.1, 0.0, []
+    for i in range(200_000):
+        step = GOLDEN - K / (2.0 * math.pi) * math.sin(2.0 * math.pi * turn)
+        lifted += step
+        turn = (turn + step) % 1.0
+        if i < KEPT:
+            points.append(turn)
+    mean = lifted / 200_000
+    rotation, curves = rotation_number(on_circle(np.array(points)))
+    assert rotation == pytest.approx(min(mean, 1.0 - mean), abs=1e-4)
+    assert curves == 1
+
+
+def test_two_curves_visited_in_turn_are_two():
+    n = np.arange(2 * KEPT)
+    points = 0.2 * on_circle(GOLDEN * (n // 2)) + np.column_stack([(-1.0) ** n, 0.0 * n])
+    kind = classify(points, 0.0, 1e-3)
+    assert (kind.label, kind.curves) == ("quasi-periodic", 2)
+    assert kind.rotation == pytest.approx(1.0 - GOLDEN, abs=1e-9)
+
+
+def test_a_long_period_locked_on_a_closed_curve_is_called_quasi_periodic_and_its_period_told():
+    kind = classify(on_circle(3.0 / 17.0 * np.arange(KEPT)), -0.05, 0.01)
+    assert (kind.label, kind.period) == ("quasi-periodic", 17)
+    assert kind.rotation == pytest.approx(3.0 / 17.0, abs=1e-3)
+    longer = Criteria(longest=17)
+    assert classify(on_circle(3.0 / 17.0 * np.arange(KEPT)), -0.05, 0.01, longer).label == "period-17"
+
+
+def test_a_long_period_that_is_on_no_curve_is_a_period():
+    rng = np.random.default_rng(3)
+    points = np.tile(rng.standard_normal((11, 2)) + 10.0, (10, 1))
+    points[:, 1] *= 1e-6
+    assert classify(points[:, :1], -0.05, 0.01).label == "period-11"
+
+
+def test_without_a_clear_exponent_points_on_no_curve_are_chaotic():
+    rng = np.random.default_rng(1)
+    assert classify(rng.standard_normal((KEPT, 3)), 0.0, 0.1).label == "chaotic"
+    assert classify(on_circle(GOLDEN * np.arange(KEPT)), 0.0, 0.1).label == "quasi-periodic"
+
+
+def test_units_of_the_states_do_not_matter():
+    points = delayed_logistic(0.5, 0.01)
+    scaled = points * [1e-9, 1e3]
+    assert classify(scaled, 0.0, 1e-3).label == "quasi-periodic"
+
+
+def test_a_period_is_seen_four_times_or_not_at_all():
+    rng = np.random.default_rng(5)
+    orbit = rng.standard_normal((25, 3))
+    assert classify(np.tile(orbit, (4, 1)), 0.0, 0.1).period == 25
+    assert classify(np.tile(orbit, (4, 1))[:-1], 0.0, 0.1).period == 0
+
+
+def test_the_label_of_one_point_is_period_one_only_if_it_rests():
+    assert classify([[1.0, 2.0]] * 2, -0.1, 0.01).label == "period-1"
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ({"recurrence": 0.0}, r"^Criteria\.recurrence = 0\.0: must be a number between 0 and 1$"),
+        ({"exponent": -0.1}, r"^Criteria\.exponent = -0\.1: must be a number between 0 and 1$"),
+        ({"longest": 0}, r"^Criteria\.longest = 0: must be an integer >= 1$"),
+        ({"patience": 1.5}, r"^Criteria\.patience = 1\.5: must be an integer >= 1$"),
+        ({"fewest": 8}, r"^Criteria\.fewest = 8: must be an integer >= 16$"),
+        ({"push": 1.0}, r"^Criteria\.push = 1\.0: must be a number between 0 and 1$"),
+        ({"noise": 0.0}, r"^Criteria\.noise = 0\.0: must be a finite number > 0$"),
+        ({"absence": math.inf}, r"^Criteria\.absence = inf: must be a finite number > 0$"),
+    ],
+)
+def test_a_threshold_that_cannot_be_used_is_told(option, message):
+    with pytest.raises(InputError, match=message):
+        Criteria(**option)
+
+
+def test_thresholds_of_numpy_are_plain_numbers():
+    criteria = Criteria(longest=np.int64(8), settling=np.float32(0.25))
+    assert json.loads(json.dumps(asdict(criteria))) == asdict(Criteria(settling=0.25))
+
+
+@pytest.mark.parametrize(("keep", "longest", "looked_at"), [(1, 8, 100), (300, 8, 300), (100, 50, 200)])
+def test_a_label_is_founded_on_enough_returns(keep, longest, looked_at):
+    assert Criteria(longest=longest).looked_at(keep) == looked_at
+
+
+@pytest.mark.parametrize("count", range(1, 9))
+def test_every_closed_curve_is_counted(count):
+    returns = np.arange(400)
+    middles = np.exp(2j * math.pi * returns * ROUND[count] / count) if count > 1 else 0.0
+    points = middles + 0.05 * np.exp(2j * math.pi * 0.381966 * (returns // count))
+    rotation, curves = rotation_number(np.column_stack([points.real, points.imag]))
+    assert curves == count
+    assert rotation == pytest.approx(0.381966, abs=1e-6)
+
+
+ROUND = {1: 1, 2: 1, 3: 1, 4: 1, 5: 2, 6: 1, 7: 3, 8: 3}
+"""How many places round the ring of curves a return goes on."""
+
+
+@pytest.mark.parametrize("turns", [0.40001, 0.250001, 0.1234567])
+def test_one_closed_curve_near_a_fraction_is_one(turns):
+    points = np.exp(2j * math.pi * turns * np.arange(400))
+    rotation, curves = rotation_number(np.column_stack([points.real, points.imag]))
+    assert (curves, rotation) == (1, pytest.approx(turns, abs=1e-6))
+
+
+@pytest.mark.parametrize("period", [9, 12, 16, 24])
+def test_a_long_period_off_a_closed_curve_is_mostly_seen_as_a_period(period):
+    rng = np.random.default_rng(period)
+    clouds = [np.tile(rng.normal(size=(period, 2)), (200 // period + 1, 1)) for _ in range(100)]
+    assert sum(classify(points, -0.3, 0.01).label == f"period-{period}" for points in clouds) >= 70
+
+
+@pytest.mark.parametrize(("period", "places"), [(9, 2), (10, 1), (13, 5), (20, 3)])
+def test_a_long_period_locked_on_a_closed_curve_is_quasi_periodic(period, places):
+    angle = 2.0 * math.pi * places * np.arange(200) / period
+    radius = 1.0 + 0.1 * np.cos(angle)
+    kind = classify(np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]), -0.01, 0.001)
+    assert (kind.label, kind.period) == ("quasi-periodic", period)

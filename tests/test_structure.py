@@ -1,0 +1,96 @@
+"""The structure of the package: no cycles of imports, and generated texts that name all their sources."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import saltus
+from saltus.ensemble import compiled as ensemble
+from saltus.system import compiled as system
+
+PACKAGE = Path(saltus.__file__).parent
+
+WRITERS = {
+    system.FLOW: "system.codegen",
+    system.SECOND_DERIVATIVES: "system.codegen",
+    system.SERIES: "system.series_writer",
+    system.LINEAR: "system.series_writer",
+    ensemble.LANES: "ensemble.writer",
+}
+
+INNOCENT = {"checks", "errors", "system.definition"}
+"""What says no more than whether a definition can be used; the definition itself is in the name of a file."""
+
+
+@cache
+def modules() -> dict[str, Path]:
+    names = {}
+    for file in PACKAGE.rglob("*.py"):
+        parts = file.relative_to(PACKAGE).with_suffix("").parts
+        names[".".join(part for part in parts if part != "__init__")] = file
+    return names
+
+
+@cache
+def imports(name: str, *, typing: bool = True) -> frozenset[str]:
+    """Modules that a module imports, wherever in it; with `typing` those that only a type checker imports as well."""
+    tree = ast.parse(modules()[name].read_text(encoding="utf-8"))
+    return frozenset(found for found in _imported(tree, typing) if found != name)
+
+
+def _imported(tree: ast.AST, typing: bool) -> Iterator[str]:
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING" and not typing:
+            continue
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "saltus":
+            home = (node.module or "").partition(".")[2]
+            for alias in node.names:
+                inner = f"{home}.{alias.name}".lstrip(".")
+                yield inner if inner in modules() else home
+        elif isinstance(node, ast.Import):
+            yield from (a.name.partition(".")[2] for a in node.names if a.name.partition(".")[0] == "saltus")
+        yield from _imported(node, typing)
+
+
+def reached(start: str, *, typing: bool) -> set[str]:
+    found, waiting = set(), [start]
+    while waiting:
+        for name in imports(waiting.pop(), typing=typing) - found:
+            found.add(name)
+            waiting.append(name)
+    return found
+
+
+CYCLES = {
+    "afm.cantilever",
+    "afm.galerkin",
+    "flow.amplitude_spectrum",
+    "flow.trajectory",
+    "orbits._kernels",
+    "orbits._second_kernels",
+    "orbits.orbit",
+    "orbits.problem",
+    "orbits.sampling",
+}
+
+
+@pytest.mark.parametrize("name", sorted(set(modules()) - CYCLES))
+def test_no_module_imports_itself_by_any_way(name):
+    assert name not in reached(name, typing=True)
+
+
+@pytest.mark.parametrize("kind", WRITERS, ids=lambda kind: kind.name)
+def test_a_generated_text_names_all_modules_it_comes_from(kind):
+    starts = (WRITERS[kind], "system.derivatives")
+    wanted = set(starts).union(*(reached(start, typing=False) for start in starts))
+    assert set(kind.sources) == wanted - INNOCENT - {"", "system", "ensemble"}
+
+
+def test_a_change_in_the_ensemble_leaves_the_other_texts_valid():
+    for kind in WRITERS:
+        assert kind is ensemble.LANES or not any(source.startswith("ensemble") for source in kind.sources)
