@@ -169,8 +169,7 @@ def animate(
 
     checked_movie(out, fps)
     with _interruptible(), _status() as say:
-        from saltus.afm import animate as film
-        from saltus.afm import settled_orbit, table1, tapping_mode
+        from saltus.afm import animate as film, settled_orbit, table1, tapping_mode
 
         setup = table1()
         parameters = {"Omega": omega, "ybar": ybar, "D_att": d_att, "D_rep": d_rep}

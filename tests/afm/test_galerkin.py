@@ -3,8 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from saltus.afm import Cantilever, DMTSample, table1
 from saltus.afm.galerkin import coefficients, mode_shape, mode_shape_integrals, wavenumbers

@@ -12,8 +12,17 @@ from scipy.optimize import brentq
 
 import systems
 from oracles.closed_forms import CUSP, DELAYED, HENON, ImpactOrbit, TableJump, henon_fixed_point
-from saltus import HybridSystem, InputError, Mode, StepControl, Transition, continue_locus, continue_orbit, solve_orbit
-from saltus import load as load_result
+from saltus import (
+    HybridSystem,
+    InputError,
+    Mode,
+    StepControl,
+    Transition,
+    continue_locus,
+    continue_orbit,
+    load as load_result,
+    solve_orbit,
+)
 
 CLOSE = 1e-8
 """What a locus promises: parameters, multipliers and contacts to this."""

@@ -7,8 +7,7 @@ import sys
 import numpy as np
 import pytest
 import sympy
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from saltus.afm import table1, tapping_mode
 from saltus.errors import InputError

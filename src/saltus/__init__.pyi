@@ -1,0 +1,62 @@
+"""The public names; `__init__.py` reads where each is, and imports it on first use."""
+
+from . import afm as afm
+from .basins import (
+    Attractors as Attractors,
+    Basins as Basins,
+    ErosionProfile as ErosionProfile,
+    Plane as Plane,
+    erosion_profile as erosion_profile,
+    find_attractors as find_attractors,
+    map_basins as map_basins,
+)
+from .continuation import (
+    Branch as Branch,
+    Cascade as Cascade,
+    Family as Family,
+    Locus as Locus,
+    SpecialPoint as SpecialPoint,
+    StepControl as StepControl,
+    continue_family as continue_family,
+    continue_locus as continue_locus,
+    continue_orbit as continue_orbit,
+    follow_cascade as follow_cascade,
+    switch_branch as switch_branch,
+)
+from .errors import (
+    ChatteringError as ChatteringError,
+    ConvergenceError as ConvergenceError,
+    DefinitionError as DefinitionError,
+    DivergenceError as DivergenceError,
+    InputError as InputError,
+    SaltusError as SaltusError,
+    StickingError as StickingError,
+    StiffnessError as StiffnessError,
+)
+from .flow import (
+    Trajectory as Trajectory,
+    simulate as simulate,
+)
+from .orbits import (
+    PeriodicOrbit as PeriodicOrbit,
+    find_orbit as find_orbit,
+    solve_orbit as solve_orbit,
+)
+from .results import (
+    Result as Result,
+    load as load,
+)
+from .sweeps import (
+    Criteria as Criteria,
+    LyapunovSpectrum as LyapunovSpectrum,
+    Section as Section,
+    Sweep as Sweep,
+    lyapunov_spectrum as lyapunov_spectrum,
+    run_sweep as run_sweep,
+)
+from .system import (
+    HybridSystem as HybridSystem,
+    Mode as Mode,
+    Transition as Transition,
+)
+from .version import __version__ as __version__

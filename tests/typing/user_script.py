@@ -1,0 +1,45 @@
+"""What a user writes; a line that ends in ``# wrong`` is one that a type checker must refuse."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+import saltus
+from saltus import HybridSystem, Mode, StepControl, Transition, afm
+
+ball = HybridSystem(
+    states=("z", "v"),
+    parameters={"g": 1.0, "e": 0.5, "A": 0.1, "w": 1.0},
+    modes={"flight": Mode({"z": "v", "v": "-g"})},
+    transitions=[Transition("flight", "flight", "z", -1, {"v": "-e*v"}, name="impact")],
+    phase=("theta", "w"),
+)
+motion: saltus.Trajectory = saltus.simulate(ball, {"e": 0.7}, x0=[1.0, 0.0], t_end=10.0)
+heights: NDArray[np.float64] = motion(np.linspace(0.0, 10.0, 101))[:, 0]
+orbit: saltus.PeriodicOrbit = saltus.find_orbit(ball, {"e": 0.7}, x0=[1.0, 0.0])
+period: float = orbit.period
+branch: saltus.Branch = saltus.continue_orbit(orbit, "A", (0.05, 0.5), steps=StepControl(largest=0.01))
+doubled: saltus.PeriodicOrbit | list[saltus.PeriodicOrbit] = saltus.switch_branch(branch["PD1"])
+locus: saltus.Locus = saltus.continue_locus(branch["SN1"], ("A", "e"), {"A": (0.0, 1.0), "e": (0.0, 1.0)})
+sweep: saltus.Sweep = saltus.run_sweep(ball, "A", np.linspace(0.1, 0.2, 11), x0=[1.0, 0.0])
+attractors: saltus.Attractors = saltus.find_attractors(ball, region={"z": (0.0, 2.0), "v": (-1.0, 1.0)})
+basins: saltus.Basins = saltus.map_basins(ball, None, {"z": (0.0, 2.0, 100), "v": (-1.0, 1.0, 100)})
+setup: afm.Setup = afm.table1()
+tapping: HybridSystem = afm.tapping_mode(setup, modes=2)
+
+try:
+    saltus.load("orbit.nc").plot()
+except saltus.SaltusError as error:
+    print(error)
+
+saltus.find_orbits(ball)  # wrong
+saltus.simulate(ball, x0=[1.0, 0.0], t_end="long")  # wrong
+saltus.simulate(ball, x0=[1.0, 0.0], until=10.0)  # wrong
+saltus.find_orbit("ball", x0=[1.0, 0.0])  # wrong
+saltus.continue_orbit(orbit, 3, (0.0, 1.0))  # wrong
+saltus.continue_orbit(orbit, "A", (0.0, 1.0), steps=0.01)  # wrong
+text: str = orbit.period  # wrong
+found = orbit.multiplier  # wrong
+afm.tapping_mode(setup, number=2)  # wrong
+afm.table2()  # wrong
