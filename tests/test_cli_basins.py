@@ -14,6 +14,7 @@ import pytest
 import saltus.basins.map.grid
 from saltus import cli
 from saltus.basins import Basins
+from saltus.cli import console
 from saltus.errors import InputError
 from test_cli import _run
 from wells import Interrupt
@@ -105,7 +106,7 @@ def test_an_interrupted_run_says_how_to_go_on_and_goes_on_to_the_same_labels(map
 
     store = config.with_name("part.zarr")
     with monkeypatch.context() as patch:
-        patch.setattr(cli, "_bar", interrupting)
+        patch.setattr(cli.basins, "bar", interrupting)
         code, out, err = _run(capsys, "basins", str(config), "-o", str(store))
     assert code == 130
     assert f"kept  {store}" in out
@@ -334,7 +335,7 @@ def test_an_option_that_a_figure_does_not_take_is_told(name, tmp_path, capsys):
     ],
 )
 def test_times_are_told_in_two_units_at_most(seconds, told):
-    assert cli._duration(seconds) == told
+    assert console.duration_text(seconds) == told
 
 
 def test_progress_tells_orbits_a_second_and_the_time_left(capsys, monkeypatch):
@@ -342,7 +343,7 @@ def test_progress_tells_orbits_a_second_and_the_time_left(capsys, monkeypatch):
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "100")
-    with cli._bar() as show:
+    with console.bar() as show:
         assert show is not None
         show(25_000, 100_000, 12_500.0, 6.0)
     out = capsys.readouterr().out

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus import checks
-from saltus.afm.galerkin import mode_shape
+from saltus.afm.cantilever_motion import hertz_profile, motion_of
 from saltus.afm.movies import checked_movie, write_movie
 from saltus.afm.regimes import tapping_modes
 from saltus.errors import InputError
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from saltus.afm.tapping import Setup
     from saltus.orbits import PeriodicOrbit
 
-__all__ = ["Motion", "Scene", "animate", "motion_of"]
+__all__ = ["Scene", "animate"]
 
 _INCHES = (8.0, 4.4)
 _WIDTHS = (320, 1920)
@@ -79,37 +78,6 @@ _LOOK: dict[Any, Any] = {
     "ytick.color": "0.25",
     "mathtext.fontset": "dejavusans",
 }
-
-
-@dataclass(frozen=True)
-class Motion:
-    """A periodic tapping motion at equally spaced times, in nanometres, nanonewtons and, where known, microseconds.
-
-    Attributes
-    ----------
-    t : ndarray, shape (time,)
-        Times, from 0; in us, or in periods of the motion.
-    period : float
-        In the unit of `t`.
-    beam : ndarray, shape (time, place), in nm
-        Height of the beam's points over the sample, the tip's height left out.
-    z : ndarray, shape (time,), in nm
-        Gap between tip and sample.
-    v : ndarray, shape (time,), in mm/s or ``eta omega_1``
-        Velocity of the gap.
-    force : ndarray, shape (time,), in nN
-        On the tip, positive where it repels.
-    contact : ndarray of bool, shape (time,)
-        Whether the tip is in contact.
-    """
-
-    t: NDArray[np.float64]
-    period: float
-    beam: NDArray[np.float64]
-    z: NDArray[np.float64]
-    v: NDArray[np.float64]
-    force: NDArray[np.float64]
-    contact: NDArray[np.bool_]
 
 
 def animate(
@@ -179,66 +147,6 @@ def animate(
     say = progress or (lambda done, total: None)
     write_movie(scene.figure, path, shown, fps=fps, dpi=width / _INCHES[0], progress=say)
     return path
-
-
-def motion_of(orbit: PeriodicOrbit, places: NDArray[np.float64], times: int, setup: Setup | None = None) -> Motion:
-    """Return an orbit over one period from phase 0 on, the last time one step before the period's end.
-
-    Parameters
-    ----------
-    orbit : PeriodicOrbit
-        Of a system that `tapping_mode` returns, admissible.
-    places : ndarray, shape (place,), in units of the beam's length
-        Where the beam's height is asked for.
-    times : int
-        How many times.
-    setup : Setup, optional
-        As for `animate`.
-
-    Raises
-    ------
-    InputError
-        The system is not tapping mode, the orbit is not admissible, or `setup` is no Setup.
-
-    Examples
-    --------
-    The tip's height is the gap:
-
-    >>> from saltus.afm import table1, tapping_mode
-    >>> from saltus.afm.regimes import settled_orbit
-    >>> orbit = settled_orbit(tapping_mode(table1()), {"Omega": 1.15})
-    >>> motion = motion_of(orbit, np.array([0.0, 1.0]), 4)
-    >>> bool(np.allclose(motion.beam[:, 1], motion.z)), motion.t.tolist()
-    (True, [0.0, 0.25, 0.5, 0.75])
-    """
-    from saltus.afm.tapping import Setup
-    from saltus.flow import simulate
-
-    n = tapping_modes(orbit.system)
-    if not orbit.admissible:
-        raise InputError("orbit", repr(orbit).splitlines()[0], "admissible", "; ".join(orbit.reasons))
-    if setup is not None:
-        checks.instance("setup", setup, Setup)
-    p = orbit.parameters
-    eta = 1e9 * p["eta"]
-    found = simulate(orbit.system, p, orbit.x0, periods=orbit.form.turns)
-    t = found.t_end * np.arange(times) / times
-    states = found(t)
-    base = p["ybar"] * np.sin(states[:, -1])
-    shapes = np.array([mode_shape(i + 1, places) for i in range(n)])
-    unit, speed = 1.0 / found.t_end, 1.0
-    if setup is not None:
-        omega_1 = setup.cantilever.omega_1
-        unit, speed = 1e6 / omega_1, 1e3 * p["eta"] * omega_1
-    return Motion(
-        t=unit * t,
-        period=unit * found.t_end,
-        beam=eta * (1.0 - base[:, None] - states[:, :n] @ shapes),
-        z=eta * found.output("z", t),
-        v=speed * found.output("v", t),
-        force=eta * p["k"] * found.output("force", t),
-        contact=found.mode_at(t) == "contact",
-    )
 
 
 class Scene:
@@ -399,42 +307,6 @@ class Scene:
         self._pushed = _dot(ax)
         ax.set_xlabel(f"time $t$ ({self._time_unit})")
         ax.set_ylabel(f"force ({unit})")
-
-
-def hertz_profile(r: NDArray[np.float64], depth: float, radius: float) -> NDArray[np.float64]:
-    """Return how far a rigid sphere presses down the surface of an elastic half-space, at distances from its axis.
-
-    Parameters
-    ----------
-    r : ndarray, any shape
-        Distances.
-    depth : float
-        Indentation at the axis; in one unit with `r` and `radius`.
-    radius : float
-        Of the sphere, much larger than `depth`.
-
-    Returns
-    -------
-    ndarray, shape of `r`
-
-    References
-    ----------
-    K. L. Johnson, Contact Mechanics (1985), Eqs. (3.41a) and (3.42a); the DMT model's profile is Hertz's.
-
-    Examples
-    --------
-    At the rim of the contact, ``r**2 = depth * radius``, it is half the depth, and far off it vanishes:
-
-    >>> hertz_profile(np.array([0.0, 6.0, 600.0]), 2.0, 18.0).round(3).tolist()
-    [2.0, 1.0, 0.008]
-    """
-    if depth <= 0.0:
-        return np.zeros_like(r)
-    ratio = np.maximum(np.abs(r) / math.sqrt(depth * radius), 1e-300)
-    outside = (
-        (2.0 - ratio**2) * np.arcsin(np.minimum(1.0 / ratio, 1.0)) + np.sqrt(np.maximum(ratio**2 - 1.0, 0.0))
-    ) / np.pi
-    return np.asarray(depth * np.where(ratio <= 1.0, 1.0 - 0.5 * ratio**2, outside))
 
 
 def _title(orbit: PeriodicOrbit, setup: Setup | None, seconds: float) -> str:

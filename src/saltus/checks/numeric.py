@@ -1,29 +1,18 @@
-"""Arguments as a user hands them in: one check for each kind, with the same words wherever it is asked for.
-
-Each function returns the argument as what it stands for (a float, an integer, an array, a path), or raises
-`InputError`. Its first parameter is what the message calls the argument.
-
-A *real number* is an integer, a float, a fraction, a decimal, a real number of NumPy or of SymPy, or what is
-registered as `numbers.Real`. Booleans, complex numbers, texts, bytes, dates and durations are none, whatever `float`
-makes of them.
-"""
+"""Numbers, counts, intervals and arrays as a user hands them in."""
 
 from __future__ import annotations
 
 import math
 import operator
-import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
 from decimal import Decimal
-from itertools import islice
 from numbers import Real
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.errors import InputError, nearest
+from saltus.checks.textual import listed
+from saltus.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,113 +20,21 @@ if TYPE_CHECKING:
 __all__ = [
     "array",
     "between",
-    "chosen",
     "count",
-    "flag",
-    "function",
-    "instance",
     "interval",
     "is_real",
-    "listed",
-    "mapping",
-    "names",
     "non_negative",
     "number",
-    "path",
     "positive",
     "refuse",
     "size",
-    "text",
 ]
-
-Kind = TypeVar("Kind")
 
 LARGEST_COUNT = 2**53
 """The largest count: beyond it floats are no longer exact, and no computation ends."""
 
 LARGEST_LIST = 10**7
 """The largest count of things that are held in memory at once."""
-
-MOST_ITEMS = 10**5
-"""The most items of a sequence that is gone through one by one."""
-
-_LONGEST_PART = 255
-"""Bytes in a part of a path, at most: the limit of common file systems."""
-
-_WHERE_FROM = {
-    "Setup": "table1() returns the paper's",
-    "PeriodicOrbit": "find_orbit and solve_orbit give one",
-    "SpecialPoint": "branch['PD1'] is one",
-    "Branch": "continue_orbit gives one",
-    "Basins": "map_basins gives one",
-    "Attractors": "find_attractors and attractors_from give one",
-}
-"""Where an object of a kind comes from, for the message."""
-
-
-# ---- objects and callables ----
-
-
-def instance(name: str, value: object, kind: type[Kind], hint: str = "") -> Kind:
-    """Return `value` if it is of a kind.
-
-    Parameters
-    ----------
-    name : str
-        The argument, for the message; so in all functions of this module.
-    value : object
-        What was given.
-    kind : type
-        What it must be.
-    hint : str, optional
-        What to do about it; by default where such an object comes from.
-
-    Raises
-    ------
-    InputError
-        It is of another kind.
-
-    Examples
-    --------
-    >>> instance("orbit", [0.0], slice)
-    Traceback (most recent call last):
-        ...
-    saltus.errors.InputError: orbit = [0.0]: must be a slice
-    """
-    if isinstance(value, kind):
-        return value
-    article = "an" if kind.__name__[0] in "AEIO" else "a"
-    hint = hint or (f"it is the class, not {article} {kind.__name__}" if value is kind else "")
-    raise InputError(name, value, f"{article} {kind.__name__}", hint or _WHERE_FROM.get(kind.__name__, ""))
-
-
-def function(name: str, value: object, what: str) -> Any:
-    """Return `value` if it can be called, or is None; `what` says with what it is called, as in "of two counts".
-
-    Raises
-    ------
-    InputError
-        It cannot be called.
-    """
-    if value is not None and not callable(value):
-        raise InputError(name, value, f"a function {what}")
-    return value
-
-
-def flag(name: str, value: object) -> bool:
-    """Return a truth value.
-
-    Raises
-    ------
-    InputError
-        It is neither True nor False.
-    """
-    if not isinstance(value, bool | np.bool_):
-        raise InputError(name, value, "True or False")
-    return bool(value)
-
-
-# ---- numbers ----
 
 
 def is_real(value: object) -> bool:
@@ -374,9 +271,6 @@ def interval(name: str, value: object, *, finite: bool = False) -> tuple[float, 
     return low, high
 
 
-# ---- arrays ----
-
-
 def array(
     name: str, value: object, allowed: str = "an array of real numbers", *, finite: bool = True
 ) -> NDArray[np.float64]:
@@ -478,198 +372,3 @@ def refuse(name: str, found: NDArray[np.float64], wrong: NDArray[np.bool_], allo
         first = tuple(int(i) for i in np.argwhere(wrong)[0])
         where = f"[{', '.join(map(str, first))}]" if first else ""
         raise InputError(name + where, float(found[first]), allowed)
-
-
-# ---- names and texts ----
-
-
-def text(name: str, value: object, allowed: str = "text") -> str:
-    """Return a text.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
-    if not isinstance(value, str):
-        raise InputError(name, value, allowed)
-    return value
-
-
-def chosen(name: str, value: object, known: Iterable[str], *, instead: str = "", hint: str = "") -> str:
-    """Return a name that is among those known.
-
-    Parameters
-    ----------
-    name : str
-        The argument.
-    value : object
-        What was given.
-    known : iterable of str
-        What it may be.
-    instead : str, optional
-        What else is allowed, to be read after "one of a, b".
-    hint : str, optional
-        What to do about it; by default which of the names is nearest.
-
-    Raises
-    ------
-    InputError
-        It is not among them.
-
-    Examples
-    --------
-    >>> chosen("mode", "fligth", ("flight", "contact"))
-    Traceback (most recent call last):
-        ...
-    saltus.errors.InputError: mode = 'fligth': must be one of flight, contact; did you mean 'flight'?
-    """
-    names_ = tuple(known)
-    if isinstance(value, str) and value in names_:
-        return value
-    allowed = f"one of {', '.join(names_)}" if names_ else "left out, as there is none"
-    raise InputError(name, value, allowed + instead, nearest(value, names_) or hint)
-
-
-def listed(name: str, value: object, allowed: str, *, most: int = MOST_ITEMS) -> tuple[Any, ...]:
-    """Return the items of a sequence or of any other iterable, but a text or a mapping.
-
-    Raises
-    ------
-    InputError
-        It is none, or has more than `most` items.
-
-    Examples
-    --------
-    >>> listed("parameters", ("A", "e", "w"), "two names", most=2)
-    Traceback (most recent call last):
-        ...
-    saltus.errors.InputError: parameters = ('A', 'e', 'w'): must be two names
-    """
-    if isinstance(value, str):
-        raise InputError(name, value, allowed)
-    found = tuple(islice(_lazily(name, value, allowed), most + 1))
-    if len(found) > most:
-        raise InputError(name, value, allowed, f"these are more than {most}" if most == MOST_ITEMS else "")
-    return found
-
-
-def names(name: str, value: object, what: str, *, least: int = 0) -> tuple[str, ...]:
-    """Return the texts of a sequence, each of them once; `what` says what they are, as in "names of states".
-
-    Raises
-    ------
-    InputError
-        It is no sequence of texts, one stands there twice, or they are fewer than `least`.
-
-    Examples
-    --------
-    >>> names("observables", "max(z)", "observables")
-    Traceback (most recent call last):
-        ...
-    saltus.errors.InputError: observables = 'max(z)': must be a sequence of observables; put it into a list
-    """
-    allowed = f"a sequence of {what}" + (", at least one" if least == 1 else "")
-    if isinstance(value, str):
-        raise InputError(name, value, allowed, "put it into a list")
-    found: dict[str, None] = {}
-    for item in _lazily(name, value, allowed):
-        if not isinstance(item, str):
-            raise InputError(name, item, allowed)
-        if item in found:
-            raise InputError(name, item, "named once")
-        found[item] = None
-    if len(found) < least:
-        raise InputError(name, value, allowed)
-    return tuple(found)
-
-
-def _lazily(name: str, value: object, allowed: str) -> Iterator[Any]:
-    """Go through an iterable up to where the caller has seen enough of it."""
-    if isinstance(value, bytes | bytearray | Mapping) or not isinstance(value, Iterable):
-        raise InputError(name, value, allowed)
-    try:
-        yield from value
-    except InputError:
-        raise
-    except Exception as error:  # a generator of one's own, or an array without dimensions
-        raise InputError(name, value, allowed, f"{type(error).__name__}: {error}") from error
-
-
-def mapping(name: str, value: object, what: str, *, known: Iterable[str] | None = None) -> dict[str, Any]:
-    """Return a mapping whose keys are texts, as a dict; empty for None.
-
-    Parameters
-    ----------
-    name : str
-        The argument.
-    value : object
-        What was given.
-    what : str
-        What it maps, as in "names to numbers".
-    known : iterable of str, optional
-        The keys it may have.
-
-    Raises
-    ------
-    InputError
-        It is no mapping, a key is no text, or not among those known.
-
-    Examples
-    --------
-    >>> mapping("weights", [1.0], "coordinates to lengths")
-    Traceback (most recent call last):
-        ...
-    saltus.errors.InputError: weights = [1.0]: must be a mapping of coordinates to lengths
-    """
-    allowed = f"a mapping of {what}"
-    if value is None:
-        return {}
-    if not isinstance(value, Mapping):
-        raise InputError(name, value, allowed)
-    try:
-        found = dict(value)
-    except Exception as error:  # of a mapping that only seems to be one
-        raise InputError(name, value, allowed, f"{type(error).__name__}: {error}") from error
-    for key in found:
-        if known is not None:
-            chosen(name, key, known)
-        elif not isinstance(key, str):
-            raise InputError(f"a name in {name}", key, "text")
-    return found
-
-
-# ---- places on disk ----
-
-
-def path(name: str, value: object, what: str = "the path of a file") -> Path:
-    """Return a path on disk; whether anything is there is not looked at.
-
-    Raises
-    ------
-    InputError
-        It is neither a text nor path-like, or no file system takes it.
-
-    Examples
-    --------
-    >>> path("path", 3)
-    Traceback (most recent call last):
-        ...
-    saltus.errors.InputError: path = 3: must be the path of a file; a text, or path-like
-    """
-    try:
-        given = os.fspath(value)  # type: ignore[call-overload]
-    except Exception:
-        given = None
-    if not isinstance(given, str) or not given:
-        hint = "os.fsdecode makes a text of bytes" if isinstance(given, bytes) else "a text, or path-like"
-        raise InputError(name, value, what, hint)
-    try:
-        parts = [len(os.fsencode(part)) for part in Path(given).parts]
-    except UnicodeEncodeError:
-        raise InputError(name, value, what, "it has characters that file names cannot have here") from None
-    if "\0" in given:
-        raise InputError(name, value, what, "it has a null character")
-    if max(parts, default=0) > _LONGEST_PART:
-        raise InputError(name, value, what, f"a part of it is longer than {_LONGEST_PART} bytes")
-    return Path(given)

@@ -1,0 +1,219 @@
+"""The command ``saltus``: parse, call, print. What is heavy is imported inside the commands."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from io import TextIOWrapper
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from saltus.cli import basins
+from saltus.cli.console import (
+    FAILED,
+    INTERRUPTED,
+    add_row,
+    interruptible,
+    new_table,
+    printable,
+    show,
+    status,
+)
+from saltus.errors import InputError, SaltusError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+__all__ = ["main"]
+
+_TOLD_ELSEWHERE = ("figure", "parameters")
+"""Entries of a figure's content that the table of its numbers leaves out."""
+
+app = typer.Typer(
+    name="saltus",
+    help="Dynamics of hybrid systems: periodic orbits, their continuation and bifurcations.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+app.add_typer(basins.group, name="basins", help="Map basins of attraction into a store, or tell what is in one.")
+
+
+def main(args: list[str] | None = None) -> None:
+    """Run the command with `args` (by default those of the process) and leave with its exit code.
+
+    0: done; 2: an error, told in a line on stderr; 130: interrupted.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal may lack letters that names have
+    try:
+        app(args=args, prog_name="saltus")
+    except SaltusError as error:
+        _fail(str(error))
+    except OSError as error:
+        _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+
+
+def _fail(text: str) -> None:
+    typer.echo("saltus: " + printable(" ".join(text.split())), err=True)
+    raise SystemExit(FAILED)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"saltus {version('saltus')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and leave.")
+    ] = False,
+) -> None:
+    del version  # its callback has done the work
+
+
+@app.command(no_args_is_help=True)
+def reproduce(
+    figure: Annotated[str, typer.Argument(help="Name of the figure, or 'list' to see them all.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for what is computed; made if absent.")
+    ] = Path("results"),
+    resolution: Annotated[
+        int | None,
+        typer.Option(min=2, metavar="N", help="Cells along each axis of fig8, fig9 and fig10; 400 if left out."),
+    ] = None,
+    animate: Annotated[bool, typer.Option("--animate", help="Film fig8 turning, as well.")] = False,
+) -> None:
+    """Compute a figure of the paper, with its data and special points."""
+    from saltus.afm.figures import FIGURES, runner
+
+    if figure == "list":
+        for name, line in FIGURES.items():
+            typer.echo(f"{name}  {line}")
+        return
+    run = runner(figure)
+    chosen = {"resolution": resolution, "animate": animate or None}
+    options = _taken(figure, run, {name: value for name, value in chosen.items() if value is not None})
+    folder = _writable_folder(out)
+    with interruptible(), status() as say:
+        found = run(folder, say, **options)
+    _report(found)
+    if found["interrupted"]:
+        raise SystemExit(INTERRUPTED)
+
+
+def _taken(figure: str, run: Callable[..., Any], options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options, all of which a figure takes; raise `InputError` if not."""
+    from inspect import signature
+
+    for name, value in options.items():
+        if name not in signature(run).parameters:
+            raise InputError(f"--{name}", value, f"left out for {figure}")
+    return options
+
+
+@app.command()
+def animate(
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FILE", help="The film: a .gif, or an .mp4 (extra saltus[video]).")
+    ] = Path("tap.gif"),
+    omega: Annotated[float, typer.Option(help="Drive frequency, in units of the first natural frequency.")] = 1.0,
+    ybar: Annotated[float, typer.Option(help="Drive amplitude, in units of the gap at rest.")] = 0.108,
+    modes: Annotated[int, typer.Option(help="Modes of the cantilever.")] = 2,
+    d_att: Annotated[float, typer.Option("--d-att", help="Damping out of contact.")] = 0.025,
+    d_rep: Annotated[float, typer.Option("--d-rep", help="Damping in contact.")] = 4.0,
+    orbit: Annotated[str, typer.Option(help="Regime: repulsive (with contact) or attractive (without).")] = "repulsive",
+    fps: Annotated[int, typer.Option(help="Frames a second.")] = 25,
+    seconds: Annotated[float, typer.Option(help="How long the film lasts.")] = 4.0,
+    width: Annotated[int, typer.Option(help="Width in pixels.")] = 800,
+) -> None:
+    """Film the cantilever, tapping on a periodic orbit, beside its phase portrait and the force."""
+    from saltus.afm.movies import checked_movie
+
+    checked_movie(out, fps)
+    with interruptible(), status() as say:
+        from saltus.afm import animate as film, settled_orbit, table1, tapping_mode
+
+        setup = table1()
+        parameters = {"Omega": omega, "ybar": ybar, "D_att": d_att, "D_rep": d_rep}
+        found = settled_orbit(tapping_mode(setup, modes=modes), parameters, orbit)
+        told = None if say is None else lambda done, total: say(f"frame {done} of {total}")
+        path = film(found, out, setup=setup, fps=fps, seconds=seconds, width=width, progress=told)
+    typer.echo(printable(repr(found)))
+    typer.echo(f"written  {path}  ({path.stat().st_size / 1e6:.2f} MB)")
+
+
+def _writable_folder(out: Path) -> Path:
+    """Return the folder, made if it was absent; raise `InputError` where nothing can be written."""
+    there = next((path for path in (out, *out.absolute().parents) if path.exists()), Path("/"))
+    if not there.is_dir():
+        raise InputError("--out", str(out), "a folder", f"{there} is a file")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError("--out", str(out), "a folder that can be written", f"{there} is read-only for this user")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise InputError("--out", str(out), "a folder that can be written", error.strerror or str(error)) from None
+    return out
+
+
+def _report(found: dict[str, Any]) -> None:
+    """Print the special points, or the numbers that the figure stands for, and which files were written."""
+    content = found["content"]
+    table = _special_points(content["special_points"]) if "special_points" in content else _numbers(content)
+    if table.row_count:
+        show(table)
+    if found["interrupted"]:
+        typer.echo("saltus: interrupted; kept", err=True)
+        for result in found["results"].values():
+            typer.echo(printable(f"  {repr(result).splitlines()[0]}"), err=True)
+    for path in found["files"]:
+        typer.echo(f"{'kept' if found['interrupted'] else 'written'}  {path}")
+
+
+def _special_points(points: list[dict[str, Any]]) -> Table:
+    """Return the special points of a branch as a table."""
+    table = new_table({"type": "left", "Omega": "right", "min z": "right", "signature": "left", "admissible": "left"})
+    for point in points:
+        path = " ".join(":".join(pair) for pair in point["signature"])
+        admissible = "yes" if point["admissible"] else "no"
+        add_row(table, point["type"], f"{point['omega']:.10f}", f"{point['min_z']:.9f}", path, admissible)
+    return table
+
+
+def _numbers(content: dict[str, Any]) -> Table:
+    """Return numbers and words in the content of a figure without special points, a row for what belongs together."""
+    table = new_table({"what": "left", "value": "left"})
+    for name, value in content.items():
+        if name in _TOLD_ELSEWHERE:
+            continue
+        values = value if isinstance(value, dict) else {"": value}
+        told = {key: _written(x) for key, x in values.items() if key not in _TOLD_ELSEWHERE}
+        written = [f"{key} = {x}".removeprefix(" = ") for key, x in told.items() if x]
+        if written:
+            add_row(table, name, ", ".join(written))
+    return table
+
+
+def _written(value: object) -> str:
+    """Return a number, a word, or numbers by name as the table has them; nothing for what has other parts."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, dict) and value and all(isinstance(x, int | float) for x in value.values()):
+        return ", ".join(f"{key} {x:.10g}" for key, x in value.items())
+    return f"{value:.10g}" if isinstance(value, int | float) else ""
