@@ -73,13 +73,39 @@ class Result(ABC):
     @classmethod
     @abstractmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Self:
-        """Return the result that `to_xarray` described."""
+        """Return the result that a Dataset describes.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            As `to_xarray` returns it.
+
+        Returns
+        -------
+        Result
+            Of the class whose method this is.
+
+        Raises
+        ------
+        InputError
+            Something in the Dataset is missing, of another shape or out of its range.
+        """
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the result to a NetCDF file and return its path.
+        """Write the result to a NetCDF file.
 
         The file is written beside its place and then renamed: whatever comes between, either the old one or the new one
         stands there. Its content is made in memory, which takes about twice the room of the result.
+
+        Parameters
+        ----------
+        path : path-like
+            The file; one that is there is replaced.
+
+        Returns
+        -------
+        Path
+            The file.
 
         Raises
         ------
@@ -92,7 +118,23 @@ class Result(ABC):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a result of this kind from a file; see `saltus.load`."""
+        """Return the result of this kind that a file holds; see `saltus.load`.
+
+        Parameters
+        ----------
+        path : path-like
+            What `save` wrote.
+
+        Returns
+        -------
+        Result
+            Of the class whose method this is.
+
+        Raises
+        ------
+        InputError
+            The file cannot be read, is damaged, or holds a result of another kind.
+        """
         result = load(path)
         if not isinstance(result, cls):
             raise InputError(
@@ -101,7 +143,23 @@ class Result(ABC):
         return result
 
     def plot(self, *args: Any, **options: Any) -> Any:
-        """Draw the result; see `saltus.plotting`."""
+        """Draw the result.
+
+        Parameters
+        ----------
+        *args, **options
+            As the kind's module of `saltus.plotting` takes them.
+
+        Returns
+        -------
+        matplotlib.figure.Figure or matplotlib.axes.Axes
+            What was drawn on; see `saltus.plotting`.
+
+        Raises
+        ------
+        InputError
+            An option that this kind does not know, or a value that cannot be drawn.
+        """
         from saltus.plotting import plot
 
         return plot(self, *args, **options)
@@ -150,6 +208,11 @@ def load(path: str | os.PathLike[str]) -> Result:
     ----------
     path : path-like
         A NetCDF file written by `Result.save`, or a Zarr store of basins, whose labels are read when asked for.
+
+    Returns
+    -------
+    Result
+        A `PeriodicOrbit`, `Branch`, `Basins` or another kind: the one that was saved.
 
     Raises
     ------

@@ -84,13 +84,45 @@ class HybridSystem(Definition):
         return compiled.load(self)
 
     def second(self, active: tuple[int, ...]) -> CompiledSecond:
-        """Return the compiled second derivatives in the state and in the parameters of growing indices `active`."""
+        """Return the compiled second derivatives in the state and in some parameters.
+
+        Parameters
+        ----------
+        active : tuple of int
+            Indices of the parameters, growing.
+
+        Returns
+        -------
+        CompiledSecond
+            Made once for each `active`.
+
+        Raises
+        ------
+        DefinitionError
+            SymPy cannot differentiate an expression twice.
+        """
         if active not in self._second:
             self._second[active] = compiled.load_second(self, active)
         return self._second[active]
 
     def series(self, order: int) -> CompiledSeries | None:
-        """Return the compiled Taylor series of motions, to an order; None where a mode's field has none."""
+        """Return the compiled Taylor series of motions.
+
+        Parameters
+        ----------
+        order : int
+            Last coefficient.
+
+        Returns
+        -------
+        CompiledSeries or None
+            None where a mode's field has no series.
+
+        Raises
+        ------
+        DefinitionError
+            SymPy cannot read an expression.
+        """
         if order not in self._series:
             self._series[order] = compiled.load_series(self, order)
         return self._series[order]
@@ -101,7 +133,27 @@ class HybridSystem(Definition):
         return compiled.load_linear(self)
 
     def field(self, mode: str, state: ArrayLike, parameters: Mapping[str, float] | None = None) -> NDArray[np.float64]:
-        """Return the vector field of `mode` at a full state (phase last), shape (all states,)."""
+        """Return the vector field of a mode at a state.
+
+        Parameters
+        ----------
+        mode : str
+            Its name.
+        state : array_like, shape (states,) or (all states,)
+            With the phase last, or without it at phase 0.
+        parameters : mapping of str to float, optional
+            Parameters that differ from the defaults.
+
+        Returns
+        -------
+        ndarray, shape (all states,)
+            Rates of the states, then that of the phase.
+
+        Raises
+        ------
+        InputError
+            There is no such mode; a state of another length; a parameter that cannot be used.
+        """
         return self.compiled.field(self.mode_index(mode), self.full_state(state), self.parameter_vector(parameters))
 
     def _repr_html_(self) -> str:
