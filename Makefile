@@ -4,7 +4,7 @@
 .PHONY: help demo test lint bench lock clean
 
 BIN = .venv/bin
-PYTEST_ARGS = -n 2
+PYTEST_ARGS = -n 2 --dist worksteal
 LOCK_ARGS =
 
 help: ## list the targets

@@ -12,13 +12,14 @@ import killed
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="of POSIX")
 
 
-@pytest.mark.parametrize(
-    ("name", "moments"), [("save", 3), *(pytest.param(name, 6, marks=pytest.mark.slow) for name in killed.KINDS)]
-)
-def test_killed_at_any_moment_it_leaves_whole_files_and_goes_on(tmp_path, name, moments):
+NAMES = [pytest.param(name, marks=() if name == "save" else pytest.mark.slow) for name in killed.KINDS]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_killed_at_any_moment_it_leaves_whole_files_and_goes_on(tmp_path, name):
     kind, random = killed.KINDS[name](), np.random.default_rng(3)
     for sent in killed.SIGNALS:
-        for after in random.uniform(0.0, 0.5, moments):
+        for after in random.uniform(0.0, 0.5, 4):
             taken, left = killed.killed(kind, tmp_path / "work", sent, after)
             if sent == "SIGINT":
                 assert taken < killed.WAITED

@@ -152,7 +152,7 @@ class Result(ABC):
 
         Returns
         -------
-        matplotlib.figure.Figure or matplotlib.axes.Axes
+        matplotlib.axes.Axes
             What was drawn on; see `saltus.plotting`.
 
         Raises

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -36,6 +37,18 @@ def branch_in_frequency(modes):
 @pytest.fixture(scope="module")
 def branches():
     return {modes: branch_in_frequency(modes) for modes in STARTS}
+
+
+@pytest.fixture(scope="module")
+def locus_of(branches):
+    """Return the locus of a special point of a branch in frequency and amplitude; each is computed once."""
+    bounds = {name: BOUNDS[name] for name in ("Omega", "ybar")}
+
+    @cache
+    def locus(modes, label):
+        return continue_locus(branches[modes][label], ("Omega", "ybar"), bounds)
+
+    return locus
 
 
 def random_cases(count):
@@ -89,10 +102,10 @@ def test_points_of_a_locus_are_special_points_of_independent_branches(branches, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("modes", [1, 2])
-def test_every_locus_of_the_response_is_critical_all_along(branches, modes):
+def test_every_locus_of_the_response_is_critical_all_along(branches, locus_of, modes):
     """Of orbits computed anew: multipliers at 1 or -1, or contacts without velocity."""
     for start in branches[modes].special_points:
-        locus = continue_locus(start, ("Omega", "ybar"), {name: BOUNDS[name] for name in ("Omega", "ybar")})
+        locus = locus_of(modes, start.label)
         assert len(locus) > 5, locus
         # on a grazing itself the others are not determined
         met = [p.position for p in locus.special_points.of_type("GR") if start.type != "GR"]
@@ -116,12 +129,11 @@ def test_every_locus_of_the_response_is_critical_all_along(branches, modes):
             assert own[0] < 1e-8 or own[1] < 0.01, (start.label, i, own)
 
 
-def test_the_doubling_locus_ends_on_the_grazing_locus_where_that_one_meets_it(branches):
+def test_the_doubling_locus_ends_on_the_grazing_locus_where_that_one_meets_it(branches, locus_of):
     """Found twice: as a grazing on the PD locus, and as a doubling of the motion without contact on the GR locus."""
-    bounds = {name: BOUNDS[name] for name in ("Omega", "ybar")}
     ends, meetings = [], []
     for start in branches[1].special_points.of_type("PD", "GR"):
-        locus = continue_locus(start, ("Omega", "ybar"), bounds)
+        locus = locus_of(1, start.label)
         wanted = "GR" if start.type == "PD" else "PD"
         found = [(p.parameters["Omega"], p.parameters["ybar"]) for p in locus.special_points.of_type(wanted)]
         (ends if start.type == "PD" else meetings).extend(found)
@@ -130,22 +142,21 @@ def test_the_doubling_locus_ends_on_the_grazing_locus_where_that_one_meets_it(br
         assert min(np.abs(np.subtract(end, place)).max() for place in meetings) < 1e-8
 
 
-def test_loci_do_not_depend_on_where_they_start(branches):
+def test_loci_do_not_depend_on_where_they_start(locus_of):
     bounds = {name: BOUNDS[name] for name in ("Omega", "ybar")}
     for label in ("SN1", "PD1", "GR1"):
-        locus = continue_locus(branches[1][label], ("Omega", "ybar"), bounds)
+        locus = locus_of(1, label)
         again = continue_locus(locus.point(len(locus) // 5), ("Omega", "ybar"), bounds)
         ends = sorted(map(tuple, locus.values[[0, -1]]))
         np.testing.assert_allclose(sorted(map(tuple, again.values[[0, -1]])), ends, atol=1e-8)
 
 
 @pytest.fixture(scope="module")
-def plane(branches):
+def plane(locus_of):
     """Loci of two modes in frequency and amplitude that meet one another."""
-    bounds = {name: BOUNDS[name] for name in ("Omega", "ybar")}
     labels = [f"SN{i}" for i in (1, 2, 3, 4, 6, 7)] + [f"TR{i}" for i in (1, 3, 4, 5, 6)]
     labels += [f"PD{i}" for i in (1, 2, 3, 4, 5, 8, 9, 10)] + [f"GR{i}" for i in (1, 2, 3, 4)]
-    return {label: continue_locus(branches[2][label], ("Omega", "ybar"), bounds) for label in labels}
+    return {label: locus_of(2, label) for label in labels}
 
 
 def found(plane, locus, kind):

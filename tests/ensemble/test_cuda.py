@@ -35,7 +35,7 @@ from saltus.ensemble.traps import Cells, Ellipsoids, Traps
 sys.setswitchinterval(1e-4)  # the simulator's threads wait for each other by polling
 system = HybridSystem.from_definition(json.loads(sys.argv[2]))
 generator = np.random.default_rng(7)
-points = generator.uniform((-0.5, -1.0), (1.2, 1.0), (230, 2))  # more than a block has lanes
+points = generator.uniform((-0.5, -1.0), (1.2, 1.0), (200, 2))  # more than a block has lanes
 engines = {"cpu": Ensemble(system, threads=1), "cuda": CudaEnsemble(system)}
 centre = engines["cpu"].strobe([[0.0, 0.0]], count=200)[0]
 planes = np.array([[[1.0, 0.0], [0.0, -1.0]]]), np.array([[0.04, 0.05]])
@@ -46,9 +46,9 @@ cells = Cells(corner, np.array([0.05, 0.05]), boxes, np.full(9, 4, np.uint8), 3)
 found = {}
 for name, engine in engines.items():
     found[f"{name}_ends"], found[f"{name}_modes"] = engine.strobe(points[:60], count=2)
-    found[f"{name}_labels"], found[f"{name}_strobes"] = engine.settle(points, discs, longest=8)
+    found[f"{name}_labels"], found[f"{name}_strobes"] = engine.settle(points, discs, longest=3)
     found[f"{name}_cell_labels"], found[f"{name}_cell_strobes"] = engine.settle(
-        points[:60], Traps(2, cells=cells, limit=50.0), longest=40
+        points[:40], Traps(2, cells=cells, limit=50.0), longest=20
     )
 cuda._SHARED_BYTES = 0
 cuda._kernel.cache_clear()
