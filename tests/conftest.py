@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import hypothesis
 import pytest
 
 import systems
 from saltus.system.hybrid import HybridSystem
+
+# the same examples in each run, however busy the machine
+hypothesis.settings.register_profile("saltus", deadline=None, derandomize=True, print_blob=True)
+hypothesis.settings.load_profile("saltus")
 
 
 @pytest.fixture(scope="session")

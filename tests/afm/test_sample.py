@@ -57,7 +57,7 @@ def test_force_has_the_shape_of_the_gap(shape):
 
 
 @given(metre=FACTOR, kilogram=FACTOR, second=FACTOR, gap=st.floats(-20.0, 20.0))
-@settings(max_examples=100, derandomize=True, deadline=None)
+@settings(max_examples=100)
 def test_force_in_other_units_is_the_same_force(metre, kilogram, second, gap):
     pascal, joule, newton = (
         kilogram / (metre * second**2),
@@ -88,7 +88,7 @@ def test_rigid_tip_leaves_the_plane_strain_modulus_of_the_sample():
     young=st.tuples(st.floats(1e3, 1e12), st.floats(1e3, 1e12)),
     poisson=st.tuples(st.floats(-0.9, 0.5), st.floats(-0.9, 0.5)),
 )
-@settings(max_examples=100, derandomize=True, deadline=None)
+@settings(max_examples=100)
 def test_tip_and_sample_may_be_exchanged(young, poisson):
     names = ("young_tip", "young_sample"), ("poisson_tip", "poisson_sample")
     one = dict(zip(names[0], young, strict=True)) | dict(zip(names[1], poisson, strict=True))
