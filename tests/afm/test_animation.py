@@ -17,7 +17,7 @@ from PIL import Image
 
 from saltus import afm
 from saltus.afm.animation import Scene, animate, hertz_profile, motion_of
-from saltus.afm.galerkin import mode_shape
+from saltus.afm.beam import mode_shape
 from saltus.afm.sample import tip_force
 from saltus.errors import InputError, SaltusError
 

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from saltus.afm import Cantilever, DMTSample, table1
-from saltus.afm.galerkin import coefficients, mode_shape, mode_shape_integrals, wavenumbers
+from saltus.afm.beam import mode_shape, mode_shape_integrals, wavenumbers
+from saltus.afm.galerkin import coefficients
 from saltus.errors import InputError
 
 EPS = np.finfo(float).eps
