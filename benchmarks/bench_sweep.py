@@ -19,8 +19,8 @@ from saltus.afm.figures import fig7, fig7a
 from saltus.afm.galerkin import coefficients
 from saltus.afm.regimes import settled_orbit
 from saltus.flow._kernels import call
+from saltus.flow.event_logs import settle
 from saltus.flow.poincare import iterate
-from saltus.flow.trajectory import settle
 from saltus.system.compiled import FUNCTIONS
 
 if TYPE_CHECKING:

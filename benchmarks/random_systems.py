@@ -4,7 +4,7 @@ A system is drawn from (seed, number) alone: 1 to 4 states, 1 to 3 modes, polyno
 in any direction, resets and conditions on some, a phase in half of them. Nothing is made to be well posed: events meet,
 resets lead beyond events, fields push back to the surface they come from, and some motions grow without bound.
 
-The event loop reads the same texts as Python expressions and obeys the rules in `saltus.flow.trajectory`; it shares
+The event loop reads the same texts as Python expressions and obeys the rules in `saltus.flow.simulation`; it shares
 no code with it.
 """
 

@@ -67,10 +67,6 @@ def reached(start: str, *, typing: bool) -> set[str]:
 
 
 CYCLES = {
-    "afm.cantilever",
-    "afm.galerkin",
-    "flow.amplitude_spectrum",
-    "flow.trajectory",
     "orbits._kernels",
     "orbits._second_kernels",
     "orbits.orbit",

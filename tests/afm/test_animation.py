@@ -17,8 +17,8 @@ from PIL import Image
 
 from saltus import afm
 from saltus.afm.animation import Scene, animate
+from saltus.afm.beam import mode_shape
 from saltus.afm.cantilever_motion import hertz_profile, motion_of
-from saltus.afm.galerkin import mode_shape
 from saltus.afm.sample import tip_force
 from saltus.errors import InputError, SaltusError
 

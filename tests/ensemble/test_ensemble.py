@@ -20,7 +20,7 @@ from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.errors import InputError, SaltusError
 from saltus.flow.motion import starting_mode
 from saltus.flow.poincare import iterate
-from saltus.flow.trajectory import simulate
+from saltus.flow.simulation import simulate
 from saltus.system.hybrid import HybridSystem, Mode, Transition
 
 SHAKEN = "-x - 0.1*v + A*cos(s)"

@@ -10,7 +10,7 @@ import pytest
 import systems
 from oracles.closed_forms import HENON
 from saltus.flow.poincare import admits, iterate
-from saltus.flow.trajectory import simulate
+from saltus.flow.simulation import simulate
 
 RTOL, ATOL = 1e-11, 1e-13
 PLACE = {"w": 0.9, "A": 0.7}

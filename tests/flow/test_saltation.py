@@ -7,8 +7,8 @@ import pytest
 
 import systems
 from saltus.errors import InputError
+from saltus.flow.event_logs import events_after, settle
 from saltus.flow.saltation import saltation_matrix
-from saltus.flow.trajectory import events_after, settle
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 
 import numpy as np
@@ -13,11 +12,10 @@ import saltus.results
 import systems
 from oracles.closed_forms import TableJump
 from saltus.errors import ChatteringError, DivergenceError, InputError
-from saltus.flow.trajectory import events_after, settle, simulate
+from saltus.flow import simulation
+from saltus.flow.event_logs import events_after, settle
+from saltus.flow.simulation import simulate
 from saltus.system.hybrid import HybridSystem, Mode, Transition
-
-# the package offers the function under the module's name
-module = importlib.import_module("saltus.flow.trajectory")
 
 TIGHT = {"rtol": 1e-12, "atol": 1e-14}
 
@@ -538,7 +536,7 @@ def test_buffers_do_not_change_the_motion(afm1, monkeypatch):
     p = afm1.parameter_vector(None)
     whole = simulate(afm1, None, [0.0, 0.0], periods=20)
     assert np.array_equal(settle(afm1, p, [0.0, 0.0], 0, periods=20)[0], whole.x_end)
-    monkeypatch.setattr(module, "_STEPS_KEPT", 7)
+    monkeypatch.setattr(simulation, "_STEPS_KEPT", 7)
     monkeypatch.setattr("saltus.flow.motion._EVENTS_KEPT", 3)
     monkeypatch.setattr("saltus.flow.motion._BUDGET", 11)
     assert simulate(afm1, None, [0.0, 0.0], periods=20) == whole

@@ -14,9 +14,9 @@ from oracles.closed_forms import ImpactOrbit
 from oracles.tapping import Tapping
 from saltus import afm
 from saltus.errors import ChatteringError, DivergenceError, InputError
+from saltus.flow.event_logs import events_after, settle
 from saltus.flow.poincare import iterate
 from saltus.flow.taylor import ORDER
-from saltus.flow.trajectory import events_after, settle
 from saltus.system.hybrid import HybridSystem, Mode, Transition
 
 TIGHT = {"rtol": 1e-12, "atol": 1e-13}

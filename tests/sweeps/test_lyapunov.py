@@ -12,8 +12,9 @@ import pytest
 import systems
 from oracles.closed_forms import HENON, LOGISTIC, ImpactOrbit, TableJump, two_fields_orbit
 from saltus.errors import ChatteringError, DivergenceError, InputError
+from saltus.flow.event_logs import events_after, settle
 from saltus.flow.saltation import saltation_matrix
-from saltus.flow.trajectory import events_after, settle, simulate
+from saltus.flow.simulation import simulate
 from saltus.flow.variational import growth_along
 from saltus.orbits.find import find_orbit
 from saltus.sweeps.lyapunov import LyapunovSpectrum, lyapunov_spectrum

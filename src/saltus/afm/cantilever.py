@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.afm.galerkin import wavenumbers
+from saltus.afm.beam import wavenumbers
 
 if TYPE_CHECKING:
     from typing import Self

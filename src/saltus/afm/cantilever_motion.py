@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.afm.galerkin import mode_shape
+from saltus.afm.beam import mode_shape
 from saltus.afm.regimes import tapping_modes
 from saltus.errors import InputError
 

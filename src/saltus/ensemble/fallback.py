@@ -11,7 +11,7 @@ from saltus.ensemble.labels import DIVERGED, UNDECIDED
 from saltus.errors import DivergenceError, SaltusError, StickingError
 from saltus.flow.motion import starting_mode
 from saltus.flow.poincare import iterate
-from saltus.flow.trajectory import simulate
+from saltus.flow.simulation import simulate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -146,7 +146,7 @@ def linear_parts(system: HybridSystem, p: NDArray[np.float64], rate: float, peri
     """Return the linear part of each mode that has one, and a periodic response, for parameters `p`."""
     found = {}
     for mode, layout in enumerate(system.linear.splits):
-        if layout is None or (layout["kicks"] and not layout["events"]):
+        if layout is None or (layout["rest"] and not layout["events"]):
             continue  # without a surface to keep away from, nothing says where the rest is weak
         generator, events = system.linear.at(mode, p)
         part = _linear_part(generator, events, layout, rate, period)
@@ -185,5 +185,5 @@ def _linear_part(
         events[:, n : n + 2 * count : 2] + gradients @ cosines.T,
         events[:, n + 1 : n + 2 * count : 2] + gradients @ sines.T,
         events[:, -1] + gradients @ constant,
-        tuple(sorted({f for _, f in layout["kicks"]})),  # type: ignore[attr-defined]
+        tuple(layout["rest"]),  # type: ignore[arg-type]
     )  # fmt: skip

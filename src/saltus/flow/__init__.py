@@ -5,6 +5,7 @@ from saltus.system.cache import let_numba_cache
 let_numba_cache()
 
 from saltus.flow.saltation import saltation_matrix  # noqa: E402
-from saltus.flow.trajectory import Trajectory, simulate  # noqa: E402
+from saltus.flow.simulation import simulate  # noqa: E402
+from saltus.flow.trajectory import Trajectory  # noqa: E402
 
 __all__ = ["Trajectory", "saltation_matrix", "simulate"]

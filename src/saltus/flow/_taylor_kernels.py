@@ -31,14 +31,11 @@ FIELD, EVENT, EVENT_X, RESET, GUARD = (
 DONE, AGAIN, HELP = range(3)
 """What `follow_kernel` returns; AGAIN when the budget of steps is spent."""
 
-RETURNED, STEP, FAR_STEP, SIGMA_STEP, N_NUMBERS = range(DURATION + 1, DURATION + 6)
+RETURNED, STEP, SIGMA_STEP, N_NUMBERS = range(DURATION + 1, DURATION + 5)
 """Places in `numbers`, after those of the event-driven flow that `advance` fills: time of the last return to the section,
-the last step in time, how long it must be for a step by the exact flow to be tried again, the last step in sigma, in
-time."""
+the last step in time, the last step in sigma, in time."""
 
-MODE, STARTING, FIRED, MODE_BEFORE, RETURNS, SMALL_RUN, STEPS, NOT_FAR, SHORTER, SIGMA_STEPS, APPROACHES, N_COUNTS = (
-    range(12)
-)
+MODE, STARTING, FIRED, MODE_BEFORE, RETURNS, SMALL_RUN, STEPS, SHORTER, SIGMA_STEPS, APPROACHES, N_COUNTS = range(11)
 """Places in `counts`."""
 
 SMALL_DURATION = 1e-6
@@ -54,9 +51,6 @@ LONGEST_STEP = 4.0
 ONE_BITS = 1023.0 * 2.0**52
 """The bits of 1.0, read as an integer."""
 
-WORTH = 0.5
-"""A step by the exact flow is worth taking where it is this part of the last one by series, at the least."""
-
 FROM_SURFACE = 3e-5
 """Part of w that is left at the end of a step without an event, at the least: a step that ended within rounding before
 the surface would leave a motion that seems to start on it."""
@@ -65,9 +59,6 @@ TIME_WORTH = 0.75
 PAUSE = 2
 """Where a mode is regularised, series in time, which cost less, are tried after so many steps in sigma, and are taken
 where they reach this part of the last of those, at the least."""
-
-REFUSALS = 64
-"""After so many refusals in a row a step by the exact flow is tried only once in as many steps."""
 
 SHORTER_MOST = 40
 """Most halvings in a row of a step in sigma at whose end time runs back."""
@@ -397,68 +388,16 @@ def _begin(addresses, forms, transitions, n_transitions, mode, n, phase, p, x, r
     return True
 
 
-@njit(**INNER)
-def _goes_far(
-    far, mode, n, n_states, n_transitions, transitions, phase, p_series, at_wrap, skip, last_return, rtol, atol, x,
-    numbers, counts, on, y, after,
-):  # fmt: skip
-    """Take a step by the exact flow of the linear part, where one is possible; no return that counts lies in it."""
-    outlined()
-    if numbers[STEP] < numbers[FAR_STEP] or numbers[STEP] == 0.0:
-        return False
-    for k in range(n_transitions):
-        if transitions[3 * k] == mode and on[k] == 1:
-            return False
-    if counts[NOT_FAR] > REFUSALS and counts[NOT_FAR] % REFUSALS != 0:
-        counts[NOT_FAR] += 1
-        return False
-    for e in range(n_states):
-        y[e] = x[e]
-    y[n_states] = x[n_states] if phase > 0.0 else 0.0
-    y[n_states + 1] = rtol
-    y[n_states + 2] = atol
-    call(far, mode, 0, y, 0, p_series, after, 0)
-    dt = after[0]
-    if not dt > 0.0:
-        counts[NOT_FAR] += 1
-        numbers[FAR_STEP] = 2.0 * after[1]
-        return False
-    if dt < WORTH * numbers[STEP]:
-        counts[NOT_FAR] += 1
-        return False
-    wraps = phase > 0.0 and x[n - 1] + phase * dt >= TWO_PI
-    if wraps and at_wrap and counts[RETURNS] + 1 >= min(skip + 1, last_return):
-        return False
-    for e in range(n_states):
-        if not abs(after[1 + e]) < BOUND:
-            return False
-    for e in range(n_states):
-        x[e] = after[1 + e]
-    counts[NOT_FAR] = 0
-    numbers[FAR_STEP] = 0.0
-    if wraps:
-        x[n - 1] -= TWO_PI
-        if at_wrap:
-            counts[RETURNS] += 1
-            numbers[RETURNED] = numbers[T]
-    if phase > 0.0:
-        x[n - 1] += phase * dt
-    counts[STEPS] += 1
-    advance(numbers, dt)
-    return True
-
-
 @njit(cache=True, error_model="numpy", nogil=True)
 def follow_kernel(
-    addresses, series, order, stride, forms, splits, transitions, binomials, phase, p, p_series, longest, at_wrap,
+    addresses, series, order, stride, forms, transitions, binomials, phase, p, p_series, longest, at_wrap,
     section, skip, budget, rtol, atol, x, numbers, counts, side, on, kept_states, kept_modes, kept_times,
 ):  # fmt: skip
     """Follow a motion from return to return to a section; keep those after the first `skip`.
 
-    addresses: `Compiled.addresses`; series: `CompiledSeries.addresses` of ``series`` and ``far``; forms: (2 * modes,);
-    splits: (modes,), which have a ``far``; transitions: (3 * n_transitions,) of source, target, direction; binomials:
+    addresses: `Compiled.addresses`; series: that of ``series``; forms: (2 * modes,); transitions: (3 * n_transitions,) of source, target, direction; binomials:
     see `taylor.bernstein_table`; phase: its rate, 0 without one; p, p_series: parameters with the constants of either
-    module, those of the series with `far.tables` behind; longest: time without a return after which it ends; at_wrap:
+    module; longest: time without a return after which it ends; at_wrap:
     whether the wraps of the phase are returns; section: (n_transitions,), which transitions are; x: full state and w,
     (n + 1,); numbers, counts: see above; side, on: (n_transitions,); kept_states: (m, n), kept_modes and kept_times:
     (m,).
@@ -467,9 +406,9 @@ def follow_kernel(
     block = np.empty((order + 1) * (stride + 2) + DEPTH * (order + 3) + n_transitions * ROOTS + 6 * n + 12)
     integers = np.empty(3 * n_transitions, np.int64)
     status = _follow(
-        pointer(addresses, 0), series[0], series[1], order, stride, pointer(forms, 0), splits, pointer(transitions, 0),
+        pointer(addresses, 0), series, order, stride, pointer(forms, 0), pointer(transitions, 0),
         pointer(binomials, 0), phase, pointer(p, 0), pointer(p_series, 0), longest, at_wrap, section, skip, budget, rtol,
-        atol, pointer(x, 0), n, n_transitions, numbers, counts, pointer(side, 0), pointer(on, 0), kept_states,
+        atol, pointer(x, 0), n, forms.size // 2, n_transitions, numbers, counts, pointer(side, 0), pointer(on, 0), kept_states,
         kept_modes, kept_times, pointer(block, 0), pointer(integers, 0),
     )  # fmt: skip
     keep(block)
@@ -479,12 +418,11 @@ def follow_kernel(
 
 @njit(**INNER)
 def _follow(
-    addresses, series, far, order, stride, forms, splits, transitions, binomials, phase, p, p_series, longest, at_wrap,
-    section, skip, budget, rtol, atol, x, n, n_transitions, numbers, counts, side, on, kept_states, kept_modes,
+    addresses, series, order, stride, forms, transitions, binomials, phase, p, p_series, longest, at_wrap,
+    section, skip, budget, rtol, atol, x, n, n_modes, n_transitions, numbers, counts, side, on, kept_states, kept_modes,
     kept_times, block, integers,
 ):  # fmt: skip
     """The loop over the steps of `follow_kernel`, on pointers."""
-    n_modes = splits.size
     n_states = n - 1 if phase > 0.0 else n
     first_event = n_states + 2
     c = block
@@ -507,14 +445,6 @@ def _follow(
             addresses, forms, transitions, n_transitions, mode, n, phase, p, x, 0.0, 0.0, counts, side, on, event
         ):
             return HELP
-        if splits[mode] == 1 and _goes_far(
-            far, mode, n, n_states, n_transitions, transitions, phase, p_series, at_wrap, skip, skip + room_kept, rtol,
-            atol, x, numbers, counts, on, y, after,
-        ):  # fmt: skip
-            call(addresses[GUARD], mode, 0, x, 0, p, after, 0)
-            if not after[0] > 0.0:
-                return HELP
-            continue
         form = forms[2 * mode]
         last_event = own_column = first_event
         for k in range(n_transitions):

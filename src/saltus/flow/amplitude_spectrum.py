@@ -10,9 +10,12 @@ import numpy as np
 from saltus import checks
 
 if TYPE_CHECKING:
-    import xarray as xr
+    from collections.abc import Callable
 
-    from saltus.flow.trajectory import Trajectory
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from saltus.flow.observables import Motion
 
 __all__ = ["Window", "spectrum"]
 
@@ -24,19 +27,31 @@ _EACH_PERIOD, _EACH_STEP = 256, 8
 
 
 def spectrum(
-    trajectory: Trajectory,
+    motion: Motion,
     expression: str,
+    values_at: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     *,
-    t_start: float | None = None,
-    t_end: float | None = None,
     samples: int | None = None,
     window: Window | None = None,
 ) -> xr.DataArray:
-    """Return the one-sided amplitude spectrum of an expression along a trajectory; `Trajectory.spectrum` tells more.
+    """Return the one-sided amplitude spectrum of an expression along a motion; `Trajectory.spectrum` tells more.
 
     Samples at equidistant times go through a fast Fourier transform. What has higher frequencies than half the rate of
     the samples is folded back: the amplitudes of a quantity that jumps at impacts, as a velocity does, are true at
     orders far below ``samples / (2 periods)`` only, while ``Trajectory.observe`` takes any order from integrals.
+
+    Parameters
+    ----------
+    motion : Motion
+        The stretch.
+    expression : str
+        What is transformed, for the labels.
+    values_at : callable
+        Its values at times of the stretch, shape (time,).
+    samples : int, optional
+        Count of equidistant times.
+    window : {"none", "hann"}, optional
+        What the samples are multiplied by.
 
     References
     ----------
@@ -45,7 +60,7 @@ def spectrum(
 
     Examples
     --------
-    >>> from saltus.flow.trajectory import simulate
+    >>> from saltus.flow.simulation import simulate
     >>> from saltus.system.hybrid import HybridSystem, Mode
     >>> driven = HybridSystem(
     ...     ("x",), {"w": 2.0}, {"free": Mode({"x": "-x + sin(theta) + 0.5*cos(2*theta)"})}, phase=("theta", "w")
@@ -56,10 +71,7 @@ def spectrum(
     """
     import xarray as xr
 
-    motion = trajectory.motion(t_start, t_end)
-    phase = trajectory.system.phase
-    if t_start is None and phase is not None:
-        motion = motion.whole() or motion
+    phase = motion.system.phase
     begin, end = motion.begin, motion.end
     periods = (end - begin) * motion.angle[1] / (2.0 * math.pi)
     fits = phase is not None and motion.whole() is motion
@@ -72,7 +84,7 @@ def spectrum(
     places = np.arange(samples) / samples
     times = np.minimum(begin + (end - begin) * places, end)
     weights = np.ones(samples) if window == "none" else 0.5 - 0.5 * np.cos(2.0 * math.pi * places)
-    amplitudes = 2.0 * np.abs(np.fft.rfft(trajectory.output(expression, times) * weights)) / weights.sum()
+    amplitudes = 2.0 * np.abs(np.fft.rfft(values_at(times) * weights)) / weights.sum()
     amplitudes[0] /= 2.0
     if samples % 2 == 0:
         amplitudes[-1] /= 2.0

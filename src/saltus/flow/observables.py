@@ -192,7 +192,7 @@ def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
 
     Examples
     --------
-    >>> from saltus.flow.trajectory import simulate
+    >>> from saltus.flow.simulation import simulate
     >>> from saltus.system.hybrid import HybridSystem, Mode, Transition
     >>> ball = HybridSystem(
     ...     states=("z", "v"),

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import StiffnessError
-from saltus.flow.far import tables
 from saltus.flow.motion import EventDrivenMotion
 
 if TYPE_CHECKING:
@@ -27,8 +26,6 @@ STEPS_A_RETURN = 5000
 """Steps that a motion may take for each return to a section, before it counts as stiff."""
 
 _BUDGET = 1 << 16
-_FAR_FROM = 64
-"""Fewest returns dropped for which the tables of the exact flow are made: they take as long as some fifty periods."""
 
 
 @cache
@@ -86,7 +83,6 @@ class TaylorRun:
         first = EventDrivenMotion(system, p, x.copy(), mode, rtol, atol)
         self.transitions, self.rate = first.transitions, first.rate
         self.extended, self.extended_series = system.compiled.extended(p), series.constants(p)
-        self.splits = np.zeros(len(system.modes), np.int64)
         self.section = np.zeros(len(system.transitions), np.int64)
         self.section[list(section or ())] = 1
         self.at_wrap = section is None
@@ -106,8 +102,6 @@ class TaylorRun:
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
         """Return states, modes and times of the returns after the first `discard`; see `poincare.iterate`."""
         kernels, n = self.kernels, self.x.size - 1
-        if discard >= _FAR_FROM and not self.splits.any():
-            self._go_far()
         kept = np.empty((keep, n)), np.empty(keep, np.int64), np.empty(keep)
         wanted = discard + keep
         self.counts[kernels.RETURNS] = 0
@@ -115,8 +109,8 @@ class TaylorRun:
         status = kernels.AGAIN
         while status != kernels.DONE:
             status = kernels.follow_kernel(
-                self.system.compiled.addresses, self.series.addresses[1:], self.series.order, self.series.stride,
-                self.series.forms.ravel(), self.splits, self.transitions.ravel(),
+                self.system.compiled.addresses, self.series.addresses[1], self.series.order, self.series.stride,
+                self.series.forms.ravel(), self.transitions.ravel(),
                 bernstein_table(self.series.order), self.rate, self.extended, self.extended_series, longest,
                 self.at_wrap, self.section, discard, _BUDGET, *self.tolerances, self.x, self.numbers, self.counts,
                 self.side, self.on, *kept,
@@ -127,13 +121,6 @@ class TaylorRun:
                 raise StiffnessError(self.numbers[kernels.T], self.x[:-1], self.system.mode_names[self.mode], steps)
         found = max(int(self.counts[kernels.RETURNS]) - discard, 0)
         return kept[0][:found], kept[1][:found], kept[2][:found]
-
-    def _go_far(self) -> None:
-        """Allow steps by the exact flow of the linear part, in the modes that have one."""
-        self.splits[:] = [layout is not None for layout in self.system.linear.splits]
-        if self.splits.any():
-            period = 2.0 * math.pi / self.rate if self.rate > 0.0 else math.inf
-            self.extended_series = tables(self.system.linear, self.series, self.p, period)
 
     def _be_helped(
         self, discard: int, kept: tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]], longest: float

@@ -1,33 +1,11 @@
-"""Event-driven simulation: follow a hybrid system from a state, through every transition, to a time or phase.
-
-Rules
------
-* A transition happens where its event function changes sign in its direction and its condition `when` is positive.
-* Where several happen at the same time, the first in the definition comes first; another follows at once if, after the
-  reset, the mode is still its source and its event function still passes zero there.
-* A motion that starts on an event surface leaves it to one side. If that is the side of the event's direction, the
-  event happens at once; an event of direction 0 does not. A transition that changes nothing (a counter on a section)
-  does not happen at a start, whatever its direction, nor a second time where it has just happened, tangentially or not.
-* A start at phase 0 comes before the events there of functions of the phase alone: these happen at once, of whatever
-  direction.
-* Chattering is told where more than 50 events in a row each follow after less than 1e-10 of the time scale (the period
-  of the phase, or else the longest time between events so far) and these times shrink, where time stands still for
-  50 events, or where the motion hops from an event to the same one below rounding four times in a row.
-* A transition that lands beyond an event of its target mode is told by a `RuntimeWarning` and by
-  `Trajectory.landings_beyond`; the motion goes on in that mode.
-* A field that jumps, as by ``sign(v)`` at v = 0, may be passed but must not hold the motion: that ends it with the
-  place where it is held.
-* The phase runs on [0, 2 pi); its wrap is landed on exactly and recorded as an event of kind ``"phase"``.
-* The strobe looks before the jump: a wrap comes before the events at phase 0, and before those up to 1e-9 earlier (as
-  an angle), which rounding may put on either side. A motion of whole periods ends before the events at phase 0.
-"""
+"""A motion of a hybrid system with its dense output and its events: its values at any time, its files."""
 
 from __future__ import annotations
 
 import json
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -35,10 +13,9 @@ import numpy as np
 from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
-from saltus.flow.landings import Landing, landings_beyond, warn_of
-from saltus.flow.motion import EventDrivenMotion, check_tolerances, how_long, start_state, starting_mode
+from saltus.flow.amplitude_spectrum import Window, spectrum
+from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Motion, dense_states, observe
-from saltus.flow.sizes import ATOL, RTOL, followed_in_size
 from saltus.results import Result, frozen
 from saltus.system.evaluate import evaluate
 from saltus.system.hybrid import HybridSystem
@@ -50,15 +27,11 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
-    from saltus.flow.amplitude_spectrum import Window
-
-__all__ = ["GRAZING_SPEED", "EventLog", "Trajectory", "event_log", "events_after", "settle", "simulate"]
+__all__ = ["GRAZING_SPEED", "Trajectory", "event_table"]
 
 GRAZING_SPEED = 1e-6
 """An event at which the event function changes more slowly than this, in its units per time, is marked as grazing."""
 
-_STEPS_KEPT = 1024
-_MEMORY = 1 << 29  # bytes of dense output at the most
 _COEFFICIENTS = 7  # of the dense output in a step
 
 
@@ -259,9 +232,10 @@ class Trajectory(Result):
         InputError
             The text is no expression, or a time or an option cannot be used.
         """
-        from saltus.flow.amplitude_spectrum import spectrum
-
-        return spectrum(self, expression, t_start=t_start, t_end=t_end, samples=samples, window=window)
+        motion = self.motion(t_start, t_end)
+        if t_start is None and self.system.phase is not None:
+            motion = motion.whole() or motion
+        return spectrum(motion, expression, partial(self.output, expression), samples=samples, window=window)
 
     def __repr__(self) -> str:
         kinds = self.events["kind"]
@@ -345,7 +319,7 @@ class Trajectory(Result):
             t_end=t_end,
             x_end=frozen(held.array("x_end", ("state",))),
             mode_end=system.mode_names[system.mode_index(held.text("mode_end"))],
-            events=_event_table(system, times, np.stack(which, axis=1), np.stack(ends, axis=1), rates),
+            events=event_table(system, times, np.stack(which, axis=1), np.stack(ends, axis=1), rates),
             stopped=held.text("stopped"),
             step_times=frozen(begun),
             step_lengths=frozen(lengths),
@@ -387,269 +361,14 @@ class Trajectory(Result):
         return dense_states(self.step_starts[at], self.step_dense[at], fractions)
 
 
-@dataclass(frozen=True)
-class EventLog:
-    """Events of a motion, wraps of the phase among them, and where it ends; made by `events_after`.
-
-    Parameters
-    ----------
-    time : ndarray, shape (event,)
-        Times since the start.
-    transition : ndarray of int, shape (event,)
-        Index of the transition, -1 for a wrap of the phase.
-    x_before, x_after : ndarray, shape (event, all states)
-        Full states on both sides of the event.
-    mode_before, mode_after : ndarray of int, shape (event,)
-        Indices of the modes on both sides.
-    normal_velocity : ndarray, shape (event,)
-        Rate of the event function along the motion before; of the phase for a wrap.
-    t_end : float
-        Time at the end.
-    x_end : ndarray, shape (all states,)
-        Full state at the end.
-    mode_end : int
-        Index of the mode at the end.
-    """
-
-    time: NDArray[np.float64]
-    transition: NDArray[np.int64]
-    x_before: NDArray[np.float64]
-    x_after: NDArray[np.float64]
-    mode_before: NDArray[np.int64]
-    mode_after: NDArray[np.int64]
-    normal_velocity: NDArray[np.float64]
-    t_end: float
-    x_end: NDArray[np.float64]
-    mode_end: int
-
-
-def simulate(
-    system: HybridSystem,
-    parameters: Mapping[str, float] | None = None,
-    x0: ArrayLike = (),
-    *,
-    mode: str | None = None,
-    t_end: float | None = None,
-    periods: int | None = None,
-    rtol: float = RTOL,
-    atol: float | None = None,
-    max_events: int = 100_000,
-    max_steps: int | None = None,
-) -> Trajectory:
-    """Return the motion of a hybrid system from a state.
-
-    Parameters
-    ----------
-    system : HybridSystem
-        What moves.
-    parameters : mapping of str to float, optional
-        Values that differ from the defaults.
-    x0 : array_like, shape (states,) or (all states,)
-        State at time 0; without the phase it starts at phase 0.
-    mode : str, optional
-        Mode at time 0; by default the first whose domain holds and none of whose events that lead to another mode is
-        passed already.
-    t_end : float
-        How long; or
-    periods : int
-        for how many periods of the phase. Exactly one of the two.
-    rtol, atol : float, optional
-        Relative and absolute tolerance of a step; `rtol` between 1e-14 and 0.1. By default the second is 1e-12, or so
-        much smaller as the smallest state where that stays below 1e-2 all along the motion.
-    max_events : int, optional
-        The motion ends early after so many transitions; `stopped` says so.
-    max_steps : int, optional
-        The motion ends early after so many steps; `stopped` says so. By default as many as fit into 512 MiB, some
-        3 million for two states.
-
-    Returns
-    -------
-    Trajectory
-
-    Raises
-    ------
-    InputError
-        An argument that cannot be used; a start outside the mode's domain.
-    ChatteringError
-        Events accumulate; as a `StickingError`, the field jumps where the motion is and holds it there.
-    DivergenceError
-        The state leaves every bound, or the domain of its mode; an event function is not finite.
-
-    Warns
-    -----
-    RuntimeWarning
-        A transition lands beyond an event of its target mode; see `Trajectory.landings_beyond`.
-
-    References
-    ----------
-    E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd edition, Springer 1993, sections
-    II.4 to II.6 (steps of order 8, dense output of order 7).
-
-    Examples
-    --------
-    >>> from saltus.system.hybrid import HybridSystem, Mode, Transition
-    >>> ball = HybridSystem(
-    ...     states=("z", "v"),
-    ...     parameters={"g": 1.0, "e": 0.5},
-    ...     modes={"flight": Mode({"z": "v", "v": "-g"})},
-    ...     transitions=[Transition("flight", "flight", "z", -1, {"v": "-e*v"}, name="impact")],
-    ...     name="ball",
-    ... )
-    >>> fall = simulate(ball, {"e": 0.8}, [0.5, 0.0], t_end=2.0)
-    >>> print(round(fall.events["time"][0], 12), fall(1.5).round(12))
-    1.0 [0.275 0.3  ]
-    """
-    checks.instance("system", system, HybridSystem)
-    p = system.parameter_vector(parameters)
-    x = start_state(system, x0)
-    check_tolerances(rtol, ATOL if atol is None else atol)
-    if (t_end is None) == (periods is None):
-        given = {"t_end": t_end, "periods": periods}
-        raise InputError("t_end, periods", given, "exactly one of the two given")
-    end = math.inf if t_end is None else checks.positive("t_end", t_end)
-    if periods is not None:
-        if system.phase is None:
-            raise InputError("periods", periods, "left out for a system without a phase", "give t_end")
-        periods = checks.count("periods", periods)
-    max_events = checks.count("max_events", max_events)
-    room = _MEMORY // (8 * (8 * x.size + 4))
-    most_steps = room if max_steps is None else checks.count("max_steps", max_steps)
-    start = starting_mode(system, x, p, mode)
-
-    def begun(atol: float) -> EventDrivenMotion:
-        return EventDrivenMotion(
-            system, p, x.copy(), start, rtol, atol, steps_kept=min(_STEPS_KEPT, most_steps), room=most_steps
-        )
-
-    if atol is None:
-        run = followed_in_size(begun, lambda run: run.follow(end, periods, max_events))
-    else:
-        run = begun(atol)
-        run.follow(end, periods, max_events)
-    full = run.time
-    short = ""
-    if full < end and (periods is None or not run.went_round(periods)):
-        short = f"max_events = {max_events}" if run.events_passed >= max_events else f"max_steps = {most_steps}"
-    stopped = f"t_end = {end:.12g} reached" if periods is None else f"{periods} periods reached"
-    stopped = f"{short} reached at t = {full:.12g}" if short else stopped
-    times, modes, starts, dense = run.steps()
-    motion = Trajectory(
-        system=system,
-        parameters=system.resolve(parameters),
-        t_end=full if periods is not None or short else end,
-        x_end=frozen(run.x),
-        mode_end=system.mode_names[run.mode],
-        events=_event_table(system, *run.events()),
-        stopped=stopped,
-        step_times=frozen(times[:, 0]),
-        step_lengths=frozen(times[:, 1]),
-        step_modes=frozen(modes, np.int64),
-        step_starts=frozen(starts),
-        step_dense=frozen(dense),
-        rtol=run.rtol,
-        atol=run.atol,
-    )
-    warn_of(motion.landings_beyond)
-    return motion
-
-
-def settle(
-    system: HybridSystem,
-    p: NDArray[np.float64],
-    x: ArrayLike,
-    mode: int,
-    *,
-    periods: int | None = None,
-    t: float | None = None,
-    rtol: float = 1e-10,
-    atol: float = 1e-12,
-) -> tuple[NDArray[np.float64], int]:
-    """Return the full state and the index of the mode after some periods or a time, and keep nothing else.
-
-    Parameters
-    ----------
-    system : HybridSystem
-        What moves.
-    p : ndarray, shape (parameters,)
-        `HybridSystem.parameter_vector`.
-    x : array_like, shape (states,) or (all states,)
-        Start; it may lie on the boundary of the mode's domain.
-    mode : int
-        Index of the mode there.
-    periods, t : int, float
-        How long; exactly one of the two.
-    rtol, atol : float, optional
-        Tolerances of a step.
-
-    Raises
-    ------
-    InputError, ChatteringError, DivergenceError
-        As `simulate`.
-    """
-    check_tolerances(rtol, atol)
-    run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol)
-    run.follow(*how_long(system, periods, t), None, keep=False)
-    return run.x.copy(), run.mode
-
-
-def events_after(
-    system: HybridSystem,
-    p: NDArray[np.float64],
-    x: ArrayLike,
-    mode: int,
-    *,
-    periods: int | None = None,
-    t: float | None = None,
-    n_events: int | None = None,
-    rtol: float = 1e-10,
-    atol: float = 1e-12,
-) -> EventLog:
-    """Return all events of a motion, without its dense output.
-
-    Parameters
-    ----------
-    system, p, x, mode, rtol, atol
-        As in `settle`.
-    periods, t : int, float
-        How long; exactly one of the two.
-    n_events : int, optional
-        The motion ends early after so many transitions.
-
-    Raises
-    ------
-    InputError, ChatteringError, DivergenceError
-        As `simulate`.
-    """
-    check_tolerances(rtol, atol)
-    run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol)
-    run.follow(*how_long(system, periods, t), n_events)
-    return event_log(run)
-
-
-def event_log(run: EventDrivenMotion) -> EventLog:
-    """Return the events that a run has kept, and where it is."""
-    times, which, ends, rates = run.events()
-    return EventLog(
-        time=frozen(times),
-        transition=frozen(which[:, 0], np.int64),
-        x_before=frozen(ends[:, 0]),
-        x_after=frozen(ends[:, 1]),
-        mode_before=frozen(which[:, 1], np.int64),
-        mode_after=frozen(which[:, 2], np.int64),
-        normal_velocity=frozen(rates),
-        t_end=run.time,
-        x_end=frozen(run.x),
-        mode_end=run.mode,
-    )
-
-
-def _event_table(
+def event_table(
     system: HybridSystem,
     times: NDArray[np.float64],
     which: NDArray[np.int64],
     ends: NDArray[np.float64],
     rates: NDArray[np.float64],
 ) -> NDArray[np.void]:
+    """Return the events of a motion as `Trajectory.events` has them, from arrays as `EventDrivenMotion.events` has."""
     n = len(system.all_states)
     names = (*system.transition_names, "" if system.phase is None else system.phase[0])
     modes = np.array(system.mode_names)

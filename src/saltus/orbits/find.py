@@ -22,7 +22,7 @@ from saltus.system import HybridSystem
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from saltus.flow.trajectory import EventLog
+    from saltus.flow.event_logs import EventLog
 
 __all__ = ["find_orbit"]
 

@@ -36,8 +36,8 @@ from saltus.errors import ChatteringError, DivergenceError, InputError, Stiffnes
 from saltus.flow.motion import EventDrivenMotion, check_tolerances, starting_mode
 from saltus.flow.motion_kind import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
 from saltus.flow.poincare import Iterates, admits, iterate
+from saltus.flow.simulation import simulate
 from saltus.flow.sizes import fitting_atol
-from saltus.flow.trajectory import simulate
 from saltus.flow.variational import Growth, growth_along
 from saltus.sweeps.section import Section, on_section
 from saltus.sweeps.sweep import Sweep

@@ -124,8 +124,8 @@ class CompiledSeries:
 
     Attributes
     ----------
-    addresses : ndarray of int64, shape (3,)
-        Where ``derive``, ``series`` and ``far`` begin; valid in this process only.
+    addresses : ndarray of int64, shape (2,)
+        Where ``derive`` and ``series`` begin; valid in this process only.
     order, stride : int
         Last coefficient; columns.
     forms : ndarray of int64, shape (modes, 2)
@@ -133,9 +133,7 @@ class CompiledSeries:
     """
 
     def __init__(self, module: Any, system: Definition) -> None:
-        self.addresses = np.array(
-            [getattr(module, name).address for name in ("derive", "series", "far")], dtype=np.int64
-        )
+        self.addresses = np.array([module.derive.address, module.series.address], dtype=np.int64)
         self.order, self.stride = int(module.ORDER), int(module.STRIDE)
         self.forms = np.array(module.FORMS, dtype=np.int64).reshape(len(system.modes), 2)
         self._n_constants = int(module.CONSTANTS)

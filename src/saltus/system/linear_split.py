@@ -1,4 +1,4 @@
-"""Fields that are linear but for a weak rest: steps by the exact flow of the linear part, the rest as kicks.
+"""Fields that are linear but for a weak rest, which lanes follow by the exact flow of the linear part.
 
 Where a mode's field is ``A x + forcing(theta) + g(x, theta)`` with a forcing of finitely many harmonics, the linear
 part has an exact flow of any length: with the forcing's phasors as further states it is one matrix exponential. The
@@ -25,19 +25,6 @@ __all__ = ["NODES", "WEIGHTS", "Split", "split_of_mode"]
 NODES = (0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5)
 WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
 """Gauss's rule with three nodes on [0, 1]."""
-
-RUNGS = 24
-RUNGS_AN_OCTAVE = 4
-"""Lengths of a step for which the flow is tabulated, and how many of them double it."""
-
-_KEPT = 0.3
-"""Part of an event function's value that is left at the end of a step, at the least."""
-
-_QUADRATURE, _FIRST = 0.0034, 0.375
-"""Error of Gauss's rule for 1/(1 - r s)^2 on [-1, 1] over the third power of its relative second difference at the
-nodes, 3.6 r^2; and what makes the square of the first difference the same."""
-
-_ATTEMPTS = 3
 
 
 @dataclass(frozen=True)
@@ -70,48 +57,14 @@ class Split:
         """Count of the states without the phase."""
         return len(self.symbols) - 1 - 2 * len(self.harmonics)
 
-    @property
-    def entries(self) -> list[tuple[int, int]]:
-        """Entries of the linear flow's matrix that are not zero or one for any parameters: (row, column)."""
-        size, n = len(self.symbols), self.n
-        reach = [{f for f in range(size) if self.matrix[e][f] != 0 or e == f} for e in range(size)]
-        for _ in range(size):
-            reach = [set().union(*(reach[f] for f in found)) for found in reach]
-        return [(e, f) for e in range(size - 1) for f in sorted(reach[e]) if e < n or f >= n]
-
-    @property
-    def kicks(self) -> list[tuple[int, int]]:
-        """Entries of that matrix through which the rest acts: (state, state whose equation it is in)."""
-        return [(e, f) for e, f in self.entries if e < self.n and f in self.rest]
-
-    @property
-    def table_size(self) -> int:
-        """Count of the numbers that `lines` reads: see `saltus.flow.far.tables`."""
-        return 2 + 3 * len(self.symbols) * len(self.events) + RUNGS * self.rung_size
-
-    @property
-    def rung_size(self) -> int:
-        """Count of the numbers for one length of a step."""
-        return 1 + 4 * len(self.entries) + 3 * len(self.kicks)
-
     def layout(self) -> dict[str, Any]:
-        """Return the sizes that `saltus.flow.far.tables` needs, as plain data."""
+        """Return what the generated module of linear parts says of this one, as plain data."""
         return {
             "size": len(self.symbols),
             "states": self.n,
             "events": len(self.events),
-            "entries": self.entries,
-            "kicks": self.kicks,
-            "table_size": self.table_size,
+            "rest": sorted(self.rest),
         }
-
-    def lines(self, base: str, text: Callable[[sympy.Expr], str]) -> list[str]:
-        """Return the statements of one step, from ``x`` = [states, phase, rtol, atol] to ``out`` = [length, states].
-
-        Where no step is possible, the length is 0 and behind it stands the shortest. `base` is the place of the tables
-        in ``p``, `text` writes an expression in parameters alone.
-        """
-        return _StepText(self, base, text).lines()
 
 
 def split_of_mode(system: Symbolic, mode: int) -> Split | None:
@@ -214,127 +167,3 @@ class _Parts:
         if function is sympy.sin:
             return sine * sympy.cos(offset) + cosine * sympy.sin(offset)
         return cosine * sympy.cos(offset) - sine * sympy.sin(offset)
-
-
-class _StepText:
-    """Statements of one step by the exact flow."""
-
-    def __init__(self, split: Split, base: str, text: Callable[[sympy.Expr], str]) -> None:
-        self.split, self.base, self.text = split, base, text
-        self.size = len(split.symbols)
-        self.expressions = list(dict.fromkeys(split.rest.values()))
-        self.source = {f: self.expressions.index(g) for f, g in split.rest.items()}
-        needed = set().union(*(g.free_symbols for g in self.expressions)) if self.expressions else set()
-        self.needed = [e for e, symbol in enumerate(split.symbols) if symbol in needed]
-        self.moved = [e for e in self.needed if e < split.n]
-
-    def lines(self) -> list[str]:
-        s, n = self.split, self.split.n
-        lines = [f"z{e} = x[{e}]" for e in range(n)]
-        for i, j in enumerate(s.harmonics):
-            angle = f"{float(j)!r}*x[{n}]"
-            lines += [f"z{n + 2 * i} = math.cos({angle})", f"z{n + 2 * i + 1} = math.sin({angle})"]
-        lines += [f"z{self.size - 1} = 1.0", "out[0] = 0.0", f"out[1] = p[{self.base}]", f"h = p[{self.base} + 1]"]
-        lines += self.rest("z", "a")
-        for i in range(len(s.events)):
-            lines += self.reach(i)
-        shortest = f"p[{self.base}]"
-        lines += [
-            f"if not h >= {shortest}:",
-            "    return",
-            f"r = min(int({float(RUNGS_AN_OCTAVE)!r}*math.log2(h/{shortest}) + 1e-9), {RUNGS - 1})",
-            f"for attempt in range({_ATTEMPTS}):",
-            *(f"    {line}" for line in self.attempt()),
-        ]
-        return lines
-
-    def reach(self, i: int) -> list[str]:
-        """How far an event function keeps a part of its value: from its value, rate and a bound on its curvature."""
-        rows = [f"{self.base} + {2 + (3 * i + r) * self.size}" for r in range(3)]
-        each = range(self.size)
-        kicked = [f"p[{rows[0]} + {f}]*ag{g}" for f, g in self.source.items()]
-        pushed = [f"2.0*abs(p[{rows[1]} + {f}]*ag{g})" for f, g in self.source.items()]
-        bent = [f"p[{rows[2]} + {e}]*abs(z{e})" for e in each]
-        return [
-            f"b = {_sum([f'p[{rows[0]} + {e}]*z{e}' for e in each])}",
-            f"d = {_sum([*(f'p[{rows[1]} + {e}]*z{e}' for e in each), *kicked])}",
-            f"c = {_sum([*bent, *pushed])} + 1e-300",
-            "if b < 0.0:",
-            "    b = -b",
-            "    d = -d",
-            f"h = min(h, (d + math.sqrt(d*d + {2.0 * (1.0 - _KEPT)!r}*c*b))/c)",
-        ]
-
-    def rest(self, state: str, prefix: str) -> list[str]:
-        """The rest at a state whose components are ``{state}{e}``; it is ``{prefix}g0``, ..."""
-        names = {symbol: sympy.Symbol(f"{state}{e}") for e, symbol in enumerate(self.split.symbols[:-1])}
-        found = [g.xreplace(names) for g in self.expressions]
-        shared, results = sympy.cse(found, symbols=sympy.numbered_symbols(f"{prefix}u"))
-        values = [*shared, *((f"{prefix}g{i}", value) for i, value in enumerate(results))]
-        return [f"{name} = {self.text(value)}" for name, value in values]
-
-    def attempt(self) -> list[str]:
-        s, n = self.split, self.split.n
-        entries, kicks = s.entries, s.kicks
-        lines = [
-            "if r < 0:",
-            "    return",
-            f"t = {self.base} + {2 + 3 * self.size * len(s.events)} + r*{s.rung_size}",
-            "h = p[t]",
-        ]
-        for node in range(4):
-            for e in range(self.size - 1) if node < 3 else range(n):
-                if node < 3 and e not in self.needed:
-                    continue
-                terms = [f"p[t + {1 + node * len(entries) + i}]*z{f}" for i, (row, f) in enumerate(entries) if row == e]
-                lines.append(f"n{node}x{e} = {_sum(terms)}")
-            if node < 3:
-                lines += self.rest(f"n{node}x", f"n{node}")
-        start = 1 + 4 * len(entries)
-        for e in range(n):
-            for node in range(3):
-                terms = [
-                    f"p[t + {start + node * len(kicks) + i}]*n{node}g{self.source[f]}"
-                    for i, (row, f) in enumerate(kicks)
-                    if row == e
-                ]
-                lines += [f"n{node}k{e} = {_sum(terms)}"] if terms else []
-        kicked = sorted({e for e, _ in kicks})
-        lines += [f"k{e} = n0k{e} + n1k{e} + n2k{e}" for e in kicked]
-        done = [
-            "out[0] = h",
-            *(f"out[{1 + e}] = n3x{e}" + (f" + k{e}" if e in kicked else "") for e in range(n)),
-            "return",
-        ]
-        if not self.expressions:
-            return lines + done
-        moves = [_sum([f"abs(n{a}x{e} - n{b}x{e})" for e in self.moved]) or "1.0" for a, b in ((1, 0), (2, 1))]
-        lines += [
-            f"left = 1.0/({moves[0]} + 1e-30)",
-            f"right = 1.0/({moves[1]} + 1e-30)",
-            f"moved = {_sum([f'abs(k{e})' for e in self.moved if e in kicked]) or '0.0'}",
-            "slope = 0.0",
-            "error = 0.0",
-        ]
-        for i in range(len(self.expressions)):
-            a, b, c = (f"n{node}g{i}" for node in range(3))
-            lines.append(f"slope = max(slope, max(abs({b} - {a})*left, abs({c} - {b})*right))")
-        for e in kicked:
-            a, b, c = (f"{1.0 / weight!r}*n{node}k{e}" for node, weight in enumerate(WEIGHTS))
-            second = " + slope*moved*h" if e in s.rest else ""
-            lines += [
-                f"a, b, c = {a}, {b}, {c}",
-                "d = max(abs(a), max(abs(b), abs(c))) + 1e-300",
-                f"q = max(abs(a - 2.0*b + c), {_FIRST!r}*(c - a)*(c - a)/d)/d",
-                f"error = max(error, ({_QUADRATURE!r}*d*q*q*q{second})/(x[{n + 2}] + x[{n + 1}]*abs(z{e})))",
-            ]
-        lines += [
-            "if error <= 1.0:",
-            *(f"    {line}" for line in done),
-            f"r -= {RUNGS_AN_OCTAVE}",
-        ]
-        return lines
-
-
-def _sum(terms: list[str]) -> str:
-    return " + ".join(terms)

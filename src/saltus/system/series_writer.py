@@ -27,7 +27,7 @@ class SeriesWriter(Writer):
         self.order = order
 
     def functions(self) -> Iterator[str]:
-        """Texts of the series, and of the tables of the linear parts."""
+        """Text of the series."""
         modes = range(len(self.system.field))
         forms = [regularised(self.system, k) for k in modes]
         wanted: dict[int, Regularised | None] = dict.fromkeys(modes)
@@ -53,23 +53,7 @@ class SeriesWriter(Writer):
                 ]
             )
         yield "\nfrom saltus.system._series_kernels import products\n"
-        yield self._far(_splits(self.system))
         yield self._function("series", branches).replace("**OPTIONS", "**OPTIONS, fastmath=FAST")
-
-    def _far(self, splits: list[Split | None]) -> str:
-        """Text of ``far``, and where each mode's tables begin behind the constants."""
-        far = {
-            k: split.lines(f"TABLES_{k}", lambda e: self._text(self._hoist(e)))
-            for k, split in enumerate(splits)
-            if split is not None
-        }
-        text = self._function("far", far)
-        place = len(self.system.p) + len(self.constants)
-        for k, split in enumerate(splits):
-            if split is not None:
-                self.numbers[f"TABLES_{k}"] = place
-                place += split.table_size
-        return text
 
 
 class LinearWriter(Writer):

@@ -41,9 +41,10 @@ from saltus.basins.telling import Progress, Telling
 from saltus.ensemble.ensemble import Ensemble
 from saltus.ensemble.traps import DIVERGED, Traps
 from saltus.errors import ConvergenceError, InputError, SaltusError
+from saltus.flow.event_logs import events_after
 from saltus.flow.motion import allowed_modes, starting_mode
 from saltus.flow.motion_kind import Criteria, classify
-from saltus.flow.trajectory import events_after, simulate
+from saltus.flow.simulation import simulate
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
 from saltus.orbits.floquet import nontrivial
 

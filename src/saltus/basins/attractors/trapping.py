@@ -13,8 +13,8 @@ import numpy as np
 
 from saltus.ensemble.traps import Ellipsoids
 from saltus.errors import InputError
+from saltus.flow.event_logs import events_after
 from saltus.flow.motion import starting_mode
-from saltus.flow.trajectory import events_after
 from saltus.orbits.problem import EVENT_END, PHASE_END, OrbitProblem, Signature
 
 if TYPE_CHECKING:

@@ -1,0 +1,144 @@
+"""Motions of which only the end is kept, or the events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.flow.motion import EventDrivenMotion, check_tolerances, how_long, start_state
+from saltus.results import frozen
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.system.hybrid import HybridSystem
+
+__all__ = ["EventLog", "event_log", "events_after", "settle"]
+
+
+@dataclass(frozen=True)
+class EventLog:
+    """Events of a motion, wraps of the phase among them, and where it ends; made by `events_after`.
+
+    Parameters
+    ----------
+    time : ndarray, shape (event,)
+        Times since the start.
+    transition : ndarray of int, shape (event,)
+        Index of the transition, -1 for a wrap of the phase.
+    x_before, x_after : ndarray, shape (event, all states)
+        Full states on both sides of the event.
+    mode_before, mode_after : ndarray of int, shape (event,)
+        Indices of the modes on both sides.
+    normal_velocity : ndarray, shape (event,)
+        Rate of the event function along the motion before; of the phase for a wrap.
+    t_end : float
+        Time at the end.
+    x_end : ndarray, shape (all states,)
+        Full state at the end.
+    mode_end : int
+        Index of the mode at the end.
+    """
+
+    time: NDArray[np.float64]
+    transition: NDArray[np.int64]
+    x_before: NDArray[np.float64]
+    x_after: NDArray[np.float64]
+    mode_before: NDArray[np.int64]
+    mode_after: NDArray[np.int64]
+    normal_velocity: NDArray[np.float64]
+    t_end: float
+    x_end: NDArray[np.float64]
+    mode_end: int
+
+
+def settle(
+    system: HybridSystem,
+    p: NDArray[np.float64],
+    x: ArrayLike,
+    mode: int,
+    *,
+    periods: int | None = None,
+    t: float | None = None,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+) -> tuple[NDArray[np.float64], int]:
+    """Return the full state and the index of the mode after some periods or a time, and keep nothing else.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        What moves.
+    p : ndarray, shape (parameters,)
+        `HybridSystem.parameter_vector`.
+    x : array_like, shape (states,) or (all states,)
+        Start; it may lie on the boundary of the mode's domain.
+    mode : int
+        Index of the mode there.
+    periods, t : int, float
+        How long; exactly one of the two.
+    rtol, atol : float, optional
+        Tolerances of a step.
+
+    Raises
+    ------
+    InputError, ChatteringError, DivergenceError
+        As `simulate`.
+    """
+    check_tolerances(rtol, atol)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol)
+    run.follow(*how_long(system, periods, t), None, keep=False)
+    return run.x.copy(), run.mode
+
+
+def events_after(
+    system: HybridSystem,
+    p: NDArray[np.float64],
+    x: ArrayLike,
+    mode: int,
+    *,
+    periods: int | None = None,
+    t: float | None = None,
+    n_events: int | None = None,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+) -> EventLog:
+    """Return all events of a motion, without its dense output.
+
+    Parameters
+    ----------
+    system, p, x, mode, rtol, atol
+        As in `settle`.
+    periods, t : int, float
+        How long; exactly one of the two.
+    n_events : int, optional
+        The motion ends early after so many transitions.
+
+    Raises
+    ------
+    InputError, ChatteringError, DivergenceError
+        As `simulate`.
+    """
+    check_tolerances(rtol, atol)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol)
+    run.follow(*how_long(system, periods, t), n_events)
+    return event_log(run)
+
+
+def event_log(run: EventDrivenMotion) -> EventLog:
+    """Return the events that a run has kept, and where it is."""
+    times, which, ends, rates = run.events()
+    return EventLog(
+        time=frozen(times),
+        transition=frozen(which[:, 0], np.int64),
+        x_before=frozen(ends[:, 0]),
+        x_after=frozen(ends[:, 1]),
+        mode_before=frozen(which[:, 1], np.int64),
+        mode_after=frozen(which[:, 2], np.int64),
+        normal_velocity=frozen(rates),
+        t_end=run.time,
+        x_end=frozen(run.x),
+        mode_end=run.mode,
+    )
