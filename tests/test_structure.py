@@ -71,11 +71,6 @@ CYCLES = {
     "afm.galerkin",
     "flow.amplitude_spectrum",
     "flow.trajectory",
-    "orbits._kernels",
-    "orbits._second_kernels",
-    "orbits.orbit",
-    "orbits.problem",
-    "orbits.sampling",
 }
 
 

@@ -9,16 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.orbits.cuts import whole
-from saltus.orbits.problem import (
-    CLOSED_END,
-    EVENT_END,
-    MEAN_END,
-    PHASE_END,
-    TOUCH_END,
-    WHOLE,
-    OrbitProblem,
-    Signature,
-)
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, TOUCH_END, WHOLE, Signature
 from saltus.orbits.solve import settle_signature
 
 if TYPE_CHECKING:

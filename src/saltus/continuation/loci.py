@@ -30,7 +30,8 @@ from saltus.continuation.two_sided import SAME, Found, OneSide, join, turned
 from saltus.errors import InputError
 from saltus.orbits.critical import Branching, Condition, Critical, Grazing, TorusCondition
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import DIRECTION, DURATION, MEAN_END, WHOLE, OrbitProblem, Signature
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import DIRECTION, DURATION, MEAN_END, WHOLE, Signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,8 @@ from saltus.continuation.phase_plane import astray, depart
 from saltus.orbits.critical import Branching, Critical, Grazing, openness
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.normal_form import flip_coefficient, null_vectors, torus_coefficient
-from saltus.orbits.problem import DIRECTION, MEAN_END, TOUCH_END, OrbitProblem, Survey
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import DIRECTION, MEAN_END, TOUCH_END, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -23,7 +23,8 @@ from saltus.orbits.floquet import (
     passage,
     unstable_count,
 )
-from saltus.orbits.problem import CUT_END, MEAN_END, WHOLE, OrbitProblem, Survey
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CUT_END, MEAN_END, WHOLE, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -24,8 +24,9 @@ from saltus.orbits.critical import solve_branch_point
 from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.floquet import distance_from_circle
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import OrbitProblem, Signature, Survey
+from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
+from saltus.orbits.signature import Signature, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,8 +10,9 @@ import numpy as np
 from saltus.continuation.arclength import Event, Point, correct, locate, start_point
 from saltus.continuation.orbit_problem import OrbitZeroProblem
 from saltus.orbits.cuts import in_shares
-from saltus.orbits.problem import CLOSED_END, PHASE_END, OrbitProblem
+from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
+from saltus.orbits.signature import CLOSED_END, PHASE_END
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -20,17 +20,8 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.normal_form import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import (
-    CLOSED_END,
-    CUT_END,
-    DIRECTION,
-    DURATION,
-    MEAN_END,
-    PHASE_END,
-    WHOLE,
-    OrbitProblem,
-    Signature,
-)
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, CUT_END, DIRECTION, DURATION, MEAN_END, PHASE_END, WHOLE, Signature
 
 if TYPE_CHECKING:
     import pandas as pd

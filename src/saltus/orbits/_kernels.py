@@ -11,7 +11,7 @@ from saltus.flow._event_kernels import AT_WRAP
 from saltus.flow._kernels import INNER, call, dense_value, keep, outlined, pointer
 from saltus.flow._linear_kernels import solve_flat
 from saltus.flow._segment_kernels import FIELD, dense, flow, missed, redistribute
-from saltus.orbits.problem import (
+from saltus.orbits.signature import (
     BEYOND,
     BOUNDARY,
     CLOSED_END,

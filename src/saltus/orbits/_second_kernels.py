@@ -7,7 +7,7 @@ import numpy as np
 from saltus.flow._kernels import INNER, call, keep, pointer
 from saltus.flow._second_kernels import FIELD_P, VARY, along, flow_second
 from saltus.orbits._kernels import EVENT_P, EVENT_X, RESET_X, SHORT
-from saltus.orbits.problem import EVENT_END, MEAN_END, TOUCH_END
+from saltus.orbits.signature import EVENT_END, MEAN_END, TOUCH_END
 from saltus.system.compiled import SECOND
 from saltus.system.machine_code import njit
 

@@ -20,12 +20,13 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from saltus.orbits.problem import WHOLE
+from saltus.orbits.signature import WHOLE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.orbits.problem import OrbitProblem, Survey
+    from saltus.orbits.problem import OrbitProblem
+    from saltus.orbits.signature import Survey
 
 __all__ = ["Branching", "Condition", "Critical", "Grazing", "TorusCondition", "closing", "openness", "scaling",
            "solve_branch_point"]  # fmt: skip

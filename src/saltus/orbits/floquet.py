@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.orbits.cuts import piece_maps
-from saltus.orbits.problem import CLOSED_END, CUT_END, PHASE_END
+from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
