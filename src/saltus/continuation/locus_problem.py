@@ -146,7 +146,7 @@ class LocusZeroProblem:
     def metric(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the orbit's weights, and 1 for each parameter and further unknown."""
         weights = np.empty(z.size)
-        self.problem.kernels.metric(z, self.problem.segments, self.n, self._block, weights)
+        self.problem.equations.metric(z, self.problem.segments, self.n, self._block, weights)
         return weights
 
     def examine(self, point: Point, before: Point | None) -> Examined:

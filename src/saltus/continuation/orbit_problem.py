@@ -194,7 +194,7 @@ class OrbitZeroProblem:
         """Return weights by the trapezoidal rule over the period, so that a segment of zero length changes nothing."""
         problem = self.problem
         weights = np.empty(problem.size + 1)
-        problem.kernels.metric(u, problem.segments, self.n, self._block, weights)
+        problem.equations.metric(u, problem.segments, self.n, self._block, weights)
         return weights
 
     def examine(self, point: Point, before: Point | None) -> Examined:
