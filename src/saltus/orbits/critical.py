@@ -313,11 +313,6 @@ class Grazing:
         """Whether an orbit that was on a surface as a whole is so no more."""
         return self.kind == "side" and survey.places[self.segment, self.transition] != WHOLE
 
-    @property
-    def monitor(self) -> str:
-        """Name of the monitor function that vanishes."""
-        return f"{self.kind} {self.segment}" + (f" {self.transition}" if self.kind == "side" else "")
-
     def adjust(self) -> None:
         """Do nothing: there are no borders."""
 
