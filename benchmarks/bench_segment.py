@@ -9,6 +9,8 @@ from measure import interleaved, machine, show
 from peers import heyoka_flight, scipy_segment, tapping_orbit
 
 from saltus.flow import _segment_kernels as kernels
+from saltus.flow._kernels import pointer
+from saltus.system.machine_code import njit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,6 +20,16 @@ if TYPE_CHECKING:
 
 TOL = 1e-12
 OURS = ("saltus, on its mesh", "saltus, with a new mesh")
+
+
+@njit(cache=True, error_model="numpy")
+def sensitivities(functions, mode, x0, duration, p, active, mesh, y, errors):
+    """State and sensitivities at the end of a segment without roots, on its mesh."""
+    n = x0.size
+    segment = kernels.Segment(pointer(functions, 0), mode, duration, pointer(p, 0), n)
+    sensitive = kernels.Sensitive(0, False, False, pointer(active, 0), active.size, n + active.size)
+    start, end, places = pointer(x0, 0), pointer(y, 0), pointer(mesh, 0)
+    kernels.flow(segment, sensitive, start, places, mesh.size - 1, TOL, TOL, end, pointer(errors, 0))
 
 
 def main() -> None:
@@ -44,26 +56,7 @@ def report(orbit: saltus.PeriodicOrbit, segment: Segment) -> None:
 
     def run(mesh: NDArray[np.float64]) -> NDArray[np.float64]:
         y, errors = np.empty(n * (1 + n)), np.empty(mesh.size)
-        kernels.flow(
-            functions,
-            mode,
-            0,
-            False,
-            False,
-            x0,
-            0,
-            duration,
-            p,
-            no_parameter,
-            TOL,
-            TOL,
-            mesh,
-            0,
-            mesh.size - 1,
-            n,
-            y,
-            errors,
-        )
+        sensitivities(functions, mode, x0, duration, p, no_parameter, mesh, y, errors)
         return y
 
     mesh, exact = mesh_of(TOL), run(mesh_of(1e-14))

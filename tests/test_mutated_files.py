@@ -16,7 +16,8 @@ from saltus import InputError, load
 from saltus.afm.figures.files import read_results
 from saltus.files import write_sealed
 from saltus.orbits.orbit import PeriodicOrbit
-from saltus.orbits.problem import OrbitProblem, Signature
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import Signature
 from saltus.results import netcdf, tagged
 
 

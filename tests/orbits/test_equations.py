@@ -8,7 +8,7 @@ import pytest
 import systems
 from saltus import HybridSystem, Mode, solve_orbit
 from saltus.afm import table1, tapping_mode
-from saltus.orbits.problem import CLOSED_END, EVENT_END, MEAN_END, PHASE_END
+from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END
 
 
 def circle():

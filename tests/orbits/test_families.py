@@ -19,7 +19,8 @@ from saltus import (
     solve_orbit,
 )
 from saltus.orbits.orbit import orbit_at
-from saltus.orbits.problem import CLOSED_END, OrbitProblem, Signature
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, Signature
 
 FAMILY = "orbits form a family there at fixed parameters"
 

@@ -12,7 +12,8 @@ from oracles.closed_forms import DELAYED, ImpactOrbit, TableJump
 from oracles.tapping import Tapping
 from saltus import HybridSystem, Mode, Transition, continue_orbit, solve_orbit
 from saltus.afm import table1, tapping_mode
-from saltus.orbits.problem import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, TOUCH_END, OrbitProblem, Signature
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, TOUCH_END, Signature
 
 
 def problem_of(orbit, *names):

@@ -67,12 +67,12 @@ class StepControl:
 class ZeroProblem(Protocol):
     """F(u) = 0 with one unknown more than equations; the last unknown is the parameter.
 
-    `singular` names the monitor functions at whose zeros the equations bordered by a plane are singular, `noise` gives
-    what rounding leaves of some at their zeros, over their size nearby.
+    Its monitor functions go by whatever can be hashed and told. `singular` names those at whose zeros the equations
+    bordered by a plane are singular, `noise` gives what rounding leaves of some at their zeros, over their size nearby.
     """
 
-    singular: frozenset[str]
-    noise: Mapping[str, float]
+    singular: frozenset[Any]
+    noise: Mapping[Any, float]
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the residual, shape (m,), and the Jacobian, shape (m, m + 1)."""
@@ -95,7 +95,7 @@ class ZeroProblem(Protocol):
     def recover(self, point: Point) -> bool:
         """Make the discretisation finer where no point is found a step from `point`; return whether it is finer."""
 
-    def leading(self, names: list[str]) -> list[str]:
+    def leading(self, names: list[Any]) -> list[Any]:
         """Return those of the monitor functions that change sign in a step which are to be located."""
 
     def sort_out(self, events: list[Event]) -> list[Event] | str:
@@ -104,10 +104,10 @@ class ZeroProblem(Protocol):
         The step is that between the two points examined last, the second as the successor of the first.
         """
 
-    def crowded(self, names: list[str]) -> bool:
+    def crowded(self, names: list[Any]) -> bool:
         """Return whether the events of one step are so many that a shorter one is due."""
 
-    def monitor(self, name: str, point: Point) -> float:
+    def monitor(self, name: Any, point: Point) -> float:
         """Return one monitor function at a point that need not be quite corrected."""
 
 
@@ -115,7 +115,7 @@ class ZeroProblem(Protocol):
 class Examined:
     """What a problem says of a point: values of its monitor functions, a fault that forbids it, anything it keeps."""
 
-    monitors: Mapping[str, float]
+    monitors: Mapping[Any, float]
     fault: str | None = None
     data: Any = None
 
@@ -158,7 +158,7 @@ class Failure:
 class Event:
     """A zero of a monitor function, located."""
 
-    name: str
+    name: Any
     point: Point
     value: float
 
@@ -424,7 +424,7 @@ def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | st
     return kept if overlooked is None else f"events: {overlooked} vanishes more than once within the step"
 
 
-def _overlooked(events: list[Event], a: Point, b: Point, changed: set[str]) -> str | None:
+def _overlooked(events: list[Event], a: Point, b: Point, changed: set[Any]) -> Any | None:
     """Return a monitor function whose sign at one of the events is not what its located zeros make it."""
     places = {event.name: event.point.arc for event in events}
     for event in events:
@@ -440,7 +440,7 @@ def _overlooked(events: list[Event], a: Point, b: Point, changed: set[str]) -> s
     return None
 
 
-def locate(problem: ZeroProblem, name: str, a: Point, b: Point, fa: float, fb: float) -> Event | None:
+def locate(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: float) -> Event | None:
     """Return the zero of a monitor function between two points, by Newton in the branch and interpolation along it.
 
     Each iterate is one Newton step of the equations bordered by the plane normal to the branch, at the place along the

@@ -12,7 +12,7 @@ import numpy as np
 from saltus.continuation.arclength import Point, StepControl, ZeroProblem, correct
 from saltus.continuation.two_sided import SAME
 from saltus.orbits.cuts import clustered
-from saltus.orbits.problem import PHASE_END
+from saltus.orbits.signature import PHASE_END
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,17 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.continuation.monitor import Monitor
 from saltus.orbits.cuts import whole
-from saltus.orbits.problem import (
-    CLOSED_END,
-    EVENT_END,
-    MEAN_END,
-    PHASE_END,
-    TOUCH_END,
-    WHOLE,
-    OrbitProblem,
-    Signature,
-)
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, TOUCH_END, WHOLE, Signature
 from saltus.orbits.solve import settle_signature
 
 if TYPE_CHECKING:
@@ -38,33 +31,32 @@ class Neighbour:
     u: NDArray[np.float64]
 
 
-def neighbour(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> Neighbour | str:
+def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> Neighbour | str:
     """Return the grazing orbit `u` in the neighbouring signature, or in words why there is none.
 
     Parameters
     ----------
     problem : OrbitProblem
         The signature in which it was found.
-    monitor : str
-        What vanishes: ``margin i k`` (segment i touches the surface of transition k), ``side i k`` (all of it lies on
-        that surface), ``rate i`` (segment i's event is met without velocity), ``duration i`` (segment i has no length).
+    monitor : Monitor
+        What vanishes: a ``margin`` (a segment touches a surface), a ``side`` (all of it lies on that surface), a
+        ``rate`` (a segment's event is met without velocity), or a ``duration`` (a segment has no length).
     u : ndarray, shape (size + 1,)
         The orbit and the parameter.
     """
-    kind, *numbers = monitor.split(" ")
     problem, u = whole(problem, u)
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1).copy()
-    if kind == "rate":
-        kind, numbers = _vanishing(problem, blocks, int(numbers[0]))
-    if kind == "margin":
-        found = _insert(problem, blocks, u, int(numbers[0]), int(numbers[1]))
-    elif kind == "side":
-        found = _change_modes(problem, blocks, u, int(numbers[1]))
-    elif kind == "duration":
-        found = _remove(problem, blocks, u, int(numbers[0]))
+    if monitor.kind == "rate":
+        monitor = _vanishing(problem, blocks, monitor.segment)
+    if monitor.kind == "margin":
+        found = _insert(problem, blocks, u, monitor.segment, monitor.transition)
+    elif monitor.kind == "side":
+        found = _change_modes(problem, blocks, u, monitor.transition)
+    elif monitor.kind == "duration":
+        found = _remove(problem, blocks, u, monitor.segment)
     else:
         problem.survey(u)
-        found = _merge(problem, blocks, u, int(numbers[0]))
+        found = _merge(problem, blocks, u, monitor.segment)
     if isinstance(found, str):
         return found
     signature, rows = found
@@ -73,22 +65,22 @@ def neighbour(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> Ne
     return Neighbour(signature, np.append(turned, u[problem.size :]))
 
 
-def turned(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> bool:
+def turned(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:
     """Return whether a velocity vanishes where this is no grazing: the next segment is entered, but left at once.
 
     On the way there that segment has touched its surface, so that the orbit is no motion any more.
     """
-    return monitor.startswith("rate") and neighbour(problem, monitor, u) == _TURNED
+    return monitor.kind == "rate" and neighbour(problem, monitor, u) == _TURNED
 
 
-def _vanishing(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> tuple[str, list[str]]:
+def _vanishing(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Monitor:
     """Return what vanishes where segment `i` ends without velocity: a segment beside it, or the velocity alone."""
     count = problem.segments
     period = float(np.abs(blocks[:, problem.n]).sum())
     for j in (i, (i + 1) % count):
         if problem.signature.kinds[j] == MEAN_END and abs(blocks[j, problem.n]) < _NEAR * period:
-            return "duration", [str(j)]
-    return "rate", [str(i)]
+            return Monitor("duration", j)
+    return Monitor("rate", i)
 
 
 _Found = tuple[Signature, "NDArray[np.float64]"]
@@ -168,9 +160,9 @@ def _on_surfaces(problem: OrbitProblem, u: NDArray[np.float64]) -> list[tuple[in
     return found
 
 
-def sides_met(problem: OrbitProblem, u: NDArray[np.float64]) -> set[str]:
-    """Return the monitor functions ``side i k`` that vanish at an orbit."""
-    return {f"side {i} {k}" for i, k in _on_surfaces(problem, u)}
+def sides_met(problem: OrbitProblem, u: NDArray[np.float64]) -> set[Monitor]:
+    """Return the monitor functions of kind ``side`` that vanish at an orbit."""
+    return {Monitor("side", i, k) for i, k in _on_surfaces(problem, u)}
 
 
 def _rests(problem: OrbitProblem, segment: int, transition: int) -> bool:

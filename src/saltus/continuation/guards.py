@@ -11,7 +11,8 @@ from saltus.orbits.floquet import multiplier_errors, nontrivial
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.orbits.problem import OrbitProblem, Survey
+    from saltus.orbits.problem import OrbitProblem
+    from saltus.orbits.signature import Survey
 
 __all__ = ["INFINITE", "RESIDUAL", "residual_fault", "unconfirmed"]
 

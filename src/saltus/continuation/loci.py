@@ -23,14 +23,15 @@ from saltus.continuation.closure import alongside, passes
 from saltus.continuation.grazing import Neighbour, neighbour, touching
 from saltus.continuation.locus import Locus
 from saltus.continuation.locus_problem import LocusData, LocusZeroProblem
+from saltus.continuation.monitor import BIFURCATIONS, Monitor, at_grazing
 from saltus.continuation.orbit_curve import SpecialPoint
-from saltus.continuation.orbit_problem import BIFURCATIONS, at_grazing
 from saltus.continuation.orbits import read_stops
 from saltus.continuation.two_sided import SAME, Found, OneSide, join, turned
 from saltus.errors import InputError
 from saltus.orbits.critical import Branching, Condition, Critical, Grazing, TorusCondition
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import DIRECTION, DURATION, MEAN_END, WHOLE, OrbitProblem, Signature
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import DIRECTION, DURATION, MEAN_END, WHOLE, Signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -321,7 +322,7 @@ class _Run:
                 )
             if survey.places[i, k] == WHOLE:
                 return problem, u, Grazing(problem, "side", int(i), int(k))
-            larger = neighbour(problem, f"margin {i} {k}", u)
+            larger = neighbour(problem, Monitor("margin", int(i), int(k)), u)
             if not isinstance(larger, Neighbour):
                 larger = touching(problem, u, int(i), int(k))
             problem, u = self._problem(larger.signature, larger.u[:-2])
@@ -395,9 +396,8 @@ class _Run:
 
     def _event(self, half: OneSide, event: Event) -> str | None:
         """Note a special point; return why the locus ends there, if it does."""
-        kind, *rest = event.name.split(" ")
+        kind, at = event.name.kind, event.name.segment
         if kind in ("low", "high"):
-            at = int(rest[0])
             event.point.u[at - 2] = self.bounds[at][kind == "high"]
             return "bound reached"
         of = ""
@@ -405,16 +405,16 @@ class _Run:
         if on_grazing and event.point.arc < SAME and kind != "TP" and not at_grazing(event.name):
             return None  # every determinant vanishes where a locus begins at a grazing
         if kind == "TP":
-            of = self.names[int(rest[0])]
+            of = self.names[at]
         elif at_grazing(event.name):
             kind = "GR"
         elif kind == "unfolded":
             return None
-        elif rest:
-            of = f"{rest[0]} signature"
+        elif event.name.side:
+            of = f"{event.name.side} signature"
         if kind == "GR":  # where a duration or a velocity vanishes, its sign is rounding
-            if event.name.startswith("duration"):
-                event.point.u[int(event.name.split(" ")[1]) * (self.branch.n + 1) + self.branch.n] = 0.0
+            if event.name.kind == "duration":
+                event.point.u[at * (self.branch.n + 1) + self.branch.n] = 0.0
             data = event.point.examined.data
             survey = replace(data.survey, faults=data.survey.faults & ~(DURATION | DIRECTION))
             event.point.examined = replace(event.point.examined, data=replace(data, survey=survey))
@@ -432,10 +432,10 @@ class _Run:
 
     def _at_start(self, origin: Point) -> Found | None:
         """Return the start as a special point of the locus, if it is one."""
-        start = self.start
-        if not isinstance(start, SpecialPoint) or start.type not in origin.examined.monitors:
+        start, monitors = self.start, origin.examined.monitors
+        if not isinstance(start, SpecialPoint) or (monitor := Monitor(start.type)) not in monitors:
             return None
-        return Found(start.type, self._orbit(origin), origin.examined.monitors[start.type], 0, 0.0, start.of)
+        return Found(start.type, self._orbit(origin), monitors[monitor], 0, 0.0, start.of)
 
     def assemble(self, origin: Point, halves: list[OneSide], options: dict[str, Any], order: tuple[str, ...]) -> Locus:
         """Return the locus made of the directions from `origin`."""

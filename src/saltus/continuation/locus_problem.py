@@ -13,12 +13,14 @@ import numpy as np
 from saltus.continuation.arclength import Event, Examined, Point, correct
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.guards import residual_fault, unconfirmed
-from saltus.continuation.orbit_problem import at_grazing, grazing_monitors, shadowed_rates, side_of
+from saltus.continuation.monitor import Monitor, at_grazing
+from saltus.continuation.orbit_problem import grazing_monitors, shadowed_rates, side_of
 from saltus.continuation.phase_plane import astray, depart
 from saltus.orbits.critical import Branching, Critical, Grazing, openness
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.normal_form import flip_coefficient, null_vectors, torus_coefficient
-from saltus.orbits.problem import DIRECTION, MEAN_END, TOUCH_END, OrbitProblem, Survey
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import DIRECTION, MEAN_END, TOUCH_END, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,7 +29,8 @@ if TYPE_CHECKING:
 
 __all__ = ["LocusData", "LocusZeroProblem"]
 
-_PLAIN = ("low 0", "high 0", "low 1", "high 1", "TP 0", "TP 1")
+_TURNS = (Monitor("TP", 0), Monitor("TP", 1))
+_PLAIN = (Monitor("low", 0), Monitor("high", 0), Monitor("low", 1), Monitor("high", 1), *_TURNS)
 """Monitor functions that every locus has, and that say nothing of bifurcations."""
 
 _CLOSE = 1e-6
@@ -38,7 +41,8 @@ tolerance of the flow for the coefficients of normal forms, but where one vanish
 cosine of the angle, within which that of a torus bifurcation is not determined."""
 _OPEN = 1e-10  # least singular value, over the largest, of a matrix whose determinant is rounding
 _TOUCHED = 1e-10  # margin, over the size of the events, that is a touch all along a GR locus
-_RESONANCES = {"R1": 1.0, "R2": -1.0, "R3": -0.5, "R4": 0.0}
+_RESONANCES = {Monitor("R1"): 1.0, Monitor("R2"): -1.0, Monitor("R3"): -0.5, Monitor("R4"): 0.0}
+_CP, _GPD, _CH, _FF, _OTHERS = (Monitor(kind) for kind in ("CP", "GPD", "CH", "FF", "others"))
 
 
 @dataclass(frozen=True)
@@ -52,11 +56,14 @@ class LocusData:
     coefficient: float
 
 
+_Special = tuple[dict[Monitor, float], LocusData]
+
+
 class LocusZeroProblem:
     """Critical orbits of one signature as a `ZeroProblem` whose last two unknowns are the parameters.
 
     The unknowns are those of the orbit, those of the condition, and the two parameters in units of `scales`. Monitor
-    functions are the bounds, the parameters' components of the tangent (``TP 0``, ``TP 1``), the codimension-two points
+    functions are the bounds, the parameters' components of the tangent (``TP``), the codimension-two points
     of the locus' type, and what vanishes at a grazing.
 
     Parameters
@@ -73,10 +80,10 @@ class LocusZeroProblem:
         Intervals of the parameters, in their units.
     """
 
-    singular: frozenset[str] = frozenset()
-    odd = frozenset({"TP 0", "TP 1"})
+    singular: frozenset[Monitor] = frozenset()
+    odd = frozenset(_TURNS)
     """Monitor functions that change sign with the tangent's direction."""
-    noise: Mapping[str, float] = MappingProxyType({"GPD": 1e-8, "CH": 1e-8})
+    noise: Mapping[Monitor, float] = MappingProxyType({_GPD: 1e-8, _CH: 1e-8})
 
     def __init__(
         self,
@@ -89,13 +96,13 @@ class LocusZeroProblem:
         self.problem, self.kind, self.condition = problem, kind, condition
         self.n, self._bounds = problem.n, bounds
         self._autonomous = problem.system.phase is None
-        self._sizes: dict[str, float] = {}
+        self._sizes: dict[Monitor, float] = {}
         self._step: tuple[Point, Point] | None = None
         self._surveyed = grazing_monitors(problem)
         kinds = problem.signature.kinds
-        self._durations = {f"duration {i}": i for i, end in enumerate(kinds) if end == MEAN_END}
+        self._durations = {Monitor("duration", i): i for i, end in enumerate(kinds) if end == MEAN_END}
         if isinstance(condition, Grazing):
-            own = {condition.monitor}
+            own = {_vanishing(condition)}
             if condition.kind == "duration":
                 own |= shadowed_rates([condition.segment], problem.segments)
             elif condition.kind == "side":
@@ -145,7 +152,7 @@ class LocusZeroProblem:
     def metric(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the orbit's weights, and 1 for each parameter and further unknown."""
         weights = np.empty(z.size)
-        self.problem.kernels.metric(z, self.problem.segments, self.n, self._block, weights)
+        self.problem.equations.metric(z, self.problem.segments, self.n, self._block, weights)
         return weights
 
     def examine(self, point: Point, before: Point | None) -> Examined:
@@ -180,14 +187,14 @@ class LocusZeroProblem:
         self._adjust(u)
         self.condition.adjust()
         monitors = {name: self._measure(name, point) for name in (*_PLAIN, *self._durations)}
-        for name in ("TP 0", "TP 1"):
+        for name in _TURNS:
             if abs(monitors[name]) < _CONSTANT:
                 monitors[name] = math.nan
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
         if self.kind == "GR":  # an orbit gone round more than once touches in each round, all along the locus
             touched = _TOUCHED * float(max(problem.event_sizes(u).max(), problem.state_scale[: len(survey.x0)].min()))
             for name, value in monitors.items():
-                if name.startswith("margin") and abs(value) < touched:
+                if name.kind == "margin" and abs(value) < touched:
                     monitors[name] = math.nan
         special, data = self._special(point, survey)
         monitors |= special
@@ -212,7 +219,7 @@ class LocusZeroProblem:
         if depart(self, self.problem, self.orbit(point.u), point):
             self.condition.adjust()
             monitors = dict(point.examined.monitors)
-            turning = {name: self._measure(name, point) for name in ("TP 0", "TP 1") if monitors.get(name) is not None}
+            turning = {name: self._measure(name, point) for name in _TURNS if monitors.get(name) is not None}
             monitors |= {name: value for name, value in turning.items() if not math.isnan(monitors[name])}
             point.examined = replace(point.examined, monitors=monitors)
 
@@ -220,9 +227,9 @@ class LocusZeroProblem:
         """Shorten the steps of a stiff flow, whose stability limits them, for the orbits near a point."""
         return self.problem.stabilise(self.orbit(point.u))
 
-    def monitor(self, name: str, point: Point) -> float:
+    def monitor(self, name: Monitor, point: Point) -> float:
         """Return one monitor function at a point that need not be quite corrected."""
-        if name.startswith("side"):
+        if name.kind == "side":
             return side_of(self.problem, name, self.orbit(point.u))
         if name in self._surveyed:
             return float(self._surveyed[name](self.problem.survey(self.orbit(point.u))))
@@ -230,23 +237,20 @@ class LocusZeroProblem:
             return self._measure(name, point)
         return self._special(point, None, name)[0][name]
 
-    def _measure(self, name: str, point: Point) -> float:
-        kind, index = name.split(" ")
+    def _measure(self, name: Monitor, point: Point) -> float:
+        kind, at = name.kind, name.segment
         if kind == "duration":
-            return float(point.u[int(index) * (self.n + 1) + self.n])
-        at = int(index) - 2
+            return float(point.u[at * (self.n + 1) + self.n])
         if kind == "TP":
-            return float(point.tangent[at])
-        distance = float(point.u[at]) - self._bounds[int(index)][kind == "high"]
+            return float(point.tangent[at - 2])
+        distance = float(point.u[at - 2]) - self._bounds[at][kind == "high"]
         return distance if abs(distance) > 1e-12 else 0.0
 
-    def _sized(self, name: str, value: float) -> float:
+    def _sized(self, name: Monitor, value: float) -> float:
         """Return a value over the size that it had first."""
         return value / self._sizes.setdefault(name, abs(value) or 1.0)
 
-    def _special(
-        self, point: Point, survey: Survey | None, only: str | None = None
-    ) -> tuple[dict[str, float], LocusData]:
+    def _special(self, point: Point, survey: Survey | None, only: Monitor | None = None) -> _Special:
         """Return the monitors of codimension-two points, or the one wanted, and data where there is a survey."""
         return getattr(self, f"_at_{self.kind}")(point, survey, only)  # type: ignore[no-any-return]
 
@@ -260,7 +264,7 @@ class LocusZeroProblem:
         return LocusData(survey, values, unstable_count(inner[away]), angle, coefficient)
 
     def _determinant(
-        self, name: str, mu: float, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+        self, name: Monitor, mu: float, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
     ) -> float:
         """Return det(A - mu B), mu = 1 or -1, over the size that it had first and the factor of the phase condition."""
         if mu < 0.0:
@@ -270,50 +274,50 @@ class LocusZeroProblem:
         value = sign * math.exp(min(log - self._sizes.setdefault(name, log), 600.0))
         return value / (problem.facing(u) or math.nan)
 
-    def _at_SN(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
+    def _at_SN(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         condition = self.condition
         assert isinstance(condition, Critical)
         u = self.orbit(point.u)
-        coefficient = self._sized("CP", condition.curvature)
+        coefficient = self._sized(_CP, condition.curvature)
         found = {
-            "CP": coefficient,
-            "R1": condition.twist,
-            "FF": self._determinant("FF", -1.0, self.problem, u, self._J),
+            _CP: coefficient,
+            Monitor("R1"): condition.twist,
+            _FF: self._determinant(_FF, -1.0, self.problem, u, self._J),
         }
         values = multipliers(self.problem, u, self._J)
         return found, self._data(survey, values, 0.0, coefficient)
 
-    def _at_PD(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
+    def _at_PD(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         condition = self.condition
         assert isinstance(condition, Critical)
         u = self.orbit(point.u)
-        found = {"R2": condition.twist, "FF": self._determinant("FF", 1.0, self.problem, u, self._J)}
+        found = {Monitor("R2"): condition.twist, _FF: self._determinant(_FF, 1.0, self.problem, u, self._J)}
         coefficient = math.nan
-        if only in (None, "GPD"):
+        if only in (None, _GPD):
             # the coefficient has a pole where another multiplier is 1, and the determinant a zero
             problem, J = self._graded(u, only)
             value = _or_infinity(flip_coefficient, problem, u, J, condition.right, condition.left)
-            coefficient = self._sized("GPD", value * found["FF"])
-            found["GPD"] = _known(coefficient, only)
+            coefficient = self._sized(_GPD, value * found[_FF])
+            found[_GPD] = _known(coefficient, only)
         values = multipliers(self.problem, u, self._J)
         return found, self._data(survey, values, math.pi, coefficient)
 
-    def _at_TR(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
+    def _at_TR(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         u = self.orbit(point.u)
         kappa = float(point.u[self.problem.size])
-        found = {name: kappa - value for name, value in _RESONANCES.items()} | {"CH": math.nan}
+        found = {name: kappa - value for name, value in _RESONANCES.items()} | {_CH: math.nan}
         coefficient = math.nan
-        resonant = min(abs(kappa - value) for name, value in _RESONANCES.items() if name != "R4") < _RESONANT
-        if abs(kappa) < 1.0 and only in (None, "CH") and not resonant:
+        resonant = min(abs(kappa - value) for name, value in _RESONANCES.items() if name.kind != "R4") < _RESONANT
+        if abs(kappa) < 1.0 and only in (None, _CH) and not resonant:
             # the coefficient has a pole where another multiplier is 1, and this quotient a zero
-            others = self._determinant("others", 1.0, self.problem, u, self._J) / (2.0 - 2.0 * kappa)
+            others = self._determinant(_OTHERS, 1.0, self.problem, u, self._J) / (2.0 - 2.0 * kappa)
             value = _or_infinity(_torus_coefficient, *self._graded(u, only), u, kappa)
-            coefficient = self._sized("CH", value * others)
-            found["CH"] = _known(coefficient, only)
+            coefficient = self._sized(_CH, value * others)
+            found[_CH] = _known(coefficient, only)
         values = multipliers(self.problem, u, self._J)
         return found, self._data(survey, values, math.acos(min(1.0, max(-1.0, kappa))), coefficient)
 
-    def _graded(self, u: NDArray[np.float64], only: str | None) -> tuple[OrbitProblem, NDArray[np.float64]]:
+    def _graded(self, u: NDArray[np.float64], only: Monitor | None) -> tuple[OrbitProblem, NDArray[np.float64]]:
         """Return equations and Jacobian for third derivatives: rough on the way, fine where a coefficient vanishes."""
         if only is not None:
             return self.problem, self._J
@@ -324,11 +328,11 @@ class LocusZeroProblem:
         rough.start(u)
         return rough, rough.resolve(u)[1]
 
-    def _at_BP(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
+    def _at_BP(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         values = multipliers(self.problem, self.orbit(point.u), self._J)
-        return {"unfolded": float(point.u[self.problem.size])}, self._data(survey, values, math.nan, math.nan)
+        return {Monitor("unfolded"): float(point.u[self.problem.size])}, self._data(survey, values, math.nan, math.nan)
 
-    def _at_GR(self, point: Point, survey: Survey | None, only: str | None) -> tuple[dict[str, float], LocusData]:
+    def _at_GR(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         u, condition = self.orbit(point.u), self.condition
         assert isinstance(condition, Grazing)
         found = {}
@@ -336,7 +340,7 @@ class LocusZeroProblem:
         if TOUCH_END not in self.problem.signature.kinds and known:
             found = self._critical_beside("larger", self.problem, u, self._J)[0]
         values = np.full(len(self.problem.system.states), math.inf + 0j)
-        beside = neighbour(self.problem, condition.monitor, u)
+        beside = neighbour(self.problem, _vanishing(condition), u)
         if isinstance(beside, Neighbour):
             p, active, scales = self.problem.parameters_at(u), self.problem.active, self.problem.scales
             problem = OrbitProblem(self.problem.system, beside.signature, p, active, scales, self.problem.tol)
@@ -347,20 +351,21 @@ class LocusZeroProblem:
 
     def _critical_beside(
         self, side: str, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
-    ) -> tuple[dict[str, float], NDArray[np.complex128]]:
+    ) -> tuple[dict[Monitor, float], NDArray[np.complex128]]:
         """Return test functions of the orbits on one side of a grazing, and their multipliers."""
         values = multipliers(problem, u, J)
         finite = [v for v in nontrivial(values, autonomous=self._autonomous).tolist() if abs(v) < _INFINITE]
+        fold, flip, torus = (Monitor(kind, side=side) for kind in ("SN", "PD", "TR"))
         found = {
-            f"SN {side}": self._determinant(f"SN {side}", 1.0, problem, u, J),
-            f"PD {side}": self._determinant(f"PD {side}", -1.0, problem, u, J),
-            f"TR {side}": distance_from_circle(np.array(finite, dtype=np.complex128)),
+            fold: self._determinant(fold, 1.0, problem, u, J),
+            flip: self._determinant(flip, -1.0, problem, u, J),
+            torus: distance_from_circle(np.array(finite, dtype=np.complex128)),
         }
         return found, values
 
-    def leading(self, names: list[str]) -> list[str]:
+    def leading(self, names: list[Monitor]) -> list[Monitor]:
         """Return the names without the velocities that vanish because a segment beside them does."""
-        vanishing = [int(name.split(" ")[1]) for name in names if name.startswith("duration")]
+        vanishing = [name.segment for name in names if name.kind == "duration"]
         shadowed = shadowed_rates(vanishing, self.problem.segments)
         return [name for name in names if name not in shadowed]
 
@@ -380,7 +385,7 @@ class LocusZeroProblem:
     def _unconfirmed(self, event: Event) -> bool:
         """Return whether an FF is located where no multiplier but the locus' own is critical."""
         data = event.point.examined.data
-        if event.name != "FF" or data is None:
+        if event.name != _FF or data is None:
             return False
         other, u = "PD" if self.kind == "SN" else "SN", self.orbit(event.point.u)
         return unconfirmed(self.problem, other, u, self.problem.evaluate(u)[1], data.multipliers)
@@ -392,11 +397,16 @@ class LocusZeroProblem:
         old, new = (point.examined.data.survey for point in self._step)
         return "not admissible: " + "; ".join(new.reasons()) if old.admissible and not new.admissible else None
 
-    def crowded(self, names: list[str]) -> bool:
+    def crowded(self, names: list[Monitor]) -> bool:
         """Return whether more than one codimension-two point lies in a step."""
         ours = [name for name in names if name not in _PLAIN and not at_grazing(name)]
-        kinds = {name.split(" ")[0] for name in ours}
+        kinds = {name.kind for name in ours}
         return len(kinds) + any(at_grazing(name) for name in names) > 1 and self.kind != "GR"
+
+
+def _vanishing(grazing: Grazing) -> Monitor:
+    """Return what vanishes all along a GR locus."""
+    return Monitor(grazing.kind, grazing.segment, grazing.transition)
 
 
 def _undetermined(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
@@ -410,7 +420,7 @@ def _torus_coefficient(problem: OrbitProblem, J: NDArray[np.float64], u: NDArray
     return torus_coefficient(problem, u, J, mu, q, p).real
 
 
-def _known(coefficient: float, only: str | None) -> float:
+def _known(coefficient: float, only: Monitor | None) -> float:
     """Return a coefficient; NaN where it is rounding, and so perhaps zero all along, but not where it is located."""
     return math.nan if coefficient == 0.0 and only is None else coefficient
 

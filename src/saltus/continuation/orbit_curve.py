@@ -18,8 +18,9 @@ from saltus.flow.observables import check_observables, observe, read_observable
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.normal_form import NORMAL_FORMS, NormalForm, normal_form
 from saltus.orbits.orbit import MOST_FAULTS, TOLERANCES, complex_of, follow_from, orbit_at, signature_from
-from saltus.orbits.problem import OrbitProblem, Signature
+from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.sampling import motion_of
+from saltus.orbits.signature import Signature
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 from saltus.system.plain import all_parameters, held_parameters, held_system

@@ -13,6 +13,7 @@ import numpy as np
 from saltus.continuation.arclength import RESTS, Event, Examined, Point, correct
 from saltus.continuation.grazing import turned
 from saltus.continuation.guards import INFINITE, residual_fault, unconfirmed
+from saltus.continuation.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.phase_plane import astray, depart
 from saltus.orbits.floquet import (
     Passage,
@@ -23,23 +24,22 @@ from saltus.orbits.floquet import (
     passage,
     unstable_count,
 )
-from saltus.orbits.problem import CUT_END, MEAN_END, WHOLE, OrbitProblem, Survey
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CUT_END, MEAN_END, WHOLE, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
-    "BIFURCATIONS",
     "Interest",
     "OrbitData",
     "OrbitZeroProblem",
-    "at_grazing",
     "grazing_monitors",
     "shadowed_rates",
     "side_of",
 ]
 
-BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
+_LOW, _HIGH, _SN, _PD, _BP = (Monitor(kind) for kind in ("low", "high", "SN", "PD", "BP"))
 
 _FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
 _SHARPER = 1e-6  # Newton step, in sizes of the unknowns, below which a point is as good as found
@@ -93,11 +93,9 @@ class OrbitData:
 class OrbitZeroProblem:
     """Orbits of one signature as a `ZeroProblem`.
 
-    Monitor functions are the bounds (``low``, ``high``), the bifurcations (``SN``, ``PD``, ``BP``, and ``TR i``, the
-    height of the i-th multiplier followed, where it is of a complex pair the one above the real axis), what vanishes at
-    a grazing (``margin i k``: segment i's distance from the surface of transition k; ``side i k``: that of a segment
-    that is equally far from it throughout; ``duration i`` of a segment that starts on its own event; ``rate i``: the
-    normal velocity at segment i's end), and users' events (``event i``).
+    Monitor functions are the bounds (``low``, ``high``), the bifurcations (``SN``, ``PD``, ``BP``, and ``TR``, the
+    height of a multiplier followed, where it is of a complex pair the one above the real axis), what vanishes at a
+    grazing, and users' events; `Monitor` tells more.
 
     Parameters
     ----------
@@ -109,43 +107,43 @@ class OrbitZeroProblem:
         What is looked for.
     """
 
-    singular = frozenset({"BP"})
-    odd = frozenset({"SN", "BP"})
+    singular = frozenset({_BP})
+    odd = frozenset({_SN, _BP})
     """Monitor functions that change sign with the tangent's direction."""
-    noise: Mapping[str, float] = MappingProxyType({})
+    noise: Mapping[Monitor, float] = MappingProxyType({})
 
     def __init__(self, problem: OrbitProblem, u: NDArray[np.float64], interest: Interest) -> None:
         self.problem = problem
         self.interest = interest
         self.n = problem.n
         self._autonomous = problem.system.phase is None
-        self._logs: dict[str, float] = {}
+        self._logs: dict[Monitor, float] = {}
         self._step: tuple[Point, Point] | None = None
         self._adjust(u)
         kinds = problem.signature.kinds
-        self._durations = {f"duration {i}": i for i, kind in enumerate(kinds) if kind == MEAN_END}
-        self._simple: dict[str, Callable[[Point], float]] = {
-            "low": lambda point: _beyond(point.parameter - interest.low),
-            "high": lambda point: _beyond(point.parameter - interest.high),
-            "SN": lambda point: float(point.tangent[-1]),
-            "PD": lambda point: self._sized("PD", *doubling_determinant(problem, point.J), point),
-            "BP": lambda point: self._sized("BP", point.sign, point.log, point),
+        self._durations = {Monitor("duration", i): i for i, kind in enumerate(kinds) if kind == MEAN_END}
+        self._simple: dict[Monitor, Callable[[Point], float]] = {
+            _LOW: lambda point: _beyond(point.parameter - interest.low),
+            _HIGH: lambda point: _beyond(point.parameter - interest.high),
+            _SN: lambda point: float(point.tangent[-1]),
+            _PD: lambda point: self._sized(_PD, *doubling_determinant(problem, point.J), point),
+            _BP: lambda point: self._sized(_BP, point.sign, point.log, point),
         }
         if CUT_END in kinds:
             # the multipliers know the flow's direction exactly, the whole determinants to the flow's tolerance only
-            self._simple["SN"] = lambda point: point.sign * self._product("SN", point, 1.0)
-            self._simple["PD"] = lambda point: self._product("PD", point, -1.0)
-            self.noise = MappingProxyType({"SN": _FAINT, "PD": _FAINT})  # they run through many powers of ten in a step
+            self._simple[_SN] = lambda point: point.sign * self._product(_SN, point, 1.0)
+            self._simple[_PD] = lambda point: self._product(_PD, point, -1.0)
+            self.noise = MappingProxyType({_SN: _FAINT, _PD: _FAINT})  # they run through many powers of ten in a step
         for name, i in self._durations.items():
             self._simple[name] = lambda point, at=i * (self.n + 1) + self.n: float(point.u[at])  # type: ignore[misc]
         self._surveyed = grazing_monitors(problem)
         names = (*problem.system.all_states, *problem.system.output_names)
         for i, (_, kind, value) in enumerate(interest.events):
             if kind == "parameter":
-                self._simple[f"event {i}"] = lambda point, v=value: point.parameter * interest.scale - v  # type: ignore[misc]
+                self._simple[Monitor("event", i)] = lambda point, v=value: point.parameter * interest.scale - v  # type: ignore[misc]
             else:
                 side, q = kind[:3], names.index(kind[4:])
-                self._surveyed[f"event {i}"] = lambda s, side=side, q=q, v=value: (  # type: ignore[misc]
+                self._surveyed[Monitor("event", i)] = lambda s, side=side, q=q, v=value: (  # type: ignore[misc]
                     float(s.lows[q] if side == "min" else s.highs[q]) - v
                 )
 
@@ -159,7 +157,7 @@ class OrbitZeroProblem:
         table = self._scale[:-1].reshape(problem.segments, self.n + 1)
         table[:, : self.n], table[:, self.n] = problem.state_scale, period
 
-    def _sized(self, name: str, sign: float, log: float, point: Point) -> float:
+    def _sized(self, name: Monitor, sign: float, log: float, point: Point) -> float:
         """Return a determinant over the size that it had first and the factor that the phase condition gives it."""
         value = sign * math.exp(min(log - self._logs.setdefault(name, log), 600.0))
         return value / (self.problem.facing(point.u) or math.nan)
@@ -170,7 +168,7 @@ class OrbitZeroProblem:
             monitors = self._measured(point)
             point.examined = replace(point.examined, monitors={**point.examined.monitors, **monitors})
 
-    def _product(self, name: str, point: Point, mu: float) -> float:
+    def _product(self, name: Monitor, point: Point, mu: float) -> float:
         """Return the product of all multipliers' distances from `mu`, over the size that it had first."""
         values = nontrivial(multipliers(self.problem, point.u, point.J), autonomous=self._autonomous)
         distance = complex(np.prod(values - mu)).real
@@ -193,7 +191,7 @@ class OrbitZeroProblem:
         """Return weights by the trapezoidal rule over the period, so that a segment of zero length changes nothing."""
         problem = self.problem
         weights = np.empty(problem.size + 1)
-        problem.kernels.metric(u, problem.segments, self.n, self._block, weights)
+        problem.equations.metric(u, problem.segments, self.n, self._block, weights)
         return weights
 
     def examine(self, point: Point, before: Point | None) -> Examined:
@@ -225,7 +223,7 @@ class OrbitZeroProblem:
         monitors = self._measured(point)
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
         if abs(values[0]) < INFINITE:
-            monitors |= {f"TR {i}": height(value) for i, value in enumerate(followed) if value.imag > 0.0}
+            monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         if before is None:
@@ -247,11 +245,11 @@ class OrbitZeroProblem:
             point.tangent = steps[:, 1] / math.sqrt(float(point.weights @ steps[:, 1] ** 2))
             point.sign, point.log = sign, log
 
-    def _measured(self, point: Point) -> dict[str, float]:
+    def _measured(self, point: Point) -> dict[Monitor, float]:
         """Return the monitors that need no survey; that of folds is 0 where the parameter rests."""
         monitors = {name: value(point) for name, value in self._simple.items()}
-        if CUT_END not in self.problem.signature.kinds and abs(monitors["SN"]) < RESTS:
-            monitors["SN"] = 0.0
+        if CUT_END not in self.problem.signature.kinds and abs(monitors[_SN]) < RESTS:
+            monitors[_SN] = 0.0
         return monitors
 
     def recover(self, point: Point) -> bool:
@@ -270,21 +268,21 @@ class OrbitZeroProblem:
             return Passage(tuple(own), 0, 0, True)
         return passage(data.followed, own)
 
-    def monitor(self, name: str, point: Point) -> float:
+    def monitor(self, name: Monitor, point: Point) -> float:
         """Return one monitor function at a point that need not be quite corrected."""
         if bifurcates(name):
             self._sharpen(point)
         if name in self._simple:
             return self._simple[name](point)
-        if name.startswith("TR"):
+        if name.kind == "TR":
             way = self._follow(point, None, multipliers(self.problem, point.u, point.J))
-            value = way.followed[int(name[3:])]
+            value = way.followed[name.segment]
             return height(value) if value.imag != 0.0 else math.nan
-        if name.startswith("side"):
+        if name.kind == "side":
             return side_of(self.problem, name, point.u)
         return self._surveyed[name](self.problem.survey(point.u))
 
-    def leading(self, names: list[str]) -> list[str]:
+    def leading(self, names: list[Monitor]) -> list[Monitor]:
         """Return the names without the velocities that vanish because a segment beside them does."""
         vanishing = [self._durations[name] for name in names if name in self._durations]
         shadowed = shadowed_rates(vanishing, self.problem.segments)
@@ -296,14 +294,14 @@ class OrbitZeroProblem:
         Where the whole Jacobian loses rank there is a branch point, no fold; at a grazing without a jump of the field
         the parameter turns like the square of the vanishing duration, and with it every determinant has a zero.
         """
-        points = [event.point.arc for event in events if event.name == "BP"]
+        points = [event.point.arc for event in events if event.name == _BP]
         grazings = [event.point.arc for event in events if at_grazing(event.name)]
-        kept = [e for e in events if e.name != "SN" or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
+        kept = [e for e in events if e.name != _SN or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
         kept = [e for e in kept if not bifurcates(e.name) or all(abs(e.point.arc - arc) > 1e-7 for arc in grazings)]
         long = self._step is not None and self._step[1].arc - self._step[0].arc >= _SHORT
-        for event in [e for e in kept if e.name[:2] in ("SN", "PD", "TR")]:
+        for event in [e for e in kept if e.name.kind in ("SN", "PD", "TR")]:
             u, data = event.point.u, event.point.examined.data
-            if data is not None and unconfirmed(self.problem, event.name[:2], u, event.point.J, data.multipliers):
+            if data is not None and unconfirmed(self.problem, event.name.kind, u, event.point.J, data.multipliers):
                 if long:
                     return f"location: the orbit at a zero of {event.name} has no multiplier that is critical"
                 kept.remove(event)
@@ -325,7 +323,7 @@ class OrbitZeroProblem:
             return "not admissible: a segment touches its surface inside before it does where it starts"
         if not a.followed or _rests(before, after):
             return None
-        kind, followed = event.name[:2], here.followed
+        kind, followed = event.name.kind, here.followed
         critical = {i for i, value in enumerate(followed) if abs(height(value)) < _CRITICAL}
         if bifurcates(event.name):
             at = -1.0 if kind == "PD" else 1.0
@@ -338,52 +336,41 @@ class OrbitZeroProblem:
             return None
         return "stability changes without a bifurcation that explains it"
 
-    def crowded(self, names: list[str]) -> bool:
+    def crowded(self, names: list[Monitor]) -> bool:
         """Return whether more than one bifurcation or grazing lies in a step."""
         return sum(bifurcates(name) for name in names) + any(at_grazing(name) for name in names) > 1
 
 
-def grazing_monitors(problem: OrbitProblem) -> dict[str, Callable[[Survey], float]]:
-    """Return what a survey tells of grazings: ``margin i k``, ``side i k`` and ``rate i``.
+def grazing_monitors(problem: OrbitProblem) -> dict[Monitor, Callable[[Survey], float]]:
+    """Return what a survey tells of grazings: margins, sides and rates.
 
     Each is positive on the admissible side, but for a side where either direction of the event counts.
     """
-    found: dict[str, Callable[[Survey], float]] = {}
+    found: dict[Monitor, Callable[[Survey], float]] = {}
     system, signature = problem.system, problem.signature
     for i, (mode, end) in enumerate(zip(signature.modes, signature.transitions, strict=True)):
         for k, transition in enumerate(system.transitions):
             if transition.source == system.mode_names[mode]:
-                found[f"margin {i} {k}"] = lambda s, at=(i, k): (  # type: ignore[misc]
+                found[Monitor("margin", i, k)] = lambda s, at=(i, k): (  # type: ignore[misc]
                     float(s.margins[at]) if s.places[at] != WHOLE else math.inf
                 )
-                found[f"side {i} {k}"] = lambda s, at=(i, k): (  # type: ignore[misc]
+                found[Monitor("side", i, k)] = lambda s, at=(i, k): (  # type: ignore[misc]
                     float(s.margins[at]) if s.places[at] == WHOLE else math.nan
                 )
         if end >= 0:
             way = float(system.transitions[end].direction or -1)
-            found[f"rate {i}"] = lambda s, i=i, way=way: way * float(s.rates[i, 0])  # type: ignore[misc]
+            found[Monitor("rate", i)] = lambda s, i=i, way=way: way * float(s.rates[i, 0])  # type: ignore[misc]
     return found
 
 
-def side_of(problem: OrbitProblem, monitor: str, u: NDArray[np.float64]) -> float:
-    """Return the monitor ``side i k`` of an orbit that need not be quite corrected."""
-    segment, transition = (int(number) for number in monitor.split(" ")[1:])
-    return problem.distance(u, segment, transition)[0]
+def side_of(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> float:
+    """Return a monitor of kind ``side`` of an orbit that need not be quite corrected."""
+    return problem.distance(u, monitor.segment, monitor.transition)[0]
 
 
-def shadowed_rates(vanishing: list[int], count: int) -> set[str]:
+def shadowed_rates(vanishing: list[int], count: int) -> set[Monitor]:
     """Return the velocities that vanish because a segment beside them, of `count` in all, has no length."""
-    return {f"rate {i}" for j in vanishing for i in (j, (j - 1) % count)}
-
-
-def bifurcates(name: str) -> bool:
-    """Return whether a monitor function vanishes at bifurcations of smooth branches."""
-    return name.split(" ")[0] in BIFURCATIONS
-
-
-def at_grazing(name: str) -> bool:
-    """Return whether a monitor function vanishes at grazings."""
-    return name.startswith(("margin", "side", "duration", "rate"))
+    return {Monitor("rate", i) for j in vanishing for i in (j, (j - 1) % count)}
 
 
 def _rests(a: Point, b: Point) -> bool:
@@ -396,7 +383,7 @@ def _beyond(distance: float) -> float:
     return distance if abs(distance) > 1e-12 else 0.0
 
 
-def _fault(point: Point, before: Point, monitors: Mapping[str, float], data: OrbitData, way: Passage) -> str | None:
+def _fault(point: Point, before: Point, monitors: Mapping[Monitor, float], data: OrbitData, way: Passage) -> str | None:
     """Return why a point may not follow the one before, if it may not."""
     old: OrbitData = before.examined.data
     known = before.examined.monitors
@@ -410,15 +397,13 @@ def _fault(point: Point, before: Point, monitors: Mapping[str, float], data: Orb
         return "not admissible: " + "; ".join(data.survey.reasons())
     if point.arc - before.arc < _SHORT or grazing or not old.survey.admissible or _rests(before, point):
         return None
-    if any(
-        name.startswith("rate") and 0.0 < value < _SLOWED * known.get(name, 0.0) for name, value in monitors.items()
-    ):
+    if any(name.kind == "rate" and 0.0 < value < _SLOWED * known.get(name, 0.0) for name, value in monitors.items()):
         return "velocity: an event is met so much slower that a touch before may be passed over"
     if not way.sure:
         return "stability: multipliers may have crossed the unit circle in opposite ways"
     if way.real + way.pairs > 1:
         return "stability: more than one multiplier crosses the unit circle within the step"
-    simple, tori = sum(name in ("SN", "PD", "BP") for name in changed), sum(name.startswith("TR") for name in changed)
+    simple, tori = sum(name in (_SN, _PD, _BP) for name in changed), sum(name.kind == "TR" for name in changed)
     if way.pairs != tori or way.real > simple or (simple - way.real) % 2:
         return "stability changes without a bifurcation that explains it"
     return None

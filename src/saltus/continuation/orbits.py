@@ -14,7 +14,8 @@ from saltus.continuation.arclength import Event, Examined, Failure, Point, StepC
 from saltus.continuation.branch import Branch
 from saltus.continuation.closure import passes
 from saltus.continuation.grazing import Neighbour, neighbour
-from saltus.continuation.orbit_problem import BIFURCATIONS, Interest, OrbitData, OrbitZeroProblem, at_grazing
+from saltus.continuation.monitor import BIFURCATIONS, at_grazing
+from saltus.continuation.orbit_problem import Interest, OrbitData, OrbitZeroProblem
 from saltus.continuation.period_halving import halved
 from saltus.continuation.shrinking import equilibrium_ahead
 from saltus.continuation.two_sided import SAME, Found, OneSide, join, turned
@@ -24,8 +25,9 @@ from saltus.orbits.critical import solve_branch_point
 from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.floquet import distance_from_circle
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import OrbitProblem, Signature, Survey
+from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
+from saltus.orbits.signature import Signature, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -257,9 +259,9 @@ class _Run:
             for name, value in found.monitors.items()
         }
         data: OrbitData = found.data
-        if any(value == _TOUCHING and name.startswith(("duration", "rate")) for name, value in monitors.items()):
+        if any(value == _TOUCHING and name.kind in ("duration", "rate") for name, value in monitors.items()):
             # multipliers mean nothing at a grazing
-            monitors = {name: value for name, value in monitors.items() if not name.startswith("TR")}
+            monitors = {name: value for name, value in monitors.items() if name.kind != "TR"}
             data = replace(data, followed=())
         point.examined = replace(found, monitors=monitors, data=data)
         return branch, point
@@ -343,14 +345,14 @@ class _Run:
     def _event(
         self, half: OneSide, branch: OrbitZeroProblem, event: Event
     ) -> str | tuple[OrbitZeroProblem, Point, float] | None:
-        kind = event.name.split(" ")[0]
+        kind = event.name.kind
         point = event.point
         if kind in ("low", "high"):
             point.u[-1] = self.interest.low if kind == "low" else self.interest.high
             half.points.append((branch, point))
             return f"{self._place(point)}: bound reached"
         if kind == "event":
-            name = self.interest.events[int(event.name.split(" ")[1])][0]
+            name = self.interest.events[event.name.segment][0]
         elif at_grazing(event.name):
             name = "GR"
         else:
@@ -423,7 +425,7 @@ def _beyond_grazings(problem: OrbitProblem, point: Point) -> bool:
     monitors, transitions = point.examined.monitors.items(), problem.system.transitions
     grazings = (
         # an event in either direction has no side of its own
-        abs(value) if name.startswith("side") and transitions[int(name.split(" ")[2])].direction == 0 else value
+        abs(value) if name.kind == "side" and transitions[name.transition].direction == 0 else value
         for name, value in monitors
         if at_grazing(name) and not math.isnan(value)
     )

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.arclength import Event, Point, correct, locate, start_point
+from saltus.continuation.monitor import Monitor
 from saltus.continuation.orbit_problem import OrbitZeroProblem
 from saltus.orbits.cuts import in_shares
-from saltus.orbits.problem import CLOSED_END, PHASE_END, OrbitProblem
+from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
+from saltus.orbits.signature import CLOSED_END, PHASE_END
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -76,9 +78,9 @@ def _doubling(branch: OrbitZeroProblem, u: NDArray[np.float64]) -> Event | None:
             end.arc = sign * reach
             end.examined = branch.examine(end, None)
             ends.append(end)
-        values = [end.examined.monitors.get("PD", math.nan) for end in ends]
+        values = [end.examined.monitors.get(Monitor("PD"), math.nan) for end in ends]
         if values[0] * values[1] < 0.0:
-            return locate(branch, "PD", ends[0], ends[1], *values)
+            return locate(branch, Monitor("PD"), ends[0], ends[1], *values)
     return None
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from saltus.continuation.arclength import Examined, Point
 from saltus.continuation.orbit_problem import OrbitData, OrbitZeroProblem
 from saltus.orbits.hopf import HopfPoint, solve_hopf
-from saltus.orbits.problem import CLOSED_END, OrbitProblem, Signature
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, Signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,6 +13,7 @@ from saltus import checks
 from saltus.continuation.arclength import StepControl, correct
 from saltus.continuation.branch import Branch
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
+from saltus.continuation.monitor import Monitor
 from saltus.continuation.orbit_curve import SpecialPoint
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.orbits import continue_orbit
@@ -20,17 +21,8 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.normal_form import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import (
-    CLOSED_END,
-    CUT_END,
-    DIRECTION,
-    DURATION,
-    MEAN_END,
-    PHASE_END,
-    WHOLE,
-    OrbitProblem,
-    Signature,
-)
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, CUT_END, DIRECTION, DURATION, MEAN_END, PHASE_END, WHOLE, Signature
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -212,17 +204,17 @@ def _signatures(orbit: PeriodicOrbit) -> list[PeriodicOrbit]:
     problem, u = orbit.problem(), orbit.unknowns
     found, period = [orbit], orbit.period
     survey = problem.survey(u)
-    touching = [f"duration {i}" for i, kind in enumerate(orbit.form.kinds)
+    touching = [Monitor("duration", i) for i, kind in enumerate(orbit.form.kinds)
                 if kind == MEAN_END and abs(orbit.durations[i]) < _TOUCHING * period]  # fmt: skip
     heights = np.ptp(np.stack([survey.lows, survey.highs]), axis=0)
     size = float(heights[: len(orbit.system.states)].max())
     touching += [
-        f"rate {i}"
+        Monitor("rate", i)
         for i, transition in enumerate(orbit.form.transitions)
         if transition >= 0 and abs(survey.rates[i, 0]) * period < _TOUCHING * size and not touching
     ]
     near = (np.abs(survey.margins) < _TOUCHING * size) & (survey.places != WHOLE)
-    touching += [*(f"margin {i} {k}" for i, k in np.argwhere(near).tolist()), *sorted(sides_met(problem, u))[:1]]
+    touching += [*(Monitor("margin", i, k) for i, k in np.argwhere(near).tolist()), *sorted(sides_met(problem, u))[:1]]
     for monitor in touching:
         beside = neighbour(problem, monitor, u)
         if isinstance(beside, Neighbour):

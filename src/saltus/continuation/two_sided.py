@@ -14,6 +14,7 @@ from saltus.continuation.orbit_curve import SpecialPoint, SpecialPoints
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.continuation.monitor import Monitor
     from saltus.orbits.orbit import PeriodicOrbit
 
 __all__ = ["SAME", "BothSides", "Found", "OneSide", "join", "turned"]
@@ -110,7 +111,7 @@ class BothSides:
         }
 
 
-def turned(point: Point, sign: float, odd: Collection[str]) -> Point:
+def turned(point: Point, sign: float, odd: Collection[Monitor]) -> Point:
     """Return a point with its tangent reversed where `sign` < 0, and with it the monitor functions named in `odd`."""
     if sign >= 0.0:
         return point

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from saltus.orbits.problem import CUT_END
+from saltus.orbits.signature import CUT_END
 
 if TYPE_CHECKING:
     from saltus.continuation.arclength import Point

@@ -2,7 +2,8 @@
 
 A direction is a change of the segment's initial state, of its duration and of the active parameters. The variation along
 it is taken at fixed clustered time, not at fixed time: on an orbit it is then tangential to the surfaces at which the
-segment begins and ends, and the poles that half-integer powers of an event function have there cancel.
+segment begins and ends, and the poles that half-integer powers of an event function have there cancel:
+docs/theory/loci.md.
 
 References
 ----------
@@ -12,30 +13,48 @@ sec. I.14, differentiated once more.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from saltus.flow._kernels import INNER, call, keep, outlined, pointer, stage
+from saltus.flow._segment_kernels import EVENT_P, EVENT_X, FIELD_P, VARY
 from saltus.flow.tableaux import NODES as C
-from saltus.system.compiled import FUNCTIONS, SECOND
+from saltus.system.compiled import SECOND
 from saltus.system.machine_code import njit
 
-VARY, FIELD_P, EVENT_X, EVENT_P = (FUNCTIONS.index(name) for name in ("vary", "field_p", "event_x", "event_p"))
 FIELD_2, EVENT_2 = (SECOND.index(name) for name in ("field_2", "event_2"))
 
 
+class Bent(NamedTuple):
+    """What the derivatives of a segment's sensitivities along a direction are taken by.
+
+    Attributes
+    ----------
+    functions : pointer to int64
+        Addresses of the generated functions of second derivatives.
+    p : pointer to float64
+        Parameters with the constants of these behind them.
+    direction : pointer to float64, (n + 1 + active,)
+        Change of the initial state, of the duration and of the active parameters.
+    """
+
+    functions: object
+    p: object
+    direction: object
+
+
 @njit(**INNER)
-def flow_second(
-    functions, second, mode, transition, mean, x0, duration, p, p2, active, direction, mesh, mesh_at, count, n, y
-):
-    """Run a segment on its mesh and leave state, sensitivities and their derivatives along `direction` in `y`.
+def flow_second(segment, sensitive, bent, x0, mesh, count, y):
+    """Run a segment on its mesh and leave state, sensitivities and their derivatives along the direction in `y`.
 
     y: [x (n), then for each component its n + active sensitivities and their derivatives along the direction, and where
-    `mean` what `_quadrature` integrates, 2 (n + active + 2)]. direction: (n + active + 1,): initial state, duration, parameters.
+    `mean` what `_quadrature` integrates, 2 (n + active + 2)]. `sensitive` counts both columns of each sensitivity.
     """
     outlined()
-    n_active = active.size
-    kept = n + n_active
-    columns = 2 * kept
+    functions, mode, duration, p, n = segment
+    n_active, mean, params, v = sensitive.n_active, sensitive.mean, sensitive.active, bent.direction
+    kept, columns = n + n_active, sensitive.columns
     size = n * (1 + columns)
     tail = 2 * (kept + 2) if mean else 0
     length = size + tail
@@ -44,9 +63,7 @@ def flow_second(
     point = pointer(fp, n + 2)  # state and variation, and what the parameters change by, (2 n + active)
     bend = pointer(point, 2 * n + n_active)  # (n, n + active)
     scratch = pointer(bend, n * kept)
-    y, p, p2, mesh = pointer(y, 0), pointer(p, 0), pointer(p2, 0), pointer(mesh, mesh_at)
-    x0, params, v = pointer(x0, 0), pointer(active, 0), pointer(direction, 0)
-    vary, field_p, field_2 = functions[VARY], functions[FIELD_P], second[FIELD_2]
+    vary, field_p, field_2 = functions[VARY], functions[FIELD_P], bent.functions[FIELD_2]
     for e in range(length):
         y[e] = 0.0
         slopes[e] = 0.0  # time stands still at the segment's start
@@ -68,12 +85,9 @@ def flow_second(
             for e in range(n):
                 point[e] = trial[e]
                 point[n + e] = share * out[e] * v[n] + along(pointer(trial, n + e * columns), v, n, n_active)
-            call(field_2, mode, 0, point, 0, p2, bend, 0)
+            call(field_2, mode, 0, point, 0, bent.p, bend, 0)
             if mean:
-                _quadrature(
-                    functions, second, mode, transition, weight, share, trial, out, p, p2, params, n, n_active, v, point,
-                    scratch, pointer(out, size), pointer(out, size + kept + 2),
-                )  # fmt: skip
+                _quadrature(segment, sensitive, bent, weight, share, trial, out, point, scratch)
             for e in range(n):
                 row, line = pointer(out, n + e * columns), pointer(bend, e * kept)
                 for c in range(kept):
@@ -107,22 +121,22 @@ def along(row, v, n, n_active):
 
 
 @njit(**INNER)
-def _quadrature(
-    functions, second, mode, transition, weight, share, trial, out, p, p2, params, n, n_active, v, point, scratch, first,
-    twice,
-):  # fmt: skip
+def _quadrature(segment, sensitive, bent, weight, share, trial, out, point, scratch):
     """Write the slopes of the mean rate of an event function with its derivatives, and of these along the direction.
 
-    first, twice: (1 + n + active + 1,), the last along the duration, with which the state changes by share times the field
-    and the variation by share times its slope. scratch: (6 n + 4 + 2 (n + active),).
+    They lie in `out` behind those of the sensitivities, twice (1 + n + active + 1,), the last along the duration, with
+    which the state changes by share times the field and the variation by share times its slope. scratch: (6 n + 4 +
+    2 (n + active),).
     """
     outlined()
-    kept = n + n_active
-    columns = 2 * kept
+    functions, mode, _, p, n = segment
+    transition, _, _, params, n_active, columns = sensitive
+    kept, v = n + n_active, bent.direction
+    first, twice = pointer(out, n * (1 + columns)), pointer(out, n * (1 + columns) + kept + 2)
     ev, turn, fp, bend = scratch, pointer(scratch, 2 * n + 2), pointer(scratch, 4 * n + 2), pointer(scratch, 6 * n + 4)
     call(functions[EVENT_X], transition, 0, trial, 0, p, ev, 0)
     call(functions[VARY], mode, 1, point, 0, p, turn, 0)
-    call(second[EVENT_2], transition, 0, point, 0, p2, bend, 0)
+    call(bent.functions[EVENT_2], transition, 0, point, 0, bent.p, bend, 0)
     gradient, line, slope = pointer(ev, 2 + n), pointer(bend, kept), pointer(turn, n)
     for a in range(n_active):
         call(functions[FIELD_P], mode, params[a], trial, 0, p, fp, 0)

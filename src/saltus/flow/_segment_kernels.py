@@ -2,11 +2,13 @@
 
 Time is mapped by t = T s^2 (3 - 2 s), s from 0 to 1, so that a field which is only C^1 at a segment's two ends is smooth
 in s. A mesh in s carries the steps: `adapt` makes one under error control, `flow` runs on it, `redistribute` moves it.
+docs/theory/flow.md derives it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import float64, int64
@@ -34,20 +36,71 @@ VARY, FIELD, FIELD_P, EVENT_X, EVENT_P = (
 MOST_STEPS = 400_000  # of a segment: a stiff one needs as many as its stability allows
 
 
+class Segment(NamedTuple):
+    """The flow in a mode for a given duration.
+
+    Attributes
+    ----------
+    functions : pointer to int64
+        Addresses of the generated functions.
+    mode : int
+        Whose field it is.
+    duration : float
+        How long the segment lasts.
+    p : pointer to float64
+        Extended parameters.
+    n : int
+        Components of the full state.
+    """
+
+    functions: object
+    mode: int
+    duration: float
+    p: object
+    n: int
+
+
+class Sensitive(NamedTuple):
+    """What a segment's sensitivities are taken by, and where it ends.
+
+    Attributes
+    ----------
+    transition : int
+        The event at the segment's end; -1 for none.
+    mean : bool
+        Whether the mean rate of the event function is integrated, and with it the derivative by the duration.
+    rooted : bool
+        Whether the mode's field has roots that vanish on a surface.
+    active : pointer to int64
+        Parameters by which derivatives are taken.
+    n_active : int
+        How many.
+    columns : int
+        Components of the initial state, active parameters and, where `mean`, the duration.
+    """
+
+    transition: int
+    mean: bool
+    rooted: bool
+    active: object
+    n_active: int
+    columns: int
+
+
 @njit(**INNER)
-def state_slope(functions, mode, duration, s, x, p, slopes, at, n):
+def state_slope(segment, s, x, slopes, at):
     """Write dx/ds of the clustered flow at `at` in `slopes`."""
-    call(functions[FIELD], mode, 0, x, 0, p, slopes, at)
-    rate = duration * 6.0 * s * (1.0 - s)
-    for e in range(n):
+    call(segment.functions[FIELD], segment.mode, 0, x, 0, segment.p, slopes, at)
+    rate = segment.duration * 6.0 * s * (1.0 - s)
+    for e in range(segment.n):
         slopes[at + e] *= rate
 
 
 @njit(**INNER)
-def _stages(functions, mode, duration, s, h, x, p, slopes, y, n, first, last):
+def _stages(segment, s, h, x, slopes, y, first, last):
     """Take the stages from `first` to before `last` of a step of the state, the argument of the last one left in `y`."""
     outlined()
-    field = functions[FIELD]
+    field, mode, duration, p, n = segment.functions[FIELD], segment.mode, segment.duration, segment.p, segment.n
     for i in range(first, last):
         stage(i, slopes, n, h, x, y)
         time = s + C[i] * h
@@ -58,16 +111,16 @@ def _stages(functions, mode, duration, s, h, x, p, slopes, y, n, first, last):
 
 
 @njit(**INNER)
-def state_step(functions, mode, duration, s, h, x, p, slopes, x_end, n):
+def state_step(segment, s, h, x, slopes, x_end):
     """Take one step of the state into `x_end`, (n,); slopes[:n] is set before, slopes[12 n:13 n] after."""
-    _stages(functions, mode, duration, s, h, x, p, slopes, x_end, n, int64(1), int64(13))
+    _stages(segment, s, h, x, slopes, x_end, int64(1), int64(13))
 
 
 @njit(**INNER)
-def dense_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, coefficients, n):
+def dense_step(segment, s, h, x, slopes, y, x_end, coefficients):
     """Write the dense output of a step, (7 n,), after `state_step` has left its end in `x_end`. y: scratch, (n,)."""
-    _stages(functions, mode, duration, s, h, x, p, slopes, y, n, int64(13), int64(16))
-    dense_coefficients(slopes, n, h, x, x_end, coefficients)
+    _stages(segment, s, h, x, slopes, y, int64(13), int64(16))
+    dense_coefficients(slopes, segment.n, h, x, x_end, coefficients)
 
 
 EXTRAPOLATION = (5.0, -10.0, 10.0, -5.0, 1.0)  # to 0, from values at 1, 2, 3, 4, 5
@@ -79,17 +132,19 @@ MISSED = 1e4
 
 
 @njit(**INNER)
-def missed(functions, mode, duration, s, h, p, dense, dense_at, nodes, nodes_at, n, x, probe, field, rtol, atol):
+def missed(segment, s, h, curve, node, x, probe, field, rtol, atol):
     """Whether a step passed over something: its dense output, between the stages, is far from satisfying the equations.
 
     The error estimate sees the field at the stages only, and a narrow dip towards a surface can lie between them.
+    curve: (7 n,), from the state `node`, (n,). x, probe, field: scratch, (n,) each.
     """
     outlined()
+    n = segment.n
     for k in range(len(PROBES)):
         fraction = PROBES[k]
-        dense_value(dense, dense_at, n, nodes, nodes_at, fraction, x)
-        dense_slope(dense, dense_at, n, fraction, probe)
-        state_slope(functions, mode, duration, s + fraction * h, x, p, field, int64(0), n)
+        dense_value(curve, 0, n, node, 0, fraction, x)
+        dense_slope(curve, 0, n, fraction, probe)
+        state_slope(segment, s + fraction * h, x, field, int64(0))
         for e in range(n):
             if not abs(probe[e] - h * field[e]) <= MISSED * (atol + rtol * abs(x[e])):
                 return True
@@ -107,19 +162,19 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
     functions, x0, p, mesh = pointer(functions, 0), pointer(x0, 0), pointer(p, 0), pointer(mesh, 0)
     slopes, x, y, x_end = block, pointer(block, 16 * n), pointer(block, 17 * n), pointer(block, 18 * n)
     coefficients, probe, field = pointer(block, 19 * n), pointer(block, 26 * n), pointer(block, 27 * n)
-    start = int64(0)
+    segment, start = Segment(functions, mode, duration, p, n), int64(0)
     for e in range(n):
         x[e] = x0[e]
     mesh[0] = 0.0
     count, s, h = 0, 0.0, 0.05
-    state_slope(functions, mode, duration, 0.0, x, p, slopes, start, n)
+    state_slope(segment, 0.0, x, slopes, start)
     while s < 1.0:
         h = min(h, 1.0 - s)
         if 1.0 - s - h < 0.1 * h:
             h = 1.0 - s
         if h < 1e-12:
             return -1
-        state_step(functions, mode, duration, s, h, x, p, slopes, x_end, n)
+        state_step(segment, s, h, x, slopes, x_end)
         error = error_norm(slopes, n, start, n, h, x, x_end, rtol, atol)
         if not error < 1e300:
             h *= 0.1
@@ -127,8 +182,8 @@ def adapt(functions, mode, x0, duration, p, rtol, atol, mesh):
         if error > 1.0:
             h *= max(0.2, 0.9 * error**-0.125)
             continue
-        dense_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, coefficients, n)
-        if missed(functions, mode, duration, s, h, p, coefficients, start, x, start, n, y, probe, field, rtol, atol):
+        dense_step(segment, s, h, x, slopes, y, x_end, coefficients)
+        if missed(segment, s, h, coefficients, x, y, probe, field, rtol, atol):
             h *= 0.5
             continue
         count += 1
@@ -177,14 +232,16 @@ def redistribute(mesh, count, errors, target, out, room):
 
 
 @njit(**INNER)
-def _surface_slopes(functions, mode, transition, sign, columns, n, params, n_active, duration, y, p, work, slopes):
+def _surface_slopes(segment, sensitive, sign, y, work, slopes):
     """Add to the slopes of sensitivities, (n + n columns,), at a segment's start (sign 1) or end (-1) what roots make of them.
 
     A root of what vanishes there makes first derivatives of the field grow like 1 / sqrt(t), and their product with the
     rate 6 T s (1 - s) of clustered time, t = 3 T s^2, tends to 2 sqrt(3 T) times the limit of sqrt(t) times them. That is
-    extrapolated along the field from five points in sqrt(t). At its end a segment meets the surface of `transition`.
+    extrapolated along the field from five points in sqrt(t). At its end a segment meets the surface of its transition.
     """
     outlined()
+    functions, mode, duration, p, n = segment
+    transition, columns = sensitive.transition, sensitive.columns
     size = n * (1 + columns)
     moved, out, fp, ev = work, pointer(work, size), pointer(work, 2 * size), pointer(work, 2 * size + n + 2)
     call(functions[FIELD], mode, 0, y, 0, p, fp, 0)
@@ -205,8 +262,8 @@ def _surface_slopes(functions, mode, transition, sign, columns, n, params, n_act
         call(functions[VARY], mode, columns, moved, 0, p, out, 0)
         for e in range(n, size):
             slopes[e] += weight * out[e]
-        for a in range(n_active):
-            call(functions[FIELD_P], mode, params[a], moved, 0, p, fp, 0)
+        for a in range(sensitive.n_active):
+            call(functions[FIELD_P], mode, sensitive.active[a], moved, 0, p, fp, 0)
             for e in range(n):
                 slopes[n + e * columns + n + a] += weight * fp[e]
 
@@ -218,28 +275,12 @@ def _made_step(at_surface):
     """
 
     @njit(**INNER)
-    def step_kernel(
-        functions,
-        mode,
-        transition,
-        mean,
-        duration,
-        s,
-        h,
-        n,
-        columns,
-        length,
-        params,
-        n_active,
-        p,
-        y,
-        slopes,
-        trial,
-        ev,
-        work,
-    ):
+    def step_kernel(segment, sensitive, s, h, y, slopes, trial, ev, work):
         """Take a step from y, (length,), into trial; slopes[:length] is set before, slopes[12 length:13 length] after."""
+        functions, mode, duration, p, n = segment
+        transition, mean, _, params, n_active, columns = sensitive
         size = n * (1 + columns)
+        length = size + ((1 + columns) if mean else 0)
         for i in range(1, 13):
             stage(i, slopes, length, h, y, trial)
             at = i * length
@@ -271,10 +312,7 @@ def _made_step(at_surface):
                     call(functions[EVENT_P], transition, params[a], trial, 0, p, ev, 0)
                     slopes[at + size + 1 + n + a] += weight * ev[1]
             if at_surface and C[i] == 1.0:
-                _surface_slopes(
-                    functions, mode, transition, -1.0, columns, n, params, n_active, duration, trial, p, work,
-                    pointer(slopes, at),
-                )  # fmt: skip
+                _surface_slopes(segment, sensitive, -1.0, trial, work, pointer(slopes, at))
 
     return step_kernel
 
@@ -282,27 +320,20 @@ def _made_step(at_surface):
 _step, _step_to_surface = _made_step(False), _made_step(True)
 
 
-@njit(cache=True, error_model="numpy")
-def flow(
-    functions, mode, transition, mean, rooted, x0, x0_at, duration, p, active, rtol, atol, mesh, mesh_at, count, n, y,
-    errors,
-):  # fmt: skip
+@njit(**INNER)
+def flow(segment, sensitive, x0, mesh, count, rtol, atol, y, errors):
     """Run a segment on its mesh and leave state and sensitivities in `y`; the steps' errors over tolerance in `errors`.
 
-    y: [x (n), dx (n, columns), and where `mean` the mean rate of the event function and its derivatives (columns,)], the
-    columns being the n components of the initial state, the active parameters and, where `mean`, the duration. rooted:
-    whether the mode's field has roots.
+    y: [x (n), dx (n, columns), and where `mean` the mean rate of the event function and its derivatives (columns,)].
     """
-    columns = n + active.size + (1 if mean else 0)
+    outlined()
+    n, columns, mean = segment.n, sensitive.columns, sensitive.mean
     size = n * (1 + columns)
     length = size + ((1 + columns) if mean else 0)
-    rooted = rooted and duration > 0.0
+    rooted = sensitive.rooted and segment.duration > 0.0
     block = np.empty(14 * length + 2 + 2 * n + (2 * size + 3 * n + 4 if rooted else 0))
     slopes, trial, ev = pointer(block, 0), pointer(block, 13 * length), pointer(block, 14 * length)
     work = pointer(ev, 2 + 2 * n)
-    y, p, mesh, errors = pointer(y, 0), pointer(p, 0), pointer(mesh, mesh_at), pointer(errors, mesh_at)
-    x0, n_active, params = pointer(x0, x0_at), active.size, pointer(active, 0)
-    functions = pointer(functions, 0)
     for e in range(length):
         y[e] = 0.0
     for e in range(n):
@@ -311,22 +342,14 @@ def flow(
     for e in range(length):
         slopes[e] = 0.0  # time stands still at the segment's start
     if rooted:
-        _surface_slopes(
-            functions, mode, transition, 1.0, columns, n, params, n_active, duration, y, p, work, slopes
-        )  # fmt: skip
+        _surface_slopes(segment, sensitive, 1.0, y, work, slopes)
     for step in range(count):
         s = mesh[step]
         h = mesh[step + 1] - s
         if rooted and step == count - 1:
-            _step_to_surface(
-                functions, mode, transition, mean, duration, s, h, n, columns, length, params, n_active, p, y, slopes,
-                trial, ev, work,
-            )  # fmt: skip
+            _step_to_surface(segment, sensitive, s, h, y, slopes, trial, ev, work)
         else:
-            _step(
-                functions, mode, transition, mean, duration, s, h, n, columns, length, params, n_active, p, y, slopes,
-                trial, ev, work,
-            )  # fmt: skip
+            _step(segment, sensitive, s, h, y, slopes, trial, ev, work)
         largest = 1e-300
         for e in range(n, size):
             largest = max(largest, abs(trial[e]))
@@ -341,24 +364,21 @@ def flow(
 
 
 @njit(**INNER)
-def dense(
-    functions, mode, x0, x0_at, duration, p, mesh, mesh_at, count, n, nodes, nodes_at, coefficients, coefficients_at
-):
+def dense(segment, x0, mesh, count, nodes, coefficients):
     """Run a segment's state on its mesh and keep dense output: nodes (count + 1, n) and coefficients (count, 7 n), flat."""
     outlined()
+    n = segment.n
     block = stack(float64, 19 * n)
     slopes, x, y, x_end = block, pointer(block, 16 * n), pointer(block, 17 * n), pointer(block, 18 * n)
-    nodes = pointer(nodes, nodes_at)
     for e in range(n):
-        x[e] = x0[x0_at + e]
+        x[e] = x0[e]
         nodes[e] = x[e]
-    state_slope(functions, mode, duration, 0.0, x, p, slopes, int64(0), n)
+    state_slope(segment, 0.0, x, slopes, int64(0))
     for step in range(count):
-        s = mesh[mesh_at + step]
-        h = mesh[mesh_at + step + 1] - s
-        state_step(functions, mode, duration, s, h, x, p, slopes, x_end, n)
-        at = coefficients_at + step * 7 * n
-        dense_step(functions, mode, duration, s, h, x, p, slopes, y, x_end, pointer(coefficients, at), n)
+        s = mesh[step]
+        h = mesh[step + 1] - s
+        state_step(segment, s, h, x, slopes, x_end)
+        dense_step(segment, s, h, x, slopes, y, x_end, pointer(coefficients, step * 7 * n))
         for e in range(n):
             x[e] = x_end[e]
             slopes[e] = slopes[12 * n + e]

@@ -20,12 +20,13 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from saltus.orbits.problem import WHOLE
+from saltus.orbits.signature import WHOLE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.orbits.problem import OrbitProblem, Survey
+    from saltus.orbits.problem import OrbitProblem
+    from saltus.orbits.signature import Survey
 
 __all__ = ["Branching", "Condition", "Critical", "Grazing", "TorusCondition", "closing", "openness", "scaling",
            "solve_branch_point"]  # fmt: skip
@@ -311,11 +312,6 @@ class Grazing:
     def left(self, survey: Survey) -> bool:
         """Whether an orbit that was on a surface as a whole is so no more."""
         return self.kind == "side" and survey.places[self.segment, self.transition] != WHOLE
-
-    @property
-    def monitor(self) -> str:
-        """Name of the monitor function that vanishes."""
-        return f"{self.kind} {self.segment}" + (f" {self.transition}" if self.kind == "side" else "")
 
     def adjust(self) -> None:
         """Do nothing: there are no borders."""

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.orbits.problem import CLOSED_END, CUT_END, PHASE_END, OrbitProblem, Signature
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END, Signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.orbits.cuts import piece_maps
-from saltus.orbits.problem import CLOSED_END, CUT_END, PHASE_END
+from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -80,7 +80,7 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
         problem.system.compiled.call("field", mode, 0, x, problem.extended, flow)
     flow /= problem.state_scale
     period = float(np.abs(u[n : problem.size : n + 1]).sum())
-    problem.kernels.pencil(J, problem.kinds, n, flow, problem.state_scale, period, P, R)
+    problem.pencils.pencil(J, problem.kinds, n, flow, problem.state_scale, period, P, R)
     if closing == PHASE_END:
         values = np.linalg.eigvals(P[:-1, :-1]).astype(np.complex128)
     elif closing == CLOSED_END:
@@ -88,7 +88,7 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
         values[np.abs(values) < _LOST * problem.tol * float(np.abs(P).max())] = 0.0
     elif n == 3:
         values = np.empty(2, dtype=np.complex128)
-        problem.kernels.pair(P, R, 1, values)
+        problem.pencils.pair(P, R, 1, values)
     else:
         values = _eigenvalues(P[1:, 1:], R[1:, 1:])
     if n > 3 or closing in (PHASE_END, CLOSED_END):
@@ -223,7 +223,7 @@ def doubling_determinant(problem: OrbitProblem, J: NDArray[np.float64]) -> tuple
     A is the derivative of all segment equations in this period's unknowns, B that of the closing ones in the next
     period's start.
     """
-    sign, log = problem.kernels.doubling(J, problem.n)
+    sign, log = problem.pencils.doubling(J, problem.n)
     return float(sign), float(log)
 
 

@@ -19,9 +19,10 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Motion, observe
 from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
-from saltus.orbits.problem import CUT_END, FAULTS, OrbitProblem, Signature, Survey
+from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import rounds_of
 from saltus.orbits.sampling import motion_of, sample_orbit
+from saltus.orbits.signature import CUT_END, FAULTS, Signature, Survey
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system
@@ -224,7 +225,7 @@ class PeriodicOrbit(Result):
         xarray.Dataset
             States, outputs and the mode's number against ``t``, which begins at the first segment's start.
         """
-        return sample_orbit(self, points)
+        return sample_orbit(self.problem(), self.unknowns, points)
 
     def motion(self) -> Motion:
         """Return the orbit over one period, as `saltus.flow.observables` takes it."""

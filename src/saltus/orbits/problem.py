@@ -8,35 +8,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.errors import InputError
+from saltus.orbits.meshes import adapted, halved, limited_by_stability
+from saltus.orbits.records import Orbit, events_of
+from saltus.orbits.signature import CLOSED_END, COARSE, Survey
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from saltus.system import HybridSystem, Transition
+    from saltus.orbits.signature import Signature
+    from saltus.system import HybridSystem
 
-__all__ = ["CLOSED_END", "CUT_END", "EVENT_END", "FAULTS", "MEAN_END", "PHASE_END", "TOUCH_END", "OrbitProblem",
-           "Signature", "Survey"]  # fmt: skip
-
-EVENT_END, MEAN_END, PHASE_END, CLOSED_END, TOUCH_END, CUT_END = 0, 1, 2, 3, 4, 5
-"""Ways in which a segment ends: its event vanishes; the mean rate of its event function vanishes (for a segment that
-starts on the surface on which it ends: the trivial one of zero length is divided out); a whole number of forcing
-periods; a closed curve of an autonomous mode; a surface is touched, and the motion goes on in the same mode; a smooth
-orbit is cut where this piece of it begins, the ratio of its duration to that of the piece before being fixed."""
+__all__ = ["OrbitProblem"]
 
 _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jacobians
-_MOST_TURNS = 2**31  # forcing periods in an orbit's period: kernels count them
-_WITH_EVENT, _WITHOUT_EVENT = {EVENT_END, MEAN_END, TOUCH_END}, {PHASE_END, CLOSED_END, CUT_END}
-
 _RESTING = 1e-9
 """Size of a state that no other moves, over the largest one, below which it counts as resting at zero."""
 
-_SAMPLED = 40  # steps of a segment that are looked at to see whether the flow is stiff
 _FEW = 500  # steps of a segment below which stability does not limit them
-_FAST = 2.0  # step, times the rate of the fastest decay, from which on stability limits it: it may reach 6
-_MANY = 0.3  # share of such steps with which a flow is stiff
 _EPSILON = 2.220446049250313e-16
 
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
@@ -45,146 +35,8 @@ _NEARBY, _NOTHING = 1e-6, 1e-13
 """Size of an orbit at rest, over that of those on its branch, below which it tells nothing; size above which it is no
 rounding of 0."""
 
-_FEW_STEPS = 1 << 12  # of a mesh that is tried before there is room for as many as may be
-
 _REMESHED = 12
 """Times that meshes are moved for one orbit."""
-
-DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE, COARSE, BEYOND = 1, 2, 4, 8, 16, 32, 64, 128
-"""Bits of what a survey finds; all but COARSE make an orbit inadmissible."""
-
-BOUNDARY, STOP, SECTION = 0, 1, 2
-"""What an event does to motions that meet its surface: it leads to another mode, so that the mode's motions are on one
-side; it moves the state; neither, and they pass freely."""
-
-WHOLE = -1.0
-"""In place of the clustered time of a least distance: the whole segment is equally far from the surface."""
-
-FAULTS = (
-    (DURATION, "a segment's duration is not positive"),
-    (DIRECTION, "an event is crossed in the wrong direction"),
-    (EARLY, "another event lies inside a segment"),
-    (WHEN, "a transition's condition does not hold"),
-    (DOMAIN, "a mode's domain is left"),
-    (VALUE, "the state is not finite"),
-    (BEYOND, "a segment lies wholly beyond an event of its mode"),
-)
-
-
-@dataclass(frozen=True)
-class Signature:
-    """The cyclic list of (mode, transition) of an orbit, as indices, with how each segment ends.
-
-    Parameters
-    ----------
-    modes, transitions, kinds : tuple of int
-        One entry a segment; transition -1 for a segment without an event.
-    turns : int
-        Forcing periods in one period of the orbit; 0 for an autonomous system.
-    """
-
-    modes: tuple[int, ...]
-    transitions: tuple[int, ...]
-    kinds: tuple[int, ...]
-    turns: int
-
-    def __post_init__(self) -> None:
-        columns = (self.modes, self.transitions, self.kinds)
-        if not self.modes or len({len(column) for column in columns}) > 1:
-            raise InputError("signature", columns, "a mode, a transition and an end for each segment, at least one")
-        for number in (*self.modes, *self.transitions, *self.kinds, self.turns):
-            if isinstance(number, bool) or not isinstance(number, int | np.integer):
-                raise InputError("signature", number, "made of integers")
-
-    def __len__(self) -> int:
-        return len(self.modes)
-
-    def check(self, system: HybridSystem) -> None:
-        """Raise `InputError` where an index is none of the system's: compiled functions trust them."""
-        for mode, transition, kind in zip(self.modes, self.transitions, self.kinds, strict=True):
-            if not 0 <= mode < len(system.modes):
-                raise InputError("signature's mode", mode, f"between 0 and {len(system.modes) - 1}")
-            if kind not in _WITH_EVENT and kind not in _WITHOUT_EVENT:
-                raise InputError("signature's end", kind, f"one of {sorted(_WITH_EVENT | _WITHOUT_EVENT)}")
-            if kind in _WITHOUT_EVENT and transition != -1:
-                raise InputError("signature's transition", transition, "-1 where a segment ends without an event")
-            if kind in _WITH_EVENT and not 0 <= transition < len(system.transitions):
-                allowed = f"between 0 and {len(system.transitions) - 1}" if system.transitions else "of the system"
-                raise InputError("signature's transition", transition, allowed)
-            if kind == PHASE_END and system.phase is None:
-                raise InputError("signature's end", kind, "another for a system without a phase")
-        if not 0 <= self.turns < _MOST_TURNS:
-            raise InputError("signature's turns", self.turns, f"between 0 and {_MOST_TURNS}")
-
-    def names(self, system: HybridSystem) -> tuple[tuple[str, str], ...]:
-        """Return (mode, transition) names; a segment that ends with the period names the phase, or nothing."""
-        closing = "" if system.phase is None else system.phase[0]
-        whole = self.whole
-        return tuple(
-            (system.mode_names[mode], closing if transition < 0 else system.transition_names[transition])
-            for mode, transition in zip(whole.modes, whole.transitions, strict=True)
-        )
-
-    @property
-    def heads(self) -> tuple[int, ...]:
-        """Indices of the segments that do not begin at a cut."""
-        return tuple(i for i, kind in enumerate(self.kinds) if kind != CUT_END)
-
-    @property
-    def whole(self) -> Signature:
-        """The signature without cuts."""
-        if CUT_END not in self.kinds:
-            return self
-        modes, transitions, kinds = (
-            tuple(part[i] for i in self.heads) for part in (self.modes, self.transitions, self.kinds)
-        )
-        return Signature(modes, transitions, kinds, self.turns)
-
-
-@dataclass(frozen=True)
-class Survey:
-    """What a dense look at an orbit shows.
-
-    Attributes
-    ----------
-    faults : int
-        Bits of what makes the orbit no motion of the system; 0 for an admissible orbit.
-    coarse : bool
-        Whether a step of the mesh passed over something, so that the orbit is to be solved again on a new mesh.
-    lows, highs : ndarray, shape (states + outputs,)
-        Extremes over the period.
-    margins, places : ndarray, shape (segments, transitions)
-        Least interior minimum of each event function in its firing direction, and the clustered time of it. Where a
-        whole segment is equally far from the surface, as at rest or on a circle round it, the distance and `WHOLE`: it
-        is positive before the event, negative beyond it, and the event function itself where either direction counts.
-    rates : ndarray, shape (segments, 3)
-        Lie derivative of each segment's event at its end and start, and what is left of the segment's equations.
-    x0 : ndarray, shape (states,)
-        State at phase 0, or at the first segment's start where there is no phase.
-    """
-
-    faults: int
-    coarse: bool
-    lows: NDArray[np.float64]
-    highs: NDArray[np.float64]
-    margins: NDArray[np.float64]
-    places: NDArray[np.float64]
-    rates: NDArray[np.float64]
-    x0: NDArray[np.float64]
-
-    @property
-    def residual(self) -> float:
-        """Largest gap between a segment's end and the next one's start, or its event."""
-        return float(self.rates[:, 2].max())
-
-    @property
-    def admissible(self) -> bool:
-        """Whether the orbit is a motion of the hybrid system."""
-        return self.faults == 0
-
-    def reasons(self) -> tuple[str, ...]:
-        """Return in words why the orbit is not admissible."""
-        return tuple(text for bit, text in FAULTS if self.faults & bit)
 
 
 @dataclass
@@ -217,21 +69,20 @@ class OrbitProblem:
     tol: float = 1e-12
 
     def __post_init__(self) -> None:
-        from saltus.orbits import _kernels
+        from saltus.orbits import _curve_kernels, _equation_kernels, _mesh_kernels, _pencil_kernels, _survey_kernels
 
         self.signature.check(self.system)
-        self.kernels = _kernels
+        self.equations, self.pencils = _equation_kernels, _pencil_kernels
+        self._meshes, self._surveys, self._curves = _mesh_kernels, _survey_kernels, _curve_kernels
         compiled = self.system.compiled
         self.n = compiled.n
         self.segments = len(self.signature)
         self.size = self.segments * (self.n + 1)
         self._functions = compiled.addresses
-        self._limits = compiled.limits
         # nothing but a plane fixes where on the orbit the first segment starts
         self.slides = self.signature.kinds[0] == CLOSED_END
         self.modes = np.array(self.signature.modes, dtype=np.int64)
         compiled.check_powers(self.system, self.signature.modes)
-        self._transitions = np.array(self.signature.transitions, dtype=np.int64)
         self.kinds = np.array(self.signature.kinds, dtype=np.int64)
         self._active = np.array(self.active, dtype=np.int64)
         self.scales = np.array(self.scales, dtype=np.float64)
@@ -244,13 +95,25 @@ class OrbitProblem:
         self.stiff = False
         self._largest = np.zeros(len(self.system.states))
         self._least, self._moved = np.zeros(self.n), np.ones(self.n, dtype=bool)
-        self._mesh = np.zeros(0)
-        self._mesh_at = np.zeros(self.segments + 1, dtype=np.int64)
+        self._orbit = tuple(
+            Orbit(
+                functions=self._functions,
+                n=self.n,
+                p=self.extended,
+                modes=self.modes,
+                transitions=np.array(self.signature.transitions, dtype=np.int64),
+                kinds=self.kinds,
+                turns=self.signature.turns,
+                rooted=compiled.limits.astype(np.int64),
+                active=self._active,
+                scales=self.scales,
+            )
+        )
+        events = events_of(self.system)
+        self._events, self._directions = tuple(events), events.directions
+        self._mesh = np.zeros(0), np.zeros(self.segments + 1, dtype=np.int64)
+        self._dense = np.empty(0), np.empty(0)
         self._errors = np.zeros(0)
-        transitions = self.system.transitions
-        self._sources = np.array([self.system.mode_index(t.source) for t in transitions], dtype=np.int64)
-        self._directions = np.array([t.direction for t in transitions], dtype=np.int64)
-        self._surfaces = np.array([_surface(t) for t in transitions], dtype=np.int64)
 
     def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return all parameters, shape (parameters,), where the unknowns are `u`."""
@@ -260,7 +123,7 @@ class OrbitProblem:
 
     def set_parameters(self, u: NDArray[np.float64]) -> None:
         """Take the active parameters from the unknowns."""
-        self.kernels.set_parameters(self._functions, u, self.size, self._active, self.scales, self.extended)
+        self.equations.set_parameters(self._functions, u, self.size, self._active, self.scales, self.extended)
 
     def start(self, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None) -> int | None:
         """Make meshes, scales and the phase condition fit the orbit `u`; return a segment that cannot be followed.
@@ -292,22 +155,7 @@ class OrbitProblem:
 
     def _adapted(self, blocks: NDArray[np.float64]) -> list[NDArray[np.float64]] | int:
         """Return each segment's mesh, its steps as long as the tolerance allows; a segment that cannot be followed."""
-        from saltus.flow import _segment_kernels
-
-        meshes = []
-        for index, (mode, block) in enumerate(zip(self.modes, blocks, strict=True)):
-            x, duration = np.ascontiguousarray(block[: self.n]), block[self.n]
-            for most in (_FEW_STEPS, _segment_kernels.MOST_STEPS + 1):
-                mesh = np.empty(most)
-                count = _segment_kernels.adapt(
-                    self._functions, mode, x, duration, self.extended, self.tol, self._atol, mesh
-                )
-                if count >= 0:
-                    break
-            if count < 0:
-                return index
-            meshes.append(mesh[: count + 1].copy())
-        return meshes
+        return adapted(self._functions, self.modes, blocks, self.extended, (self.tol, self._atol))
 
     def _sizes_nearby(self, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
         """Return the states' sizes on the branch of an orbit that rests in the origin, or too near to have any itself.
@@ -412,7 +260,7 @@ class OrbitProblem:
         """
         period, n = float(np.abs(blocks[:, self.n]).sum()), self.n
         terms = np.empty((n, n))
-        self.kernels.largest_terms(self._functions, self.modes, blocks.ravel(), n, self.extended, terms)
+        self.equations.largest_terms(self._functions, self.modes, blocks.ravel(), n, self.extended, terms)
         self._least = _EPSILON / self.tol * period * terms.sum(axis=1)
         self._moved = terms.sum(axis=1) > np.diag(terms)
 
@@ -431,20 +279,20 @@ class OrbitProblem:
             self._largest = np.maximum(self._largest, sizes)
 
     def _use(self, meshes: list[NDArray[np.float64]]) -> None:
-        self._mesh = np.concatenate(meshes)
-        self._mesh_at = np.concatenate([[0], np.cumsum([len(mesh) for mesh in meshes])]).astype(np.int64)
-        self._errors = np.zeros(self._mesh.size)
-        self._nodes = np.empty(self._mesh.size * self.n)
-        self._coefficients = np.empty(self._mesh.size * 7 * self.n)
+        places = np.concatenate(meshes)
+        starts = np.concatenate([[0], np.cumsum([len(mesh) for mesh in meshes])]).astype(np.int64)
+        self._mesh = places, starts
+        self._errors = np.zeros(places.size)
+        self._dense = np.empty(places.size * self.n), np.empty(places.size * 7 * self.n)
 
     @property
     def steps(self) -> int:
         """Steps in all segments' meshes."""
-        return int(self._mesh.size - self.segments)
+        return int(self._errors.size - self.segments)
 
     def refine(self) -> bool:
         """Return whether the meshes were fine enough at the last evaluation, and move them to equal errors if not."""
-        return self._worst <= self.kernels.FINEST or self._move(self.kernels.FINEST)
+        return self._worst <= self._meshes.FINEST or self._move(self._meshes.FINEST)
 
     def prepare(self, u: NDArray[np.float64]) -> None:
         """Move the meshes to equal errors where they may soon be too coarse, or are finer than they need be.
@@ -454,7 +302,7 @@ class OrbitProblem:
         if not self.stiff:
             self._move(1.0)
         elif not isinstance(meshes := self._adapted(u[: self.size].reshape(self.segments, self.n + 1)), int):
-            self._use([_halved(mesh) for mesh in meshes])
+            self._use([halved(mesh) for mesh in meshes])
 
     def stabilise(self, u: NDArray[np.float64]) -> bool:
         """Make meshes anew where the flow is stiff, steps cut in half for the orbits near `u`; return whether."""
@@ -470,25 +318,22 @@ class OrbitProblem:
         if not self.stiff:
             self._use(meshes)
             self.survey(u)
-            self.stiff = self._limited_by_stability(u)
+            self.stiff = self._stiff_on(u)
         if self.stiff:
-            self._use([_halved(mesh) for mesh in meshes])
+            self._use([halved(mesh) for mesh in meshes])
         return self.stiff
 
-    def _limited_by_stability(self, u: NDArray[np.float64]) -> bool:
-        """Whether many steps are as long as the fastest decay along them allows an explicit method."""
-        mesh, ends, nodes, _ = self.dense()
-        near = []
-        for i, mode in enumerate(self.modes):
-            grid, first = mesh[ends[i] : ends[i + 1]], int(ends[i])
-            for k in np.unique(np.linspace(0, grid.size - 2, _SAMPLED).astype(int)):
-                length = u[i * (self.n + 1) + self.n] * 6.0 * grid[k] * (1.0 - grid[k]) * (grid[k + 1] - grid[k])
-                J = self.system.compiled.linearised(int(mode), nodes[first + k], self.extended)[1]
-                near.append(np.all(np.isfinite(J)) and length * max(-np.linalg.eigvals(J).real) > _FAST)
-        return bool(np.mean(near) > _MANY)
+    def _stiff_on(self, u: NDArray[np.float64]) -> bool:
+        """Whether stability limits the steps of the orbit `u`, as last surveyed."""
+        places, starts, nodes, _ = self.dense()
+        durations = u[self.n : self.size : self.n + 1]
+        return limited_by_stability(
+            self.system.compiled, self.modes, durations, np.split(places, starts[1:-1]),
+            np.split(nodes, starts[1:-1]), self.extended,
+        )  # fmt: skip
 
     def _move(self, limit: float) -> bool:
-        fine, fresh, counts = self.kernels.remesh(self._mesh, self._mesh_at, self._errors, limit)
+        fine, fresh, counts = self._meshes.remesh(*self._mesh, self._errors, limit)
         if counts.size:
             if not np.all(np.isfinite(self._errors)):
                 return False
@@ -500,11 +345,9 @@ class OrbitProblem:
         """Return the residual, shape (size,), and the Jacobian, shape (size, size + active)."""
         m = self.size
         F, J = np.empty(m), np.empty((m, m + self._active.size))
-        self._worst = self.kernels.equations(
-            self._functions, self.modes, self._transitions, self.kinds, self._limits, self.signature.turns, self.n, u,
-            self.extended, self._active, self.scales, self.tol, self._atol, self._mesh, self._mesh_at, self._anchor,
-            self._shares, F, J, self._errors,
-        )  # fmt: skip
+        self._worst = self.equations.equations(
+            self._orbit, self._mesh, (self._anchor, self._shares), (self.tol, self._atol), u, F, J, self._errors
+        )
         return F, J
 
     def resolve(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -536,10 +379,8 @@ class OrbitProblem:
         self.set_parameters(u)
         compiled = self.system.second(tuple(self._active.tolist()))
         S = np.empty((self.size, self.size + self._active.size))
-        _second_kernels.second(
-            self._functions, compiled.addresses, self.modes, self._transitions, self.kinds, self.n, u, self.extended,
-            self.p.size, np.empty(compiled.extended), self._active, self.scales, self._mesh, self._mesh_at, v, S,
-        )  # fmt: skip
+        p = np.empty(compiled.extended)
+        _second_kernels.second(self._orbit, self._mesh, compiled.addresses, self.p.size, p, u, v, S)
         return S
 
     def _differences(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -554,10 +395,8 @@ class OrbitProblem:
         """Return the Lie derivative of a segment's event at its end, and its gradient, shape (size + active,)."""
         self.set_parameters(u)
         gradient = np.zeros(u.size)
-        value = self.kernels.rate(
-            self._functions, self.modes, self._transitions, self._limits, segment, self.n, u, self.extended,
-            self._active, self.scales, self._mesh, self._mesh_at, gradient, np.empty_like(self._mesh),
-        )  # fmt: skip
+        errors = np.empty_like(self._errors)
+        value = self.equations.rate(self._orbit, self._mesh, segment, u, gradient, errors)
         return float(value), gradient
 
     def distance(self, u: NDArray[np.float64], segment: int, transition: int) -> tuple[float, NDArray[np.float64]]:
@@ -581,20 +420,14 @@ class OrbitProblem:
     def survey(self, u: NDArray[np.float64]) -> Survey:
         """Return what a dense look at the orbit `u` shows."""
         self.set_parameters(u)
-        compiled = self.system.compiled
-        n, n_out, n_t = self.n, compiled.n_outputs, len(self.system.transitions)
-        lows, highs = np.empty(n + n_out), np.empty(n + n_out)
-        margins, places = np.empty((self.segments, n_t)), np.empty((self.segments, n_t))
-        rates, x0 = np.zeros((self.segments, 3)), np.empty(n)
-        faults = self.kernels.survey(
-            self._functions, self.modes, self._transitions, self.kinds,
-            self.signature.turns, self._sources, self._directions, self._surfaces, n,
-            len(self.system.modes), n_out, self.system.phase is not None, u, self.extended, self.tol, self._atol,
-            self.state_scale,
-            self._mesh, self._mesh_at,
-            self._nodes, self._coefficients, lows, highs, margins, places, rates, x0,
-        )  # fmt: skip
-        return Survey(int(faults) & ~COARSE, bool(faults & COARSE), lows, highs, margins, places, rates, x0)
+        outputs, transitions = self.system.compiled.n_outputs, len(self.system.transitions)
+        lows, highs = np.empty(self.n + outputs), np.empty(self.n + outputs)
+        margins, places = np.empty((self.segments, transitions)), np.empty((self.segments, transitions))
+        found = lows, highs, margins, places, np.zeros((self.segments, 3)), np.empty(self.n)
+        faults = self._surveys.survey(
+            self._orbit, self._events, self._mesh, self._dense, (self.tol, self._atol), self.state_scale, u, found
+        )
+        return Survey(int(faults) & ~COARSE, bool(faults & COARSE), *found)
 
     def dense(
         self,
@@ -603,29 +436,11 @@ class OrbitProblem:
 
         Mesh (node,), offsets of the segments' meshes, states (node, n) and coefficients (node, 7, n).
         """
-        nodes, coefficients = self._nodes.reshape(-1, self.n), self._coefficients.reshape(-1, 7, self.n)
-        return self._mesh, self._mesh_at, nodes, coefficients
+        (places, starts), (nodes, coefficients) = self._mesh, self._dense
+        return places, starts, nodes.reshape(-1, self.n), coefficients.reshape(-1, 7, self.n)
 
     def state_on(self, segment: int, place: float) -> NDArray[np.float64]:
         """Return the full state at a clustered time of a segment, as last surveyed."""
-        x, out = np.empty(self.n), np.empty(max(2, self.system.compiled.n_outputs))
-        first = int(self._mesh_at[segment])
-        count = int(self._mesh_at[segment + 1]) - first - 1
-        self.kernels.sample(
-            self._functions, self.modes[segment], 0, 1.0, first * 7 * self.n, self._mesh, first, count, self.n,
-            self.system.compiled.n_outputs, self._nodes, first * self.n, self._coefficients, place, self.extended, x,
-            out,
-        )  # fmt: skip
+        x = np.empty(self.n)
+        self._curves.state_on(self._mesh, self._dense, segment, place, x)
         return x
-
-
-def _halved(mesh: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a mesh with each step cut in half."""
-    return np.interp(np.arange(2 * mesh.size - 1) / 2.0, np.arange(mesh.size), mesh)
-
-
-def _surface(transition: Transition) -> int:
-    """Return what the event of a transition does to motions that meet its surface."""
-    if transition.target != transition.source:
-        return BOUNDARY
-    return STOP if any(value != state for state, value in transition.reset.items()) else SECTION

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.orbits.cuts import clustered, whole
-from saltus.orbits.problem import CLOSED_END, PHASE_END, Signature
+from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

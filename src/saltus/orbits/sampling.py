@@ -9,14 +9,13 @@ import numpy as np
 
 from saltus import checks
 from saltus.flow.observables import Motion, dense_states
-from saltus.orbits.problem import CUT_END
+from saltus.orbits.signature import CUT_END
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from saltus.orbits.orbit import PeriodicOrbit
     from saltus.orbits.problem import OrbitProblem
 
 __all__ = ["column_of", "motion_of", "sample_orbit"]
@@ -43,13 +42,15 @@ def column_of(name: str) -> str:
     return f"quantity_{name}" if name in _TAKEN else name
 
 
-def sample_orbit(orbit: PeriodicOrbit, points: int = 400) -> xr.Dataset:
-    """Return an orbit over one period, from its segments' dense output.
+def sample_orbit(problem: OrbitProblem, u: NDArray[np.float64], points: int = 400) -> xr.Dataset:
+    """Return the orbit `u` over one period, from its segments' dense output.
 
     Parameters
     ----------
-    orbit : PeriodicOrbit
-        The orbit.
+    problem : OrbitProblem
+        Its equations, which last surveyed it.
+    u : ndarray, shape (unknowns,)
+        States and durations of the segments.
     points : int, optional
         About how many times, shared out by the segments' durations, 17 or more a segment.
 
@@ -69,10 +70,10 @@ def sample_orbit(orbit: PeriodicOrbit, points: int = 400) -> xr.Dataset:
     import xarray as xr
 
     points = checks.size("points", points, 2)
-    system = orbit.system
-    times, states, modes = _follow(orbit, points)
+    system, parameters = problem.system, _parameters(problem, u)
+    times, states, modes = _follow(problem, u, points)
     columns = dict(zip(system.all_states, states.T, strict=True))
-    columns |= {name: evaluate(system, name, states, modes, orbit.parameters) for name in system.output_names}
+    columns |= {name: evaluate(system, name, states, modes, parameters) for name in system.output_names}
     if system.phase is not None:
         columns[system.phase[0]] = states[:, -1] % (2.0 * math.pi)
     dataset = xr.Dataset({column_of(name): ("t", column) for name, column in columns.items()}, coords={"t": times})
@@ -115,7 +116,7 @@ def motion_of(problem: OrbitProblem, u: NDArray[np.float64]) -> Motion:
     turns = form.turns or 1
     return Motion(
         system=system,
-        parameters=dict(zip(system.parameter_names, problem.parameters_at(u).tolist(), strict=True)),
+        parameters=_parameters(problem, u),
         modes=problem.modes[steps.segments],
         clocks=clocks,
         spans=np.tile([0.0, 1.0], (len(s), 1)),
@@ -151,12 +152,20 @@ def _steps(problem: OrbitProblem) -> _Steps:
     )
 
 
-def _follow(orbit: PeriodicOrbit, points: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+def _parameters(problem: OrbitProblem, u: NDArray[np.float64]) -> dict[str, float]:
+    """Return all parameters of the orbit `u` by name."""
+    return dict(zip(problem.system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
+
+
+def _follow(
+    problem: OrbitProblem, u: NDArray[np.float64], points: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """Return times, full states (time, state) and modes' indices, one segment after the other."""
-    steps = _steps(orbit.problem())
-    begun, whole = 0.0, max(float(np.abs(orbit.durations).sum()), 1e-300)
+    steps, form = _steps(problem), problem.signature
+    durations = u[: problem.size].reshape(problem.segments, problem.n + 1)[:, problem.n]
+    begun, whole = 0.0, max(float(np.abs(durations).sum()), 1e-300)
     times, states, modes = [], [], []
-    for index, (mode, duration) in enumerate(zip(orbit.form.modes, orbit.durations.tolist(), strict=True)):
+    for index, (mode, duration) in enumerate(zip(form.modes, durations.tolist(), strict=True)):
         count = max(_FEWEST, round(points * abs(duration) / whole))
         s = np.linspace(0.0, 1.0, count + 1)
         times.append(begun + duration * s**2 * (3.0 - 2.0 * s))
@@ -166,6 +175,6 @@ def _follow(orbit: PeriodicOrbit, points: int) -> tuple[NDArray[np.float64], NDA
         modes.append(np.full(count + 1, mode))
         begun += duration
         times[-1][-1] = begun
-        if orbit.form.kinds[index] == CUT_END:  # a cut is no place of its own
+        if form.kinds[index] == CUT_END:  # a cut is no place of its own
             times[-2], states[-2], modes[-2] = times[-2][:-1], states[-2][:-1], modes[-2][:-1]
     return np.concatenate(times), np.concatenate(states), np.concatenate(modes)

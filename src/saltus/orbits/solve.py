@@ -15,7 +15,8 @@ from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.families import of_a_family
 from saltus.orbits.floquet import nontrivial
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, OrbitProblem, Signature
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, Signature
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:

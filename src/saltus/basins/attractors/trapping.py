@@ -15,7 +15,8 @@ from saltus.ensemble.traps import Ellipsoids
 from saltus.errors import InputError
 from saltus.flow.event_logs import events_after
 from saltus.flow.motion import starting_mode
-from saltus.orbits.problem import EVENT_END, PHASE_END, OrbitProblem, Signature
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import EVENT_END, PHASE_END, Signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,0 +1,165 @@
+"""Arrays that travel together to the compiled functions of an orbit.
+
+Python hands them over as plain tuples in the order of these fields, which Numba converts several times faster than
+named tuples; the compiled functions name the fields again.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from saltus.orbits.signature import BOUNDARY, SECTION, STOP
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.system import HybridSystem, Transition
+
+__all__ = ["Dense", "Events", "Found", "Mesh", "Orbit", "Phase", "events_of"]
+
+
+class Orbit(NamedTuple):
+    """What an orbit's equations are made of, for one signature.
+
+    Attributes
+    ----------
+    functions : ndarray of int64
+        Addresses of the generated functions.
+    n : int
+        Components of the full state.
+    p : ndarray
+        Parameters, with the constants of `functions` behind them.
+    modes, transitions, kinds : ndarray of int64, shape (segments,)
+        The signature; transition -1 for none.
+    turns : int
+        Forcing periods in one period.
+    rooted : ndarray of int64, shape (modes,)
+        1 where a mode's field has roots that vanish on a surface, else 0.
+    active : ndarray of int64
+        Parameters among the unknowns.
+    scales : ndarray, shape (active,)
+        Their units.
+    """
+
+    functions: NDArray[np.int64]
+    n: int
+    p: NDArray[np.float64]
+    modes: NDArray[np.int64]
+    transitions: NDArray[np.int64]
+    kinds: NDArray[np.int64]
+    turns: int
+    rooted: NDArray[np.int64]
+    active: NDArray[np.int64]
+    scales: NDArray[np.float64]
+
+
+class Mesh(NamedTuple):
+    """The segments' meshes, one after the other.
+
+    Attributes
+    ----------
+    places : ndarray, shape (node,)
+        Clustered times, from 0 to 1 in each segment.
+    starts : ndarray of int64, shape (segments + 1,)
+        Where each segment's begin; the number of all at the end.
+    """
+
+    places: NDArray[np.float64]
+    starts: NDArray[np.int64]
+
+
+class Phase(NamedTuple):
+    """What fixes where on an orbit its segments start.
+
+    Attributes
+    ----------
+    anchor : ndarray, shape (2 n,)
+        Point and normal of the plane on which a closed curve starts.
+    shares : ndarray, shape (segments,)
+        Each segment's part of the period, kept at cuts.
+    """
+
+    anchor: NDArray[np.float64]
+    shares: NDArray[np.float64]
+
+
+class Dense(NamedTuple):
+    """Dense output on the meshes, flat.
+
+    Attributes
+    ----------
+    nodes : ndarray, shape (node * n,)
+        States.
+    coefficients : ndarray, shape (node * 7 n,)
+        Those of the interpolants.
+    """
+
+    nodes: NDArray[np.float64]
+    coefficients: NDArray[np.float64]
+
+
+class Events(NamedTuple):
+    """What a survey knows of the system beyond the orbit's equations.
+
+    Attributes
+    ----------
+    sources, directions, surfaces : ndarray of int64, shape (transitions,)
+        Mode, direction and kind (BOUNDARY, STOP or SECTION) of each transition.
+    modes, outputs : int
+        How many there are.
+    phase : bool
+        Whether there is one.
+    """
+
+    sources: NDArray[np.int64]
+    directions: NDArray[np.int64]
+    surfaces: NDArray[np.int64]
+    modes: int
+    outputs: int
+    phase: bool
+
+
+class Found(NamedTuple):
+    """What a survey writes.
+
+    Attributes
+    ----------
+    lows, highs : ndarray, shape (n + outputs,)
+        Extremes of every state and output.
+    margins, places : ndarray, shape (segments, transitions)
+        The least interior local minimum of each event function in its firing direction (inf where there is none), and
+        where in clustered time; its value at the segment's start and WHOLE where it is level.
+    rates : ndarray, shape (segments, 3)
+        Lie derivative of each segment's event at its end and at its start; how far the segment's end is from the next
+        one's start, or from its event.
+    x0 : ndarray, shape (n,)
+        State at phase 0.
+    """
+
+    lows: NDArray[np.float64]
+    highs: NDArray[np.float64]
+    margins: NDArray[np.float64]
+    places: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    x0: NDArray[np.float64]
+
+
+def events_of(system: HybridSystem) -> Events:
+    """Return what a survey knows of a system beyond the orbit's equations."""
+    return Events(
+        sources=np.array([system.mode_index(t.source) for t in system.transitions], dtype=np.int64),
+        directions=np.array([t.direction for t in system.transitions], dtype=np.int64),
+        surfaces=np.array([_surface(t) for t in system.transitions], dtype=np.int64),
+        modes=len(system.modes),
+        outputs=system.compiled.n_outputs,
+        phase=system.phase is not None,
+    )
+
+
+def _surface(transition: Transition) -> int:
+    """Return what the event of a transition does to motions that meet its surface."""
+    if transition.target != transition.source:
+        return BOUNDARY
+    return STOP if any(value != state for state, value in transition.reset.items()) else SECTION

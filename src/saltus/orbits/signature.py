@@ -1,0 +1,165 @@
+"""What a periodic orbit is made of, its signature, and what a dense look at it shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.system import HybridSystem
+
+__all__ = [
+    "BEYOND", "BOUNDARY", "CLOSED_END", "COARSE", "CUT_END", "DIRECTION", "DOMAIN", "DURATION", "EARLY", "EVENT_END",
+    "FAULTS", "MEAN_END", "PHASE_END", "SECTION", "STOP", "TOUCH_END", "VALUE", "WHEN", "WHOLE", "Signature", "Survey",
+]  # fmt: skip
+
+EVENT_END, MEAN_END, PHASE_END, CLOSED_END, TOUCH_END, CUT_END = 0, 1, 2, 3, 4, 5
+"""Ways in which a segment ends: its event vanishes; the mean rate of its event function vanishes (for a segment that
+starts on the surface on which it ends: the trivial one of zero length is divided out); a whole number of forcing
+periods; a closed curve of an autonomous mode; a surface is touched, and the motion goes on in the same mode; a smooth
+orbit is cut where this piece of it begins, the ratio of its duration to that of the piece before being fixed."""
+
+_MOST_TURNS = 2**31  # forcing periods in an orbit's period: kernels count them
+_WITH_EVENT, _WITHOUT_EVENT = {EVENT_END, MEAN_END, TOUCH_END}, {PHASE_END, CLOSED_END, CUT_END}
+
+DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE, COARSE, BEYOND = 1, 2, 4, 8, 16, 32, 64, 128
+"""Bits of what a survey finds; all but COARSE make an orbit inadmissible."""
+
+BOUNDARY, STOP, SECTION = 0, 1, 2
+"""What an event does to motions that meet its surface: it leads to another mode, so that the mode's motions are on one
+side; it moves the state; neither, and they pass freely."""
+
+WHOLE = -1.0
+"""In place of the clustered time of a least distance: the whole segment is equally far from the surface."""
+
+FAULTS = (
+    (DURATION, "a segment's duration is not positive"),
+    (DIRECTION, "an event is crossed in the wrong direction"),
+    (EARLY, "another event lies inside a segment"),
+    (WHEN, "a transition's condition does not hold"),
+    (DOMAIN, "a mode's domain is left"),
+    (VALUE, "the state is not finite"),
+    (BEYOND, "a segment lies wholly beyond an event of its mode"),
+)
+
+
+@dataclass(frozen=True)
+class Signature:
+    """The cyclic list of (mode, transition) of an orbit, as indices, with how each segment ends.
+
+    Parameters
+    ----------
+    modes, transitions, kinds : tuple of int
+        One entry a segment; transition -1 for a segment without an event.
+    turns : int
+        Forcing periods in one period of the orbit; 0 for an autonomous system.
+    """
+
+    modes: tuple[int, ...]
+    transitions: tuple[int, ...]
+    kinds: tuple[int, ...]
+    turns: int
+
+    def __post_init__(self) -> None:
+        columns = (self.modes, self.transitions, self.kinds)
+        if not self.modes or len({len(column) for column in columns}) > 1:
+            raise InputError("signature", columns, "a mode, a transition and an end for each segment, at least one")
+        for number in (*self.modes, *self.transitions, *self.kinds, self.turns):
+            if isinstance(number, bool) or not isinstance(number, int | np.integer):
+                raise InputError("signature", number, "made of integers")
+
+    def __len__(self) -> int:
+        return len(self.modes)
+
+    def check(self, system: HybridSystem) -> None:
+        """Raise `InputError` where an index is none of the system's: compiled functions trust them."""
+        for mode, transition, kind in zip(self.modes, self.transitions, self.kinds, strict=True):
+            if not 0 <= mode < len(system.modes):
+                raise InputError("signature's mode", mode, f"between 0 and {len(system.modes) - 1}")
+            if kind not in _WITH_EVENT and kind not in _WITHOUT_EVENT:
+                raise InputError("signature's end", kind, f"one of {sorted(_WITH_EVENT | _WITHOUT_EVENT)}")
+            if kind in _WITHOUT_EVENT and transition != -1:
+                raise InputError("signature's transition", transition, "-1 where a segment ends without an event")
+            if kind in _WITH_EVENT and not 0 <= transition < len(system.transitions):
+                allowed = f"between 0 and {len(system.transitions) - 1}" if system.transitions else "of the system"
+                raise InputError("signature's transition", transition, allowed)
+            if kind == PHASE_END and system.phase is None:
+                raise InputError("signature's end", kind, "another for a system without a phase")
+        if not 0 <= self.turns < _MOST_TURNS:
+            raise InputError("signature's turns", self.turns, f"between 0 and {_MOST_TURNS}")
+
+    def names(self, system: HybridSystem) -> tuple[tuple[str, str], ...]:
+        """Return (mode, transition) names; a segment that ends with the period names the phase, or nothing."""
+        closing = "" if system.phase is None else system.phase[0]
+        whole = self.whole
+        return tuple(
+            (system.mode_names[mode], closing if transition < 0 else system.transition_names[transition])
+            for mode, transition in zip(whole.modes, whole.transitions, strict=True)
+        )
+
+    @property
+    def heads(self) -> tuple[int, ...]:
+        """Indices of the segments that do not begin at a cut."""
+        return tuple(i for i, kind in enumerate(self.kinds) if kind != CUT_END)
+
+    @property
+    def whole(self) -> Signature:
+        """The signature without cuts."""
+        if CUT_END not in self.kinds:
+            return self
+        modes, transitions, kinds = (
+            tuple(part[i] for i in self.heads) for part in (self.modes, self.transitions, self.kinds)
+        )
+        return Signature(modes, transitions, kinds, self.turns)
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a dense look at an orbit shows.
+
+    Attributes
+    ----------
+    faults : int
+        Bits of what makes the orbit no motion of the system; 0 for an admissible orbit.
+    coarse : bool
+        Whether a step of the mesh passed over something, so that the orbit is to be solved again on a new mesh.
+    lows, highs : ndarray, shape (states + outputs,)
+        Extremes over the period.
+    margins, places : ndarray, shape (segments, transitions)
+        Least interior minimum of each event function in its firing direction, and the clustered time of it. Where a
+        whole segment is equally far from the surface, as at rest or on a circle round it, the distance and `WHOLE`: it
+        is positive before the event, negative beyond it, and the event function itself where either direction counts.
+    rates : ndarray, shape (segments, 3)
+        Lie derivative of each segment's event at its end and start, and what is left of the segment's equations.
+    x0 : ndarray, shape (states,)
+        State at phase 0, or at the first segment's start where there is no phase.
+    """
+
+    faults: int
+    coarse: bool
+    lows: NDArray[np.float64]
+    highs: NDArray[np.float64]
+    margins: NDArray[np.float64]
+    places: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    x0: NDArray[np.float64]
+
+    @property
+    def residual(self) -> float:
+        """Largest gap between a segment's end and the next one's start, or its event."""
+        return float(self.rates[:, 2].max())
+
+    @property
+    def admissible(self) -> bool:
+        """Whether the orbit is a motion of the hybrid system."""
+        return self.faults == 0
+
+    def reasons(self) -> tuple[str, ...]:
+        """Return in words why the orbit is not admissible."""
+        return tuple(text for bit, text in FAULTS if self.faults & bit)
