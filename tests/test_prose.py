@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import saltus
-from saltus import afm
+from saltus import afm, plotting
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "saltus"
@@ -45,6 +45,11 @@ def test_every_public_function_has_its_path_in_the_architecture(module):
     assert not [name for name in public if f"`{name}`" not in page]
 
 
+def test_every_kind_of_result_that_is_drawn_is_on_the_page_of_pictures():
+    rows = re.findall(r"^\| `(\w+)` \| `plot\(", text_of("docs/theory/plotting.md"), re.MULTILINE)
+    assert sorted(rows) == sorted(kind.rpartition(".")[2] for kind in plotting._HOMES)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_within_pages_lead_to_headings(page):
     for target, anchor in ANCHOR.findall(page.read_text(encoding="utf-8")):
@@ -62,7 +67,7 @@ def test_the_glossary_has_every_type_of_special_point():
 
 
 def test_every_entry_of_the_glossary_says_where_more_stands():
-    entries = re.split(r"^- (?=\*\*)", text_of("docs/glossary.md").partition("## Definition")[2], flags=re.MULTILINE)[1:]
-    entries = [entry.partition("\n\n")[0] for entry in entries]
+    lists = text_of("docs/glossary.md").partition("## Definition")[2]
+    entries = [entry.partition("\n\n")[0] for entry in re.split(r"^- (?=\*\*)", lists, flags=re.MULTILINE)[1:]]
     assert len(entries) > 80
     assert not [entry for entry in entries if "](" not in entry and not FILE.search(entry)]
