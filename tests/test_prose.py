@@ -1,0 +1,173 @@
+"""What pages say is true: files that they name exist, what is public is on its page, figures are those of their tables.
+
+A measured figure in prose is followed by a comment that says where it comes from, which readers do not see:
+``8.7 us<!-- benchmarks: Basins: how fast | a motion of Fig. 9's plane | min -->``. That is a section of
+benchmarks/README.md, the beginning of one row's first cell there, and a column. A section alone stands for its text.
+The figure must be one of the numbers there, perhaps rounded. "... a second" is one over a time.
+"""
+
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+import saltus
+from saltus import afm, plotting
+from saltus.basins.map.labelling import ACCURACY
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "saltus"
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES += sorted((ROOT / "docs" / "theory").glob("*.md"))
+
+FILE = re.compile(r"`([\w./-]+\.pyi?)`")
+HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
+ANCHOR = re.compile(r"\]\(([^)#:]*)#([^)]+)\)")
+
+
+def text_of(page):
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def anchors_of(page):
+    """Names of the headings of a page, as GitHub makes them."""
+    headings = HEADING.findall(re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.M))
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", ["docs/architecture.md", "docs/glossary.md"])
+def test_files_that_the_page_names_exist(page):
+    named = set(FILE.findall(text_of(page)))
+    missing = {name for name in named if not ((PACKAGE / name).exists() or (ROOT / name).exists())}
+    assert named
+    assert not missing
+
+
+@pytest.mark.parametrize("module", [saltus, afm], ids=lambda module: module.__name__)
+def test_every_public_function_has_its_path_in_the_architecture(module):
+    page = text_of("docs/architecture.md")
+    every = {name: getattr(module, name) for name in module.__all__}
+    public = [name for name, value in every.items() if callable(value) and not isinstance(value, type)]
+    assert public
+    assert not [name for name in public if f"`{name}`" not in page]
+
+
+def test_every_kind_of_result_that_is_drawn_is_on_the_page_of_pictures():
+    rows = re.findall(r"^\| `(\w+)` \| `plot\(", text_of("docs/theory/plotting.md"), re.MULTILINE)
+    assert sorted(rows) == sorted(kind.rpartition(".")[2] for kind in plotting._HOMES)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_within_pages_lead_to_headings(page):
+    for target, anchor in ANCHOR.findall(page.read_text(encoding="utf-8")):
+        other = page if not target else (page.parent / target).resolve()
+        assert anchor in anchors_of(other), f"{target}#{anchor}"
+
+
+def test_the_glossary_has_every_type_of_special_point():
+    home = next(file for file in (PACKAGE / "continuation").glob("*.py") if '"CP": "cusp"' in text_of(file))
+    types = re.findall(r'^    "([A-Z]{2,3}\d?)": "', text_of(home), re.MULTILINE)
+    table = text_of("docs/glossary.md").partition("## Names of special points")[2].partition("\n## ")[0]
+    told = {name.strip() for row in re.findall(r"^\| ([^|]+) \|", table, re.MULTILINE) for name in row.split(",")}
+    assert len(types) > 10
+    assert set(types) <= told
+
+
+def test_every_entry_of_the_glossary_says_where_more_stands():
+    lists = text_of("docs/glossary.md").partition("## Definition")[2]
+    entries = [entry.partition("\n\n")[0] for entry in re.split(r"^- (?=\*\*)", lists, flags=re.MULTILINE)[1:]]
+    assert len(entries) > 80
+    assert not [entry for entry in entries if "](" not in entry and not FILE.search(entry)]
+
+
+# figures
+
+MARK = re.compile(r"<!-- benchmarks: (.*?) -->", re.DOTALL)
+QUANTITY = re.compile(r"(\d+(?: \d{3})*(?:\.\d+)?(?:e-?\d+)?)\s*(a second|us|ms|s\b|%|GiB)?")
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+FIGURES = [
+    (page.name, text[: mark.start()][-60:], " ".join(mark[1].split()))
+    for page in PAGES
+    for text in [page.read_text(encoding="utf-8")]
+    for mark in MARK.finditer(text)
+]
+
+
+def quantities(text):
+    """Numbers in a text as (value, half a unit of its last digit, unit), of which "10.8; 6.1 s" has the unit twice."""
+    found = []
+    for digits, unit in reversed(QUANTITY.findall(text)):
+        unit = unit or (found[-1][2] if found else "")
+        mantissa, _, exponent = digits.replace(" ", "").partition("e")
+        zeros = len(mantissa) - len(mantissa.rstrip("0")) if "." not in mantissa else 0
+        digit = 10.0 ** (zeros - len(mantissa.partition(".")[2]) + int(exponent or 0))
+        found.append((float(f"{mantissa}e{exponent or 0}"), 0.5 * digit, unit))
+    return found[::-1]
+
+
+def in_seconds(value, unit):
+    return value * SECONDS[unit] if unit in SECONDS else value
+
+
+def same(figure, source):
+    value, rounding, unit = figure
+    if unit == "a second":
+        return source[2] in SECONDS and abs(value - 1.0 / in_seconds(source[0], source[2])) <= rounding
+    if unit != source[2] and not {unit, source[2]} <= set(SECONDS) and "" not in (unit, source[2]):
+        return False
+    at, width = in_seconds(value, unit), in_seconds(rounding, unit)
+    return abs(at - in_seconds(source[0], source[2])) <= width * (1.0 + 1e-9)
+
+
+def table_cell(section, row, column):
+    """The cell of a table of the benchmarks, by the beginning of its row's first cell and its column's name."""
+    cells = [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in section.splitlines() if "|" in line]
+    heads = [above for above, below in pairwise(cells) if set("".join(below)) <= set("-| ")]
+    head, found = None, []
+    for line in cells:
+        head = line if line in heads else head
+        if line is not head and head and column in head and line[0].startswith(row):
+            found.append(line[head.index(column)])
+    assert len(found) == 1, f"{row}: {len(found)} rows with a column {column}"
+    return found[0]
+
+
+def source_of(mark):
+    section, *place = mark.split(" | ")
+    text = text_of("benchmarks/README.md").partition(f"\n## {section}\n")[2].partition("\n## ")[0]
+    assert text, f"no section {section}"
+    return table_cell(text, *place) if place else text
+
+
+@pytest.mark.parametrize(("page", "before", "mark"), FIGURES, ids=[" ".join(figure[::2]) for figure in FIGURES])
+def test_a_figure_in_prose_is_that_of_its_table(page, before, mark):
+    figure = quantities(before)[-1]
+    source = source_of(mark)
+    assert any(same(figure, each) for each in quantities(source)), f"{page}: ...{before!r} is not in {source!r}"
+
+
+@pytest.mark.parametrize("page", ["README.md", "basins.md", "basins_at_scale.md", "sweeps.md"])
+def test_pages_with_measured_figures_say_whence_they_are(page):
+    assert [name for name, _, _ in FIGURES].count(page) >= 2
+
+
+def test_what_a_store_says_of_its_accuracy_is_what_was_measured():
+    rows = {
+        "Fig. 9's plane": "Fig. 9,",
+        "the worst of Fig. 10's planes": "Fig. 10, q2 = 3.12",
+        "[-5, 5]^4": "[-5, 5]^4",
+    }
+    assert set(ACCURACY["wrong"]) == set(rows)
+    for name, share in ACCURACY["wrong"].items():
+        counts = quantities(source_of(f"Basins: how true | {rows[name]} | wrong"))
+        assert max(count for count, _, _ in counts) == pytest.approx(share * ACCURACY["cells"], abs=1e-9)
+
+
+def test_a_figure_that_is_not_in_its_table_is_seen():
+    (cell,) = quantities("15.4 us")
+    assert same((65000.0, 500.0, "a second"), cell)
+    assert not same((66000.0, 500.0, "a second"), cell)
+    assert same((15.0, 0.5, "us"), cell)
+    assert not same((15.3, 0.05, "us"), cell)
+    assert not same((15.4, 0.05, "ms"), cell)
