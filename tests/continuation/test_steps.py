@@ -13,7 +13,7 @@ import systems
 from oracles.closed_forms import CUSP, LOGISTIC, ImpactOrbit, logistic_cycle
 from saltus import HybridSystem, Mode, StepControl, continue_orbit, find_orbit, simulate, solve_orbit
 from saltus.afm import table1, tapping_mode
-from saltus.continuation.arclength import correct
+from saltus.continuation.zero_problem import correct
 from saltus.orbits.floquet import height, passage
 
 STEPS = [StepControl(largest=0.03), None, StepControl(initial=0.05, largest=0.3)]

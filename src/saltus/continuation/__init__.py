@@ -5,8 +5,9 @@ from saltus.continuation.branch import Branch
 from saltus.continuation.family import Family, continue_family
 from saltus.continuation.loci import continue_locus
 from saltus.continuation.locus import Locus
-from saltus.continuation.orbit_curve import OrbitCurve, SpecialPoint, SpecialPoints
+from saltus.continuation.orbit_curve import OrbitCurve
 from saltus.continuation.orbits import continue_orbit
+from saltus.continuation.special_points import SpecialPoint, SpecialPoints
 from saltus.continuation.switching import Cascade, follow_cascade, switch_branch
 
 __all__ = [

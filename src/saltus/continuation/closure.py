@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.arclength import Point, StepControl, ZeroProblem, correct
+from saltus.continuation.arclength import StepControl
 from saltus.continuation.two_sided import SAME
+from saltus.continuation.zero_problem import Point, ZeroProblem, correct
 from saltus.orbits.cuts import clustered
 from saltus.orbits.signature import PHASE_END
 

@@ -10,23 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.arclength import (
-    Event,
-    Failure,
-    Point,
-    StepControl,
-    events_between,
-    follow,
-    start_point,
-)
+from saltus.continuation.arclength import Failure, StepControl, follow
 from saltus.continuation.closure import alongside, passes
 from saltus.continuation.grazing import Neighbour, neighbour, touching
+from saltus.continuation.locating import events_between
 from saltus.continuation.locus import Locus
 from saltus.continuation.locus_problem import LocusData, LocusZeroProblem
 from saltus.continuation.monitor import BIFURCATIONS, Monitor, at_grazing
-from saltus.continuation.orbit_curve import SpecialPoint
-from saltus.continuation.orbits import read_stops
-from saltus.continuation.two_sided import SAME, Found, OneSide, join, turned
+from saltus.continuation.options import ROUNDING, read_parameters, read_start, read_stops
+from saltus.continuation.special_points import SpecialPoint
+from saltus.continuation.two_sided import SAME, Found, OneSide, join, traced, turned
+from saltus.continuation.zero_problem import Event, Point, start_point
 from saltus.errors import InputError
 from saltus.orbits.critical import Branching, Condition, Critical, Grazing, TorusCondition
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
@@ -38,18 +32,12 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_locus"]
 
-_LOCI = {
-    "SN": "SN", "PD": "PD", "TR": "TR", "BP": "BP", "GR": "GR", "CP": "SN", "GPD": "PD", "CH": "TR", "R1": "SN",
-    "R2": "PD", "R3": "TR", "R4": "TR", "FF": "SN",
-}  # fmt: skip
-"""The locus that starts at a special point of each type, if none is named."""
-
 _CODIMENSION_TWO = ("CP", "GPD", "CH", "R1", "R2", "R3", "R4", "FF", "TP", *BIFURCATIONS)
 _ENDS = {
     "R1": "beyond it the two multipliers are real, of product 1",
     "R2": "beyond it the two multipliers are real, of product 1",
 }
-_TOUCHING, _CRITICAL, _MOVED, _REGULAR, _ROUNDING, _UNFOLDED = 1e-6, 1e-3, 1e-3, 1e-11, 1e-9, 1e-7
+_TOUCHING, _CRITICAL, _MOVED, _REGULAR, _UNFOLDED = 1e-6, 1e-3, 1e-3, 1e-11, 1e-7
 
 
 def continue_locus(
@@ -118,17 +106,13 @@ def continue_locus(
     """
     control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
     checks.function("progress", progress, "of a count and two numbers")
-    orbit, kind = _read_start(start, type)
-    names, intervals = _read_parameters(orbit, parameters, bounds)
+    orbit, kind = read_start(start, type)
+    names, intervals = read_parameters(orbit, parameters, bounds)
     checks.chosen("directions", directions, ("both", "up", "down"))
     stops = read_stops(stop_at, _CODIMENSION_TWO)
     run = _Run(start, orbit, kind, names, intervals, control, stops, progress)
     origin = run.begin(names.index(parameters[1]))
-    halves: list[OneSide] = []
-    for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
-        if halves and (halves[0].closed or halves[0].interrupted):
-            break
-        halves.append(run.trace(origin, sign))
+    halves = traced(lambda sign: run.trace(origin, sign), directions)
     options = {
         "bounds": {name: list(interval) for name, interval in zip(names, intervals, strict=True)},
         "steps": asdict(control),
@@ -136,53 +120,6 @@ def continue_locus(
         "stop_at": sorted(stops),
     }
     return run.assemble(origin, halves, options, tuple(parameters))
-
-
-def _read_start(start: SpecialPoint | PeriodicOrbit, kind: str | None) -> tuple[PeriodicOrbit, str]:
-    if kind is not None:
-        checks.chosen("type", kind, BIFURCATIONS)
-    if isinstance(start, PeriodicOrbit):
-        if kind is None:
-            raise InputError("start", "a PeriodicOrbit", "a special point, or an orbit with its type", "type='SN'")
-        return start, kind
-    checks.instance("start", start, SpecialPoint)
-    if kind is None:
-        kind = _LOCI.get(start.type, start.locus if start.type == "TP" else None)
-    if kind is None:
-        allowed = f"a point of type {', '.join(_LOCI)}"
-        raise InputError("start", start.type, allowed, "no locus belongs to a user's event")
-    return start.orbit, kind
-
-
-def _read_parameters(
-    orbit: PeriodicOrbit, parameters: tuple[str, str], bounds: Mapping[str, tuple[float, float]]
-) -> tuple[tuple[str, str], tuple[tuple[float, float], tuple[float, float]]]:
-    """Return the two names in the system's order, and their intervals."""
-    known = orbit.system.parameter_names
-    pair = checks.listed("parameters", parameters, "two names, as ('A', 'w')", most=2)
-    if len(pair) != 2:
-        raise InputError("parameters", parameters, "two names, as ('A', 'w')")
-    for name in pair:
-        checks.chosen("parameters", name, known)
-    if pair[0] == pair[1]:
-        raise InputError("parameters", pair, "two different names")
-    given = checks.mapping("bounds", bounds, f"{pair[0]} and {pair[1]} to intervals")
-    if set(given) != set(pair):
-        raise InputError("bounds", bounds, f"a mapping of {pair[0]} and {pair[1]} to intervals")
-    first, second = sorted(pair, key=known.index)
-    intervals = []
-    for name in (first, second):
-        low, high = checks.interval(f"bounds[{name!r}]", given[name], finite=True)
-        lowest, highest = orbit.system.allowed(name)
-        if low < lowest or high > highest:
-            allowed = f"within [{lowest:g}, {highest:g}], where {name} may lie"
-            raise InputError(f"bounds[{name!r}]", bounds[name], allowed)
-        slack = _ROUNDING * (high - low)
-        if not low - slack <= orbit.parameters[name] <= high + slack:
-            wanted = f"an interval that holds the start, {name} = {orbit.parameters[name]:g}"
-            raise InputError(f"bounds[{name!r}]", bounds[name], wanted)
-        intervals.append((low, high))
-    return (first, second), (intervals[0], intervals[1])
 
 
 class _Run:
@@ -217,7 +154,7 @@ class _Run:
         values = p[active] / self.scales
         for i, interval in enumerate(self.bounds):
             for bound in interval:
-                values[i] = bound if abs(values[i] - bound) < _ROUNDING else values[i]
+                values[i] = bound if abs(values[i] - bound) < ROUNDING else values[i]
         problem = OrbitProblem(system, signature, p, active, self.scales, self.orbit.tol)
         u = np.append(unknowns, values)
         problem.start(u, self.start.sizes if isinstance(self.start, SpecialPoint) else None)
@@ -342,7 +279,7 @@ class _Run:
         point = turned(start, sign, LocusZeroProblem.odd)
         for i, (low, high) in enumerate(self.bounds):
             way = math.copysign(1.0, float(point.tangent[i - 2]))
-            if way * (float(point.u[i - 2]) - (high if way > 0.0 else low)) > -_ROUNDING:
+            if way * (float(point.u[i - 2]) - (high if way > 0.0 else low)) > -ROUNDING:
                 half.stopped = f"{self._place(point)}: bound reached"
                 return half
         try:

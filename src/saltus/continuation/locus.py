@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.orbit_curve import OrbitCurve, SpecialPoint
+from saltus.continuation.orbit_curve import OrbitCurve
+from saltus.continuation.special_points import SpecialPoint
 from saltus.results import frozen
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.arclength import Event, Examined, Point, correct
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.guards import residual_fault, unconfirmed
 from saltus.continuation.monitor import Monitor, at_grazing
 from saltus.continuation.orbit_problem import grazing_monitors, shadowed_rates, side_of
 from saltus.continuation.phase_plane import astray, depart
+from saltus.continuation.zero_problem import Event, Examined, Point, correct
 from saltus.orbits.critical import Branching, Critical, Grazing, openness
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.normal_form import flip_coefficient, null_vectors, torus_coefficient

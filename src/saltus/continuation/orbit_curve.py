@@ -7,179 +7,30 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self, overload
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents
+from saltus.continuation.curve_files import complex_table, ragged_rows, special_points_of, special_variables
+from saltus.continuation.special_points import SpecialPoint, SpecialPoints
 from saltus.errors import InputError
 from saltus.flow.observables import check_observables, observe, read_observable
 from saltus.orbits import PeriodicOrbit
-from saltus.orbits.normal_form import NORMAL_FORMS, NormalForm, normal_form
-from saltus.orbits.orbit import MOST_FAULTS, TOLERANCES, complex_of, follow_from, orbit_at, signature_from
+from saltus.orbits.orbit import TOLERANCES, follow_from, orbit_at, signature_from
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.sampling import motion_of
 from saltus.orbits.signature import Signature
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
-from saltus.system.plain import all_parameters, held_parameters, held_system
+from saltus.system.plain import held_parameters, held_system
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["OrbitCurve", "SpecialPoint", "SpecialPoints"]
-
-_MEANING = {
-    "SN": "saddle-node (fold)",
-    "PD": "period doubling (flip)",
-    "TR": "torus (Neimark-Sacker)",
-    "BP": "branch point",
-    "GR": "grazing",
-    "HB": "Hopf: the cycle shrinks to an equilibrium",
-    "CP": "cusp",
-    "GPD": "generalised period doubling",
-    "CH": "Chenciner",
-    "R1": "strong resonance 1:1",
-    "R2": "strong resonance 1:2",
-    "R3": "strong resonance 1:3",
-    "R4": "strong resonance 1:4",
-    "FF": "fold-flip",
-    "TP": "turning point of a parameter",
-}
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class SpecialPoint:
-    """A special point of a branch or of a locus, located.
-
-    Attributes
-    ----------
-    type : str
-        On a branch ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB`` or the name of a user's event; on a locus ``CP``,
-        ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF``, ``SN``, ``PD``, ``TR``, ``GR`` or ``BP`` (where another locus meets
-        it) and ``TP`` (where a parameter turns); `Locus` tells more.
-    label : str
-        The type with its number along the curve, as in ``SN1``.
-    orbit : PeriodicOrbit
-        The orbit there; its parameters are those of the point.
-    test : float
-        Test function there: the parameter's component of the tangent (SN, TP), ``mu + 1`` (PD), ``|mu|^2 - 1`` (TR),
-        the determinant over its size nearby (BP, FF), the normal velocity or the distance from the surface (GR), the
-        coefficient of the normal form over its size nearby (CP, GPD, CH), the amplitude (HB), the cosine of the
-        multipliers' angle less that of the resonance (R1 to R4), the distance from the wanted value (users' events).
-    position : float
-        Where among the curve's points: 3.5 lies between points 3 and 4.
-    arclength : float
-        Arclength there, as the curve's `arclength` counts it.
-    varied : tuple of str
-        The parameters along which it was found.
-    of : str
-        What the type leaves open: of a turning point the parameter that turns; where a GR locus meets another, on which
-        side of the grazing (``smaller`` or ``larger`` signature).
-    locus : str
-        The type of the locus on which it was found; empty on a branch.
-    tangent : ndarray, shape (unknowns + 1,), or None
-        At a branch point the tangent of the branch on which it was found, the parameter last.
-    """
-
-    type: str
-    label: str
-    orbit: PeriodicOrbit
-    test: float
-    position: float
-    arclength: float
-    varied: tuple[str, ...]
-    of: str = ""
-    locus: str = ""
-    tangent: NDArray[np.float64] | None = None
-
-    @property
-    def parameters(self) -> Mapping[str, float]:
-        """All parameters there."""
-        return self.orbit.parameters
-
-    @property
-    def sizes(self) -> NDArray[np.float64] | None:
-        """Sizes of the states along the branch, by its tangent where there is one: an orbit at rest has none itself."""
-        if self.tangent is None:
-            return None
-        wide = len(self.orbit.system.all_states) + 1
-        states = np.abs(self.tangent[:-1].reshape(-1, wide)).max(axis=0)
-        return np.asarray(states[: len(self.orbit.system.states)])
-
-    @cached_property
-    def normal_form(self) -> NormalForm:
-        """Normal form of the Poincare map at an SN, PD or TR: computed when first asked for.
-
-        Raises
-        ------
-        InputError
-            The point is of another type.
-        """
-        if self.type not in NORMAL_FORMS:
-            raise InputError("type", self.type, f"one of {', '.join(NORMAL_FORMS)}", "no normal form belongs to it")
-        return normal_form(self.orbit, self.type)
-
-    def __repr__(self) -> str:
-        meaning = f", {_MEANING[self.type]}" if self.type in _MEANING else ""
-        of = f" of {self.of}" if self.of else ""
-        return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}\n{self.orbit!r}"
-
-
-class SpecialPoints(Sequence[SpecialPoint]):
-    """Special points in their order along a curve."""
-
-    def __init__(self, points: Sequence[SpecialPoint], parameters: tuple[str, ...]) -> None:
-        self._points = tuple(points)
-        self._parameters = parameters
-
-    @overload
-    def __getitem__(self, index: int) -> SpecialPoint: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[SpecialPoint]: ...
-    def __getitem__(self, index: int | slice) -> SpecialPoint | Sequence[SpecialPoint]:
-        return self._points[index]
-
-    def __len__(self) -> int:
-        return len(self._points)
-
-    def __iter__(self) -> Iterator[SpecialPoint]:
-        return iter(self._points)
-
-    def of_type(self, *types: str) -> list[SpecialPoint]:
-        """Return the points of the given types."""
-        return [point for point in self._points if point.type in types]
-
-    def to_dataframe(self) -> pd.DataFrame:
-        """Return a table: label, type, parameters, stability, signature, x0, extremes, test function."""
-        import pandas as pd
-
-        rows = []
-        for p in self._points:
-            row: dict[str, Any] = {"label": p.label, "type": p.type}
-            row |= {"of": p.of} if len(self._parameters) > 1 else {}
-            row |= {name: p.parameters[name] for name in self._parameters}
-            row |= {f"x0_{name}": value for name, value in zip(p.orbit.system.states, p.orbit.x0, strict=True)}
-            row |= {f"min_{name}": value for name, value in p.orbit.min.items()}
-            row |= {f"max_{name}": value for name, value in p.orbit.max.items()}
-            row |= {
-                "period": p.orbit.period,
-                "stable": p.orbit.stable,
-                "signature": p.orbit.signature,
-                "admissible": p.orbit.admissible,
-            }
-            rows.append(row | {"test": p.test})
-        return pd.DataFrame(rows)
-
-    def __repr__(self) -> str:
-        lines = []
-        for p in self._points:
-            values = ", ".join(f"{name} = {p.parameters[name]:.12g}" for name in self._parameters)
-            lines.append(f"{p.label:5s} {values}" + (f" ({p.of})" if p.of else ""))
-        return "\n".join(lines) or "no special points"
+__all__ = ["OrbitCurve"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -434,7 +285,7 @@ class OrbitCurve(Result):
         data["lows"] = (("point", "quantity"), self.lows)
         data["highs"] = (("point", "quantity"), self.highs)
         forms = list(dict.fromkeys([*self.forms, *(point.orbit.form for point in self.special_points)]))
-        data |= self._special_data(forms)
+        data |= special_variables(self.special_points, self.varied, self.multipliers.shape[1], forms, self.system)
         coords = {
             "state": list(self.system.states),
             "quantity": list(self.quantities),
@@ -460,41 +311,6 @@ class OrbitCurve(Result):
             f"state ({n}) and duration of each segment",
         }
         return xr.Dataset(data, coords=coords, attrs=attrs)
-
-    def _special_data(self, forms: list[Signature]) -> dict[str, Any]:
-        specials = list(self.special_points)
-        orbits = [point.orbit for point in specials]
-        blocks = [orbit.unknowns for orbit in orbits]
-        tangents = [np.empty(0) if point.tangent is None else point.tangent for point in specials]
-        states, quantities = len(self.system.states), len(self.quantities)
-        values = [[point.parameters[name] for name in self.varied] for point in specials]
-
-        def stack(rows: list[Any], width: int) -> NDArray[np.float64]:
-            return np.array(rows, dtype=np.float64).reshape(len(rows), width)
-
-        width = self.multipliers.shape[1]
-        return {
-            "special_type": ("special", np.array([point.type for point in specials], dtype=object)),
-            "special_label": ("special", np.array([point.label for point in specials], dtype=object)),
-            "special_of": ("special", np.array([point.of for point in specials], dtype=object)),
-            "special_locus": ("special", np.array([point.locus for point in specials], dtype=object)),
-            "special_value": (("special", "parameter"), stack(values, len(self.varied))),
-            "special_test": ("special", np.array([point.test for point in specials], dtype=float)),
-            "special_arclength": ("special", np.array([point.arclength for point in specials], dtype=float)),
-            "special_position": ("special", np.array([point.position for point in specials], dtype=float)),
-            "special_x0": (("special", "state"), stack([o.x0 for o in orbits], states)),
-            "special_multiplier_re": (("special", "multiplier"), stack([o.multipliers.real for o in orbits], width)),
-            "special_multiplier_im": (("special", "multiplier"), stack([o.multipliers.imag for o in orbits], width)),
-            "special_low": (("special", "quantity"), stack([o.lows for o in orbits], quantities)),
-            "special_high": (("special", "quantity"), stack([o.highs for o in orbits], quantities)),
-            "special_residual": ("special", np.array([o.residual for o in orbits], dtype=float)),
-            "special_faults": ("special", np.array([o.faults for o in orbits], dtype=np.int64)),
-            "special_form": ("special", np.array([forms.index(o.form) for o in orbits], dtype=np.int64)),
-            "special_unknown": ("special_ragged", np.concatenate([*blocks, np.empty(0)])),
-            "special_unknown_count": ("special", np.array([len(block) for block in blocks], dtype=np.int64)),
-            "special_tangent": ("tangent_ragged", np.concatenate([*tangents, np.empty(0)])),
-            "special_tangent_count": ("special", np.array([len(row) for row in tangents], dtype=np.int64)),
-        }
 
     @classmethod
     def _varied_columns(cls, held: Contents) -> list[NDArray[np.float64]]:
@@ -533,7 +349,7 @@ class OrbitCurve(Result):
             system=system,
             parameters=parameters,
             x0=held.array("x0", ("point", "state")),
-            multipliers=_complex(held, "multiplier", ("point", "multiplier")),
+            multipliers=complex_table(held, "multiplier", ("point", "multiplier")),
             stable=held.array("stable", point, bool),
             admissible=held.array("admissible", point, bool),
             period=held.array("period", point),
@@ -543,8 +359,8 @@ class OrbitCurve(Result):
             highs=held.array("highs", ("point", "quantity"), finite=False),
             forms=tuple(forms[:n_forms]),
             form=number,
-            unknowns=_split(held, "unknown", "ragged", "point", [len(forms[i]) * wide for i in number.tolist()]),
-            special_points=SpecialPoints(_specials(held, system, parameters, varied, forms, tol), varied),
+            unknowns=ragged_rows(held, "unknown", "ragged", "point", [len(forms[i]) * wide for i in number.tolist()]),
+            special_points=SpecialPoints(special_points_of(held, system, parameters, varied, forms, tol), varied),
             stopped=(held.text("stopped_first"), held.text("stopped_last")),
             rejected=tuple(held.texts("rejected")),
             options=options,
@@ -567,76 +383,3 @@ class OrbitCurve(Result):
 
 def _written(signature: tuple[tuple[str, str], ...]) -> str:
     return " -> ".join(f"{mode}:{transition}" for mode, transition in signature)
-
-
-def _specials(
-    held: Contents,
-    system: HybridSystem,
-    parameters: Mapping[str, float],
-    varied: tuple[str, ...],
-    forms: list[Signature],
-    tol: float,
-) -> list[SpecialPoint]:
-    """Return the special points in a curve's file."""
-    special = ("special",)
-    wide, number = len(system.all_states) + 1, held.array("special_form", special, int, least=0, most=len(forms) - 1)
-    sizes = [len(forms[i]) * wide for i in number.tolist()]
-    blocks = _split(held, "special_unknown", "special_ragged", "special", sizes)
-    with_tangent = held.array("special_tangent_count", special, int, least=0) > 0
-    lengths = [size + 1 if there else 0 for size, there in zip(sizes, with_tangent.tolist(), strict=True)]
-    tangents = _split(held, "special_tangent", "tangent_ragged", "special", lengths)
-    text = {name: held.array(f"special_{name}", special, str) for name in ("type", "label", "of", "locus")}
-    real = {
-        name: held.array(f"special_{name}", special, finite=False)
-        for name in ("test", "position", "arclength", "residual")
-    }
-    values = held.array("special_value", ("special", "parameter"))
-    multipliers = _complex(held, "special_multiplier", ("special", "multiplier"))
-    x0 = held.array("special_x0", ("special", "state"), finite=False)
-    lows, highs = (held.array(f"special_{end}", ("special", "quantity"), finite=False) for end in ("low", "high"))
-    faults = held.array("special_faults", special, int, least=0, most=MOST_FAULTS)
-    specials = []
-    for i, block in enumerate(blocks):
-        table = block.reshape(-1, wide)
-        orbit = PeriodicOrbit(
-            system,
-            all_parameters({**parameters, **dict(zip(varied, values[i].tolist(), strict=True))}, system),
-            forms[number[i]],
-            table[:, :-1],
-            table[:, -1],
-            multipliers[i],
-            float(real["residual"][i]),
-            int(faults[i]),
-            x0[i],
-            lows[i],
-            highs[i],
-            tol,
-        )
-        specials.append(
-            SpecialPoint(
-                str(text["type"][i]),
-                str(text["label"][i]),
-                orbit,
-                float(real["test"][i]),
-                float(real["position"][i]),
-                float(real["arclength"][i]),
-                varied,
-                str(text["of"][i]),
-                str(text["locus"][i]),
-                tangents[i] if tangents[i].size else None,
-            )
-        )
-    return specials
-
-
-def _complex(held: Contents, name: str, dims: tuple[str, ...]) -> NDArray[np.complex128]:
-    return complex_of(*(held.array(f"{name}_{part}", dims, finite=False) for part in ("re", "im")))
-
-
-def _split(held: Contents, name: str, ragged: str, dim: str, sizes: list[int]) -> tuple[NDArray[np.float64], ...]:
-    """Return the parts of a ragged variable; raise `InputError` where they are not of the sizes that they must be."""
-    counts, values = held.array(f"{name}_count", (dim,), int, least=0), held.array(name, (ragged,))
-    if counts.tolist() != sizes or values.size != sum(sizes):
-        told = f"those of the signatures: {sum(sizes)} numbers"
-        raise InputError(f"counts of variable {name!r}", f"{counts.sum()} for {values.size} numbers", told)
-    return tuple(np.split(values, np.cumsum(sizes, dtype=np.int64))[:-1])

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.arclength import RESTS, Event, Examined, Point, correct
+from saltus.continuation.arclength import RESTS
 from saltus.continuation.grazing import turned
 from saltus.continuation.guards import INFINITE, residual_fault, unconfirmed
 from saltus.continuation.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.phase_plane import astray, depart
+from saltus.continuation.zero_problem import Event, Examined, Point, correct
 from saltus.orbits.floquet import (
     Passage,
     doubling_determinant,

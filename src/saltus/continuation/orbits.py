@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.arclength import Event, Examined, Failure, Point, StepControl, follow, start_point
+from saltus.continuation.arclength import Failure, StepControl, follow
 from saltus.continuation.branch import Branch
 from saltus.continuation.closure import passes
 from saltus.continuation.grazing import Neighbour, neighbour
 from saltus.continuation.monitor import BIFURCATIONS, at_grazing
+from saltus.continuation.options import ROUNDING, read_events, read_interval, read_stops, unit_of
 from saltus.continuation.orbit_problem import Interest, OrbitData, OrbitZeroProblem
 from saltus.continuation.period_halving import halved
 from saltus.continuation.shrinking import equilibrium_ahead
-from saltus.continuation.two_sided import SAME, Found, OneSide, join, turned
+from saltus.continuation.two_sided import SAME, Found, OneSide, join, traced, turned
 from saltus.continuation.unbounded import grows_at_last, grows_for_ever, too_stiff
-from saltus.errors import InputError, nearest
+from saltus.continuation.zero_problem import Event, Examined, Point, start_point
+from saltus.errors import InputError
 from saltus.orbits.critical import solve_branch_point
 from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.floquet import distance_from_circle
@@ -32,13 +34,12 @@ from saltus.orbits.signature import Signature, Survey
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["continue_orbit", "read_stops"]
+__all__ = ["continue_orbit"]
 
 _NOTHING = 1e-14  # parameter, over its interval, that reads 0
 
-_ROUNDING, _TOUCHING, _NEAR = 1e-9, 1e-13, 1e-3
-"""Share of the parameter's interval by which a start may miss a bound; what is left of a distance that vanishes; how
-far a branch point may lie from where its determinant vanishes."""
+_TOUCHING, _NEAR = 1e-13, 1e-3
+"""What is left of a distance that vanishes; how far a branch point may lie from where its determinant vanishes."""
 
 
 def continue_orbit(
@@ -110,20 +111,16 @@ def continue_orbit(
     control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
     checks.instance("orbit", orbit, PeriodicOrbit)
     checks.function("progress", progress, "of a count and a number")
-    low, high = _check(orbit, parameter, bounds, directions, at_grazing)
+    low, high = read_interval(orbit, parameter, bounds, directions, at_grazing)
     events = checks.mapping("events", events, "names to values, as {'gap': 0.02}")
-    wanted = _read_events(orbit, parameter, events)
+    wanted = read_events(orbit, parameter, events)
     stops = read_stops(stop_at, [*BIFURCATIONS, *events])
-    scale = _scale(low, high, orbit.parameters[parameter])
+    scale = unit_of(low, high, orbit.parameters[parameter])
     run = _Run(
         orbit, parameter, Interest(low / scale, high / scale, scale, wanted), control, stops, at_grazing, progress
     )
     start = run.begin()
-    halves: list[OneSide] = []
-    for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
-        if halves and (halves[0].closed or halves[0].interrupted):
-            break
-        halves.append(run.trace(start, sign))
+    halves = traced(lambda sign: run.trace(start, sign), directions)
     options = {
         "bounds": [low, high],
         "steps": asdict(control),
@@ -133,59 +130,6 @@ def continue_orbit(
         "at_grazing": at_grazing,
     }
     return _assemble(orbit, parameter, scale, start, halves, run, options)
-
-
-def read_stops(stop_at: object, known: Sequence[str]) -> set[str]:
-    """Return the types of special points at which a curve ends, checked."""
-    given = [stop_at] if isinstance(stop_at, str) else stop_at
-    allowed = "types of special points"
-    return {checks.chosen("stop_at", name, known) for name in checks.names("stop_at", given, allowed)}
-
-
-def _check(
-    orbit: PeriodicOrbit, parameter: str, bounds: tuple[float, float], directions: str, at_grazing: str
-) -> tuple[float, float]:
-    checks.chosen("parameter", parameter, orbit.system.parameter_names)
-    checks.chosen("directions", directions, ("both", "up", "down"))
-    checks.chosen("at_grazing", at_grazing, ("switch", "pass", "stop"))
-    low, high = checks.interval("bounds", bounds)
-    value = orbit.parameters[parameter]
-    lowest, highest = orbit.system.allowed(parameter)
-    if (math.isfinite(low) and low < lowest) or (math.isfinite(high) and high > highest):
-        raise InputError("bounds", bounds, f"within [{lowest:g}, {highest:g}], where {parameter} may lie")
-    low, high = max(low, lowest), min(high, highest)
-    if not low < high:
-        raise InputError("bounds", bounds, "two numbers, the lower first")
-    slack = _ROUNDING * _scale(low, high, value)
-    if not low - slack <= value <= high + slack:
-        raise InputError("bounds", bounds, f"an interval that holds the start, {parameter} = {value:g}")
-    return low, high
-
-
-def _scale(low: float, high: float, value: float) -> float:
-    if math.isfinite(high - low):
-        return high - low
-    return abs(value) or 1.0
-
-
-def _read_events(
-    orbit: PeriodicOrbit, parameter: str, events: Mapping[str, float]
-) -> tuple[tuple[str, str, float], ...]:
-    """Return (name, kind, value) for each event, kind being ``parameter`` or an extreme."""
-    found = []
-    quantities = [*orbit.min]
-    for name, given in events.items():
-        value = checks.number(f"events[{name!r}]", given)
-        if name == parameter:
-            found.append((name, "parameter", value))
-        elif name in quantities:
-            found += [(name, f"min_{name}", value), (name, f"max_{name}", value)]
-        elif name.startswith(("min_", "max_")) and name[4:] in quantities:
-            found.append((name, name, value))
-        else:
-            known = [parameter, *quantities, *(f"min_{q}" for q in quantities), *(f"max_{q}" for q in quantities)]
-            raise InputError("events", name, f"one of {', '.join(known)}", nearest(name, known))
-    return tuple(found)
 
 
 class _Run:
@@ -240,7 +184,7 @@ class _Run:
         """Return the start, its tangent towards growing parameter."""
         value = self.orbit.parameters[self.name] / self.scale
         for bound in (self.interest.low, self.interest.high):
-            value = bound if abs(value - bound) < _ROUNDING else value
+            value = bound if abs(value - bound) < ROUNDING else value
         u = np.append(self.orbit.unknowns, value)
         branch = self.piece(self.orbit.form, u)
         try:
@@ -278,7 +222,7 @@ class _Run:
         branch.problem.start(origin.u)  # the other direction has left the meshes of another place
         point = turned(origin, sign, OrbitZeroProblem.odd)
         outwards = math.copysign(1.0, float(point.tangent[-1]))
-        if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -_ROUNDING:
+        if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -ROUNDING:
             half.stopped = f"{self._place(point)}: bound reached"
             return half
         first: float | None = None

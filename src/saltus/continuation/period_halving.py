@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.arclength import Event, Point, correct, locate, start_point
+from saltus.continuation.locating import locate
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.orbit_problem import OrbitZeroProblem
+from saltus.continuation.zero_problem import Event, Point, correct, start_point
 from saltus.orbits.cuts import in_shares
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided

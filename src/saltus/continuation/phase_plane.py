@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from saltus.continuation.arclength import Point, ZeroProblem
+    from saltus.continuation.zero_problem import Point, ZeroProblem
     from saltus.orbits.problem import OrbitProblem
 
 __all__ = ["astray", "depart"]

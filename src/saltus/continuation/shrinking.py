@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.arclength import Examined, Point
 from saltus.continuation.orbit_problem import OrbitData, OrbitZeroProblem
+from saltus.continuation.zero_problem import Examined, Point
 from saltus.orbits.hopf import HopfPoint, solve_hopf
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, Signature

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.arclength import StepControl, correct
+from saltus.continuation.arclength import StepControl
 from saltus.continuation.branch import Branch
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.monitor import Monitor
-from saltus.continuation.orbit_curve import SpecialPoint
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.orbits import continue_orbit
+from saltus.continuation.special_points import SpecialPoint
+from saltus.continuation.zero_problem import correct
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.normal_form import null_vectors

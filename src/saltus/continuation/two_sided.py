@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.arclength import Examined, Point
-from saltus.continuation.orbit_curve import SpecialPoint, SpecialPoints
+from saltus.continuation.special_points import SpecialPoint, SpecialPoints
+from saltus.continuation.zero_problem import Examined, Point
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from saltus.continuation.monitor import Monitor
     from saltus.orbits.orbit import PeriodicOrbit
 
-__all__ = ["SAME", "BothSides", "Found", "OneSide", "join", "turned"]
+__all__ = ["SAME", "BothSides", "Found", "OneSide", "join", "traced", "turned"]
 
 SAME = 1e-6  # distance at which two points of a curve are the same
 
@@ -109,6 +109,24 @@ class BothSides:
             "unknowns": tuple(point.u[: piece.problem.size] for piece, point in self.rows),
             "stopped": self.stopped,
         }
+
+
+def traced(trace: Callable[[float], OneSide], directions: str) -> list[OneSide]:
+    """Return the directions of a curve that are asked for: the second not where the first is closed or interrupted.
+
+    Parameters
+    ----------
+    trace : callable
+        Follows the curve one way, by the sign of the start's tangent.
+    directions : {"both", "up", "down"}
+        Which.
+    """
+    halves: list[OneSide] = []
+    for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
+        if halves and (halves[0].closed or halves[0].interrupted):
+            break
+        halves.append(trace(sign))
+    return halves
 
 
 def turned(point: Point, sign: float, odd: Collection[Monitor]) -> Point:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from saltus.orbits.signature import CUT_END
 
 if TYPE_CHECKING:
-    from saltus.continuation.arclength import Point
     from saltus.continuation.orbit_problem import OrbitZeroProblem
+    from saltus.continuation.zero_problem import Point
     from saltus.orbits.problem import OrbitProblem
 
     Row = tuple[OrbitZeroProblem, Point]

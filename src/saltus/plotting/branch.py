@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.continuation.branch import Branch
-from saltus.continuation.orbit_curve import SpecialPoint
+from saltus.continuation.special_points import SpecialPoint
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:

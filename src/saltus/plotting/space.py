@@ -11,7 +11,8 @@ import numpy as np
 
 from saltus.continuation.branch import Branch
 from saltus.continuation.locus import Locus
-from saltus.continuation.orbit_curve import OrbitCurve, SpecialPoint
+from saltus.continuation.orbit_curve import OrbitCurve
+from saltus.continuation.special_points import SpecialPoint
 from saltus.errors import InputError
 from saltus.plotting import style
 from saltus.plotting.branch import pieces_of

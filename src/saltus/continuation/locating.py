@@ -1,0 +1,171 @@
+"""Zeros of monitor functions between two points of a branch: docs/theory/continuation.md, "Special points"."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.zero_problem import Event, Point, ZeroProblem, hermite
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["CROWDED", "events_between", "locate"]
+
+CROWDED = 1e-5  # step below which several events may share it
+
+_ZERO, _JUMP = 1e-6, 1e-3
+"""Value of a monitor function, over those at the step's ends, that is rounding of a zero, and above which a change of
+sign is a jump."""
+
+_SETTLED, _STALLED, _EXACT = 1e-9, 1e-7, 1e-11
+"""Newton step at which a located point is taken; below which it may be where steps no longer shrink; value of a monitor
+function, over those at the step's ends, that counts as a zero."""
+
+
+def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | str:
+    """Return the zeros of monitor functions between two examined points, or why the step is not to be taken."""
+    changed = {}
+    before = a.examined.monitors
+    for name, value in b.examined.monitors.items():
+        old = before.get(name, math.nan)
+        if ((old < 0.0) != (value < 0.0) or value == 0.0) and old != 0.0 and math.isfinite(old + value):
+            changed[name] = (old, value)
+    if not changed:
+        return []
+    events: list[Event] = []
+    # next to a singular point the tangent is not determined, nor what is read off it
+    for name in sorted(problem.leading(list(changed)), key=lambda name: name not in problem.singular):
+        event = locate(problem, name, a, b, *changed[name])
+        if event is not None and abs(event.value) <= _JUMP * max(abs(value) for value in changed[name]):
+            events.append(event)
+        elif b.arc - a.arc > CROWDED and not any(event.name in problem.singular for event in events):
+            return f"location: no zero of {name} between the step's ends"
+    kept = problem.sort_out(sorted(events, key=lambda event: event.point.arc))
+    if isinstance(kept, str):
+        return kept
+    overlooked = _overlooked(kept, a, b, set(changed)) if b.arc - a.arc > CROWDED else None
+    return kept if overlooked is None else f"events: {overlooked} vanishes more than once within the step"
+
+
+def _overlooked(events: list[Event], a: Point, b: Point, changed: set[Any]) -> Any | None:
+    """Return a monitor function whose sign at one of the events is not what its located zeros make it."""
+    places = {event.name: event.point.arc for event in events}
+    for event in events:
+        for name, value in event.point.examined.monitors.items():
+            start = a.examined.monitors.get(name, math.nan)
+            end = b.examined.monitors.get(name, math.nan)
+            if math.isnan(start) or math.isnan(end) or (name in changed and name not in places) or name == event.name:
+                continue
+            expected = start if event.point.arc < places.get(name, math.inf) else end
+            size = max((abs(x) for x in (start, end) if math.isfinite(x)), default=0.0)
+            if (value < 0.0) != (expected < 0.0) and abs(value) > _ZERO * size:
+                return name
+    return None
+
+
+def locate(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: float) -> Event | None:
+    """Return the zero of a monitor function between two points, by Newton in the branch and interpolation along it.
+
+    Each iterate is one Newton step of the equations bordered by the plane normal to the branch, at the place along the
+    step where the interpolated monitor function vanishes, kept within the bracket. The branch's departure from the
+    cubic through the step's ends is learnt on the way. Next to the zero of a `singular` monitor function, where Newton
+    would run off along another branch, its steps leave that direction out.
+    """
+    from saltus.flow._linear_kernels import bordered
+
+    length = b.arc - a.arc
+    known = [(0.0, fa), (1.0, fb)]
+    low, high, f_low = 0.0, 1.0, fa
+    s = fa / (fa - fb)
+    bend, near = np.zeros_like(a.u), False
+    scale = problem.scale()
+    floor = problem.noise.get(name, _EXACT) * max(abs(fa), abs(fb))
+    previous = math.inf
+    for _ in range(60):
+        base, tangent = hermite(a, b, length, s), _hermite_slope(a, b, length, s)
+        tangent /= math.sqrt(float(a.weights @ tangent**2))
+        shape = (s * (1.0 - s)) ** 2
+        u = base + shape * bend
+        row = a.weights * tangent
+        F, J = problem.evaluate(u)
+        steps, sign, log, size, residual = bordered(J, F, row, u, u, scale)
+        step = steps[:, 0]
+        if near:
+            step = _without_kernel(J, F, row, scale)
+            size = float(np.abs(step / scale).max())
+        if residual <= 1e-13:
+            step, size = np.zeros_like(step), 0.0
+        if sign == 0.0 and name in problem.singular:  # met exactly
+            point = Point(u, J, tangent, a.weights, sign, log, residual, 1, a.arc + s * length)
+            point.examined = problem.examine(point, None)
+            return Event(name, point, 0.0)
+        if sign == 0.0 or not size < 1e3:
+            return None
+        bend = bend + step / max(shape, 1e-2 if name in problem.singular else 1e-12)
+        if not problem.accurate():
+            continue
+        direction = steps[:, 1] / math.sqrt(float(a.weights @ steps[:, 1] ** 2))
+        point = Point(u + step, J, direction, a.weights, sign, log, residual, 1, a.arc + s * length)
+        f = problem.monitor(name, point)
+        if not math.isfinite(f):
+            return None
+        # badly conditioned equations leave steps that do not shrink further
+        settled = size < _SETTLED or (size < _STALLED and size > 0.8 * previous)
+        previous = size
+        if settled and (abs(f) <= floor or high - low < 1e-12):
+            before = point.u.copy()
+            point.examined = problem.examine(point, None)
+            if np.all(np.abs(before - point.u) <= 1e-12 * scale):
+                return Event(name, point, f)
+            low, high, known = max(0.0, s - 1e-3), min(1.0, s + 1e-3), [(0.0, fa), (1.0, fb)]
+            continue
+        if not settled and abs(f) < 1e3 * size:
+            continue
+        if not near and name in problem.singular and abs(f) < 1e-3 * max(abs(fa), abs(fb)):
+            near, known = True, [(0.0, fa), (1.0, fb)]
+            low, high, f_low = max(0.0, s - 0.1), min(1.0, s + 0.1), fa
+            continue
+        if (f < 0.0) == (f_low < 0.0):
+            low, f_low = s, f
+        else:
+            high = s
+        known = [*known[-3:], (s, f)]
+        s, previous = _zero(known, low, high), math.inf
+    return None
+
+
+def _without_kernel(
+    J: NDArray[np.float64], F: NDArray[np.float64], row: NDArray[np.float64], scale: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the Newton step in the plane without its part along the direction that the equations hardly determine."""
+    left, values, right = np.linalg.svd(np.vstack([J, row]) * scale)
+    inverse = np.append(1.0 / values[:-1], 0.0)
+    return np.asarray(scale * (right.T @ (inverse * (left.T @ np.append(-F, 0.0)))))
+
+
+def _zero(known: list[tuple[float, float]], low: float, high: float) -> float:
+    """Return the zero of the inverse interpolation through the latest values, or the bracket's middle."""
+    for count in (3, 2):
+        (*others, last) = known[-count:]
+        values = [f for _, f in known[-count:]]
+        if len(values) < count or len(set(values)) < count:
+            continue
+        guess = 0.0
+        for i, (s, f) in enumerate([*others, last]):
+            weight = 1.0
+            for j, g in enumerate(values):
+                if j != i:
+                    weight *= g / (g - f)
+            guess += weight * s
+        if low < guess < high:
+            return guess
+    return 0.5 * (low + high)
+
+
+def _hermite_slope(a: Point, b: Point, length: float, s: float) -> NDArray[np.float64]:
+    """Return the derivative of that cubic by the fraction."""
+    left, right = (1.0 - s) * (1.0 - 3.0 * s) * length, s * (3.0 * s - 2.0) * length
+    return (6.0 * s * (1.0 - s)) * (b.u - a.u) + left * a.tangent + right * b.tangent

@@ -1,0 +1,125 @@
+"""What is asked of a continuation, checked: intervals, events, where to stop, where to start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from saltus import checks
+from saltus.continuation.monitor import BIFURCATIONS
+from saltus.continuation.special_points import SpecialPoint
+from saltus.errors import InputError, nearest
+from saltus.orbits.orbit import PeriodicOrbit
+
+__all__ = ["ROUNDING", "read_events", "read_interval", "read_parameters", "read_start", "read_stops", "unit_of"]
+
+ROUNDING = 1e-9  # share of a parameter's interval by which a start may miss a bound
+
+_LOCI = {
+    "SN": "SN", "PD": "PD", "TR": "TR", "BP": "BP", "GR": "GR", "CP": "SN", "GPD": "PD", "CH": "TR", "R1": "SN",
+    "R2": "PD", "R3": "TR", "R4": "TR", "FF": "SN",
+}  # fmt: skip
+"""The locus that starts at a special point of each type, if none is named."""
+
+
+def read_stops(stop_at: object, known: Sequence[str]) -> set[str]:
+    """Return the types of special points at which a curve ends, checked."""
+    given = [stop_at] if isinstance(stop_at, str) else stop_at
+    allowed = "types of special points"
+    return {checks.chosen("stop_at", name, known) for name in checks.names("stop_at", given, allowed)}
+
+
+def read_interval(
+    orbit: PeriodicOrbit, parameter: str, bounds: tuple[float, float], directions: str, at_grazing: str
+) -> tuple[float, float]:
+    """Return the interval of a parameter, within what the system allows; the options are checked, too."""
+    checks.chosen("parameter", parameter, orbit.system.parameter_names)
+    checks.chosen("directions", directions, ("both", "up", "down"))
+    checks.chosen("at_grazing", at_grazing, ("switch", "pass", "stop"))
+    low, high = checks.interval("bounds", bounds)
+    value = orbit.parameters[parameter]
+    lowest, highest = orbit.system.allowed(parameter)
+    if (math.isfinite(low) and low < lowest) or (math.isfinite(high) and high > highest):
+        raise InputError("bounds", bounds, f"within [{lowest:g}, {highest:g}], where {parameter} may lie")
+    low, high = max(low, lowest), min(high, highest)
+    if not low < high:
+        raise InputError("bounds", bounds, "two numbers, the lower first")
+    slack = ROUNDING * unit_of(low, high, value)
+    if not low - slack <= value <= high + slack:
+        raise InputError("bounds", bounds, f"an interval that holds the start, {parameter} = {value:g}")
+    return low, high
+
+
+def unit_of(low: float, high: float, value: float) -> float:
+    """Return the unit of a parameter: the length of its interval, or its size at the start where that has no end."""
+    if math.isfinite(high - low):
+        return high - low
+    return abs(value) or 1.0
+
+
+def read_events(
+    orbit: PeriodicOrbit, parameter: str, events: Mapping[str, float]
+) -> tuple[tuple[str, str, float], ...]:
+    """Return (name, kind, value) for each event, kind being ``parameter`` or an extreme."""
+    found = []
+    quantities = [*orbit.min]
+    for name, given in events.items():
+        value = checks.number(f"events[{name!r}]", given)
+        if name == parameter:
+            found.append((name, "parameter", value))
+        elif name in quantities:
+            found += [(name, f"min_{name}", value), (name, f"max_{name}", value)]
+        elif name.startswith(("min_", "max_")) and name[4:] in quantities:
+            found.append((name, name, value))
+        else:
+            known = [parameter, *quantities, *(f"min_{q}" for q in quantities), *(f"max_{q}" for q in quantities)]
+            raise InputError("events", name, f"one of {', '.join(known)}", nearest(name, known))
+    return tuple(found)
+
+
+def read_start(start: SpecialPoint | PeriodicOrbit, kind: str | None) -> tuple[PeriodicOrbit, str]:
+    """Return the orbit at which a locus starts, and the type of the locus."""
+    if kind is not None:
+        checks.chosen("type", kind, BIFURCATIONS)
+    if isinstance(start, PeriodicOrbit):
+        if kind is None:
+            raise InputError("start", "a PeriodicOrbit", "a special point, or an orbit with its type", "type='SN'")
+        return start, kind
+    checks.instance("start", start, SpecialPoint)
+    if kind is None:
+        kind = _LOCI.get(start.type, start.locus if start.type == "TP" else None)
+    if kind is None:
+        allowed = f"a point of type {', '.join(_LOCI)}"
+        raise InputError("start", start.type, allowed, "no locus belongs to a user's event")
+    return start.orbit, kind
+
+
+def read_parameters(
+    orbit: PeriodicOrbit, parameters: tuple[str, str], bounds: Mapping[str, tuple[float, float]]
+) -> tuple[tuple[str, str], tuple[tuple[float, float], tuple[float, float]]]:
+    """Return the two names in the system's order, and their intervals."""
+    known = orbit.system.parameter_names
+    pair = checks.listed("parameters", parameters, "two names, as ('A', 'w')", most=2)
+    if len(pair) != 2:
+        raise InputError("parameters", parameters, "two names, as ('A', 'w')")
+    for name in pair:
+        checks.chosen("parameters", name, known)
+    if pair[0] == pair[1]:
+        raise InputError("parameters", pair, "two different names")
+    given = checks.mapping("bounds", bounds, f"{pair[0]} and {pair[1]} to intervals")
+    if set(given) != set(pair):
+        raise InputError("bounds", bounds, f"a mapping of {pair[0]} and {pair[1]} to intervals")
+    first, second = sorted(pair, key=known.index)
+    intervals = []
+    for name in (first, second):
+        low, high = checks.interval(f"bounds[{name!r}]", given[name], finite=True)
+        lowest, highest = orbit.system.allowed(name)
+        if low < lowest or high > highest:
+            allowed = f"within [{lowest:g}, {highest:g}], where {name} may lie"
+            raise InputError(f"bounds[{name!r}]", bounds[name], allowed)
+        slack = ROUNDING * (high - low)
+        if not low - slack <= orbit.parameters[name] <= high + slack:
+            wanted = f"an interval that holds the start, {name} = {orbit.parameters[name]:g}"
+            raise InputError(f"bounds[{name!r}]", bounds[name], wanted)
+        intervals.append((low, high))
+    return (first, second), (intervals[0], intervals[1])

@@ -1,0 +1,222 @@
+"""Branches that meet at special points, and cascades of period doublings, against closed forms."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+import systems
+from oracles.closed_forms import CUSP, DELAYED, HENON, LOGISTIC, ImpactOrbit, henon_fixed_point, henon_two_cycle
+from saltus import InputError, StepControl, continue_locus, continue_orbit, follow_cascade, solve_orbit, switch_branch
+
+DOUBLINGS = (3.0, 1.0 + math.sqrt(6.0), 3.5440903596, 3.5644072661, 3.5687594195)
+"""Where periods 1, 2, 4, 8, 16 of the logistic map double, the last three as printed to ten digits."""
+ACCUMULATION = 3.569945671870945
+
+
+def carried(image, **parameters):
+    return systems.carried_map(tuple(image), parameters, image)
+
+
+def cycle(system, points, **parameters):
+    """The orbit through the given points of a carried map."""
+    return solve_orbit(system, parameters, [("carry", "map", [*np.atleast_1d(x), 0.0], 1.0) for x in points])
+
+
+def logistic_two_cycle(a):
+    return (a + 1.0 + np.array([-1.0, 1.0]) * math.sqrt((a - 3.0) * (a + 1.0))) / (2.0 * a)
+
+
+@pytest.fixture(scope="module")
+def logistic():
+    return continue_orbit(cycle(carried(LOGISTIC, a=2.5), [0.6]), "a", (2.0, 3.4))
+
+
+@pytest.fixture(scope="module")
+def henon():
+    x = henon_fixed_point(0.2, 0.3)
+    return continue_orbit(cycle(carried(HENON, a=0.2, b=0.3), [(x, x)]), "a", (-1.0, 1.5))
+
+
+@pytest.fixture(scope="module")
+def grazing():
+    form = ImpactOrbit(1.1, 1)
+    guess = [("free", "impact", form.after_impact(0.5), form.period)]
+    orbit = solve_orbit(systems.impact_oscillator(), {"w": 1.1, "A": form.amplitude(0.5)}, guess)
+    return continue_orbit(orbit, "A", (0.05, 1.2), directions="down")
+
+
+# switch_branch
+
+
+def test_the_doubled_orbit_is_the_two_cycle_of_its_own_parameter(logistic):
+    doubled = switch_branch(logistic["PD1"])
+    a = doubled.parameters["a"]
+    assert 3.0 < a < 3.01
+    assert doubled.period == pytest.approx(2.0, abs=1e-12)
+    assert doubled.stable
+    np.testing.assert_allclose(np.sort(doubled.states[:, 0]), logistic_two_cycle(a), atol=1e-10)
+
+
+def test_the_doubled_orbit_of_a_planar_map(henon):
+    doubled = switch_branch(henon["PD1"])
+    expected = sorted(henon_two_cycle(doubled.parameters["a"], 0.3))
+    np.testing.assert_allclose(np.sort(doubled.states[:, 0]), expected, atol=1e-9)
+    assert len(doubled.signature) == 2
+
+
+def test_the_branch_of_doubled_orbits_leads_from_the_doubling_to_the_next(logistic):
+    branch = continue_orbit(switch_branch(logistic["PD1"]), "a", (3.0, 3.5))
+    for a, orbit in zip(branch.values[::5], list(branch)[::5], strict=True):
+        np.testing.assert_allclose(np.sort(orbit.states[:, 0]), logistic_two_cycle(max(a, 3.0)), atol=2e-5)
+    assert branch["PD1"].parameters["a"] == pytest.approx(DOUBLINGS[1], abs=1e-10)
+
+
+def test_the_other_branch_at_a_transcritical_point():
+    """Of the delayed logistic map with c = 0: x = 1 - 1/a and x = 0 cross at a = 1."""
+    orbit = cycle(carried(DELAYED, a=1.5, c=0.0), [(1 / 3, 1 / 3)])
+    other = switch_branch(continue_orbit(orbit, "a", (0.5, 1.8))["BP1"])
+    np.testing.assert_allclose(other.x0[:2], 0.0, atol=1e-9)
+    assert 0.0 < abs(other.parameters["a"] - 1.0) < 0.01
+
+
+def test_the_other_branch_at_a_pitchfork():
+    """Of h x - x^3: x = 0 and x^2 = h - 1."""
+    branch = continue_orbit(cycle(carried(CUSP, r=0.0, h=0.5), [0.0]), "h", (0.2, 1.5))
+    other = switch_branch(branch["BP1"])
+    assert other.x0[0] ** 2 == pytest.approx(other.parameters["h"] - 1.0, abs=1e-10)
+    assert abs(other.x0[0]) > 1e-4
+    assert other.stable
+
+
+def test_a_grazing_orbit_in_both_signatures(grazing):
+    point = grazing["GR1"]
+    own, *others = switch_branch(point)
+    assert own is point.orbit
+    assert {orbit.signature for orbit in (own, *others)} == {(("free", "impact"),), (("free", "theta"),)}
+    for orbit in others:
+        assert orbit.parameters == pytest.approx(dict(point.parameters))
+        assert orbit.max["x"] == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("given", [None, 3, "PD1", [], {}])
+def test_what_is_no_special_point_has_no_other_branch(given):
+    refuse(f"point = {given!r}: must be a SpecialPoint", lambda: switch_branch(given))
+
+
+def test_an_orbit_or_a_branch_is_no_special_point(logistic):
+    for given in (logistic, logistic.orbit(0)):
+        refuse("point = ", lambda given=given: switch_branch(given))
+
+
+def test_at_a_fold_no_other_branch_meets(henon):
+    message = "point = 'SN': must be of type PD, BP or GR; no other branch meets there"
+    refuse(message, lambda: switch_branch(henon["SN1"]))
+
+
+# follow_cascade
+
+
+@pytest.fixture(scope="module")
+def cascade(logistic):
+    return follow_cascade(logistic["PD1"], (2.5, 4.0))
+
+
+def test_a_cascade_doubles_where_it_is_known_to(cascade):
+    np.testing.assert_allclose(cascade.values, DOUBLINGS, atol=1e-10)
+    assert cascade.stopped == "4 doublings followed"
+    assert [len(point.orbit.signature) for point in cascade.points] == [1, 2, 4, 8, 16]
+    assert len(cascade.branches) == 4
+    for branch, point in zip(cascade.branches, cascade.points[1:], strict=True):
+        assert branch["PD1"].parameters["a"] == point.parameters["a"]
+
+
+def test_the_ratios_of_a_cascade_and_its_limit(cascade):
+    gaps = np.diff(DOUBLINGS)
+    np.testing.assert_allclose(cascade.ratios, gaps[:-1] / gaps[1:], rtol=1e-6)
+    assert cascade.ratios[-1] == pytest.approx(4.669, abs=0.01)
+    assert cascade.limit == pytest.approx(ACCUMULATION, abs=1e-5)
+
+
+def test_a_cascade_as_a_table_and_as_text(cascade):
+    table = cascade.to_dataframe()
+    assert table["doublings"].tolist() == [0, 1, 2, 3, 4]
+    np.testing.assert_allclose(table["period"], [1.0, 2.0, 4.0, 8.0, 16.0], rtol=1e-12)
+    assert table["ratio"].isna().tolist() == [True, False, False, False, True]
+    lines = repr(cascade).splitlines()
+    assert lines[0] == "Cascade of 5 period doublings along a"
+    assert lines[1].startswith("  period 1   doubles at 3")
+    assert lines[-1] == "  ended: 4 doublings followed"
+
+
+def test_a_cascade_towards_lower_values():
+    system = carried({"x": "(4 - b)*x*(1 - x)"}, b=1.5)
+    branch = continue_orbit(cycle(system, [0.6]), "b", (0.7, 2.0))
+    cascade = follow_cascade(branch["PD1"], (0.0, 2.0), doublings=2)
+    np.testing.assert_allclose(4.0 - cascade.values, DOUBLINGS[:3], atol=1e-10)
+
+
+def test_a_cascade_of_a_planar_map(henon):
+    cascade = follow_cascade(henon["PD1"], (-1.0, 1.5), doublings=1)
+    np.testing.assert_allclose(cascade.values, [3 * 0.7**2 / 4, 0.7**2 + 1.3**2 / 4], atol=1e-9)
+    assert cascade.ratios.size == 0
+
+
+def test_a_cascade_ends_at_a_bound(logistic):
+    cascade = follow_cascade(logistic["PD1"], (2.5, 3.5), doublings=3)
+    np.testing.assert_allclose(cascade.values, DOUBLINGS[:2], atol=1e-10)
+    assert len(cascade.branches) == 2
+    assert cascade.stopped == "a = 3.5: bound reached"
+
+
+def test_progress_is_told_along_a_cascade(logistic):
+    told = []
+    follow_cascade(logistic["PD1"], (2.5, 3.5), doublings=1, progress=lambda *place: told.append(place))
+    assert [count for count, _ in told] == list(range(1, len(told) + 1))
+    assert 3.0 <= told[-1][1] <= 3.5
+
+
+@pytest.mark.parametrize("given", [None, 3, "PD1", []])
+def test_what_is_no_special_point_starts_no_cascade(given):
+    refuse(f"start = {given!r}: must be a SpecialPoint", lambda: follow_cascade(given, (2.5, 4.0)))
+
+
+def test_a_cascade_starts_at_a_doubling_of_a_branch(henon):
+    hint = "must be a PD of a branch; branch['PD1'] is one"
+    refuse(f"start = 'SN': {hint}", lambda: follow_cascade(henon["SN1"], (-1.0, 1.5)))
+    locus = continue_locus(henon["PD1"], ("a", "b"), {"a": (0.0, 1.0), "b": (0.2, 0.4)})
+    refuse(f"start = 'PD': {hint}", lambda: follow_cascade(locus.point(0), (-1.0, 1.5)))
+
+
+@pytest.mark.parametrize("bounds", [None, 3.0, (2.0,), (4.0, 2.5), (2.5, math.nan), "ab"])
+def test_a_cascade_needs_an_interval(logistic, bounds):
+    refuse(f"bounds = {bounds!r}: must be two numbers", lambda: follow_cascade(logistic["PD1"], bounds))
+
+
+def test_a_cascade_needs_an_interval_that_holds_its_start(logistic):
+    refuse("bounds = (3.2, 4.0): must be an interval", lambda: follow_cascade(logistic["PD1"], (3.2, 4.0)))
+
+
+@pytest.mark.parametrize("doublings", [0, -1, 1.5, "2", None, True])
+def test_the_number_of_doublings_is_a_count(logistic, doublings):
+    start = logistic["PD1"]
+    refuse(f"doublings = {doublings!r}: must be", lambda: follow_cascade(start, (2.5, 4.0), doublings=doublings))
+
+
+@pytest.mark.parametrize("steps", [0.1, "small", {"largest": 0.1}, StepControl])
+def test_steps_of_a_cascade_are_a_step_control(logistic, steps):
+    refuse("steps = ", lambda: follow_cascade(logistic["PD1"], (2.5, 4.0), steps=steps))
+
+
+def test_progress_of_a_cascade_is_a_function(logistic):
+    refuse("progress = 3: must be", lambda: follow_cascade(logistic["PD1"], (2.5, 4.0), progress=3))
+
+
+def refuse(message, call):
+    """What is called raises an `InputError` that begins with a message, in one line."""
+    with pytest.raises(InputError, match=f"^{re.escape(message)}") as caught:
+        call()
+    assert "\n" not in str(caught.value)
