@@ -16,6 +16,9 @@ from saltus.system.machine_code import njit
 INNER: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of functions that only other kernels call: those are what is cached, with all that they call."""
 
+PART: dict[str, Any] = {**INNER, "inline": "always"}
+"""Options of functions that are parts of others, apart for the reader: compiling one more function takes long."""
+
 E3 = tuple(tableaux.ERROR_3.tolist())
 E5 = tuple(tableaux.ERROR_5.tolist())
 A = tableaux.COEFFICIENTS.ravel()

@@ -18,9 +18,10 @@ import numpy as np
 from numba import float64, int64
 
 from saltus.flow._bit_kernels import bits_of, float_of
-from saltus.flow._event_kernels import BOUND, DURATION, EPSILON, PASSES, ROUNDING, T_LOW, TWO_PI, T, advance
 from saltus.flow._kernels import INNER, call, keep, outlined, pointer
 from saltus.flow._polynomial_kernels import DEPTH, ROOTS, bernstein_roots, variations
+from saltus.flow._state_kernels import BOUND, DURATION, EPSILON, PASSES, T_LOW, TWO_PI, T, advance
+from saltus.flow._step_kernels import ROUNDING
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 

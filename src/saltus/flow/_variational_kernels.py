@@ -9,13 +9,18 @@ event it is made orthonormal, and the logarithms of the lengths that it had are 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from saltus.flow._event_kernels import AGAIN, DONE, EPSILON, N_EVENTS, N_STEPS, T_LOW, T, run_kernel
+from saltus.flow._event_kernels import run_kernel
 from saltus.flow._kernels import INNER, call, error_norm, keep, outlined, pointer, stage
+from saltus.flow._state_kernels import AGAIN, DONE, EPSILON, N_EVENTS, N_STEPS, T_LOW, Goal, T, system_pointers
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 FIELD, VARY, EVENT_X, RESET_X = (FUNCTIONS.index(name) for name in ("field", "vary", "event_x", "reset_x"))
 
@@ -38,6 +43,56 @@ CLEAR = 1e-4
 """Part of its terms above which a normal velocity is clear of a grazing, so that small columns are not made by it."""
 
 
+class Rows(NamedTuple):
+    """Stretches of a motion, one after the other.
+
+    Parameters
+    ----------
+    times : ndarray, shape (row,)
+        The time at which each ends; or
+    wraps : ndarray of int64, shape (row,)
+        the count of wraps.
+    growth : ndarray, shape (row, columns)
+        Logarithms of the columns' growth in each row, -inf from the row on in which one collapses.
+    ends : ndarray, shape (row,)
+        Times at which they ended.
+    """
+
+    times: NDArray[np.float64]
+    wraps: NDArray[np.int64]
+    growth: NDArray[np.float64]
+    ends: NDArray[np.float64]
+
+
+class Frame(NamedTuple):
+    """Perturbations of a motion, and room for what is told of each: pointers.
+
+    Parameters
+    ----------
+    columns : int
+        How many.
+    vectors : float64 pointer, (n, columns)
+        The perturbations.
+    terms : float64 pointer, (columns,)
+        The size of what each was summed up from.
+    gains : float64 pointer, (columns,)
+        Logarithms of growth in a part of a step.
+    """
+
+    columns: int
+    vectors: Any
+    terms: Any
+    gains: Any
+
+
+class Room(NamedTuple):
+    """Room for a step of state and frame, of length n (1 + columns): pointers to 13 slopes, to its start and its end."""
+
+    slopes: Any
+    y: Any
+    trial: Any
+
+
 @njit(**INNER)
 def _take(addresses, mode, n, columns, h, p, slopes, y, trial):
     """Take a step of state and frame from y to trial; the error of the frame, whose columns have length 1 in y."""
@@ -52,26 +107,24 @@ def _take(addresses, mode, n, columns, h, p, slopes, y, trial):
 
 
 @njit(**INNER)
-def _carry(
-    addresses, mode, n, columns, live, x, h, p, tolerance, longest, frame, terms, growth, gains, slopes, y, trial
-):  # fmt: skip
+def _carry(system, mode, x, h, frame, live, longest, tolerance, growth, room):
     """Carry a frame over a step of the state from x, orthonormal at its end; how many columns live, and `longest`.
 
     The step is taken in parts not longer than `longest`, and shorter until the frame's error is below `tolerance` of
-    the least that an orthonormal column shrinks to. terms, growth, gains: (columns,); slopes: (13 * length,); y, trial:
-    (length,) with length = n (1 + columns).
+    the least that an orthonormal column shrinks to.
     """
     outlined()
+    n, columns, terms, gains, y, trial = system.n, frame.columns, frame.terms, frame.gains, room.y, room.trial
     for c in range(columns):
         terms[c] = 0.0
     for e in range(n):
         y[e] = x[e]
     for e in range(n * columns):
-        y[n + e] = frame[e]
+        y[n + e] = frame.vectors[e]
     left = h
     while left > 0.0:
         part = left if left <= longest else left / math.ceil(left / longest)
-        error = _take(addresses, mode, n, columns, part, p, slopes, y, trial) / tolerance
+        error = _take(system.addresses, mode, n, columns, part, system.p, room.slopes, y, trial) / tolerance
         remaining = live
         if error <= 1.0:
             for c in range(columns):
@@ -98,7 +151,7 @@ def _carry(
             longest = math.inf
         left = left - part if part < left else 0.0
     for e in range(n * columns):
-        frame[e] = y[n + e]
+        frame.vectors[e] = y[n + e]
     return live, longest
 
 
@@ -192,69 +245,69 @@ def _orthonormalise(frame, n, columns, live, terms, growth):
     return live
 
 
+@njit(**INNER)
+def _pass(system, event, events, frame, live, growth, places, work):
+    """Carry a frame over one of the events that are stored; how many columns live."""
+    outlined()
+    n, k = system.n, events.which[event, 0]
+    ends = pointer(events.ends, 0)
+    before, after = pointer(ends, 2 * event * n), pointer(ends, (2 * event + 1) * n)
+    mode, target = events.which[event, 1], events.which[event, 2]
+    if _saltate(
+        system.addresses, k, mode, target, n, frame.columns, before, after, system.p, frame.vectors, frame.terms, work
+    ):
+        return _orthonormalise(frame.vectors, n, frame.columns, live, frame.terms, growth)
+    places[GRAZED] += 1
+    return live
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
-def growth_kernel(
-    addresses, transitions, phase, p, rtol, atol, budget,
-    x, slopes, size, numbers, counts, side, on, value, first_steps,
-    step_times, step_modes, step_starts, step_dense,
-    event_times, event_which, event_ends, event_rates,
-    row_times, row_wraps, frame, places, growth, ends,
-):  # fmt: skip
+def growth_kernel(system, tolerances, budget, state, steps, events, rows, vectors, places):
     """Follow a motion with a frame, row after row, until the last row ends or `budget` steps are spent; a status.
 
-    The first two lines of arguments, and the buffers, are those of `run_kernel`. row_times, row_wraps: (row,), the time
-    or the count of wraps at which each row ends. Changed in place: frame, (n, columns); places; growth, (row, columns),
-    logarithms of the columns' growth in each row, -inf from the row on in which one collapses; ends, (row,), times.
+    The records are those of `run_kernel`. Changed in place: vectors, (n, columns); places; what rows hold.
     """
-    n, columns = frame.shape
+    n, columns = vectors.shape
     length, start = n * (1 + columns), (n + 2) * (n + 3) + 3 * columns
     block = np.empty(start + 15 * length + columns)
-    terms, work, stages = pointer(block, 0), pointer(block, columns), pointer(block, start)
-    y, trial = pointer(block, start + 13 * length), pointer(block, start + 14 * length)
-    gains = pointer(block, start + 15 * length)
-    codes, constants, columns_of, sums = pointer(addresses, 0), pointer(p, 0), pointer(frame, 0), pointer(growth, 0)
-    steps, starts, before = pointer(step_times, 0), pointer(step_starts, 0), pointer(event_ends, 0)
+    work = pointer(block, columns)
+    room = Room(pointer(block, start), pointer(block, start + 13 * length), pointer(block, start + 14 * length))
+    frame = Frame(columns, pointer(vectors, 0), pointer(block, 0), pointer(block, start + 15 * length))
+    laws, sums, starts, counts = (
+        system_pointers(system),
+        pointer(rows.growth, 0),
+        pointer(steps.starts, 0),
+        state.counts,
+    )
     last_event, live = np.iinfo(np.int64).max, places[LIVE]
-    tolerance, longest = min(LOOSER * rtol, LOOSEST), math.inf
+    tolerance, longest = min(LOOSER * tolerances.rtol, LOOSEST), math.inf
     status = DONE
-    while places[ROW] < row_times.size:
+    while places[ROW] < rows.times.size:
         row = places[ROW]
         if budget <= 0:
             status = AGAIN
             break
-        status = run_kernel(
-            addresses, transitions, phase, p, row_times[row], row_wraps[row], last_event, rtol, atol, budget,
-            x, slopes, size, numbers, counts, side, on, value, first_steps,
-            step_times, step_modes, step_starts, step_dense, event_times, event_which, event_ends, event_rates,
-        )  # fmt: skip
+        goal = Goal(rows.times[row], rows.wraps[row], last_event, budget)
+        status = run_kernel(system, tolerances, goal, state, steps, events)
         budget -= max(counts[N_STEPS], 1)
-        into = pointer(sums, row * columns)
+        growth = pointer(sums, row * columns)
         event = 0
         for step in range(counts[N_STEPS] + 1):
             # events at the time at which a step begins come before it, those after the last step at the end
-            while event < counts[N_EVENTS] and (step == counts[N_STEPS] or event_times[event] <= steps[2 * step]):
-                k, mode, target = event_which[event, 0], event_which[event, 1], event_which[event, 2]
-                if k >= 0:
-                    side_before, side_after = pointer(before, 2 * event * n), pointer(before, (2 * event + 1) * n)
-                    if _saltate(
-                        codes, k, mode, target, n, columns, side_before, side_after, constants, columns_of, terms, work
-                    ):
-                        live = _orthonormalise(columns_of, n, columns, live, terms, into)
-                    else:
-                        places[GRAZED] += 1
+            while event < counts[N_EVENTS] and (step == counts[N_STEPS] or events.times[event] <= steps.times[step, 0]):
+                if events.which[event, 0] >= 0:
+                    live = _pass(laws, event, events, frame, live, growth, places, work)
                     longest = math.inf
                 event += 1
             if step < counts[N_STEPS]:
-                x_step = pointer(starts, step * n)
-                h = steps[2 * step + 1]
+                x, h = pointer(starts, step * n), steps.times[step, 1]
                 live, longest = _carry(
-                    codes, step_modes[step], n, columns, live, x_step, h, constants, tolerance, longest, columns_of,
-                    terms, into, gains, stages, y, trial,
+                    laws, steps.modes[step], x, h, frame, live, longest, tolerance, growth, room
                 )  # fmt: skip
         if status == DONE:
-            ends[row] = numbers[T] + numbers[T_LOW]
+            rows.ends[row] = state.numbers[T] + state.numbers[T_LOW]
             for c in range(live, columns):
-                into[c] = -math.inf
+                growth[c] = -math.inf
             places[ROW] += 1
         elif status != AGAIN:
             break

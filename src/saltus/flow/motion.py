@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +26,7 @@ __all__ = ["EventDrivenMotion", "allowed_modes", "check_tolerances", "domain_val
 _TWO_PI = 2.0 * math.pi
 _EVENTS_KEPT = 1024
 _BUDGET = 1 << 16
+_MOST = np.iinfo(np.int64).max
 _WATCHED = 2048  # steps tried between two looks at whether a motion sticks
 _HUGE = 1e250  # event functions beyond this are not finite: sums of some of their values overflow
 _LOOKS = 3  # looks in a row at which it must
@@ -78,10 +80,12 @@ class EventDrivenMotion:
         most_steps: int | None = None,
         room: int | None = None,
     ) -> None:
-        from saltus.flow import _event_kernels as kernels
+        from saltus.flow import _state_kernels as kernels
+        from saltus.flow._event_kernels import run_kernel
 
         compiled, n = system.compiled, x.size
-        self.kernels, self.system, self.rtol, self.atol = kernels, system, float(rtol), float(atol)
+        self.kernels, self._run = kernels, run_kernel
+        self.system, self.rtol, self.atol = system, float(rtol), float(atol)
         self.addresses = compiled.addresses
         self.p = compiled.extended(np.ascontiguousarray(p, dtype=np.float64))
         self.x = x
@@ -112,6 +116,23 @@ class EventDrivenMotion:
         self.event_buffers = (np.empty(m), np.empty((m, 3), np.int64), np.empty((m, 2, n)), np.empty(m))
         self.kept_steps: list[tuple[NDArray[Any], ...]] = []
         self.kept_events: list[tuple[NDArray[Any], ...]] = []
+
+    @cached_property
+    def records(self) -> tuple[Any, ...]:
+        """What the kernels are handed: system, tolerances, state, buffers of the steps and of the events."""
+        kernels, system, n = self.kernels, self.system, self.x.size
+        states = n - 1 if self.rate > 0.0 else n
+        counts = n, states, len(system.modes), len(system.transitions)
+        return (
+            kernels.System(self.addresses, self.transitions, self.p, self.rate, *counts),
+            kernels.Tolerances(self.rtol, self.atol),
+            kernels.State(
+                self.x, self.slopes, self.size, self.numbers, self.counts, self.side, self.on, self.value,
+                self.first_steps,
+            ),
+            kernels.Steps(len(self.step_buffers[0]), *self.step_buffers),
+            kernels.Events(len(self.event_buffers[0]), *self.event_buffers),
+        )  # fmt: skip
 
     def _start_sides(self, mode: int) -> NDArray[np.int64]:
         """What is known of the side of each event, should the motion start on its surface.
@@ -164,7 +185,7 @@ class EventDrivenMotion:
 
         `keep` False forgets the events.
         """
-        most = np.iinfo(np.int64).max
+        most = _MOST
         self._follow(t_end, most if periods is None else periods, most if n_events is None else n_events, keep)
         if periods is not None and self.offset > 0.0 and self.wraps >= periods:
             self._follow(
@@ -176,7 +197,7 @@ class EventDrivenMotion:
 
         `keep` False forgets the events.
         """
-        self._follow(t_end, np.iinfo(np.int64).max, self.events_passed + n_events, keep, self.tries + tries)
+        self._follow(t_end, _MOST, self.events_passed + n_events, keep, self.tries + tries)
 
     @property
     def tries(self) -> int:
@@ -214,11 +235,9 @@ class EventDrivenMotion:
         status = self.kernels.AGAIN
         while status == self.kernels.AGAIN and self.tries < last_try and self._room > 0:
             budget = int(min(self.budget, last_try - self.tries, self._room))
-            status = self.kernels.run_kernel(
-                self.addresses, self.transitions, self.rate, self.p, t_end, wraps, n_events, self.rtol, self.atol,
-                budget, self.x, self.slopes, self.size, self.numbers, self.counts, self.side, self.on, self.value,
-                self.first_steps, *self.step_buffers, *self.event_buffers,
-            )  # fmt: skip
+            goal = self.kernels.Goal(t_end, wraps, n_events, budget)
+            laws, tolerances, *buffers = self.records
+            status = self._run(laws, tolerances, goal, *buffers)
             if keep:
                 m, k = (int(self.counts[place]) for place in (self.kernels.N_STEPS, self.kernels.N_EVENTS))
                 self._room -= m
@@ -285,7 +304,7 @@ def _is_of_phase(system: HybridSystem, transition: int) -> bool:
 
 def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:
     """Return whether an event of the phase alone happens at phase 0, to what the strobe can tell."""
-    from saltus.flow._event_kernels import AT_WRAP
+    from saltus.flow._state_kernels import AT_WRAP
 
     out, extended = np.empty(2), system.compiled.extended(p)
     for k, transition in enumerate(system.transitions):
@@ -303,7 +322,7 @@ def start_state(system: HybridSystem, x0: ArrayLike) -> NDArray[np.float64]:
 
     One that ended at phase 0 to rounding begins there, before the events at that phase.
     """
-    from saltus.flow._event_kernels import AT_WRAP
+    from saltus.flow._state_kernels import AT_WRAP
 
     x = system.full_state(x0)
     if system.phase is not None:

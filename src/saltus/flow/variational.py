@@ -187,15 +187,13 @@ def _run_rows(
     places = np.zeros(kernels.N_PLACES, np.int64)
     places[kernels.LIVE] = frame.shape[1]
     logs, ends = np.zeros((row_times.size, frame.shape[1])), np.zeros(row_times.size)
+    rows = kernels.Rows(row_times, row_wraps, logs, ends)
+    laws, tolerances, *buffers = run.records
     again, done = run.kernels.AGAIN, run.kernels.DONE
     status, longest, stiff = again, 0.0, 0
     while status == again:
         tries, time = run.tries, run.time
-        status = kernels.growth_kernel(
-            run.addresses, run.transitions, run.rate, run.p, run.rtol, run.atol, run.budget, run.x, run.slopes,
-            run.size, run.numbers, run.counts, run.side, run.on, run.value, run.first_steps, *run.step_buffers,
-            *run.event_buffers, row_times, row_wraps, frame, places, logs, ends,
-        )  # fmt: skip
+        status = kernels.growth_kernel(laws, tolerances, run.budget, *buffers, rows, frame, places)
         if status == again:
             run.watch()
             step = (run.time - time) / max(run.tries - tries, 1)
