@@ -7,6 +7,7 @@ The figure must be one of the numbers there, perhaps rounded. "... a second" is 
 """
 
 import re
+import tomllib
 from itertools import pairwise
 from pathlib import Path
 
@@ -36,12 +37,19 @@ def anchors_of(page):
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("page", ["docs/architecture.md", "docs/glossary.md"])
+@pytest.mark.parametrize("page", ["docs/architecture.md", "docs/glossary.md", "CONTRIBUTING.md"])
 def test_files_that_the_page_names_exist(page):
     named = set(FILE.findall(text_of(page)))
     missing = {name for name in named if not ((PACKAGE / name).exists() or (ROOT / name).exists())}
     assert named
     assert not missing
+
+
+def test_the_table_of_floors_is_the_contract():
+    contracts = tomllib.loads(text_of("pyproject.toml"))["tool"]["importlinter"]["contracts"]
+    floors = [set(layer.split(" | ")) for layer in contracts[0]["layers"]]
+    rows = re.findall(r"^\| \d+ \| (.*?) \|", text_of("CONTRIBUTING.md"), re.MULTILINE)
+    assert [set(re.findall(r"`(\w+)`", row)) for row in rows] == floors
 
 
 @pytest.mark.parametrize("module", [saltus, afm], ids=lambda module: module.__name__)
