@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import signal
-import sys
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
-from importlib import import_module
-from multiprocessing import current_process, get_context, parent_process
-from types import MappingProxyType, ModuleType
-from typing import TYPE_CHECKING, Any, Protocol
+from multiprocessing import current_process
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,11 +23,9 @@ from saltus.orbits import PeriodicOrbit
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 from saltus.system.plain import held_system
-from saltus.work import starting
+from saltus.work import Cluster, Here, Outcome, Processes, Workers, is_stopped, processors
 
 if TYPE_CHECKING:
-    from multiprocessing.synchronize import Event
-
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
@@ -305,7 +297,8 @@ def continue_family(
     options = {name: trial.options[name] for name in ("directions", "events", "stop_at", "at_grazing")}
     table = _read_over(orbit.system, parameter, over)
     places = _places(orbit.system, table)
-    workers = _workers(_Task(parameter, bounds, {"steps": control} | options), processes, client, len(places))
+    task = _Task(parameter, bounds, {"steps": control} | options)
+    workers = _workers(processes, client, len(places))
     record = _Record(table, len(places), progress)
     try:
         with suppress(KeyboardInterrupt):  # what is done is kept
@@ -314,13 +307,13 @@ def continue_family(
                     record.keep([(index, start)])
                 else:
                     record.tell(index, "the start is there")
-                    workers.submit(index, start)
-                record.keep(workers.finished(waiting=False))
+                    workers.submit(index, _traced, task, start)
+                record.keep(_results(workers.finished(waiting=False)))
             while len(record.outcomes) < len(places):
-                record.keep(workers.finished(waiting=True))
+                record.keep(_results(workers.finished(waiting=True)))
     finally:
         workers.stop()
-    record.outcomes |= workers.finished(waiting=False)
+    record.outcomes |= _results(workers.finished(waiting=False))
     outcomes = [record.outcomes.get(i, _INTERRUPTED) for i in range(len(places))]
     return Family(
         orbit.system,
@@ -508,182 +501,38 @@ class _Task:
             return f"{type(error).__name__}: {error}"
 
 
-class _Workers(Protocol):
-    """Something that traces branches."""
-
-    def submit(self, index: int, start: PeriodicOrbit) -> None:
-        """Take on a member."""
-
-    def finished(self, *, waiting: bool) -> list[tuple[int, Branch | str]]:
-        """Return members that are done, each once; wait for the next one, at most for a short while, if asked to."""
-
-    def stop(self) -> None:
-        """Give up what is not done."""
-
-
-def _workers(task: _Task, processes: object, client: Any, members: int) -> _Workers:
+def _workers(processes: object, client: Any, members: int) -> Workers:
     if client is not None:
         if processes is not None:
             raise InputError("processes", processes, "left out where a client is given")
-        return _Cluster(task, client)
-    if processes is None:
-        available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        processes = available
-    processes = checks.count("processes", processes)
+        return Cluster(client)
+    count = min(processors() if processes is None else checks.count("processes", processes), members)
     # a daemonic process, as a worker of Dask or of a pool, may not have children
-    alone = min(processes, members) == 1 or current_process().daemon
-    return _Here(task) if alone else _Pool(task, min(processes, members))
+    return Here() if count == 1 or current_process().daemon else Processes(count, "processes=1")
 
 
-class _Here:
-    """Work in this process."""
+def _traced(task: _Task, start: PeriodicOrbit) -> Branch | str:
+    """A branch, where it is computed; an interrupt there gives it up."""
 
-    def __init__(self, task: _Task) -> None:
-        self._task = task
-        self._done: list[tuple[int, Branch | str]] = []
-
-    def submit(self, index: int, start: PeriodicOrbit) -> None:
-        branch = self._task.trace(start)
-        if isinstance(branch, Branch) and _is_interrupted(branch):
-            raise KeyboardInterrupt
-        self._done.append((index, branch))
-
-    def finished(self, *, waiting: bool) -> list[tuple[int, Branch | str]]:
-        done, self._done = self._done, []
-        return done
-
-    def stop(self) -> None:
-        pass
-
-
-class _Pool:
-    """Work in processes on this machine."""
-
-    def __init__(self, task: _Task, processes: int) -> None:
-        context = get_context("spawn")  # the same everywhere, and safe where threads run: Numba's, NumPy's
-        self._task, self._processes, self._started = task, processes, False
-        self._stop = context.Event()
-        self._executor = ProcessPoolExecutor(processes, context, _begin_worker, (self._stop,))
-        self._pending: dict[Future[Branch | str], int] = {}
-        self._refused: list[tuple[int, Branch | str]] = []
-
-    def _start(self) -> None:
-        """Start all processes at once: one that dies while others start can bring the executor's own thread down."""
-        self._started = True
-        with _unnoticed(), starting("processes=1"):
-            for _ in range(self._processes):
-                self._executor.submit(os.getpid)  # as long as none is idle, each call starts one
-
-    def submit(self, index: int, start: PeriodicOrbit) -> None:
-        if not self._started:
-            self._start()
-        try:
-            future = self._executor.submit(_trace_in_worker, self._task, start)
-        except RuntimeError as error:  # a worker has died
-            self._refused.append((index, _told(error)))
-        else:
-            self._pending[future] = index
-
-    def finished(self, *, waiting: bool) -> list[tuple[int, Branch | str]]:
-        done, self._refused = self._refused, []
-        futures = wait(self._pending, 0.5 if waiting and not done else 0.0, FIRST_COMPLETED).done
-        return done + [(self._pending.pop(future), _result(future)) for future in futures]
-
-    def stop(self) -> None:
-        self._stop.set()
-        self._executor.shutdown(wait=True, cancel_futures=True)
-        self._pending = {future: index for future, index in self._pending.items() if not future.cancelled()}
-
-
-class _Cluster:
-    """Work on a Dask cluster."""
-
-    def __init__(self, task: _Task, client: Any) -> None:
-        if not callable(getattr(client, "submit", None)):
-            raise InputError("client", client, "a dask.distributed.Client")
-        self._task, self._client = task, client
-        self._ready: Any = import_module("distributed").as_completed(loop=client.loop)
-        self._pending: dict[str, tuple[int, Any]] = {}
-        self._done: list[tuple[int, Branch | str]] = []
-
-    def submit(self, index: int, start: PeriodicOrbit) -> None:
-        future = self._client.submit(self._task.trace, start, pure=False)
-        self._pending[future.key] = (index, future)
-        self._ready.add(future)
-
-    def finished(self, *, waiting: bool) -> list[tuple[int, Branch | str]]:
-        done, self._done = self._done, []
-        while self._pending and (self._ready.has_ready() or (waiting and not done)):
-            future = next(self._ready)
-            index, _ = self._pending.pop(future.key)
-            done.append((index, _result(future)))
-        return done
-
-    def stop(self) -> None:
-        finished = [(index, future) for index, future in self._pending.values() if future.done()]
-        self._done += [(index, _result(future)) for index, future in finished]
-        self._client.cancel([future for _, future in self._pending.values() if not future.done()])
-        self._pending.clear()
-
-
-def _result(future: Any) -> Branch | str:
-    try:
-        outcome: Branch | str = future.result()
-    except Exception as error:
-        return _told(error)
-    return outcome
-
-
-def _told(error: Exception) -> str:
-    return f"its worker was lost: {type(error).__name__}: {error}"
-
-
-# inside a worker process
-
-
-_stop: Event | None = None
-"""Set where the parent wants its workers to end."""
-
-
-def _begin_worker(stop: Event) -> None:
-    """Prepare a worker: Ctrl-C is the parent's to handle, and no worker outlives it."""
-    global _stop
-    _stop = stop
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_leave_with_parent, daemon=True).start()
-
-
-def _leave_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def _trace_in_worker(task: _Task, start: PeriodicOrbit) -> Branch | str:
     def watch(count: int, value: float) -> None:
-        if _stop is not None and _stop.is_set():
+        if is_stopped():
             raise KeyboardInterrupt
 
     outcome = task.trace(start, watch)
-    return _INTERRUPTED if isinstance(outcome, Branch) and _is_interrupted(outcome) else outcome
+    if isinstance(outcome, str) or not _is_interrupted(outcome):
+        return outcome
+    if is_stopped():
+        return _INTERRUPTED
+    raise KeyboardInterrupt
 
 
-@contextmanager
-def _unnoticed() -> Iterator[None]:
-    """Let processes that start meanwhile neither run the main script again nor hear Ctrl-C.
+def _results(done: Iterable[tuple[int, Outcome]]) -> list[tuple[int, Branch | str]]:
+    return [(index, _result(outcome)) for index, outcome in done]
 
-    All that a worker does is in this package, so that a script needs no ``if __name__ == "__main__"``. The signal stays
-    blocked in what starts here; in this process it waits.
-    """
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    masked = None
-    if sys.platform != "win32":
-        masked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+
+def _result(outcome: Outcome) -> Branch | str:
     try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
-        if sys.platform != "win32" and masked is not None:
-            signal.pthread_sigmask(signal.SIG_SETMASK, masked)
+        branch: Branch | str = outcome.result()
+    except Exception as error:
+        return f"its worker was lost: {type(error).__name__}: {error}"
+    return branch
