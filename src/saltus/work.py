@@ -1,13 +1,44 @@
-"""What is said where the system allows no further thread or process."""
+"""Work on many pieces at the same time: here, in threads, in processes, or on a Dask cluster."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+import signal
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from importlib import import_module
+from multiprocessing import get_context, parent_process
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
-from saltus.errors import SaltusError
+from saltus.errors import InputError, SaltusError
 
-__all__ = ["starting"]
+if TYPE_CHECKING:
+    from multiprocessing.synchronize import Event
+
+__all__ = [
+    "Cluster",
+    "Here",
+    "Job",
+    "Outcome",
+    "Processes",
+    "Threads",
+    "Workers",
+    "handed_out",
+    "is_stopped",
+    "processors",
+    "starting",
+]
+
+Job: TypeAlias = "tuple[Any, Callable[..., Any], *tuple[Any, ...]]"
+"""A piece of work: what it is known by, a function and its arguments."""
+
+_HEARD = 0.5
+"""Seconds after which who waits for a piece looks up, so that Ctrl-C is heard everywhere."""
 
 _REFUSED = "can't start new thread"  # what Python says
 
@@ -36,3 +67,257 @@ def starting(fewer: str = "") -> Iterator[None]:
             raise
         told = "the system allows no further thread or process here (ulimit -u): allow more"
         raise SaltusError(told + (f", or {fewer}" if fewer else "")) from error
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Outcome(Protocol):
+    """What has come of a piece of work: a future, of any library."""
+
+    def result(self) -> Any:
+        """Return it, or raise what the work raised."""
+
+
+class Workers(Protocol):
+    """Those who work on pieces at the same time, and hand them out in the order in which they are done."""
+
+    def submit(self, key: Any, function: Callable[..., Any], *arguments: Any) -> None:
+        """Take on a piece of work."""
+
+    def finished(self, *, waiting: bool) -> list[tuple[Any, Outcome]]:
+        """Return what is done, each piece once; wait for the next one, at most for a short while, if asked to."""
+
+    def stop(self) -> None:
+        """Give up what is not done; what is done meanwhile `finished` still returns."""
+
+
+class Here:
+    """Work in this thread: done as soon as it is submitted."""
+
+    def __init__(self) -> None:
+        self._done: list[tuple[Any, Outcome]] = []
+
+    def submit(self, key: Any, function: Callable[..., Any], *arguments: Any) -> None:
+        """Do a piece of work; what it raises is raised."""
+        done: Future[Any] = Future()
+        done.set_result(function(*arguments))
+        self._done.append((key, done))
+
+    def finished(self, *, waiting: bool) -> list[tuple[Any, Outcome]]:
+        """Return what is done, each piece once."""
+        done, self._done = self._done, []
+        return done
+
+    def stop(self) -> None:
+        """Nothing is under way."""
+
+
+class Threads:
+    """Work in threads of this process: of use where compiled code runs without the interpreter's lock.
+
+    Parameters
+    ----------
+    count : int
+        How many threads.
+    fewer : str
+        The option that asks for none, for messages.
+    """
+
+    def __init__(self, count: int, fewer: str) -> None:
+        self._executor: Executor = ThreadPoolExecutor(count)
+        self._fewer = fewer
+        self._pending: dict[Future[Any], Any] = {}
+
+    def submit(self, key: Any, function: Callable[..., Any], *arguments: Any) -> None:
+        """Take on a piece of work."""
+        with starting(self._fewer):
+            self._pending[self._executor.submit(function, *arguments)] = key
+
+    def finished(self, *, waiting: bool) -> list[tuple[Any, Outcome]]:
+        """Return what is done, each piece once; wait for the next one, if asked to, for half a second."""
+        done = wait(self._pending, _HEARD if waiting else 0.0, FIRST_COMPLETED).done
+        return [(self._pending.pop(future), future) for future in done]
+
+    def stop(self) -> None:
+        """Wait for what is under way; give up the rest."""
+        self._executor.shutdown(wait=True, cancel_futures=True)
+        self._pending = {future: key for future, key in self._pending.items() if not future.cancelled()}
+
+
+class Processes(Threads):
+    """Work in processes on this machine, in which `is_stopped` tells that the work is given up.
+
+    A piece whose process dies has the error as its outcome.
+
+    Parameters
+    ----------
+    count : int
+        How many processes.
+    fewer : str
+        The option that asks for none, for messages.
+    """
+
+    def __init__(self, count: int, fewer: str) -> None:
+        super().__init__(count, fewer)
+        context = get_context("spawn")  # the same everywhere, and safe where threads run: Numba's, NumPy's
+        self._count, self._started, self._stop = count, False, context.Event()
+        self._executor = ProcessPoolExecutor(count, context, _begin_worker, (self._stop,))
+        self._refused: list[tuple[Any, Outcome]] = []
+
+    def _start(self) -> None:
+        """Start all processes at once: one that dies while others start can bring the executor's own thread down."""
+        self._started = True
+        with _unnoticed(), starting(self._fewer):
+            for _ in range(self._count):
+                self._executor.submit(os.getpid)  # as long as none is idle, each call starts one
+
+    def submit(self, key: Any, function: Callable[..., Any], *arguments: Any) -> None:
+        """Take on a piece of work."""
+        if not self._started:
+            self._start()
+        try:
+            self._pending[self._executor.submit(function, *arguments)] = key
+        except RuntimeError as error:  # a worker has died
+            refused: Future[Any] = Future()
+            refused.set_exception(error)
+            self._refused.append((key, refused))
+
+    def finished(self, *, waiting: bool) -> list[tuple[Any, Outcome]]:
+        """Return what is done, each piece once; wait for the next one, if asked to, for half a second."""
+        refused, self._refused = self._refused, []
+        return refused + super().finished(waiting=waiting and not refused)
+
+    def stop(self) -> None:
+        """Tell the processes to stop, and wait until they are gone."""
+        self._stop.set()
+        super().stop()
+
+
+class Cluster:
+    """Work on a Dask cluster.
+
+    Parameters
+    ----------
+    client : dask.distributed.Client
+        The cluster; what a worker that dies had in hand goes to another.
+
+    Raises
+    ------
+    InputError
+        It is no client.
+    """
+
+    def __init__(self, client: Any) -> None:
+        if not callable(getattr(client, "submit", None)):
+            raise InputError("client", client, "a dask.distributed.Client")
+        self._client = client
+        self._ready: Any = import_module("distributed").as_completed(loop=client.loop)
+        self._pending: dict[str, tuple[Any, Any]] = {}
+        self._done: list[tuple[Any, Outcome]] = []
+
+    def submit(self, key: Any, function: Callable[..., Any], *arguments: Any) -> None:
+        """Take on a piece of work."""
+        future = self._client.submit(function, *arguments, pure=False)
+        self._pending[future.key] = (key, future)
+        self._ready.add(future)
+
+    def finished(self, *, waiting: bool) -> list[tuple[Any, Outcome]]:
+        """Return what is done, each piece once; wait for the next one if asked to."""
+        done, self._done = self._done, []
+        while self._pending and (self._ready.has_ready() or (waiting and not done)):
+            future = next(self._ready)
+            done.append((self._pending.pop(future.key)[0], future))
+        return done
+
+    def stop(self) -> None:
+        """Give up what no worker has done."""
+        self._done += [(key, future) for key, future in self._pending.values() if future.done()]
+        self._client.cancel([future for _, future in self._pending.values() if not future.done()])
+        self._pending.clear()
+
+
+def handed_out(
+    workers: Workers,
+    jobs: Iterable[Job],
+    at_once: Callable[[], int],
+    after: Callable[[Any, Any], Job | None] | None = None,
+) -> Generator[tuple[Any, Any], None, None]:
+    """Go through jobs as they are finished: what each is known by, and its result; closing it stops the work.
+
+    Parameters
+    ----------
+    workers : Workers
+        Who do them.
+    jobs : iterable of tuple
+        The jobs, in the order in which they are begun.
+    at_once : callable
+        Returns how many may wait or be under way with the workers.
+    after : callable, optional
+        Returns the job that follows on a finished one, from what it is known by and its result; None where none does.
+    """
+    waiting, under_way = deque(jobs), 0
+    try:
+        while waiting or under_way:
+            while waiting and under_way < at_once():
+                workers.submit(*waiting.popleft())
+                under_way += 1
+            for key, outcome in workers.finished(waiting=True):
+                result = outcome.result()
+                under_way -= 1
+                following = None if after is None else after(key, result)
+                if following is not None:
+                    workers.submit(*following)
+                    under_way += 1
+                yield key, result
+    finally:
+        workers.stop()
+
+
+# ---- inside a process that works ----
+
+
+_stop: Event | None = None
+"""Set where the parent wants its workers to end."""
+
+
+def is_stopped() -> bool:
+    """Return whether the process that handed this one its work has given it up."""
+    return _stop is not None and _stop.is_set()
+
+
+def _begin_worker(stop: Event) -> None:
+    """Prepare a worker: Ctrl-C is the parent's to handle, and no worker outlives it."""
+    global _stop
+    _stop = stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
+
+
+def _leave_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+@contextmanager
+def _unnoticed() -> Iterator[None]:
+    """Let processes that start meanwhile neither run the main script again nor hear Ctrl-C.
+
+    All that a worker does is in this package, so that a script needs no ``if __name__ == "__main__"``. The signal stays
+    blocked in what starts here; in this process it waits.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    masked = None
+    if sys.platform != "win32":
+        masked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+        if sys.platform != "win32" and masked is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, masked)

@@ -14,6 +14,7 @@ import pytest
 
 from saltus import HybridSystem, Mode, Transition
 from saltus.ensemble import cuda
+from saltus.ensemble._kernels import Boxes, Found, Motions, Regions, Settings
 from saltus.ensemble.cuda import CudaEnsemble, cuda_devices
 from saltus.ensemble.ensemble import Ensemble
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Traps
@@ -134,8 +135,9 @@ def test_the_compiler_of_a_device_takes_the_generated_text(between_wall_and_spri
     monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(8, 0)))
     reals, pairs, whole, indices = np.empty(1), np.empty((1, 2)), np.empty(1, np.int64), np.empty((1, 2), np.int64)
     arguments = (
-        (reals, reals, pairs), (pairs, pairs, whole), (reals, reals, indices, whole), (1.0, 1.0, 1.0, 1.0, 1, 1),
-        pairs, whole, whole, np.empty(1, np.uint8), np.empty(1, np.int32), pairs, whole,
+        (reals, reals, pairs), Motions(pairs, whole), Regions(pairs, pairs, whole),
+        Boxes(reals, reals, indices, whole), Settings(1.0, 1.0, 1.0, 1.0, 1, 1),
+        Found(np.empty(1, np.uint8), np.empty(1, np.int32), pairs, whole), whole,
     )  # fmt: skip
     kernel, _ = cuda._kernel(Ensemble(between_wall_and_spring)._lanes.module)
     compiled = compile_cuda(kernel.py_func, types.void, tuple(typeof(a) for a in arguments), cc=(8, 0))
@@ -157,11 +159,11 @@ def test_devices_share_the_motions_and_each_motion_is_followed_once(monkeypatch)
     together = Barrier(2 * 3)  # two pieces at a time on each of three devices
     used = []
 
-    def follow(device, module, x, modes, tables, settings, found):
+    def follow(device, module, tables, motions, regions, boxes, settings, found):
         together.wait(timeout=60)
         used.append(device)
         labels, strobes, ends, _ = found
-        labels[:], ends[:] = 7, x
+        labels[:], ends[:] = 7, motions.points
         strobes += 1
 
     monkeypatch.setattr(cuda, "cuda_devices", lambda: (0, 1, 2))

@@ -2,9 +2,10 @@
 
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.branch import Branch
-from saltus.continuation.family import Family, continue_family
+from saltus.continuation.family import Family
 from saltus.continuation.loci import continue_locus
 from saltus.continuation.locus import Locus
+from saltus.continuation.members import continue_family
 from saltus.continuation.orbit_curve import OrbitCurve
 from saltus.continuation.orbits import continue_orbit
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints

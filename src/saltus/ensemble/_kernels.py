@@ -3,16 +3,79 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, NamedTuple
 
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from saltus.ensemble.labels import DIVERGED, FALLING, UNDECIDED
+from saltus.ensemble.labels import DIVERGED, DONE, FALLING, UNDECIDED
 from saltus.flow._bit_kernels import bits_of, float_of
 from saltus.system.machine_code import njit
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
 FAST = {"contract", "nsz", "arcp", "reassoc"}
+SCALAR = {"nogil": True, "error_model": "numpy", "_nrt": False}
+"""Options of what is done for one lane: it makes no array, and counting references to those of its records would take
+longer than the work itself."""
+
+
+class Motions(NamedTuple):
+    """Where motions start: states at phase 0, shape (m, n), and modes, negative for the first that a state allows."""
+
+    points: NDArray[np.float64]
+    modes: NDArray[np.int64]
+
+
+class Regions(NamedTuple):
+    """Trapping regions as `fate` reads them."""
+
+    cages: NDArray[np.float64]
+    ellipsoids: NDArray[np.float64]
+    labels: NDArray[np.int64]
+
+
+class Boxes(NamedTuple):
+    """Boxes that attractors visit, as `box_of` reads them."""
+
+    origin: NDArray[np.float64]
+    size: NDArray[np.float64]
+    indices: NDArray[np.int64]
+    labels: NDArray[np.int64]
+
+
+class Settings(NamedTuple):
+    """How motions are followed: tolerances as `loosened` reads them, what has diverged, periods, visits to boxes."""
+
+    itol: float
+    growth: float
+    least_itol: float
+    limit: float
+    longest: int
+    visits: int
+
+
+class Found(NamedTuple):
+    """What has become of motions: labels, periods until then, and the states and modes where they ended."""
+
+    labels: NDArray[np.uint8]
+    strobes: NDArray[np.int32]
+    ends: NDArray[np.float64]
+    end_modes: NDArray[np.int64]
+
+
+class Scratch(NamedTuple):
+    """What a loop over lanes works in: pools of lanes, their motions and counts, visits of motions, a state."""
+
+    pools: NDArray[np.float64]
+    who: NDArray[np.int64]
+    count: NDArray[np.int64]
+    seen: NDArray[np.int64]
+    x: NDArray[np.float64]
+
 
 _BIAS = float(1023 * 2**52)
 _TWO_OVER_PI = 2.0 / math.pi
@@ -237,3 +300,35 @@ def box_of(x, origin, size, boxes, labels):
         else:
             high = middle
     return UNDECIDED
+
+
+@njit(cache=True, error_model="numpy")
+def after_visit(seen, box, visits):
+    """Visits of a motion so far, and its label, once it is looked at in the box of a label, UNDECIDED outside all.
+
+    seen: 256 times the count of looks in a row within one label's boxes, plus that label. visits: as many as tell.
+    """
+    if box == UNDECIDED:
+        return 0, UNDECIDED
+    seen = seen + 256 if seen % 256 == box else 256 + box
+    return seen, box if seen >= 256 * visits else UNDECIDED
+
+
+@njit(cache=True, **SCALAR)
+def told(x, mode, seen, regions, boxes, settings):
+    """Visits of a motion so far, as `after_visit` counts them, and its label in a state at phase 0."""
+    label = fate(x, mode, settings.limit, regions.cages, regions.ellipsoids, regions.labels)
+    if label != UNDECIDED or boxes.indices.shape[0] == 0:
+        return seen, label
+    box = box_of(x, boxes.origin, boxes.size, boxes.indices, boxes.labels)
+    return after_visit(seen, box, settings.visits)
+
+
+@njit(cache=True, **SCALAR)
+def ended(i, label, x, mode, found):
+    """Keep the label of a motion, its state and its mode; its lane is DONE."""
+    found.labels[i] = label
+    found.end_modes[i] = mode
+    for e in range(x.size):
+        found.ends[i, e] = x[e]
+    return DONE

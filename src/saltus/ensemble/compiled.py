@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.ensemble._kernels import Scratch
 from saltus.system.compiled import SERIES_TEXT, callable_at, with_constants
 from saltus.system.generated import Kind, module_of
 
@@ -45,11 +46,11 @@ class CompiledLanes:
         """Return parameters with the constants of these functions behind them."""
         return with_constants(self._derive, p, self._n_constants)
 
-    def scratch(self, motions: int) -> tuple[NDArray[Any], ...]:
+    def scratch(self, motions: int) -> Scratch:
         """Return the arrays that one call of `run` works in, for so many motions at most."""
         m = self.module
         pools = np.ones((m.POOLS + 1, m.NF * m.NL)), np.zeros((m.POOLS, m.NL), np.int64), np.zeros(m.POOLS, np.int64)
-        return *pools, np.zeros(motions, np.int64), np.empty(m.N)
+        return Scratch(*pools, np.zeros(motions, np.int64), np.empty(m.N))
 
 
 def _writer(symbolic: Symbolic, order: int, exact: list[tuple[int, int]], _: tuple[str, ...]) -> Writer:

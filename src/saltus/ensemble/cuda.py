@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.ensemble.ensemble import Ensemble
+from saltus.ensemble._kernels import Boxes, Found, Motions, Regions, Settings
+from saltus.ensemble.ensemble import Ensemble, part_of
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -92,29 +93,30 @@ class CudaEnsemble(Ensemble):
 
     def _run(
         self,
-        x: NDArray[np.float64],
-        modes: NDArray[np.int64],
-        tables: tuple[NDArray[Any], ...],
-        settings: tuple[float | int, ...],
-        found: tuple[NDArray[Any], ...],
+        motions: Motions,
+        regions: Regions,
+        boxes: Boxes,
+        settings: Settings,
+        found: Found,
     ) -> None:
         assert self._lanes is not None
-        module = self._lanes.module
+        module, tables, count = self._lanes.module, (self._constants, self._quantities), len(motions.points)
         slots = self.devices if _is_simulated() else self.devices * _STREAMS  # the simulator runs one kernel at a time
         free: SimpleQueue[int] = SimpleQueue()
         for device in slots:
             free.put(device)
 
-        def follow(part: slice) -> None:
+        def follow(start: int) -> None:
+            piece, into = (part_of(record, start, start + size) for record in (motions, found))
             device = free.get()
             try:
-                _follow(device, module, x[part], modes[part], tables, settings, tuple(array[part] for array in found))
+                _follow(device, module, tables, piece, regions, boxes, settings, into)
             finally:
                 free.put(device)
 
-        size = min(max(-(-len(x) // len(slots)), _FEWEST), _MOST)
+        size = min(max(-(-count // len(slots)), _FEWEST), _MOST)
         with ThreadPoolExecutor(len(slots)) as pool:
-            list(pool.map(follow, (slice(start, start + size) for start in range(0, len(x), size))))
+            list(pool.map(follow, range(0, count, size)))
 
 
 def cuda_devices() -> tuple[int, ...]:
@@ -155,11 +157,12 @@ def _is_simulated() -> bool:
 def _follow(
     device: int,
     module: ModuleType,
-    x: NDArray[np.float64],
-    modes: NDArray[np.int64],
-    tables: tuple[NDArray[Any], ...],
-    settings: tuple[float | int, ...],
-    found: tuple[NDArray[Any], ...],
+    tables: tuple[NDArray[np.float64], ...],
+    motions: Motions,
+    regions: Regions,
+    boxes: Boxes,
+    settings: Settings,
+    found: Found,
 ) -> None:
     """Follow motions on one device; `found` is written."""
     from numba import cuda
@@ -170,18 +173,21 @@ def _follow(
         stream = cuda.stream()
         # the simulator's device says nothing of itself
         blocks = _BLOCKS * getattr(cuda.get_current_device(), "MULTIPROCESSOR_COUNT", 1)
-        arena: Any
+        next_motion = cuda.to_device(np.zeros(1, np.int64), stream=stream)
         if _is_simulated():  # items of tuples reach its kernels as they are
-            arena, lent = np.empty((blocks, arena_size)), list(tables)
-        else:
-            arena = cuda.device_array((blocks, arena_size), np.float64, stream=stream)
-            lent = [cuda.to_device(array, stream=stream) for array in tables]
-        points, starts, next_motion, *results = (
-            cuda.to_device(array, stream=stream) for array in (x, modes, np.zeros(1, np.int64), *found)
-        )
+            tables = (*tables, np.empty((blocks, arena_size)))
+            kernel[blocks, threads, stream](tables, motions, regions, boxes, settings, found, next_motion)
+            return
+
+        def lent(record: Any) -> list[Any]:
+            return [cuda.to_device(array, stream=stream) for array in record]
+
+        arena: Any = cuda.device_array((blocks, arena_size), np.float64, stream=stream)
+        results: Any = Found(*lent(found))
         kernel[blocks, threads, stream](
-            (*lent[:2], arena), tuple(lent[2:5]), tuple(lent[5:]), settings, points, starts, next_motion, *results
-        )
+            (*lent(tables), arena), Motions(*lent(motions)), Regions(*lent(regions)), Boxes(*lent(boxes)), settings,
+            results, next_motion,
+        )  # fmt: skip
         for result, array in zip(results, found, strict=True):
             result.copy_to_host(array, stream=stream)
         stream.synchronize()
@@ -199,12 +205,12 @@ def _kernel(module: ModuleType) -> tuple[Any, int]:
     fits = 8 * numbers + 4 * queued + 16 * (module.NL + module.POOLS) <= _SHARED_BYTES
     names = {
         **vars(_cuda_kernels),
-        "lanes": module,
         "STATES": module.N,
         "LANES": module.NL,
         "POOLS": module.POOLS,
         "QUEUED": queued,
         "SHARED": numbers if fits else 0,
+        **{name: getattr(module, name) for name in ("after_step", "begun", "goes_on", "step")},
     }
 
     def bound(name: str) -> FunctionType:
@@ -212,7 +218,6 @@ def _kernel(module: ModuleType) -> tuple[Any, int]:
         function.__qualname__ = f"{name}_{module.__name__}"  # a file of its own in Numba's cache
         return function
 
-    for name in ("begun", "looked_at"):
-        names[name] = cuda.jit(device=True)(bound(name))
+    names["next_begun"] = cuda.jit(device=True)(bound("next_begun"))
     follow = bound("follow")
     return keep_checked(cuda.jit(follow), follow), 1 if fits else numbers

@@ -1,14 +1,18 @@
-"""The text around the steps of lanes: what it imports, and the loop that moves lanes between their pools."""
+"""The text around the steps of lanes: imports, the life of a lane, the loop that moves lanes between pools.
+
+The life of a lane is the same on processors and on graphics cards: `begun`, then after each step `after_step` unless
+the lane `goes_on`, in which it is `looked_at` at phase 0.
+"""
 
 from __future__ import annotations
 
 from saltus.ensemble.labels import AT_STROBE, DIVERGED, DONE, GOES_ON, GONE, HARD, LEFT_OVER, MOST_STEPS, UNDECIDED
 
-__all__ = ["DRIVER", "HEAD"]
+__all__ = ["DRIVER", "HEAD", "LIFE"]
 
 HEAD = f"""
-from saltus.ensemble._kernels import FAST, box_of, circular_cos, circular_sin, fate, grown, ld, loosened
-from saltus.ensemble._kernels import products, root, short_cos, short_sin, st
+from saltus.ensemble._kernels import FAST, SCALAR, circular_cos, circular_sin, ended, fate, grown, ld, loosened
+from saltus.ensemble._kernels import products, root, short_cos, short_sin, st, told
 from saltus.system.machine_code import njit
 
 NL = 320
@@ -16,41 +20,77 @@ AT_STROBE, GOES_ON, MOST_STEPS = {AT_STROBE}, {GOES_ON}, {MOST_STEPS}
 HARD, GONE, DONE = {HARD}, {GONE}, {DONE}
 LEFT_OVER, DIVERGED, UNDECIDED = {LEFT_OVER}, {DIVERGED}, {UNDECIDED}
 lane = njit(nogil=True, error_model="numpy", fastmath=FAST)
-scalar = njit(nogil=True, error_model="numpy")
+scalar = njit(**SCALAR)
 """
+
+LIFE = """
+
+@scalar
+def begun(i, R, l, x, p, q, motions, regions, settings, found):
+    for e in range(N):
+        R[e*NL + l] = x[e] = motions.points[i, e]
+    R[T_*NL + l] = R[COUNT*NL + l] = R[FLAG*NL + l] = R[WAIT*NL + l] = 0.0
+    R[ITOL*NL + l] = settings.itol
+    pool = begin(motions.modes[i], R, l, p, q)
+    if pool < 0:
+        return ended(i, LEFT_OVER, x, motions.modes[i], found)
+    label = fate(x, MODE_OF[pool], settings.limit, regions.cages, regions.ellipsoids, regions.labels)
+    return pool if label == UNDECIDED else ended(i, label, x, MODE_OF[pool], found)
+
+
+@scalar
+def goes_on(R, l):
+    return ld(R, FLAG*NL, l) == GOES_ON and ld(R, COUNT*NL, l) < MOST_STEPS
+
+
+@scalar
+def looked_at(i, k, R, l, x, seen, q, regions, boxes, settings, found):
+    found.strobes[i] += 1
+    strobes = found.strobes[i]
+    R[T_*NL + l] = R[COUNT*NL + l] = 0.0
+    R[ITOL*NL + l] = loosened(R[ITOL*NL + l], settings.itol, settings.growth, settings.least_itol, strobes)
+    read(k, R, l, x, q)
+    seen, label = told(x, MODE_OF[k], seen, regions, boxes, settings)
+    if label == UNDECIDED and strobes < settings.longest:
+        return seen, k
+    return seen, ended(i, label, x, MODE_OF[k], found)
+
+
+@scalar
+def after_step(i, k, R, l, x, seen, tables, regions, boxes, settings, found):
+    p, q = tables
+    if ld(R, FLAG*NL, l) == AT_STROBE:
+        return looked_at(i, k, R, l, x, seen, q, regions, boxes, settings, found)
+    pool = turned(k, R, l, p, q) if ld(R, COUNT*NL, l) < MOST_STEPS else HARD
+    if pool == HARD:
+        found.labels[i] = LEFT_OVER
+    elif pool == GONE:
+        found.labels[i] = DIVERGED
+        for e in range(N):
+            found.ends[i, e] = math.inf
+    return seen, pool
+"""
+"""A lane l in R that follows motion i: `begun` and `after_step` return the pool in which it goes on, or a negative
+number; the second before it the visits to boxes so far, as `seen` gives them."""
 
 DRIVER = """
 
-@njit(nogil=True, error_model="numpy", cache=True)
-def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, cages, ellipsoids, trap_labels,
-        origin, size, boxes, box_labels, visits, labels, strobes, ends, end_modes, work, S, who, count, seen, x):
-    new = S[POOLS]
+@njit(cache=True, **SCALAR)
+def run(motions, p, q, regions, boxes, settings, found, alive, work, scratch):
+    S, who, count, seen, x = scratch
     at = 0
     while True:
         total = 0
         for k in range(POOLS):
             total += count[k]
-        while total < alive and at < points.shape[0]:
-            i = at
-            at += 1
-            for e in range(N):
-                new[e*NL] = x[e] = points[i, e]
-            new[T_*NL] = new[COUNT*NL] = new[FLAG*NL] = new[WAIT*NL] = 0.0
-            new[ITOL*NL] = itol
-            to = begin(modes[i], new, 0, p, q)
-            label = LEFT_OVER
+        while total < alive and at < motions.points.shape[0]:
+            to = begun(at, S[POOLS], 0, x, p, q, motions, regions, settings, found)
             if to >= 0:
-                label = fate(x, MODE_OF[to], limit, cages, ellipsoids, trap_labels)
-            if label != UNDECIDED:
-                labels[i] = label
-                for e in range(N):
-                    ends[i, e] = x[e]
-                end_modes[i] = MODE_OF[to] if to >= 0 else modes[i]
-                continue
-            move(new, 0, S[to], count[to])
-            who[to, count[to]] = i
-            count[to] += 1
-            total += 1
+                move(S[POOLS], 0, S[to], count[to])
+                who[to, count[to]] = at
+                count[to] += 1
+                total += 1
+            at += 1
         if total == 0:
             return
         most = 0
@@ -66,47 +106,15 @@ def run(points, modes, p, q, itol, growth, least_itol, longest, alive, limit, ca
             work[k] += count[k]
             l = 0
             while l < count[k]:
-                flag = ld(R, FLAG*NL, l)
-                is_late = ld(R, COUNT*NL, l) >= MOST_STEPS
-                if flag == GOES_ON and not is_late:
+                if goes_on(R, l):
                     l += 1
                     continue
                 i = who[k, l]
-                to = k
-                if flag == AT_STROBE:
-                    strobes[i] += 1
-                    R[T_*NL + l] = R[COUNT*NL + l] = 0.0
-                    R[ITOL*NL + l] = loosened(R[ITOL*NL + l], itol, growth, least_itol, strobes[i])
-                    read(k, R, l, x, q)
-                    label = fate(x, MODE_OF[k], limit, cages, ellipsoids, trap_labels)
-                    if label == UNDECIDED and boxes.shape[0] > 0:
-                        label = box_of(x, origin, size, boxes, box_labels)
-                        if label != UNDECIDED:
-                            seen[i] = seen[i] + 256 if seen[i] % 256 == label else 256 + label
-                            if seen[i] < 256*visits:
-                                label = UNDECIDED
-                        else:
-                            seen[i] = 0
-                    if label != UNDECIDED or strobes[i] >= longest:
-                        labels[i] = label
-                        for e in range(N):
-                            ends[i, e] = x[e]
-                        end_modes[i] = MODE_OF[k]
-                        to = DONE
-                elif is_late:
-                    to = HARD
-                else:
-                    to = turned(k, R, l, p, q)
+                seen[i], to = after_step(i, k, R, l, x, seen[i], (p, q), regions, boxes, settings, found)
                 if to == k:
                     l += 1
                     continue
-                if to == HARD:
-                    labels[i] = LEFT_OVER
-                elif to == GONE:
-                    labels[i] = DIVERGED
-                    for e in range(N):
-                        ends[i, e] = math.inf
-                elif to >= 0:
+                if to >= 0:
                     move(R, l, S[to], count[to])
                     who[to, count[to]] = i
                     count[to] += 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
@@ -12,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
+from saltus.ensemble._kernels import Boxes, Found, Motions, Regions, Settings
 from saltus.ensemble.fallback import follow_alone
 from saltus.ensemble.labels import DIVERGED, LEFT_OVER, NOT_DONE
 from saltus.ensemble.modal import LinearPart, linear_parts
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
 from saltus.flow.motion import jumps_at_phase_zero
-from saltus.work import starting
+from saltus.work import processors, starting
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from saltus.ensemble.compiled import CompiledLanes
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["Ensemble"]
+__all__ = ["Ensemble", "part_of"]
 
 _ORDER = 10
 _GROWTH, _LARGEST_TOLERANCE = 4.5, 1e-4
@@ -117,7 +117,7 @@ class Ensemble:
         if self.scale.shape != (self.n,) or not ((self.scale > 0.0) & (self.scale < np.inf)).all():
             raise InputError("scale", scale, f"a finite number > 0 for each of {', '.join(system.states)}")
         self._bound = _BOUND * max(1.0, float(self.scale.max()))
-        self.threads = threads or _processors()
+        self.threads = threads or processors()
         self.work = np.zeros(2 * len(system.modes), np.int64)
         self.left_over, self.periods, self.periods_alone, self.rate = 0, 0, 0, 0.0
         if interval is None:
@@ -250,13 +250,13 @@ class Ensemble:
         if self._lanes is None:
             labels[:] = LEFT_OVER
         else:
-            *regions, visits = _trap_arrays(traps, self.n)
-            tables, itol = (self._constants, self._quantities, *regions), 1.0 / self.tolerance
-            settings = (
+            itol, visits = 1.0 / self.tolerance, 1 if traps.cells is None else traps.cells.visits
+            settings = Settings(
                 itol, 1.0 / _GROWTH if growth else 1.0, min(1.0 / _largest_tolerance(traps), itol),
                 float(traps.limit), longest, visits,
             )  # fmt: skip
-            self._run(x, modes, tables, settings, (labels, strobes, ends, end_modes))
+            regions, boxes = _regions(traps, self.n), _boxes(traps, self.n)
+            self._run(Motions(x, modes), regions, boxes, settings, Found(labels, strobes, ends, end_modes))
         alone = np.flatnonzero(labels == LEFT_OVER)
         self.left_over += len(alone)
         for i in alone:
@@ -269,29 +269,27 @@ class Ensemble:
 
     def _run(
         self,
-        x: NDArray[np.float64],
-        modes: NDArray[np.int64],
-        tables: tuple[NDArray[Any], ...],
-        settings: tuple[float | int, ...],
-        found: tuple[NDArray[Any], ...],
+        motions: Motions,
+        regions: Regions,
+        boxes: Boxes,
+        settings: Settings,
+        found: Found,
     ) -> None:
-        """Follow motions by lanes into `found`: labels, strobes, ends and their modes."""
+        """Follow motions by lanes; `found` is written."""
         lanes = self._lanes
         assert lanes is not None
-        run, (p, q, *regions) = lanes.run, tables
-        *tolerances, limit, longest, visits = settings
-
-        piece = min(_PIECE, max(-(-len(x) // self.threads), _ALIVE))
+        p, q, count = self._constants, self._quantities, len(motions.points)
+        piece = min(_PIECE, max(-(-count // self.threads), _ALIVE))
 
         def follow(start: int) -> NDArray[np.int64]:
-            part, work = slice(start, start + piece), np.zeros_like(self.work)
-            run(
-                x[part], modes[part], p, q, *tolerances, longest, _ALIVE, limit, *regions, visits,
-                *(array[part] for array in found), work, *lanes.scratch(piece),
+            work, end = np.zeros_like(self.work), start + piece
+            lanes.run(
+                part_of(motions, start, end), p, q, regions, boxes, settings,
+                part_of(found, start, end), _ALIVE, work, lanes.scratch(piece),
             )  # fmt: skip
             return work
 
-        starts = range(0, len(x), piece)
+        starts = range(0, count, piece)
         if len(starts) < 2 or self.threads < 2:
             for start in starts:
                 self.work += follow(start)
@@ -354,13 +352,12 @@ def _largest_tolerance(traps: Traps) -> float:
     return min(_LARGEST_TOLERANCE, _OF_A_TRAP * traps.ellipsoids.narrowest())
 
 
-def _processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+def part_of(record: Any, start: int, end: int) -> Any:
+    """Return motions `start` to `end` of `Motions`, or what is `Found` of them, which may be written there."""
+    return type(record)(*(array[start:end] for array in record))
 
 
-def _trap_arrays(traps: Traps, n: int) -> tuple[Any, ...]:
-    """The trapping regions as `saltus.ensemble._kernels.fate` reads them."""
+def _regions(traps: Traps, n: int) -> Regions:
     labels = []
     cages = np.empty((0, 2 + n))
     if (c := traps.cages) is not None:
@@ -374,11 +371,12 @@ def _trap_arrays(traps: Traps, n: int) -> tuple[Any, ...]:
         parts = (e.modes, e.centres, e.shapes, planes)
         ellipsoids = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1, dtype=np.float64)
         labels.append(e.labels)
-    names = np.concatenate([np.empty(0, np.int64), *labels]).astype(np.int64)
-    if (boxes := traps.cells) is None:
-        return cages, ellipsoids, names, np.zeros(n), np.ones(n), np.empty((0, n), np.int64), np.empty(0, np.int64), 1
-    order = np.lexsort(boxes.boxes.T[::-1])
-    return (
-        cages, ellipsoids, names, boxes.origin, boxes.size, np.ascontiguousarray(boxes.boxes[order]),
-        boxes.labels[order].astype(np.int64), boxes.visits,
-    )  # fmt: skip
+    return Regions(cages, ellipsoids, np.concatenate([np.empty(0, np.int64), *labels]).astype(np.int64))
+
+
+def _boxes(traps: Traps, n: int) -> Boxes:
+    if (cells := traps.cells) is None:
+        return Boxes(np.zeros(n), np.ones(n), np.empty((0, n), np.int64), np.empty(0, np.int64))
+    order = np.lexsort(cells.boxes.T[::-1])
+    indices = np.ascontiguousarray(cells.boxes[order])
+    return Boxes(cells.origin, cells.size, indices, cells.labels[order].astype(np.int64))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.ensemble._kernels import after_visit
 from saltus.ensemble.labels import DIVERGED, UNDECIDED
 from saltus.errors import DivergenceError, SaltusError, StickingError
 from saltus.flow.motion import starting_mode
@@ -60,7 +61,7 @@ def follow_alone(
     StickingError
         The field jumps where the motion comes to be held: no fate of such a motion can be told.
     """
-    strobe, visits, inside = 0, 0, UNDECIDED
+    strobe, seen = 0, 0
     try:
         if mode < 0:
             mode = starting_mode(system, system.full_state(x), system.parameter_vector(parameters))
@@ -70,10 +71,7 @@ def follow_alone(
             strobe += 1
             label = traps.of(x, mode)
             if label == UNDECIDED and traps.cells is not None:
-                box = traps.box_of(x)
-                visits = visits + 1 if box == inside != UNDECIDED else int(box != UNDECIDED)
-                inside = box
-                label = box if visits >= traps.cells.visits else UNDECIDED
+                seen, label = after_visit(seen, traps.box_of(x), traps.cells.visits)
     except StickingError:
         raise
     except DivergenceError:

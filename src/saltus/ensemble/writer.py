@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import sympy
 
-from saltus.ensemble.driver import DRIVER, HEAD
+from saltus.ensemble.driver import DRIVER, HEAD, LIFE
 from saltus.ensemble.exact_step import exact_step
 from saltus.ensemble.labels import CHANGES, EVENT, GONE, HARD, HUGE, STUCK
 from saltus.ensemble.lane_kinds import Pool
@@ -47,6 +47,7 @@ class LaneWriter(LaneText):
         }
         yield HEAD
         yield from texts
+        yield LIFE
         yield DRIVER.replace("MAKE_STEP", self._chosen("step_{}(R, n, p, q)", 12))
 
     def _step(self, k: int, pool: Pool) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import lru_cache
 from hashlib import sha256
 from importlib import import_module
@@ -17,6 +17,7 @@ from saltus.basins.map.grid import Grid
 from saltus.basins.map.labelling import Labelling
 from saltus.basins.map.store import Store
 from saltus.errors import InputError
+from saltus.work import Cluster, handed_out
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,27 +80,11 @@ def labelled_by(
     task: tuple[Any, ...] = (
         (None, json.dumps(all_inputs)) if store is None else (str(store.resolve()), _digest(all_inputs))
     )
-    waiting = iter(units)
-    running: dict[Any, tuple[slice, ...]] = {}
-    ready = import_module("distributed").as_completed(loop=client.loop)
-
-    def hand_out() -> None:
-        wanted = _AHEAD * max(sum(client.ncores().values()), 1)
-        while len(running) < wanted and (cells := next(waiting, None)) is not None:
-            future = client.submit(_label_unit, *task, [(part.start, part.stop) for part in cells], pure=False)
-            running[future] = cells
-            ready.add(future)
-
-    try:
-        hand_out()
-        while running:
-            future = next(ready)
-            cells = running.pop(future)
-            labels, followed = future.result()
-            hand_out()
+    jobs = ((cells, _label_unit, *task, [(part.start, part.stop) for part in cells]) for cells in units)
+    found = handed_out(Cluster(client), jobs, lambda: _AHEAD * max(sum(client.ncores().values()), 1))
+    with closing(found):
+        for cells, (labels, followed) in found:
             yield cells, labels, followed
-    finally:
-        client.cancel(list(running))
 
 
 def _digest(inputs: Mapping[str, Any]) -> str:
