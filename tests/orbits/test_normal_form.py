@@ -13,7 +13,7 @@ from oracles.closed_forms import DELAYED, HENON, LOGISTIC, ImpactOrbit, henon_fi
 from oracles.tapping import Tapping
 from saltus import InputError, continue_locus, continue_orbit, solve_orbit
 from saltus.afm import table1, tapping_mode
-from saltus.orbits.normal_form import normal_form
+from saltus.orbits.normal_forms import normal_form
 
 
 def carried(image, **parameters):

@@ -18,7 +18,7 @@ from saltus.continuation.phase_plane import astray, depart
 from saltus.continuation.zero_problem import Event, Examined, Point, correct
 from saltus.orbits.critical import Branching, Critical, Grazing, openness
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
-from saltus.orbits.normal_form import flip_coefficient, null_vectors, torus_coefficient
+from saltus.orbits.normal_forms import flip_coefficient, null_vectors, torus_coefficient
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import DIRECTION, MEAN_END, TOUCH_END, Survey
 

@@ -116,9 +116,8 @@ def continue_orbit(
     wanted = read_events(orbit, parameter, events)
     stops = read_stops(stop_at, [*BIFURCATIONS, *events])
     scale = unit_of(low, high, orbit.parameters[parameter])
-    run = _Run(
-        orbit, parameter, Interest(low / scale, high / scale, scale, wanted), control, stops, at_grazing, progress
-    )
+    interest = Interest(low / scale, high / scale, scale, wanted)
+    run = _Run(orbit, parameter, interest, control, stops, at_grazing, progress)
     start = run.begin()
     halves = traced(lambda sign: run.trace(start, sign), directions)
     options = {

@@ -11,7 +11,7 @@ import numpy as np
 
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
-from saltus.orbits.normal_form import NORMAL_FORMS, NormalForm, normal_form
+from saltus.orbits.normal_forms import NORMAL_FORMS, NormalForm, normal_form
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -20,7 +20,7 @@ from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.zero_problem import correct
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.critical import Branching, scaling
-from saltus.orbits.normal_form import null_vectors
+from saltus.orbits.normal_forms import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, CUT_END, DIRECTION, DURATION, MEAN_END, PHASE_END, WHOLE, Signature
