@@ -15,7 +15,19 @@ import numpy as np
 
 from saltus.flow._event_kernels import run_kernel
 from saltus.flow._kernels import INNER, call, error_norm, keep, outlined, pointer, stage
-from saltus.flow._state_kernels import AGAIN, DONE, EPSILON, N_EVENTS, N_STEPS, T_LOW, Goal, T, system_pointers
+from saltus.flow._state_kernels import (
+    AGAIN,
+    DONE,
+    EPSILON,
+    N_EVENTS,
+    N_STEPS,
+    T_LOW,
+    Goal,
+    T,
+    event_pointers,
+    step_pointers,
+    system_pointers,
+)
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
@@ -249,12 +261,21 @@ def _orthonormalise(frame, n, columns, live, terms, growth):
 def _pass(system, event, events, frame, live, growth, places, work):
     """Carry a frame over one of the events that are stored; how many columns live."""
     outlined()
-    n, k = system.n, events.which[event, 0]
-    ends = pointer(events.ends, 0)
-    before, after = pointer(ends, 2 * event * n), pointer(ends, (2 * event + 1) * n)
-    mode, target = events.which[event, 1], events.which[event, 2]
+    n, which = system.n, pointer(events.which, 3 * event)
+    before, after = pointer(events.ends, 2 * event * n), pointer(events.ends, (2 * event + 1) * n)
     if _saltate(
-        system.addresses, k, mode, target, n, frame.columns, before, after, system.p, frame.vectors, frame.terms, work
+        system.addresses,
+        which[0],
+        which[1],
+        which[2],
+        n,
+        frame.columns,
+        before,
+        after,
+        system.p,
+        frame.vectors,
+        frame.terms,
+        work,
     ):
         return _orthonormalise(frame.vectors, n, frame.columns, live, frame.terms, growth)
     places[GRAZED] += 1
@@ -273,12 +294,8 @@ def growth_kernel(system, tolerances, budget, state, steps, events, rows, vector
     work = pointer(block, columns)
     room = Room(pointer(block, start), pointer(block, start + 13 * length), pointer(block, start + 14 * length))
     frame = Frame(columns, pointer(vectors, 0), pointer(block, 0), pointer(block, start + 15 * length))
-    laws, sums, starts, counts = (
-        system_pointers(system),
-        pointer(rows.growth, 0),
-        pointer(steps.starts, 0),
-        state.counts,
-    )
+    laws, sums = system_pointers(system), pointer(rows.growth, 0)
+    taken, passed, counts = step_pointers(steps), event_pointers(events), pointer(state.counts, 0)
     last_event, live = np.iinfo(np.int64).max, places[LIVE]
     tolerance, longest = min(LOOSER * tolerances.rtol, LOOSEST), math.inf
     status = DONE
@@ -294,15 +311,17 @@ def growth_kernel(system, tolerances, budget, state, steps, events, rows, vector
         event = 0
         for step in range(counts[N_STEPS] + 1):
             # events at the time at which a step begins come before it, those after the last step at the end
-            while event < counts[N_EVENTS] and (step == counts[N_STEPS] or events.times[event] <= steps.times[step, 0]):
-                if events.which[event, 0] >= 0:
-                    live = _pass(laws, event, events, frame, live, growth, places, work)
+            while event < counts[N_EVENTS] and (
+                step == counts[N_STEPS] or passed.times[event] <= taken.times[2 * step]
+            ):
+                if passed.which[3 * event] >= 0:
+                    live = _pass(laws, event, passed, frame, live, growth, places, work)
                     longest = math.inf
                 event += 1
             if step < counts[N_STEPS]:
-                x, h = pointer(starts, step * n), steps.times[step, 1]
+                x, h = pointer(taken.starts, step * n), taken.times[2 * step + 1]
                 live, longest = _carry(
-                    laws, steps.modes[step], x, h, frame, live, longest, tolerance, growth, room
+                    laws, taken.modes[step], x, h, frame, live, longest, tolerance, growth, room
                 )  # fmt: skip
         if status == DONE:
             rows.ends[row] = state.numbers[T] + state.numbers[T_LOW]

@@ -74,15 +74,19 @@ class TaylorRun:
         rtol: float,
         atol: float,
     ) -> None:
-        from saltus.flow import _taylor_kernels as kernels
+        from saltus.flow import _state_kernels as times
+        from saltus.flow import _taylor_step_kernels as kernels
+        from saltus.flow._taylor_kernels import follow_kernel
 
-        self.kernels, self.system, self.series = kernels, system, series
+        self.kernels, self.times, self._run = kernels, times, follow_kernel
+        self.system, self.series = system, series
         self.p, self.tolerances = p, (float(rtol), float(atol))
         self._helped, self._most = 0, 0
         # what a motion is, and what is refused, is the Runge-Kutta flow's to say
         first = EventDrivenMotion(system, p, x.copy(), mode, rtol, atol)
-        self.transitions, self.rate = first.transitions, first.rate
-        self.extended, self.extended_series = system.compiled.extended(p), series.constants(p)
+        self.rate = first.rate
+        self.extended_series = series.constants(p)
+        self.laws, self.step_tolerances, *_ = first.records
         self.section = np.zeros(len(system.transitions), np.int64)
         self.section[list(section or ())] = 1
         self.at_wrap = section is None
@@ -106,19 +110,20 @@ class TaylorRun:
         wanted = discard + keep
         self.counts[kernels.RETURNS] = 0
         self._most = STEPS_A_RETURN * max(wanted, 1)
+        series = kernels.Series(
+            self.series.addresses[1], self.series.order, self.series.stride, self.series.forms,
+            bernstein_table(self.series.order), self.extended_series,
+        )  # fmt: skip
+        returns = kernels.Returns(self.at_wrap, self.section, discard, longest, keep, *kept)
+        motion = kernels.Motion(self.x, self.numbers, self.counts, self.side, self.on)
+        tolerances = self.step_tolerances
         status = kernels.AGAIN
         while status != kernels.DONE:
-            status = kernels.follow_kernel(
-                self.system.compiled.addresses, self.series.addresses[1], self.series.order, self.series.stride,
-                self.series.forms.ravel(), self.transitions.ravel(),
-                bernstein_table(self.series.order), self.rate, self.extended, self.extended_series, longest,
-                self.at_wrap, self.section, discard, _BUDGET, *self.tolerances, self.x, self.numbers, self.counts,
-                self.side, self.on, *kept,
-            )  # fmt: skip
+            status = self._run(self.laws, series, tolerances, returns, _BUDGET, motion)
             if status == kernels.HELP and self.counts[kernels.RETURNS] < wanted:
                 self._be_helped(discard, kept, longest)
             if (steps := int(self.counts[kernels.STEPS]) + self._helped) > self._most:
-                raise StiffnessError(self.numbers[kernels.T], self.x[:-1], self.system.mode_names[self.mode], steps)
+                raise StiffnessError(self.numbers[self.times.T], self.x[:-1], self.system.mode_names[self.mode], steps)
         found = max(int(self.counts[kernels.RETURNS]) - discard, 0)
         return kept[0][:found], kept[1][:found], kept[2][:found]
 
@@ -133,7 +138,7 @@ class TaylorRun:
         if (fired := int(counts[kernels.FIRED])) >= 0:
             last = self.system.transitions[fired]
             run.counts[run.kernels.UNCHANGED] = last.source == last.target and not last.reset
-        run.numbers[[run.kernels.T, run.kernels.T_LOW]] = numbers[[kernels.T, kernels.T_LOW]]
+        run.numbers[[run.kernels.T, run.kernels.T_LOW]] = numbers[[self.times.T, self.times.T_LOW]]
         run.offset = 0.0
         wanted = discard + kept[2].size
         wait = math.inf
@@ -149,8 +154,8 @@ class TaylorRun:
             wait = kernels.CROWD * scale
         self._helped += run.tries
         self.x[:-1] = run.x
-        numbers[[kernels.T, kernels.T_LOW]] = run.numbers[[run.kernels.T, run.kernels.T_LOW]]
-        numbers[kernels.DURATION] = 0.0
+        numbers[[self.times.T, self.times.T_LOW]] = run.numbers[[run.kernels.T, run.kernels.T_LOW]]
+        numbers[self.times.DURATION] = 0.0
         counts[[kernels.MODE, kernels.STARTING, kernels.SMALL_RUN]] = run.mode, 1, 0
         counts[[kernels.FIRED, kernels.MODE_BEFORE]] = run.counts[[run.kernels.FIRED, run.kernels.MODE_BEFORE]]
         self.side[:] = run.side
