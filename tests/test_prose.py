@@ -89,9 +89,32 @@ def test_every_entry_of_the_glossary_says_where_more_stands():
     assert not [entry for entry in entries if "](" not in entry and not FILE.search(entry)]
 
 
+# sentences
+
+MOST_WORDS = {"theory": 36}
+"""Words of a sentence at the most, where it may have more than 25: a formula in a sentence counts as one word."""
+
+
+def sentences(text):
+    """Sentences of a page, without code, tables, displayed formulas and references."""
+    text = re.sub(r"^```.*?^```", "", text.partition("\n## References")[0], flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"\$\$.*?\$\$|<!--.*?-->", " ", text, flags=re.DOTALL)
+    for part in re.split(r"\n\s*\n|\n(?=\s*[-*|] |\s*#|\s*\d+\. )", text):
+        if not part.lstrip().startswith(("|", "#", "!")):
+            part = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", " ".join(part.split()))
+            yield from re.split(r"(?<=[.!?:;]) ", re.sub(r"\$[^$]*\$|`[^`]*`", "X", part))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_sentences_are_short(page):
+    most = MOST_WORDS.get(page.parent.name, 25)
+    long = [said for said in sentences(page.read_text(encoding="utf-8")) if len(re.findall(r"[\w'-]+", said)) > most]
+    assert not long
+
+
 # figures
 
-MARK = re.compile(r"<!-- benchmarks: (.*?) -->", re.DOTALL)
+MARK = re.compile(r"<!-- benchmarks:\s+([^>]*?)\s+-->")
 QUANTITY = re.compile(r"(\d+(?: \d{3})*(?:\.\d+)?(?:e-?\d+)?)\s*(a second|us|ms|s\b|%|GiB)?")
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 FIGURES = [
