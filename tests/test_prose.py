@@ -1,7 +1,7 @@
 """What pages say is true: files that they name exist, what is public is on its page, figures are those of their tables.
 
 A measured figure in prose is followed by a comment that says where it comes from, which readers do not see:
-``8.7 us<!-- benchmarks: Basins: how fast | a motion of Fig. 9's plane | min -->``. That is a section of
+``8.7 us<!-- benchmarks: Basins: how fast | a motion of Fig. 9's plane, one core | min -->``. That is a section of
 benchmarks/README.md, the beginning of one row's first cell there, and a column. A section alone stands for its text.
 The figure must be one of the numbers there, perhaps rounded. "... a second" is one over a time.
 """
