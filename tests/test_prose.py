@@ -6,6 +6,7 @@ benchmarks/README.md, the beginning of one row's first cell there, and a column.
 The figure must be one of the numbers there, perhaps rounded. "... a second" is one over a time.
 """
 
+import pkgutil
 import re
 import tomllib
 from itertools import pairwise
@@ -43,6 +44,12 @@ def test_files_that_the_page_names_exist(page):
     missing = {name for name in named if not ((PACKAGE / name).exists() or (ROOT / name).exists())}
     assert named
     assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_names_of_the_package_on_a_page_exist(page):
+    for name in re.findall(r"`(saltus(?:\.\w+)+)`", page.read_text(encoding="utf-8")):
+        assert pkgutil.resolve_name(name) is not None
 
 
 def test_the_table_of_floors_is_the_contract():
