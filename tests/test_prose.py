@@ -1,11 +1,12 @@
 """What pages say is true: files that they name exist, what is public is on its page, figures are those of their tables.
 
 A measured figure in prose is followed by a comment that says where it comes from, which readers do not see:
-``8.7 us<!-- benchmarks: Basins: how fast | a motion of Fig. 9's plane | min -->``. That is a section of
+``8.7 us<!-- benchmarks: Basins: how fast | a motion of Fig. 9's plane, one core | min -->``. That is a section of
 benchmarks/README.md, the beginning of one row's first cell there, and a column. A section alone stands for its text.
 The figure must be one of the numbers there, perhaps rounded. "... a second" is one over a time.
 """
 
+import pkgutil
 import re
 import tomllib
 from itertools import pairwise
@@ -43,6 +44,12 @@ def test_files_that_the_page_names_exist(page):
     missing = {name for name in named if not ((PACKAGE / name).exists() or (ROOT / name).exists())}
     assert named
     assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_names_of_the_package_on_a_page_exist(page):
+    for name in re.findall(r"`(saltus(?:\.\w+)+)`", page.read_text(encoding="utf-8")):
+        assert pkgutil.resolve_name(name) is not None
 
 
 def test_the_table_of_floors_is_the_contract():
@@ -89,9 +96,32 @@ def test_every_entry_of_the_glossary_says_where_more_stands():
     assert not [entry for entry in entries if "](" not in entry and not FILE.search(entry)]
 
 
+# sentences
+
+MOST_WORDS = {"theory": 36}
+"""Words of a sentence at the most, where it may have more than 25: a formula in a sentence counts as one word."""
+
+
+def sentences(text):
+    """Sentences of a page, without code, tables, displayed formulas and references."""
+    text = re.sub(r"^```.*?^```", "", text.partition("\n## References")[0], flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"\$\$.*?\$\$|<!--.*?-->", " ", text, flags=re.DOTALL)
+    for part in re.split(r"\n\s*\n|\n(?=\s*[-*|] |\s*#|\s*\d+\. )", text):
+        if not part.lstrip().startswith(("|", "#", "!")):
+            part = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", " ".join(part.split()))
+            yield from re.split(r"(?<=[.!?:;]) ", re.sub(r"\$[^$]*\$|`[^`]*`", "X", part))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_sentences_are_short(page):
+    most = MOST_WORDS.get(page.parent.name, 25)
+    long = [said for said in sentences(page.read_text(encoding="utf-8")) if len(re.findall(r"[\w'-]+", said)) > most]
+    assert not long
+
+
 # figures
 
-MARK = re.compile(r"<!-- benchmarks: (.*?) -->", re.DOTALL)
+MARK = re.compile(r"<!-- benchmarks:\s+([^>]*?)\s+-->")
 QUANTITY = re.compile(r"(\d+(?: \d{3})*(?:\.\d+)?(?:e-?\d+)?)\s*(a second|us|ms|s\b|%|GiB)?")
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 FIGURES = [
