@@ -19,7 +19,7 @@ from PIL import Image
 import mutated
 from saltus import find_attractors, load, map_basins, run_sweep
 from saltus.afm.figures.files import write_figure
-from saltus.basins.attractors.attractors import Search
+from saltus.basins.attractors.found import Search
 from saltus.basins.map.basins import Basins
 from saltus.sweeps import record
 
