@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from saltus.basins import Basins, Grid
-from saltus.basins.map.basins import Outcomes
+from saltus.basins.map.outcomes import Outcomes
 
 STATES = {1: ("q1", "v1"), 2: ("q1", "q2", "v1", "v2")}
 REPULSIVE = {1: (-1.18, 0.40), 2: (-1.24, -0.03, 0.40, 0.48)}

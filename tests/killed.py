@@ -19,9 +19,9 @@ from PIL import Image
 import mutated
 from saltus import find_attractors, load, map_basins, run_sweep
 from saltus.afm.figures.files import write_figure
-from saltus.basins.attractors.attractors import Search
+from saltus.basins.attractors.found import Search
 from saltus.basins.map.basins import Basins
-from saltus.sweeps import brute_force
+from saltus.sweeps import record
 
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT")
 
@@ -83,7 +83,7 @@ class Swept:
         pass
 
     def work(self, folder: Path) -> None:
-        brute_force._SAVED_EVERY = brute_force._Record.pause = 0.0
+        record._SAVED_EVERY = record.Record.pause = 0.0
         self.sweep(folder / "a.nc")
 
     def check(self, folder: Path) -> None:

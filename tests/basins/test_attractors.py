@@ -20,8 +20,9 @@ from saltus import (
     simulate,
     solve_orbit,
 )
-from saltus.basins.attractors.attractors import Search, attractors_from
-from saltus.basins.attractors.search import AttractorSearch, Found, Stay
+from saltus.basins.attractors.finding import attractors_from
+from saltus.basins.attractors.found import Found, Search, Stay
+from saltus.basins.attractors.search import AttractorSearch
 from saltus.basins.wilson import wilson
 from saltus.ensemble.ensemble import Ensemble
 from saltus.ensemble.traps import UNDECIDED, Ellipsoids, Traps
@@ -132,7 +133,7 @@ def test_names_and_points_do_not_depend_on_which_motions_found_them(wells):
 
 
 def test_a_stable_orbit_is_periodic_even_where_no_ellipsoid_contracts(monkeypatch, wells):
-    monkeypatch.setattr("saltus.basins.attractors.search.contracting", lambda *_: None)
+    monkeypatch.setattr("saltus.basins.attractors.periodic.contracting", lambda *_: None)
     found = find_attractors(duffing(), {}, BOX, seeds=16, search=QUICK)
     assert dict(found.kinds) == {"period-1 A": "period-1", "period-1 B": "period-1"}
     assert all("boxes" in note for note in found.notes.values())

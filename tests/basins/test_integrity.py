@@ -10,9 +10,10 @@ import pytest
 
 from oracles import known_basins as kb
 from saltus import InputError
-from saltus.basins.map.basins import Basins, Outcomes
+from saltus.basins.map.basins import Basins
 from saltus.basins.map.chunked_reading import blocks
 from saltus.basins.map.grid import Grid, Plane
+from saltus.basins.map.outcomes import Outcomes
 from saltus.basins.measures.entropy import basin_entropy
 from saltus.basins.measures.integrity import (
     global_integrity,
@@ -205,7 +206,7 @@ def test_the_distance_from_a_flat_boundary_is_right_to_half_a_cells_diagonal(dim
 
 
 def test_a_search_outwards_finds_the_nearest_cell_of_all(monkeypatch):
-    monkeypatch.setattr("saltus.basins.measures.integrity._NEAR", 200)  # cells of a block
+    monkeypatch.setattr("saltus.basins.measures.distances._NEAR", 200)  # cells of a block
     for _ in range(100):
         labels = (RANDOM.random((20, 30, 20)) < 0.003).astype(np.uint8)
         basins = kb.basins(labels, (1.0, 1.5, 2.0))
@@ -351,7 +352,7 @@ def test_a_grid_too_large_for_the_transform_is_refused():
 
 
 def test_measures_of_a_store_and_of_its_sections_are_those_of_the_array(tmp_path, small_units, monkeypatch):
-    monkeypatch.setattr("saltus.basins.measures.integrity._NEAR", 100)
+    monkeypatch.setattr("saltus.basins.measures.distances._NEAR", 100)
     labels = np.repeat(np.repeat(np.repeat(RANDOM.integers(0, 3, (5, 4, 6)), 4, axis=0), 5, axis=1), 3, axis=2)
     held = kb.basins(labels, (1.0, 1.5, 2.0))
     held.save(tmp_path / "labels.zarr")

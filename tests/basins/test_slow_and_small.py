@@ -10,7 +10,7 @@ import pytest
 import systems
 from saltus import Attractors, HybridSystem, InputError, Mode, find_attractors, map_basins
 from saltus.basins.attractors import search as recurrence
-from saltus.basins.attractors.attractors import Search
+from saltus.basins.attractors.found import Search
 from saltus.basins.map.cost import estimate_cost
 from saltus.basins.map.labelling import units_of
 from saltus.basins.map.patience import decay_periods, patience_for

@@ -9,7 +9,7 @@ import pytest
 
 from maps import round_about, strobed
 from saltus import ConvergenceError
-from saltus.basins.attractors.search import Search
+from saltus.basins.attractors.found import Search
 from saltus.basins.attractors.trap_growth import Enlarging
 from saltus.basins.attractors.trapping import OrbitEllipsoids
 

@@ -14,9 +14,9 @@ import pytest
 
 from saltus import HybridSystem, Mode, Transition
 from saltus.ensemble import cuda
-from saltus.ensemble._kernels import Boxes, Found, Motions, Regions, Settings
 from saltus.ensemble.cuda import CudaEnsemble, cuda_devices
 from saltus.ensemble.ensemble import Ensemble
+from saltus.ensemble.labels import Boxes, Found, Motions, Regions, Settings
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Traps
 from saltus.errors import InputError
 

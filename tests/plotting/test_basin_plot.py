@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from saltus.basins import Basins, Grid, Plane
-from saltus.basins.map.basins import Outcomes
+from saltus.basins.map.outcomes import Outcomes
 from saltus.errors import InputError
 from saltus.plotting.basin import colours_of, percent, places_of
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from saltus.basins import Basins, Grid
-from saltus.basins.map.basins import Outcomes
+from saltus.basins.map.outcomes import Outcomes
 from saltus.errors import InputError, SaltusError
 from saltus.plotting import volume
 from saltus.plotting.volume import Volume, check_renderer

@@ -1,11 +1,15 @@
 """Floor 4: attractors, their basins, and measures of the basins' integrity."""
 
-from saltus.basins.attractors.attractors import Attractors, Search, attractors_from, find_attractors
-from saltus.basins.map.basins import Basins, LabelError, Outcomes
+from saltus.basins.attractors.attractors import Attractors
+from saltus.basins.attractors.finding import attractors_from, find_attractors
+from saltus.basins.attractors.found import Search
+from saltus.basins.map.basins import Basins
 from saltus.basins.map.grid import Grid, Plane
 from saltus.basins.map.mapping import map_basins
+from saltus.basins.map.outcomes import Outcomes
+from saltus.basins.map.wrong_labels import LabelError
 from saltus.basins.measures.entropy import BasinEntropy, basin_entropy
-from saltus.basins.measures.erosion import ErosionProfile, erosion_profile
+from saltus.basins.measures.erosion import ErosionProfile
 from saltus.basins.measures.integrity import (
     Ball,
     FatalPerturbation,
@@ -15,6 +19,7 @@ from saltus.basins.measures.integrity import (
     local_integrity,
     minimal_fatal_perturbation,
 )
+from saltus.basins.measures.profile import erosion_profile
 from saltus.basins.measures.stability import Stability, basin_stability
 from saltus.basins.measures.uncertainty import UncertaintyExponent, uncertainty_by_neighbours, uncertainty_by_shifts
 from saltus.basins.measures.wada import WadaTest, wada_by_merging

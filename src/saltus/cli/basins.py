@@ -141,7 +141,7 @@ def _engine_options(read: Config) -> dict[str, Any]:
 
 def _search(read: Config) -> dict[str, Any]:
     """Return the options with which attractors are looked for."""
-    from saltus.basins.attractors.search import Search
+    from saltus.basins import Search
     from saltus.basins.map.config import called
 
     options = read.attractors.model_dump(exclude_none=True, exclude={"search"})

@@ -39,7 +39,7 @@ def next_begun(R, x, p, q, motions, regions, settings, found, next_motion):
 
 
 def follow(tables, motions, regions, boxes, settings, found, next_motion):
-    """Follow motions until they are in a trap, or for as long as asked; see the records of `saltus.ensemble._kernels`.
+    """Follow motions until they are in a trap, or for as long as asked; see the records of `saltus.ensemble.labels`.
 
     tables: p, q, arena (blocks, numbers of a block's lanes), which is used where `SHARED` is 0. next_motion: (1,), at
     first 0.

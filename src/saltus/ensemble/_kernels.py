@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
 
 from llvmlite import ir
 from numba import types
@@ -13,69 +12,10 @@ from saltus.ensemble.labels import DIVERGED, DONE, FALLING, UNDECIDED
 from saltus.flow._bit_kernels import bits_of, float_of
 from saltus.system.machine_code import njit
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 FAST = {"contract", "nsz", "arcp", "reassoc"}
 SCALAR = {"nogil": True, "error_model": "numpy", "_nrt": False}
 """Options of what is done for one lane: it makes no array, and counting references to those of its records would take
-longer than the work itself."""
-
-
-class Motions(NamedTuple):
-    """Where motions start: states at phase 0, shape (m, n), and modes, negative for the first that a state allows."""
-
-    points: NDArray[np.float64]
-    modes: NDArray[np.int64]
-
-
-class Regions(NamedTuple):
-    """Trapping regions as `fate` reads them."""
-
-    cages: NDArray[np.float64]
-    ellipsoids: NDArray[np.float64]
-    labels: NDArray[np.int64]
-
-
-class Boxes(NamedTuple):
-    """Boxes that attractors visit, as `box_of` reads them."""
-
-    origin: NDArray[np.float64]
-    size: NDArray[np.float64]
-    indices: NDArray[np.int64]
-    labels: NDArray[np.int64]
-
-
-class Settings(NamedTuple):
-    """How motions are followed: tolerances as `loosened` reads them, what has diverged, periods, visits to boxes."""
-
-    itol: float
-    growth: float
-    least_itol: float
-    limit: float
-    longest: int
-    visits: int
-
-
-class Found(NamedTuple):
-    """What has become of motions: labels, periods until then, and the states and modes where they ended."""
-
-    labels: NDArray[np.uint8]
-    strobes: NDArray[np.int32]
-    ends: NDArray[np.float64]
-    end_modes: NDArray[np.int64]
-
-
-class Scratch(NamedTuple):
-    """What a loop over lanes works in: pools of lanes, their motions and counts, visits of motions, a state."""
-
-    pools: NDArray[np.float64]
-    who: NDArray[np.int64]
-    count: NDArray[np.int64]
-    seen: NDArray[np.int64]
-    x: NDArray[np.float64]
-
+longer than the work itself. The code is kept with that of the generated text, whose name tells of the records too."""
 
 _BIAS = float(1023 * 2**52)
 _TWO_OVER_PI = 2.0 / math.pi
@@ -314,7 +254,7 @@ def after_visit(seen, box, visits):
     return seen, box if seen >= 256 * visits else UNDECIDED
 
 
-@njit(cache=True, **SCALAR)
+@njit(**SCALAR)
 def told(x, mode, seen, regions, boxes, settings):
     """Visits of a motion so far, as `after_visit` counts them, and its label in a state at phase 0."""
     label = fate(x, mode, settings.limit, regions.cages, regions.ellipsoids, regions.labels)
@@ -324,7 +264,7 @@ def told(x, mode, seen, regions, boxes, settings):
     return after_visit(seen, box, settings.visits)
 
 
-@njit(cache=True, **SCALAR)
+@njit(**SCALAR)
 def ended(i, label, x, mode, found):
     """Keep the label of a motion, its state and its mode; its lane is DONE."""
     found.labels[i] = label

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.ensemble._kernels import Scratch
+from saltus.ensemble.labels import Scratch
 from saltus.system.compiled import SERIES_TEXT, callable_at, with_constants
 from saltus.system.generated import Kind, module_of
 

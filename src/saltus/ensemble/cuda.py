@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.ensemble._kernels import Boxes, Found, Motions, Regions, Settings
 from saltus.ensemble.ensemble import Ensemble, part_of
+from saltus.ensemble.labels import Boxes, Found, Motions, Regions, Settings
 from saltus.errors import InputError
 
 if TYPE_CHECKING:

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.ensemble._kernels import Boxes, Found, Motions, Regions, Settings
 from saltus.ensemble.fallback import follow_alone
-from saltus.ensemble.labels import DIVERGED, LEFT_OVER, NOT_DONE
+from saltus.ensemble.labels import DIVERGED, LEFT_OVER, NOT_DONE, Boxes, Found, Motions, Regions, Settings
 from saltus.ensemble.modal import LinearPart, linear_parts
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.ensemble._kernels import after_visit
 from saltus.ensemble.labels import DIVERGED, UNDECIDED
 from saltus.errors import DivergenceError, SaltusError, StickingError
 from saltus.flow.motion import starting_mode
@@ -71,6 +70,8 @@ def follow_alone(
             strobe += 1
             label = traps.of(x, mode)
             if label == UNDECIDED and traps.cells is not None:
+                from saltus.ensemble._kernels import after_visit  # with Numba, which takes its time
+
                 seen, label = after_visit(seen, traps.box_of(x), traps.cells.visits)
     except StickingError:
         raise

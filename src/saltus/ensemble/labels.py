@@ -1,6 +1,12 @@
-"""What a lane reports after a step, and labels of motions besides those of attractors."""
+"""What a lane reports after a step, labels of motions besides those of attractors, and records of many motions."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 __all__ = [
     "AT_STROBE",
@@ -18,6 +24,12 @@ __all__ = [
     "NOT_DONE",
     "STUCK",
     "UNDECIDED",
+    "Boxes",
+    "Found",
+    "Motions",
+    "Regions",
+    "Scratch",
+    "Settings",
 ]
 
 GOES_ON, AT_STROBE, STUCK, CHANGES, EVENT = 0.0, 1.0, 2.0, 3.0, 4.0
@@ -40,3 +52,57 @@ its own, and no longer falls into a trap."""
 
 HUGE = "1e300"
 """Text of a step's largest length where nothing limits it."""
+
+
+class Motions(NamedTuple):
+    """Where motions start: states at phase 0, shape (m, n), and modes, negative for the first that a state allows."""
+
+    points: NDArray[np.float64]
+    modes: NDArray[np.int64]
+
+
+class Regions(NamedTuple):
+    """Trapping regions as `saltus.ensemble._kernels.fate` reads them."""
+
+    cages: NDArray[np.float64]
+    ellipsoids: NDArray[np.float64]
+    labels: NDArray[np.int64]
+
+
+class Boxes(NamedTuple):
+    """Boxes that attractors visit, as `saltus.ensemble._kernels.box_of` reads them."""
+
+    origin: NDArray[np.float64]
+    size: NDArray[np.float64]
+    indices: NDArray[np.int64]
+    labels: NDArray[np.int64]
+
+
+class Settings(NamedTuple):
+    """How motions are followed: tolerances as `loosened` reads them, what has diverged, periods, visits to boxes."""
+
+    itol: float
+    growth: float
+    least_itol: float
+    limit: float
+    longest: int
+    visits: int
+
+
+class Found(NamedTuple):
+    """What has become of motions: labels, periods until then, and the states and modes where they ended."""
+
+    labels: NDArray[np.uint8]
+    strobes: NDArray[np.int32]
+    ends: NDArray[np.float64]
+    end_modes: NDArray[np.int64]
+
+
+class Scratch(NamedTuple):
+    """What a loop over lanes works in: pools of lanes, their motions and counts, visits of motions, a state."""
+
+    pools: NDArray[np.float64]
+    who: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    seen: NDArray[np.int64]
+    x: NDArray[np.float64]

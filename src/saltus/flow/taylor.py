@@ -74,8 +74,7 @@ class TaylorRun:
         rtol: float,
         atol: float,
     ) -> None:
-        from saltus.flow import _state_kernels as times
-        from saltus.flow import _taylor_step_kernels as kernels
+        from saltus.flow import _state_kernels as times, _taylor_step_kernels as kernels
         from saltus.flow._taylor_kernels import follow_kernel
 
         self.kernels, self.times, self._run = kernels, times, follow_kernel

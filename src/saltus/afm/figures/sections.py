@@ -67,8 +67,7 @@ def model(modes: int) -> HybridSystem:
 
 def attractors_of(system: HybridSystem, store: Path, say: Callable[[str], None]) -> Any:
     """Return the attractors that the paper's box holds; those in a store where there is one."""
-    from saltus.basins import Basins
-    from saltus.basins.attractors.attractors import find_attractors
+    from saltus.basins import Basins, find_attractors
 
     if store.exists():
         return Basins.open(store).attractors

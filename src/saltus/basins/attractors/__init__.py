@@ -1,5 +1,7 @@
 """Attractors and their trapping regions."""
 
-from saltus.basins.attractors.attractors import Attractors, Search, attractors_from, find_attractors
+from saltus.basins.attractors.attractors import Attractors
+from saltus.basins.attractors.finding import attractors_from, find_attractors
+from saltus.basins.attractors.found import Search
 
 __all__ = ["Attractors", "Search", "attractors_from", "find_attractors"]

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from saltus.basins.attractors.search import AttractorSearch, Found
+    from saltus.basins.attractors.following import FollowedMotions
+    from saltus.basins.attractors.found import Found
 
 __all__ = ["Building"]
 
@@ -59,7 +60,7 @@ class Building:
     `transients` are the labels of those that turned out to be none.
     """
 
-    def __init__(self, hunt: AttractorSearch, found: list[Found]) -> None:
+    def __init__(self, hunt: FollowedMotions, found: list[Found]) -> None:
         self.hunt, self.found = hunt, found
         self.notes: dict[int, str] = {}
         self.error = 0.0

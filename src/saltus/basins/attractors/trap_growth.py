@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from saltus.basins.attractors.search import Search
+    from saltus.basins.attractors.found import Search
     from saltus.basins.attractors.trapping import OrbitEllipsoids
     from saltus.ensemble.ensemble import Ensemble
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -16,13 +16,14 @@ from saltus import checks
 from saltus.basins.attractors.attractors import Attractors
 from saltus.basins.map.grid import Grid, tiles
 from saltus.basins.map.labelling import ACCURACY, Labelling
+from saltus.basins.map.outcomes import Outcomes, attractors_bytes, named_labels, outcomes_from, points_of, summary
 from saltus.basins.map.store import Store, Window, flags
+from saltus.basins.map.wrong_labels import LabelError, differing, label_error_of
 from saltus.basins.wilson import wilson
-from saltus.contents import Contents, checked_texts
-from saltus.ensemble.traps import DIVERGED, NOT_DONE, UNDECIDED
+from saltus.contents import Contents
+from saltus.ensemble.traps import NOT_DONE, UNDECIDED
 from saltus.errors import InputError
-from saltus.files import sealed
-from saltus.results import Result, dataset_in, frozen, netcdf
+from saltus.results import Result
 
 if TYPE_CHECKING:
     import os
@@ -30,59 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Basins", "LabelError", "Outcomes"]
-
-
-@dataclass(frozen=True, eq=False)
-class Outcomes:
-    """What the labels of an array from elsewhere stand for.
-
-    Attributes
-    ----------
-    labels : mapping of str to int
-        The byte of each outcome.
-    points : mapping of str to ndarray, shape (k, n)
-        Points of the attractors, where they are known.
-    kinds, notes : mapping of str to str
-        What kind of attractor each is, and what is known of its trapping region.
-    measured_error : float or None
-        Bound on the part of a trapping region that belongs elsewhere, where it was measured.
-    """
-
-    labels: Mapping[str, int]
-    points: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    kinds: Mapping[str, str] = field(default_factory=dict)
-    notes: Mapping[str, str] = field(default_factory=dict)
-    measured_error: float | None = None
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The attractors: outcomes other than divergence and indecision."""
-        return tuple(name for name, label in self.labels.items() if label < DIVERGED)
-
-
-@dataclass(frozen=True)
-class LabelError:
-    """How many labels are not those of motions that are followed more exactly; see `Basins.label_error`.
-
-    Attributes
-    ----------
-    wrong, cells : int
-        Labels that differ, and all that were compared.
-    bound : float
-        The part that is wrong is less, at 95 % confidence.
-    tolerance : float
-        Of a step of the motions that were followed anew.
-    wrong_by_events, cells_by_events : int
-        The same of the cells whose motions the event-driven flow followed as well.
-    """
-
-    wrong: int
-    cells: int
-    bound: float
-    tolerance: float
-    wrong_by_events: int = 0
-    cells_by_events: int = 0
+__all__ = ["Basins"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -171,11 +120,11 @@ class Basins(Result):
             raise InputError("labels", f"an array of {array.dtype}", "integers or booleans")
         if array.shape != grid.shape:
             raise InputError("labels' shape", array.shape, f"that of the axes, {grid.shape}")
-        named = _named(checks.mapping("names", names, "outcomes to labels"))
+        named = named_labels(checks.mapping("names", names, "outcomes to labels"))
         if unnamed := sorted(set(np.unique(array).tolist()) - set(named.values())):
             raise InputError("labels", unnamed[0], f"labels that are named: {', '.join(map(str, named.values()))}")
         at_strobes = checks.mapping("points", points, "attractors to points")
-        held = {name: _points_of(name, at, names, grid) for name, at in at_strobes.items()}
+        held = {name: points_of(name, at, names, grid) for name, at in at_strobes.items()}
         return cls(array.astype(np.uint8), grid, Outcomes(named, held), stopped=told(array.size, array.size))
 
     @classmethod
@@ -332,16 +281,16 @@ class Basins(Result):
         labels, points = labels[said], self.grid.at(np.stack(at, axis=-1)[said])
         known, held = self.attractors.labels, self.attractors.points
         strict = self._labelling.stricter(tolerance, {known[name]: held[name] for name in held})
-        wrong, compared = _differing(labels, strict.of(points))
+        wrong, compared = differing(labels, strict.of(points))
         bound = wilson(wrong, compared)[1] if compared else 1.0
-        by_hand = _differing(labels[:few], strict.by_events(points[:few]))
+        by_hand = differing(labels[:few], strict.by_events(points[:few]))
         return LabelError(wrong, compared, bound, tolerance, *by_hand)
 
     @property
     def noted_error(self) -> LabelError | None:
         """The `label_error` that `map_basins` measured of all cells when a store was finished; None without one."""
         kept = None if self.path is None else Store.open(self.path).attributes.get("label_error")
-        return None if kept is None else _label_error(kept)
+        return None if kept is None else label_error_of(kept)
 
     @cached_property
     def _labelling(self) -> Labelling:
@@ -450,19 +399,10 @@ class Basins(Result):
         return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
 
 
-def _differing(labels: NDArray[np.uint8], others: NDArray[np.uint8]) -> tuple[int, int]:
-    """How many labels differ from others, and how many of these are decided."""
-    decided = others != UNDECIDED
-    return int((decided & (labels != others)).sum()), int(decided.sum())
-
-
 def told(done: int, total: int, *, interrupted: bool = False) -> str:
     """Say how many cells are done; an interrupt after the last of them is told, too."""
     whole = done == total and not interrupted
     return f"all {total} cells done" if whole else f"interrupted: {done} of {total} cells done"
-
-
-# attractors in a store
 
 
 def attributes_of(inputs: Mapping[str, Any], grid: Grid, attractors: Any) -> dict[str, Any]:
@@ -479,53 +419,6 @@ def attributes_of(inputs: Mapping[str, Any], grid: Grid, attractors: Any) -> dic
     }
 
 
-def summary(attractors: Any) -> dict[str, Any]:
-    """Return what a reader wants to know of the attractors, as plain data."""
-    told = {
-        "labels": dict(attractors.labels),
-        "points": {name: np.asarray(points).tolist() for name, points in attractors.points.items()},
-        "kinds": dict(attractors.kinds),
-        "notes": dict(attractors.notes),
-        "measured_error": attractors.measured_error,
-    }
-    return dict(json.loads(json.dumps(told, default=str)))
-
-
-def attractors_bytes(attractors: Any) -> bytes:
-    """Return the attractors as the content of a NetCDF file; nothing for those of an array from elsewhere."""
-    if not isinstance(attractors, Attractors):
-        return b""
-    return sealed(netcdf({"": attractors.to_xarray()}))
-
-
-def outcomes_from(held: bytes, said: Mapping[str, Any]) -> Any:
-    """Return the attractors of a store; raise `InputError` where it does not hold them whole."""
-    return Attractors.from_xarray(dataset_in(held, "attractors")) if held else _outcomes(said)
-
-
-def _outcomes(said: Mapping[str, Any]) -> Outcomes:
-    """Return the outcomes of an array from elsewhere, as `summary` told them."""
-    labels, error = said.get("labels"), said.get("measured_error")
-    if not isinstance(labels, Mapping) or not all(
-        type(label) is int and 0 <= label < NOT_DONE for label in labels.values()
-    ):
-        raise InputError("outcomes' labels", labels, f"labels between 0 and {NOT_DONE - 1} by name")
-    for key in ("kinds", "notes", "points"):
-        if not isinstance(said.get(key), Mapping) or not set(said[key]) <= set(labels):
-            raise InputError(f"outcomes' {key}", said.get(key), f"a mapping of some of {', '.join(labels)}")
-    for key in ("kinds", "notes"):
-        checked_texts(list(said[key].values()), f"outcomes' {key}")
-    if error is not None and not checks.is_real(error):
-        raise InputError("outcomes' measured_error", error, "a number, or none")
-    try:
-        points = {name: frozen(points) for name, points in said["points"].items()}
-    except (TypeError, ValueError) as wrong:
-        raise InputError("outcomes' points", type(said["points"]).__name__, "rows of numbers", str(wrong)) from None
-    if any(held.ndim != 2 or not np.isfinite(held).all() for held in points.values()):
-        raise InputError("outcomes' points", [held.shape for held in points.values()], "rows of finite numbers")
-    return Outcomes(dict(labels), points, said["kinds"], said["notes"], error)
-
-
 def _check_belong(grid: Grid, outcomes: Any, inputs: Any) -> None:
     """Raise `InputError` where grid, attractors and inputs in a file are not of one system."""
     if not isinstance(inputs, Mapping):
@@ -536,37 +429,6 @@ def _check_belong(grid: Grid, outcomes: Any, inputs: Any) -> None:
         raise InputError("the grid's states", grid.states, f"those of the system: {', '.join(states[0])}")
     if any(held.shape[1] != len(grid.states) for held in outcomes.points.values()):
         raise InputError("points", [held.shape for held in outcomes.points.values()], f"of {len(grid.states)} columns")
-
-
-def _label_error(kept: Any) -> LabelError:
-    """Return what a store says of wrong labels."""
-    wanted = {part.name for part in fields(LabelError)}
-    if not isinstance(kept, Mapping) or set(kept) != wanted or not all(map(checks.is_real, kept.values())):
-        raise InputError("attribute 'label_error'", kept, f"numbers by {', '.join(sorted(wanted))}")
-    return LabelError(**kept)
-
-
-def _named(names: Mapping[str, int]) -> dict[str, int]:
-    """All outcomes, each with a label of its own."""
-    named = {"diverged": DIVERGED, "undecided": UNDECIDED}
-    for name, label in names.items():
-        if name not in named:
-            checks.count(f"names[{name!r}]", label, 0, DIVERGED - 1)
-        else:
-            checks.count(f"names[{name!r}]", label, named[name], named[name])
-    found = {**names, **named}
-    if len(set(found.values())) < len(found):
-        raise InputError("names", dict(names), "a label of its own for each")
-    return found
-
-
-def _points_of(name: str, points: ArrayLike, names: Mapping[str, int], grid: Grid) -> NDArray[np.float64]:
-    checks.chosen("points", name, names)
-    where, allowed = f"points[{name!r}]", f"rows of finite {', '.join(grid.states)}"
-    found: NDArray[np.float64] = frozen(np.atleast_2d(checks.array(where, points, allowed)))
-    if found.ndim != 2 or found.shape[1] != len(grid.states):
-        raise InputError(where, points, allowed)
-    return found
 
 
 def _range(name: str, given: ArrayLike) -> tuple[float, float, int]:

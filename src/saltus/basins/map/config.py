@@ -50,7 +50,7 @@ class AttractorOptions(BaseModel):
     seeds: _Count | None = Field(default=None, ge=1)
     """How many motions start there."""
     search: dict[str, Any] | None = None
-    """Arguments of `saltus.basins.attractors.search.Search`: how long motions are followed, and so on."""
+    """Arguments of `saltus.basins.attractors.found.Search`: how long motions are followed, and so on."""
 
 
 class PlaneTable(BaseModel):

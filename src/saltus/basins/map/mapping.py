@@ -26,10 +26,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.basins.attractors.attractors import Search, find_attractors
-from saltus.basins.map.basins import Basins, attractors_bytes, attributes_of, outcomes_from, told
+from saltus.basins.attractors.finding import find_attractors
+from saltus.basins.attractors.found import Search
+from saltus.basins.map.basins import Basins, attributes_of, told
 from saltus.basins.map.grid import Grid, Plane
 from saltus.basins.map.labelling import TOLERANCE, Labelling, checked_engine, checked_interval, units_of
+from saltus.basins.map.outcomes import attractors_bytes, outcomes_from
 from saltus.basins.map.patience import Patience, patience_for
 from saltus.basins.map.store import Store, check_same
 from saltus.basins.telling import Progress

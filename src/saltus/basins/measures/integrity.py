@@ -20,16 +20,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus import checks
 from saltus.basins.map.chunked_reading import blocks, label_of, outcome_of, read
-from saltus.ensemble.traps import NOT_DONE
+from saltus.basins.measures.distances import (
+    farthest_site,
+    half_diagonal,
+    nearest_outside,
+    own_cell,
+    room_about,
+    start_of,
+    weights_of,
+)
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from saltus.basins.map.chunked_reading import Labelled
-    from saltus.basins.map.grid import Grid
 
 __all__ = [
     "Ball",
@@ -39,11 +45,7 @@ __all__ = [
     "integrity_factor",
     "local_integrity",
     "minimal_fatal_perturbation",
-    "weights_of",
 ]
-
-_NEAR = 2**20
-"""Cells that are looked at together in a search from the attractor outwards."""
 
 _MEMORY = 2**32
 """Bytes that a distance transform may take."""
@@ -252,16 +254,16 @@ def local_integrity(
     0.99, error 0.014
     """
     label, scale = label_of(basins, name), weights_of(basins.grid, weights)
-    start, off = _start(basins, name, centre)
-    radius, _, _ = _nearest_outside(basins, label, start, scale, 0.5)
-    room = _room(basins.grid, start, scale)
+    start, off = start_of(basins, name, centre)
+    radius, _, _ = nearest_outside(basins, label, start, scale, 0.5)
+    room = room_about(basins.grid, start, scale)
     return Ball(
         value=min(radius, room),
-        error=_half_diagonal(basins.grid, scale),
+        error=half_diagonal(basins.grid, scale),
         clipped=room < radius,
         centre=start,
         off_section=off,
-        note=_own_cell(basins, label, start),
+        note=own_cell(basins, label, start),
     )
 
 
@@ -323,11 +325,11 @@ def integrity_factor(basins: Labelled, name: str, *, weights: Mapping[str, float
     inside = np.zeros(padded, np.bool_)
     for block in blocks(labels):
         inside[tuple(slice(s.start + 1, s.stop + 1) for s in block)] = read(labels, block) == label
-    error = 1.5 * _half_diagonal(basins.grid, scale)
+    error = 1.5 * half_diagonal(basins.grid, scale)
     if not inside.any():
         return Ball(0.0, error, False, np.full(len(padded), np.nan), note=f"no cell is labelled {name!r}")
     sites = ndimage.distance_transform_edt(inside, sampling=sizes, return_distances=False, return_indices=True)
-    farthest, cell = _farthest(sites, sizes)
+    farthest, cell = farthest_site(sites, sizes)
     edge = min(min(i, n - 1 - i) * s for i, n, s in zip(cell, padded, sizes, strict=True))
     return Ball(
         value=max(farthest - error / 3.0, 0.0),
@@ -381,130 +383,15 @@ def minimal_fatal_perturbation(
     ([0.26, 0.0], 'b')
     """
     label, scale = label_of(basins, name), weights_of(basins.grid, weights)
-    start, off = _start(basins, name, centre)
-    length, target, reached = _nearest_outside(basins, label, start, scale, 0.0)
+    start, off = start_of(basins, name, centre)
+    length, target, reached = nearest_outside(basins, label, start, scale, 0.0)
     return FatalPerturbation(
         value=length,
-        error=min(2.0 * _half_diagonal(basins.grid, scale), length),
-        clipped=_room(basins.grid, start, scale) < length,
+        error=min(2.0 * half_diagonal(basins.grid, scale), length),
+        clipped=room_about(basins.grid, start, scale) < length,
         centre=start,
         vector=target - start,
         outcome=outcome_of(basins, reached) if math.isfinite(length) else "",
         off_section=off,
-        note=_own_cell(basins, label, start),
+        note=own_cell(basins, label, start),
     )
-
-
-def weights_of(grid: Grid, weights: Mapping[str, float] | None) -> NDArray[np.float64]:
-    """Return the weight of each free coordinate, shape (free coordinates,).
-
-    Raises
-    ------
-    InputError
-        An unknown coordinate, one without a weight, or a weight that is not positive.
-    """
-    if weights is None:
-        return np.ones(len(grid.names))
-    given = checks.mapping("weights", weights, "free coordinates to lengths", known=grid.names)
-    if missing := [free for free in grid.names if free not in given]:
-        raise InputError("weights", given, "given for every free coordinate", f"add {missing[0]!r}")
-    return np.array([checks.positive(f"weights[{free!r}]", given[free]) for free in grid.names])
-
-
-def _start(basins: Labelled, name: str, centre: ArrayLike | None) -> tuple[NDArray[np.float64], float]:
-    """The centre in the free coordinates, and how far from the grid's plane the attractor's point is."""
-    grid, off = basins.grid, 0.0
-    if centre is not None:
-        allowed = f"a number for each of {', '.join(grid.names)}"
-        start = checks.array("centre", centre, allowed)
-        if start.shape != (len(grid.names),):
-            raise InputError("centre", centre, allowed)
-    else:
-        if not np.size(basins.attractors.points.get(name, ())):
-            raise InputError("name", name, "an attractor whose points are known", "or give the centre of the ball")
-        point = np.atleast_2d(basins.attractors.points[name])[0]
-        start = np.linalg.lstsq(grid.vectors.T, point - grid.origin, rcond=None)[0]
-        off = float(np.linalg.norm(point - grid.origin - start @ grid.vectors))
-        off = off if off > 1e-12 * float(np.abs(point).max()) else 0.0
-    for k, (free, (low, high, _)) in enumerate(zip(grid.names, grid.ranges, strict=True)):
-        inside = grid.clipped(free, float(start[k]))
-        if inside is None:
-            where = f"centre's {free}" if centre is not None else f"{free} of {name!r}"
-            raise InputError(where, float(start[k]), f"within the window, from {low:g} to {high:g}", "map a larger one")
-        start[k] = inside
-    return start, off
-
-
-def _nearest_outside(
-    basins: Labelled, label: int, start: NDArray[np.float64], scale: NDArray[np.float64], half: float
-) -> tuple[float, NDArray[np.float64], int]:
-    """Distance, centre and label of the nearest cell with another label; infinite and NaN where there is none.
-
-    The distance is that of its centre with `half` = 0, and that of the nearest point of the cell with `half` = 1/2.
-    Blocks are looked at in the order of their distance, until the next is further than what has been found.
-    """
-    grid, labels = basins.grid, basins.labels
-    gaps = [
-        (np.maximum(np.abs(axis - x) - half * size, 0.0) / w) ** 2
-        for axis, x, size, w in zip(grid.axes, start, grid.spacing, scale, strict=True)
-    ]
-    bounded = [
-        (sum(float(gap[s].min()) for gap, s in zip(gaps, block, strict=True)), block)
-        for block in blocks(labels, most=_NEAR)
-    ]
-    best, target, reached = math.inf, np.full(len(gaps), np.nan), NOT_DONE
-    for bound, block in sorted(bounded, key=lambda pair: pair[0]):
-        if bound >= best:
-            break
-        part = tuple(_nearer(gap, s, best - bound) for gap, s in zip(gaps, block, strict=True))
-        found = read(labels, part)
-        outside = found != label
-        if not outside.any():
-            continue
-        squares = np.zeros(found.shape)
-        for k, (gap, s) in enumerate(zip(gaps, part, strict=True)):
-            squares += gap[s].reshape([-1 if i == k else 1 for i in range(len(gaps))])
-        squares[~outside] = math.inf
-        place = np.unravel_index(int(squares.argmin()), squares.shape)
-        if squares[place] < best:
-            best, reached = float(squares[place]), int(found[place])
-            target = np.array([axis[s.start + i] for axis, s, i in zip(grid.axes, part, place, strict=True)])
-    return math.sqrt(best), target, reached
-
-
-def _nearer(gap: NDArray[np.float64], part: slice, room: float) -> slice:
-    """The cells of a slice whose gap exceeds the least one there by no more than `room`."""
-    within = np.flatnonzero(gap[part] <= gap[part].min() + room)
-    return slice(part.start + int(within[0]), part.start + int(within[-1]) + 1)
-
-
-def _farthest(sites: NDArray[np.int32], sizes: NDArray[np.float64]) -> tuple[float, tuple[int, ...]]:
-    """The largest distance of a cell from its site, and that cell; layer by layer, to save memory."""
-    best, cell = -1.0, (0,) * len(sizes)
-    shape = sites.shape[1:]
-    for layer in range(shape[0]):
-        squares = ((sites[0, layer] - layer) * sizes[0]) ** 2
-        for k in range(1, len(sizes)):
-            own = np.arange(shape[k]).reshape([-1 if i == k else 1 for i in range(1, len(sizes))])
-            squares = squares + ((sites[k, layer] - own) * sizes[k]) ** 2
-        if (most := float(squares.max())) > best:
-            place = np.unravel_index(int(squares.argmax()), shape[1:])
-            best, cell = most, (layer, *map(int, place))
-    return math.sqrt(best), cell
-
-
-def _half_diagonal(grid: Grid, scale: NDArray[np.float64]) -> float:
-    return 0.5 * float(np.linalg.norm(np.asarray(grid.spacing) / scale))
-
-
-def _room(grid: Grid, start: NDArray[np.float64], scale: NDArray[np.float64]) -> float:
-    """Distance of a point from the window's edge."""
-    ends = np.array([(low, high) for low, high, _ in grid.ranges])
-    return float((np.abs(ends - start[:, None]).min(axis=1) / scale).min())
-
-
-def _own_cell(basins: Labelled, label: int, start: NDArray[np.float64]) -> str:
-    """A sentence where the cell that a point lies in has another label."""
-    cell = basins.grid.nearest(dict(zip(basins.grid.names, start.tolist(), strict=True)))
-    own = int(read(basins.labels, tuple(slice(i, i + 1) for i in cell.values())).item())
-    return "" if own == label else f"the centre's own cell is labelled {outcome_of(basins, own)!r}"

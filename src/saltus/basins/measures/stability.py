@@ -100,7 +100,7 @@ def basin_stability(
     Whatever classifies points over a grid will do; here a disc of radius 0.6 in a square of edge 2:
 
     >>> from types import SimpleNamespace
-    >>> from saltus.basins.map.basins import Outcomes
+    >>> from saltus.basins.map.outcomes import Outcomes
     >>> from saltus.basins.map.grid import Grid
     >>> disc = SimpleNamespace(
     ...     grid=Grid(("x", "y"), {"x": (-1, 1, 10), "y": (-1, 1, 10)}),

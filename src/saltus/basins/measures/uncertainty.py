@@ -10,7 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.basins.map.chunked_reading import BLOCK, blocks, checked_basins, read, surroundings
-from saltus.basins.measures.integrity import weights_of
+from saltus.basins.measures.distances import weights_of
 from saltus.ensemble.traps import UNDECIDED
 from saltus.errors import InputError
 from saltus.results import frozen

@@ -1,0 +1,268 @@
+"""Attractors found in a region, or made of known orbits, with their trapping regions."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import checks
+from saltus.basins.attractors.attractors import Attractors
+from saltus.basins.attractors.building import Building
+from saltus.basins.attractors.following import MOTIONS
+from saltus.basins.attractors.found import Found, Search
+from saltus.basins.attractors.search import AttractorSearch
+from saltus.basins.telling import Progress
+from saltus.ensemble.traps import DIVERGED, UNDECIDED
+from saltus.errors import InputError
+from saltus.orbits import PeriodicOrbit
+from saltus.system import HybridSystem
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["attractors_from", "find_attractors"]
+
+_DIGITS = (7, 2)
+"""Of a place in parts of the region's half widths, by which attractors are sorted: of a point, of a sample's mean."""
+
+
+def find_attractors(
+    system: HybridSystem,
+    parameters: Mapping[str, float] | None = None,
+    region: Mapping[str, tuple[float, float] | float] | None = None,
+    *,
+    seeds: int = 256,
+    interval: float | None = None,
+    search: Search | None = None,
+    motions: int = MOTIONS,
+    progress: Progress | None = None,
+) -> Attractors:
+    """Return the attractors on which motions from a region end, with their trapping regions.
+
+    Motions from quasi-random states are followed until each has settled; what recurs is handed to the orbit solver, and
+    only stable orbits are kept; all other motions are told apart by the states that they visit
+    (`saltus.basins.attractors.search`), and what they leave within ten times `Search.longest` strobes, on average,
+    is no attractor: motions on it that long are undecided. An attractor whose basin is a small part w of the region is
+    missed with the probability ``(1 - w)^seeds``, about: ``seeds = 3/w`` finds it at 95 %.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        The system.
+    parameters : mapping of str to float, optional
+        Parameters that differ from the system's defaults.
+    region : mapping of str to (float, float) or float
+        For every state the interval in which motions start, at phase 0; or the value at which they do.
+    seeds : int, optional
+        How many motions.
+    interval : float, optional
+        Time between two looks, for a system without a phase. It must not be commensurate with the period of a limit
+        cycle, which is to be seen as a closed curve.
+    search : Search, optional
+        How long motions are followed, how many samples the trapping regions rest on, and the like.
+    motions : int, optional
+        How many motions will be labelled, 40 000 unless told; `map_basins` tells the count of its cells. The search
+        takes about ten times as long as they do at the most: trapping regions are enlarged as long as that saves more
+        than it takes, and rest on as many samples as are worth their time, 1000 at the least.
+    progress : callable, optional
+        Called with the count of motions that have been followed, of all that are expected so far, the motions a second,
+        and how many seconds are left.
+
+    Returns
+    -------
+    Attractors
+        Those that touch nothing first, or in the order of the system's `regimes`; then by period, by size and by place.
+        Names are the system's `regimes` by the modes visited, else the kinds, with " A", " B" where one occurs twice.
+
+    Raises
+    ------
+    InputError
+        An argument that cannot be used.
+    ConvergenceError
+        Motions return to an orbit from no region about it that can be measured.
+
+    Notes
+    -----
+    Trapping regions, by what there is: (a) an invariant set, proven (`saltus.basins.attractors.invariant_set`); (b)
+    about the points of a periodic orbit, ellipsoids in the metric of the discrete Lyapunov equation, cut by planes, as
+    large as no sample inside ends elsewhere, nor any motion from `region` that enters them
+    (`saltus.basins.attractors.trap_growth`); (c) along all other attractors boxes, in which a motion has to be seen for
+    many strobes in a row, as many as no sample from `region` needs to be told apart
+    (`saltus.basins.attractors.visited_boxes`).
+
+    References
+    ----------
+    G. Datseris, A. Wagemakers, Effortless estimation of basins of attraction, Chaos 32 (2022) 023104: recurrences;
+    M. Stender, N. Hoffmann, bSTAB: an open-source software for computing the basin stability of multi-stable dynamical
+    systems, Nonlinear Dyn. 107 (2022) 1451-1468: features.
+
+    Examples
+    --------
+    >>> from saltus.system.hybrid import Mode
+    >>> wells = HybridSystem(
+    ...     ("x", "v"), {"w": 1.0}, {"free": Mode({"x": "v", "v": "x - x**3 - 0.15*v + 0.2*cos(s)"})}, phase=("s", "w")
+    ... )
+    >>> found = find_attractors(wells, {}, {"x": (-2, 2), "v": (-2, 2)}, seeds=32, search=Search(samples=500))
+    >>> found.names
+    ('period-1 A', 'period-1 B')
+    """
+    checks.instance("system", system, HybridSystem)
+    parameters = checks.mapping("parameters", parameters, "names to numbers, or None")
+    interval = None if interval is None else checks.positive("interval", interval)
+    chosen = _checked_search(search)
+    count = checks.size("seeds", seeds)
+    box = _checked_region(system, region)
+    low, high = np.array(list(box.values())).T
+    if progress is not None and not callable(progress):
+        raise InputError("progress", progress, "a function of two counts, a rate and a time")
+    labelled = checks.count("motions", motions)
+    hunt = AttractorSearch(system, parameters, low, high, interval, chosen, labelled, progress)
+    starts = hunt.seeds(count)
+    if not len(starts):
+        raise InputError("region", dict(box), "where motions can start: in a mode's domain and before its events")
+    hunt.follow(starts)
+    if len(hunt.found) < DIVERGED:
+        hunt.drop_transients()
+    return _assembled(hunt, box, sorted(hunt.found, key=lambda found: _rank(hunt, found)), None, starts)
+
+
+def attractors_from(
+    orbits: Mapping[str, PeriodicOrbit],
+    region: Mapping[str, tuple[float, float] | float],
+    *,
+    search: Search | None = None,
+    motions: int = MOTIONS,
+) -> Attractors:
+    """Return known orbits as attractors, in the order and by the names given, with their trapping regions.
+
+    Parameters
+    ----------
+    orbits : mapping of str to PeriodicOrbit
+        Stable orbits of one system with a phase, at the same parameters.
+    region : mapping of str to (float, float) or float
+        For every state the interval that matters; trapping regions are not made much larger.
+    search, motions
+        As in `find_attractors`.
+
+    Raises
+    ------
+    InputError
+        An orbit that is not stable, is no motion, or belongs to another system or other parameters.
+    """
+    orbits = checks.mapping("orbits", orbits, "names to PeriodicOrbit")
+    if not orbits:
+        raise InputError("orbits", {}, "at least one orbit")
+    for name, orbit in orbits.items():
+        checks.instance(f"orbits[{name!r}]", orbit, PeriodicOrbit)
+    first = next(iter(orbits.values()))
+    system, parameters = first.system, dict(first.parameters)
+    if system.phase is None:
+        raise InputError("orbits", list(orbits), "of a system with a phase", "find_attractors finds those of others")
+    box = _checked_region(system, region)
+    low, high = np.array(list(box.values())).T
+    hunt = AttractorSearch(
+        system, parameters, low, high, None, _checked_search(search), checks.count("motions", motions)
+    )
+    hunt.find_caged()
+    chosen = []
+    for name, orbit in orbits.items():
+        if orbit.system != system or dict(orbit.parameters) != parameters:
+            allowed = f"of the same system and parameters as {next(iter(orbits))!r}"
+            raise InputError(f"orbit {name!r}", orbit.system.name, allowed)
+        if not orbit.stable or not orbit.admissible:
+            said = "unstable" if not orbit.stable else "; ".join(orbit.reasons)
+            raise InputError(f"orbit {name!r}", said, "an attractor: a stable orbit that is a motion")
+        chosen.append(hunt.as_found(orbit))
+    return _assembled(hunt, box, chosen, tuple(orbits), np.empty((0, len(box))))
+
+
+def _checked_search(search: Search | None) -> Search:
+    return Search() if search is None else checks.instance("search", search, Search)
+
+
+def _checked_region(system: HybridSystem, region: object) -> dict[str, tuple[float, float]]:
+    given = checks.mapping("region", region, "each state to an interval or a number", known=system.states)
+    box = {}
+    for name in system.states:
+        if name not in given:
+            raise InputError(
+                "region", list(given), f"given for each of {', '.join(system.states)}", f"{name!r} is missing"
+            )
+        where, ends = f"region[{name!r}]", given[name]
+        if checks.is_real(ends):
+            box[name] = (checks.number(where, ends),) * 2
+            continue
+        pair = checks.listed(where, ends, "the two ends of an interval, or a number", most=2)
+        if len(pair) != 2:
+            raise InputError(where, ends, "the two ends of an interval, or a number")
+        low, high = (checks.number(where, end) for end in pair)
+        if not low <= high:
+            raise InputError(where, (low, high), "finite, the lower end first")
+        box[name] = (low, high)
+    return box
+
+
+def _rank(hunt: AttractorSearch, found: Found) -> tuple[Any, ...]:
+    """What sorts attractors, the same whichever motion found them."""
+    regimes, regime = list(hunt.system.regimes), _regime(hunt.system, found)
+    order = regimes.index(regime) if regime else len(regimes)
+    centre, digits = (found.points[0], _DIGITS[0]) if found.period else (found.points.mean(axis=0), _DIGITS[1])
+    size = float(np.round(np.linalg.norm(centre / hunt.scale), digits))
+    place = (np.round(centre / hunt.scale, digits) + 0.0).tolist()
+    return order, len(found.visited), found.touches, found.period or np.inf, found.kind, size, place
+
+
+def _regime(system: HybridSystem, found: Found) -> str:
+    return next((name for name, visited in system.regimes.items() if set(visited) == found.visited), "")
+
+
+def _named(system: HybridSystem, found: list[Found]) -> tuple[str, ...]:
+    plain = [_regime(system, each) or each.kind for each in found]
+    counts, seen, names = Counter(plain), Counter[str](), []
+    for name in plain:
+        letter = chr(ord("A") + seen[name]) if seen[name] < 26 else str(seen[name] + 1)
+        seen[name] += 1
+        names.append(f"{name} {letter}" if counts[name] > 1 else name)
+    return tuple(names)
+
+
+def _assembled(
+    hunt: AttractorSearch,
+    box: dict[str, tuple[float, float]],
+    found: list[Found],
+    names: tuple[str, ...] | None,
+    starts: NDArray[np.float64],
+) -> Attractors:
+    if len(found) >= DIVERGED:
+        raise InputError("region", box, "one with fewer attractors", f"{len(found)} were found")
+    built = Building(hunt, found)
+    traps = built.traps()
+    while built.transients:
+        found = [each for label, each in enumerate(found) if label not in built.transients]
+        built = Building(hunt, found)
+        traps = built.traps()
+    names = names or _named(hunt.system, found)
+    labels, periods = hunt.ensemble.settle(starts, traps, hunt.search.longest)
+    hunt.told.finish()
+    outcomes = dict(enumerate(names)) | {DIVERGED: "diverged", UNDECIDED: "undecided"}
+    return Attractors(
+        hunt.system,
+        hunt.system.resolve(hunt.parameters),
+        box,
+        hunt.interval,
+        names,
+        {name: each.kind for name, each in zip(names, found, strict=True)},
+        {name: each.points for name, each in zip(names, found, strict=True)},
+        {name: each.orbit for name, each in zip(names, found, strict=True) if each.orbit is not None},
+        traps,
+        {name: built.notes[label] for label, name in enumerate(names)},
+        {name: int((labels == label).sum()) for label, name in outcomes.items()},
+        built.error,
+        {name: each.decay for name, each in zip(names, found, strict=True) if math.isfinite(each.decay)},
+        int(periods[labels < DIVERGED].max(initial=0)),
+        tuple(hunt.scale.tolist()),
+    )

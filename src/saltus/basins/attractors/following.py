@@ -1,0 +1,160 @@
+"""Motions that are followed in the search for attractors, and the attractors found so far."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.basins.attractors.found import Found, Search
+from saltus.basins.attractors.trapping import (
+    admits_start,
+)
+from saltus.basins.telling import Progress, Telling
+from saltus.ensemble.ensemble import Ensemble
+from saltus.errors import SaltusError
+from saltus.flow.motion import allowed_modes
+from saltus.flow.simulation import simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from saltus.system import HybridSystem
+
+__all__ = ["MOTIONS", "FollowedMotions"]
+
+_PRECISE = 1e-11
+_STATES = 400
+"""Random states of the region that tell whether one may allow several modes."""
+
+_PLACES, _LOOKS = (0.17, 0.41, 0.63, 0.89), 65
+"""Parts of the region's width at which motions start that tell the size of a state that is frozen; looks at each."""
+
+_ALONE = 100.0
+"""Times as long as lanes that the event-driven flow takes for a period."""
+
+MOTIONS = 40_000
+"""Motions that will be labelled, where it is not told how many."""
+
+
+class FollowedMotions:
+    """Motions on their way to attractors, and the attractors found so far.
+
+    Parameters
+    ----------
+    system : HybridSystem
+    parameters : mapping of str to float
+    low, high : ndarray, shape (n,)
+        The region.
+    interval : float or None
+        Time between strobes of a system without a phase.
+    search : Search
+    motions : int, optional
+        How many motions will be labelled: trapping regions are measured as well as that is worth.
+    progress : callable, optional
+        Called as `map_basins` calls it.
+    """
+
+    def __init__(
+        self,
+        system: HybridSystem,
+        parameters: Mapping[str, float] | None,
+        low: NDArray[np.float64],
+        high: NDArray[np.float64],
+        interval: float | None,
+        search: Search,
+        motions: int = MOTIONS,
+        progress: Progress | None = None,
+    ) -> None:
+        self.system, self.parameters, self.search = system, dict(parameters or {}), search
+        self.low, self.high, self.interval = low, high, interval
+        self.scale = self._sizes()
+        self.limit = search.limit * max(1.0, float(self.scale.max()))
+        self.ensemble, self.precise = (
+            Ensemble(system, self.parameters, tolerance=tolerance, interval=interval, scale=self.scale)
+            for tolerance in (search.tolerance, _PRECISE)
+        )
+        self.p = self.ensemble.p
+        self.rng = np.random.default_rng(search.random_seed)
+        self.found: list[Found] = []
+        self.dropped: list[Found] = []
+        self.astray = np.empty((0, len(low)))
+        self.neutral = 0
+        self.motions, self.told = motions, Telling(progress)
+
+    def _sizes(self) -> NDArray[np.float64]:
+        """Size of each state: half the region's width, or how far motions go from the value at which it is frozen."""
+        half = 0.5 * (self.high - self.low)
+        if (half > 0.0).all():
+            return np.asarray(half)
+        how_long: dict[str, Any] = {"periods": 1} if self.interval is None else {"t_end": self.interval}
+        gone = []
+        for part in _PLACES:
+            start = self.low + part * (self.high - self.low)
+            with suppress(SaltusError):
+                motion = simulate(self.system, self.parameters, start, **how_long)
+                states = motion(np.linspace(0.0, motion.t_end, _LOOKS))[:, : len(half)]
+                gone.append(np.abs(states - start).max(axis=0))
+        sizes = np.median(gone, axis=0) if gone else half
+        return np.where(half > 0.0, half, np.where(sizes > 0.0, sizes, half.max() or 1.0))
+
+    @cached_property
+    def overlap(self) -> bool:
+        """Whether states of the region allow several modes, of which motions from samples have the first."""
+        x = np.random.default_rng(self.search.random_seed).uniform(self.low, self.high, (_STATES, len(self.low)))
+        return any(len(list(allowed_modes(self.system, self.system.full_state(row), self.p))) > 1 for row in x)
+
+    @property
+    def spent(self) -> float:
+        """What motions have cost so far, in periods of lanes."""
+        return self.ensemble.periods + _ALONE * self.ensemble.periods_alone
+
+    def in_lanes(self, x: NDArray[np.float64]) -> bool:
+        """Return whether lanes follow motions from some states: all others take a hundred times as long."""
+        work = self.ensemble.work.sum()
+        self.ensemble.strobe(x)
+        return bool(self.ensemble.work.sum() > work)
+
+    def seeds(self, count: int) -> NDArray[np.float64]:
+        """Return the states from which motions are followed, of `count` Sobol points those that one can start from."""
+        from scipy.stats import qmc
+
+        points = qmc.Sobol(len(self.low), seed=self.rng).random_base2(max(count - 1, 1).bit_length())[:count]
+        x = self.low + (self.high - self.low) * points
+        kept: NDArray[np.float64] = x[[admits_start(self.ensemble, row) for row in x]]
+        return kept
+
+    def _bounded(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        with np.errstate(invalid="ignore"):
+            return np.asarray((np.abs(x) < self.limit).all(axis=-1))
+
+    def _path(
+        self, x: NDArray[np.float64], modes: NDArray[np.int64], count: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+        """States of the motions at `count` more strobes, shape (count + 1, m, n), and where they end."""
+        states, at = [x], modes
+        for _ in range(count):
+            x, at = self.ensemble.strobe(x, at)
+            states.append(x)
+        path = np.array(states)
+        kept = self._bounded(path).all(axis=0)
+        self.astray = np.concatenate([self.astray, path[0, ~kept]])
+        return path[:, kept], x[kept], at[kept]
+
+    def _held(self, x: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        held = np.zeros(len(x), dtype=bool)
+        for found in self.found:
+            held |= found.holds(x, modes)
+        return held
+
+    def _near(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which states lie where motions contract to an attractor: slow ones are still on their way to it."""
+        near = np.zeros(len(x), dtype=bool)
+        for found in self.found:
+            if found.ellipsoid is not None:
+                near |= found.ellipsoid.holds(x)
+        return near

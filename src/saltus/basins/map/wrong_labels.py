@@ -1,0 +1,56 @@
+"""How many labels are not those of motions that are followed more exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import checks
+from saltus.ensemble.traps import UNDECIDED
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["LabelError", "differing", "label_error_of"]
+
+
+@dataclass(frozen=True)
+class LabelError:
+    """How many labels are not those of motions that are followed more exactly; see `Basins.label_error`.
+
+    Attributes
+    ----------
+    wrong, cells : int
+        Labels that differ, and all that were compared.
+    bound : float
+        The part that is wrong is less, at 95 % confidence.
+    tolerance : float
+        Of a step of the motions that were followed anew.
+    wrong_by_events, cells_by_events : int
+        The same of the cells whose motions the event-driven flow followed as well.
+    """
+
+    wrong: int
+    cells: int
+    bound: float
+    tolerance: float
+    wrong_by_events: int = 0
+    cells_by_events: int = 0
+
+
+def differing(labels: NDArray[np.uint8], others: NDArray[np.uint8]) -> tuple[int, int]:
+    """Return how many labels differ from others, and how many of these are decided."""
+    decided = others != UNDECIDED
+    return int((decided & (labels != others)).sum()), int(decided.sum())
+
+
+def label_error_of(kept: Any) -> LabelError:
+    """Return what a store says of wrong labels."""
+    wanted = {part.name for part in fields(LabelError)}
+    if not isinstance(kept, Mapping) or set(kept) != wanted or not all(map(checks.is_real, kept.values())):
+        raise InputError("attribute 'label_error'", kept, f"numbers by {', '.join(sorted(wanted))}")
+    return LabelError(**kept)
