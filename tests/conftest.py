@@ -8,6 +8,8 @@ import pytest
 import systems
 from saltus.system.hybrid import HybridSystem
 
+collect_ignore = ["typing/user_script.py"]  # type checkers read it; nothing runs it
+
 # the same examples in each run, however busy the machine
 hypothesis.settings.register_profile("saltus", deadline=None, derandomize=True, print_blob=True)
 hypothesis.settings.load_profile("saltus")
