@@ -317,7 +317,7 @@ def _through(client: Any, model: Model, grid: Any, folder: Path) -> None:
     with tempfile.TemporaryDirectory(dir=folder) as place:
         map_basins(
             model.system, sections.PARAMETERS, grid, model.attractors, engine="dask", client=client,
-            store=Path(place) / "basins.zarr",
+            path=Path(place) / "basins.zarr",
         )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ def main() -> None:
     print(machine())
     orbit = tapping_orbit()
     guess = [(s.mode, s.transition, s.state, s.duration) for s in orbit.segments]
-    exact = saltus.solve_orbit(orbit.system, {"Omega": OMEGA}, guess, tol=1e-14).multipliers
+    exact = saltus.solve_orbit(orbit.system, {"Omega": OMEGA}, guess, tolerance=1e-14).multipliers
     problem, u = orbit.problem(), orbit.unknowns
 
     def ours() -> NDArray[np.complex128]:

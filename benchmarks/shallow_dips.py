@@ -169,7 +169,7 @@ def _excursion(x: NDArray[np.float64], mode: int) -> float:
     back = by_small_steps(x, mode, PERIOD).times
     t_end = float(back[0]) if back.size else PERIOD
     motion = saltus.simulate(
-        system(), None, x, mode=system().mode_names[mode], t_end=t_end, rtol=TIGHT, atol=TIGHT, max_events=1
+        system(), None, x, mode=system().mode_names[mode], t_end=t_end, tolerance=(TIGHT, TIGHT), max_events=1
     )
     surface = system().parameters["a0"] / system().parameters["eta"]
     extremes = observe(motion.motion(), ["min(z)", "max(z)"])

@@ -335,7 +335,7 @@ def objects() -> Objects:
         orbit=orbit,
         branch=branch,
         locus=saltus.continue_locus(branch["SN1"], ("A", "e"), bounds, steps=few),
-        family=saltus.continue_family(orbit, "A", {"d": [1.0, 1.01]}, (0.9, 1.05), steps=few, processes=1),
+        family=saltus.continue_family(orbit, "A", {"d": [1.0, 1.01]}, (0.9, 1.05), steps=few, workers=1),
         sweep=saltus.run_sweep(system, "A", [0.5, 0.6], discard=5, keep=3, workers=1),
         trajectory=saltus.simulate(system, {}, [0.0, 0.0], periods=3),
         spectrum=saltus.lyapunov_spectrum(system, {}, [0.0, 0.0], periods=10),
@@ -377,12 +377,12 @@ def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
         ),
         "map_basins, mapped": Call(
             saltus.map_basins,
-            {"system": well, "parameters": {}, "grid": box, "attractors": found, "store": None, **options},
+            {"system": well, "parameters": {}, "grid": box, "attractors": found, "path": None, **options},
         ),
         "erosion_profile, made": Call(
             saltus.erosion_profile,
             {
-                "system": well, "parameter": "c", "values": [0.5], "grid": box, "measures": ["GIM"], "folder": None,
+                "system": well, "parameter": "c", "values": [0.5], "grid": box, "measures": ["GIM"], "path": None,
                 "parameters": {}, "attractors": lambda _: found, "within": None, **options, "progress": None,
             },
         ),
@@ -414,7 +414,7 @@ def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
 def _of_systems(made: Objects) -> dict[str, Call]:
     system, trajectory, sweep = made.system, made.trajectory, made.sweep
     start = {"system": system, "parameters": {"A": 1.0}, "x0": [0.0, 0.0], "mode": "free"}
-    steps = {"rtol": 1e-8, "atol": 1e-10}
+    steps = {"tolerance": (1e-8, 1e-10)}
     part = {"t_start": 0.0, "t_end": 6.0}
     return {
         "HybridSystem": Call(_defined, _definition()),
@@ -427,14 +427,14 @@ def _of_systems(made: Objects) -> dict[str, Call]:
         "parameter_vector": Call(system.parameter_vector, {"parameters": {}}),
         "simulate": Call(saltus.simulate, {**start, **steps, "periods": 2, "max_events": 100}),
         "simulate for a time": Call(saltus.simulate, {**start, **steps, "t_end": 3.0}),
-        "find_orbit": Call(saltus.find_orbit, {**start, "settle": 200.0, "tol": 1e-10}),
+        "find_orbit": Call(saltus.find_orbit, {**start, "settle": 200.0, "tolerance": 1e-10}),
         "solve_orbit": Call(
             saltus.solve_orbit,
             {
                 "system": system,
                 "parameters": {},
                 "segments": [("free", "impact", [1.0, -1.3, 0.1], 6.28)],
-                "tol": 1e-10,
+                "tolerance": 1e-10,
             },
         ),
         "a segment": Call(
@@ -444,7 +444,7 @@ def _of_systems(made: Objects) -> dict[str, Call]:
         "lyapunov_spectrum": Call(
             saltus.lyapunov_spectrum, {**start, **steps, "periods": 5, "discard": 2, "exponents": 1}
         ),
-        "lyapunov_spectrum for a time": Call(saltus.lyapunov_spectrum, {**start, "t": 5.0, "discard": 2.0}),
+        "lyapunov_spectrum for a time": Call(saltus.lyapunov_spectrum, {**start, "t_end": 5.0, "discard": 2.0}),
         "run_sweep": Call(
             saltus.run_sweep,
             {
@@ -503,7 +503,7 @@ def _of_curves(made: Objects) -> dict[str, Call]:
         ),
         "continue_orbit": Call(saltus.continue_orbit, {**here, **ways}),
         "continue_family": Call(
-            saltus.continue_family, {**here, **ways, "over": {"d": [1.0]}, "processes": 1, "client": None}
+            saltus.continue_family, {**here, **ways, "over": {"d": [1.0]}, "workers": 1, "client": None}
         ),
         "continue_locus": Call(
             saltus.continue_locus,
@@ -559,14 +559,14 @@ def _of_basins(made: Objects) -> dict[str, Call]:
         "map_basins": Call(
             saltus.map_basins,
             {
-                "system": system, "parameters": {}, "grid": box, "attractors": {"seeds": "none"}, "store": None,
+                "system": system, "parameters": {}, "grid": box, "attractors": {"seeds": "none"}, "path": None,
                 **options,
             },
         ),
         "erosion_profile": Call(
             saltus.erosion_profile,
             {
-                "system": system, "parameter": "A", "values": [0.5], "grid": box, "measures": ["GIM"], "folder": None,
+                "system": system, "parameter": "A", "values": [0.5], "grid": box, "measures": ["GIM"], "path": None,
                 "parameters": {}, "attractors": lambda parameters: table, "within": 0.1, **options, "progress": None,
             },
         ),

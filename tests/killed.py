@@ -105,7 +105,7 @@ class Mapped:
 
     def map(self, store: Path | None) -> Basins:
         grid = {"x": (-2.0, 2.0, 400), "v": (-2.0, 2.0, 400)}
-        return map_basins(self.system, {}, grid, self.found, store=store)
+        return map_basins(self.system, {}, grid, self.found, path=store)
 
     def prepare(self, folder: Path) -> None:
         pass

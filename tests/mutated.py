@@ -95,7 +95,7 @@ def samples() -> dict[str, Result]:
         "orbit": orbit,
         "branch": branch,
         "locus": continue_locus(branch["PD1"], ("r", "q"), {"r": (2.9, 3.1), "q": (0.95, 1.05)}),
-        "family": continue_family(fixed, "r", {"q": [0.98, 1.0, 5.0]}, (2.5, 3.4), processes=1),
+        "family": continue_family(fixed, "r", {"q": [0.98, 1.0, 5.0]}, (2.5, 3.4), workers=1),
         "sweep": run_sweep(carried, "r", [2.9, 3.2, 3.7], x0=[0.3, 0.0], section="map", quantities=["x"],
                            observables=["mean(x)"], discard=50, keep=10),
         "spectrum": lyapunov_spectrum(oscillator, {"d": 0.5}, [0.0, 0.0], periods=20),

@@ -197,10 +197,10 @@ def test_no_door_takes_what_is_no_number(slow, wrong):
     doors = [
         lambda: slow.resolve({"a": wrong}),
         lambda: slow.full_state([wrong]),
-        lambda: simulate(slow, {}, [1.0], t_end=1.0, rtol=wrong),
+        lambda: simulate(slow, {}, [1.0], t_end=1.0, tolerance=wrong),
         lambda: simulate(slow, {}, [1.0], t_end=1.0, max_events=wrong),
         lambda: solve_orbit(slow, {}, [("free", None, [1.0], wrong)]),
-        lambda: solve_orbit(slow, {}, [("free", None, [1.0], 1.0)], tol=wrong),
+        lambda: solve_orbit(slow, {}, [("free", None, [1.0], 1.0)], tolerance=wrong),
         lambda: StepControl(initial=wrong),
         lambda: StepControl(most=wrong),
         lambda: Section("x", wrong),

@@ -148,7 +148,7 @@ def test_resume_refuses_other_input_and_names_it(mapped, config, capsys):
 )  # fmt: skip
 def test_resume_refuses_another_search_for_attractors_and_names_what_differs(mapped, config, capsys, old, new, told):
     config.write_text(WELLS.replace(old, new))
-    wanted = f"saltus: store = {str(mapped[1])!r}: must be a new one, or that of the same input; {told}\n"
+    wanted = f"saltus: path = {str(mapped[1])!r}: must be a new one, or that of the same input; {told}\n"
     assert _run(capsys, "basins", str(config), "-o", str(mapped[1]), "--resume") == (2, "", wanted)
 
 

@@ -6,6 +6,7 @@ benchmarks/README.md, the beginning of one row's first cell there, and a column.
 The figure must be one of the numbers there, perhaps rounded. "... a second" is one over a time.
 """
 
+import inspect
 import pkgutil
 import re
 import tomllib
@@ -209,3 +210,26 @@ def test_a_figure_that_is_not_in_its_table_is_seen():
     assert same((15.0, 0.5, "us"), cell)
     assert not same((15.3, 0.05, "us"), cell)
     assert not same((15.4, 0.05, "ms"), cell)
+
+
+def public_functions():
+    """Functions of the front door, and methods of its classes, that take arguments."""
+    for module in (saltus, afm):
+        for name in module.__all__:
+            found = getattr(module, name)
+            if inspect.isclass(found) and not issubclass(found, Exception):
+                members = {f"{name}.{key}": value for key, value in inspect.getmembers(found) if key[0] != "_"}
+            else:
+                members = {name: found}
+            for called, value in members.items():
+                if (inspect.isfunction(value) or inspect.ismethod(value)) and set(
+                    inspect.signature(value).parameters
+                ) - {"self", "cls"}:
+                    yield pytest.param(value, id=called)
+
+
+@pytest.mark.parametrize("function", list(public_functions()))
+def test_a_public_function_tells_what_it_takes_returns_and_raises(function):
+    told = inspect.getdoc(function)
+    for section in ("Parameters", "Returns", "Raises"):
+        assert f"\n{section}\n{'-' * len(section)}\n" in told, section

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import statistics
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -23,7 +24,15 @@ WRITERS = {
     ensemble.LANES: "ensemble.writer",
 }
 
-INNOCENT = {"checks", "checks.numeric", "checks.objects", "checks.textual", "errors", "system.definition"}
+INNOCENT = {
+    "checks",
+    "checks.numeric",
+    "checks.objects",
+    "checks.textual",
+    "errors",
+    "system.definition",
+    "system.parts",
+}
 """What says no more than whether a definition can be used; the definition itself is in the name of a file."""
 
 
@@ -81,3 +90,36 @@ def test_a_generated_text_names_all_modules_it_comes_from(kind):
 def test_a_change_in_the_ensemble_leaves_the_other_texts_valid():
     for kind in WRITERS:
         assert kind is ensemble.LANES or not any(source.startswith("ensemble") for source in kind.sources)
+
+
+# sizes
+
+LONGEST_MODULE, MEDIAN_MODULE, LONGEST_FUNCTION, MOST_ARGUMENTS = 450, 180, 80, 12
+"""Lines of a module; of a function, its docstring left out; arguments of a compiled function."""
+
+
+def functions(name: str) -> Iterator[tuple[ast.FunctionDef, int]]:
+    """Functions of a module, and their lines without docstrings."""
+    for node in ast.walk(ast.parse(modules()[name].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef):
+            lines = (node.end_lineno or 0) - node.lineno + 1
+            if ast.get_docstring(node) is not None:
+                lines -= (node.body[0].end_lineno or 0) - node.body[0].lineno + 1
+            yield node, lines
+
+
+def test_modules_can_be_read_at_one_sitting():
+    lines = {name: len(file.read_text(encoding="utf-8").splitlines()) for name, file in modules().items()}
+    assert {name: count for name, count in lines.items() if count > LONGEST_MODULE} == {}
+    assert statistics.median(lines.values()) <= MEDIAN_MODULE
+
+
+@pytest.mark.parametrize("name", sorted(modules()))
+def test_functions_fit_on_a_page(name):
+    assert {node.name: lines for node, lines in functions(name) if lines > LONGEST_FUNCTION} == {}
+
+
+@pytest.mark.parametrize("name", sorted(name for name in modules() if name.endswith("kernels")))
+def test_compiled_functions_take_few_arguments(name):
+    counts = {node.name: len(node.args.args) for node, _ in functions(name)}
+    assert {function: count for function, count in counts.items() if count > MOST_ARGUMENTS} == {}

@@ -129,7 +129,7 @@ class TestWhole:
         labels = np.asarray(basins.labels)
         for i, j in np.random.default_rng(3).integers(0, RESOLUTION, (6, 2)):
             start = [basins.grid.axes[0][i], basins.grid.axes[1][j]]
-            motion = simulate(basins.attractors.system, fig9.PARAMETERS, start, periods=300, rtol=1e-10, atol=1e-10)
+            motion = simulate(basins.attractors.system, fig9.PARAMETERS, start, periods=300, tolerance=(1e-10, 1e-10))
             last = motion.events["time"] > motion.t_end - 2.0 * motion.t_end / 300.0
             touched = bool(np.any(motion.events["kind"][last] == "event"))
             assert labels[i, j] == int(touched), (i, j)
@@ -154,6 +154,6 @@ class TestWhole:
 
     def test_another_resolution_is_refused_not_to_lose_what_is_there(self, found):
         with pytest.raises(
-            InputError, match=r"store = '.*one_mode': must be a new one, or that of the same input; .*24"
+            InputError, match=r"path = '.*one_mode': must be a new one, or that of the same input; .*24"
         ):
             fig9.run(found["files"][0].parent, resolution=RESOLUTION + 1)

@@ -28,13 +28,13 @@ def threads():
 def test_workers_write_the_array_that_this_process_would(threads, well, both, basins, small_units, tmp_path):
     seen = []
     found = map_basins(
-        well, {}, BOX, both, engine="dask", client=threads, store=tmp_path / "a.zarr",
+        well, {}, BOX, both, engine="dask", client=threads, path=tmp_path / "a.zarr",
         progress=lambda done, total, rate, left: seen.append((done, total)),
     )  # fmt: skip
     assert np.array_equal(np.asarray(found.labels), basins.labels)
     assert seen[-1] == (600, 600)
     assert len(seen) == len(list(found.grid.units())) > 10
-    assert map_basins(well, {}, BOX, both, store=tmp_path / "a.zarr") == found
+    assert map_basins(well, {}, BOX, both, path=tmp_path / "a.zarr") == found
 
 
 def test_workers_send_the_labels_of_a_grid_in_memory(threads, well, both, basins, small_units):
@@ -44,16 +44,16 @@ def test_workers_send_the_labels_of_a_grid_in_memory(threads, well, both, basins
 
 def test_a_cluster_that_is_interrupted_keeps_what_is_done(threads, well, both, basins, small_units, tmp_path):
     path = tmp_path / "a.zarr"
-    part = map_basins(well, {}, BOX, both, engine="dask", client=threads, store=path, progress=Interrupt(4))
+    part = map_basins(well, {}, BOX, both, engine="dask", client=threads, path=path, progress=Interrupt(4))
     assert part.stopped.startswith("interrupted: ")
-    whole = map_basins(well, {}, BOX, both, engine="dask", client=threads, store=path)
+    whole = map_basins(well, {}, BOX, both, engine="dask", client=threads, path=path)
     assert np.array_equal(np.asarray(whole.labels), basins.labels)
 
 
 def test_what_a_worker_says_against_a_store_is_told(threads, well, both, small_units, tmp_path, monkeypatch):
     monkeypatch.setattr(saltus.basins.map.cluster, "_digest", lambda text: str(time.monotonic_ns()))
-    with pytest.raises(InputError, match=r"^store = .*: must be the client's; all workers and the client must see "):
-        map_basins(well, {}, BOX, both, engine="dask", client=threads, store=tmp_path / "a.zarr")
+    with pytest.raises(InputError, match=r"^path = .*: must be the client's; all workers and the client must see "):
+        map_basins(well, {}, BOX, both, engine="dask", client=threads, path=tmp_path / "a.zarr")
     assert saltus.load(tmp_path / "a.zarr").fractions()["not done"] == 1.0
 
 
@@ -76,7 +76,7 @@ def test_what_is_no_address_is_told_at_once_and_leaves_no_store(well, tmp_path, 
     with pytest.raises(
         InputError, match=rf"^client = '{address}': must be the address of a scheduler, as tcp://host:8786"
     ):
-        map_basins(well, {}, BOX, engine="dask", client=address, store=tmp_path / "a.zarr")
+        map_basins(well, {}, BOX, engine="dask", client=address, path=tmp_path / "a.zarr")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -99,7 +99,7 @@ def test_a_worker_that_is_killed_at_work_loses_nothing(well, both, small_units, 
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
         address = cluster.scheduler_address
         found = map_basins(
-            well, {}, LARGER, both, engine="dask", client=address, store=tmp_path / "a.zarr", progress=kill_one
+            well, {}, LARGER, both, engine="dask", client=address, path=tmp_path / "a.zarr", progress=kill_one
         )
         assert killed
         assert killed[0] not in client.run(os.getpid).values()

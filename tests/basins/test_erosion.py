@@ -167,7 +167,7 @@ def test_an_interrupted_profile_keeps_what_is_done_and_goes_on_from_its_stores(t
         if done == 2:
             raise KeyboardInterrupt
 
-    run = partial(erosion_profile, SYSTEM, "a", VALUES[:3], GRID, attractors=valleys, folder=tmp_path, longest=12)
+    run = partial(erosion_profile, SYSTEM, "a", VALUES[:3], GRID, attractors=valleys, path=tmp_path, longest=12)
     first = run(progress=told)
     assert first.stopped == "interrupted: 2 of 3 values done"
     assert np.isfinite(first.found[:2]).all()

@@ -22,7 +22,7 @@ from wells import BOX, Interrupt, double_well
 def test_a_cell_has_the_label_of_the_well_in_which_its_motion_ends(basins, well):
     for i, j in np.random.default_rng(5).integers((30, 20), size=(12, 2)):
         start = [basins.grid.axes[0][i], basins.grid.axes[1][j]]
-        end = saltus.simulate(well, {}, start, periods=30, rtol=1e-10, atol=1e-11).x_end
+        end = saltus.simulate(well, {}, start, periods=30, tolerance=(1e-10, 1e-11)).x_end
         assert basins.names[basins.labels[i, j]] == ("right" if end[0] > 0.0 else "left")
 
 
@@ -125,7 +125,7 @@ def test_an_interrupted_grid_keeps_what_is_done(well, both, basins, small_units)
 def test_an_interrupt_after_the_last_unit_is_told(well, both, basins, small_units, tmp_path):
     units = len(list(Grid(("x", "v"), BOX).units()))
     for store in (None, tmp_path / "a.zarr"):
-        whole = map_basins(well, {}, BOX, both, store=store, progress=Interrupt(units))
+        whole = map_basins(well, {}, BOX, both, path=store, progress=Interrupt(units))
         assert whole.stopped == "interrupted: 600 of 600 cells done"
         assert np.array_equal(whole.labels, basins.labels)
     assert Basins.open(tmp_path / "a.zarr").stopped == "all 600 cells done"
@@ -144,15 +144,15 @@ def test_the_time_left_goes_by_cells_even_where_few_motions_are_followed(well, b
 def test_a_system_without_a_phase_is_looked_at_every_interval(tmp_path):
     still = HybridSystem(("x", "v"), {"c": 0.5}, {"well": Mode({"x": "v", "v": "-c*v + x - x**3"})}, name="still")
     grid, store = {"x": (-2.0, 2.0, 10), "v": (-2.0, 2.0, 8)}, tmp_path / "a.zarr"
-    found = map_basins(still, {}, grid, interval=0.7, store=store)
+    found = map_basins(still, {}, grid, interval=0.7, path=store)
     assert found.attractors.interval == 0.7
     assert found.inputs["interval"] == 0.7
     right = max(found.attractors.names, key=lambda name: found.attractors.points[name][0, 0])
     assert found.names[int(found.classify([1.1, 0.0]))] == right
     assert found.fractions()[right] == 0.5  # by symmetry
-    assert map_basins(still, {}, grid, store=store) == found
+    assert map_basins(still, {}, grid, path=store) == found
     with pytest.raises(InputError, match=r"^interval = 0\.8: must be that of the attractors, 0\.7; leave it out$"):
-        map_basins(still, {}, grid, interval=0.8, store=store)
+        map_basins(still, {}, grid, interval=0.8, path=store)
     with pytest.raises(InputError, match=r"^interval = None: must be given for a system without a phase"):
         map_basins(still, {}, grid)
 
@@ -347,15 +347,15 @@ def test_points_that_cannot_be_classified_are_told(basins, points, told):
         ({"parameters": {"A": 0.06}}, r"^attractors = 'A = 0\.05': must be of these parameters: A = 0\.06$"),
         (
             {"grid": {**BOX, "x": (-2, 2, 10**8)}},
-            r"^store = None: must be given for a grid of more than 1e\+09 cells; it has ",
+            r"^path = None: must be given for a grid of more than 1e\+09 cells; it has ",
         ),
-        ({"store": 3}, r"^store = 3: must be the path of a folder; a text, or path-like$"),
-        ({"store": ""}, r"^store = '': must be the path of a folder; a text, or path-like$"),
+        ({"path": 3}, r"^path = 3: must be the path of a folder; a text, or path-like$"),
+        ({"path": ""}, r"^path = '': must be the path of a folder; a text, or path-like$"),
         (
             {"attractors": {"right": None}},
             r"^attractors = 'right': must be options among region, seeds, search, motions; attractors_from makes",
         ),
-        ({"store": "/nowhere/a.zarr"}, r"^store = '/nowhere/a\.zarr': must be in a folder that exists$"),
+        ({"path": "/nowhere/a.zarr"}, r"^path = '/nowhere/a\.zarr': must be in a folder that exists$"),
     ],
 )
 def test_a_grid_that_cannot_be_mapped_is_told(well, both, change, told):
@@ -375,13 +375,13 @@ def test_an_attractor_that_is_none_is_told(well, both):
 
 
 def test_attractors_are_found_in_the_box_of_the_grid_and_kept_in_the_store(well, both, basins, tmp_path):
-    found = map_basins(well, {}, BOX, store=tmp_path / "a.zarr")
+    found = map_basins(well, {}, BOX, path=tmp_path / "a.zarr")
     assert sorted(found.attractors.kinds.values()) == ["period-1", "period-1"]
     names = {name: "right" if points[0, 0] > 0.0 else "left" for name, points in found.attractors.points.items()}
     for name, share in found.fractions().items():
         assert share == basins.fractions()[names.get(name, name)]
     assert found.attractors.region == {"x": (-2.0, 2.0), "v": (-2.0, 2.0)}
-    again = map_basins(well, {}, BOX, store=tmp_path / "a.zarr", progress=lambda *told: pytest.fail("computed"))
+    again = map_basins(well, {}, BOX, path=tmp_path / "a.zarr", progress=lambda *told: pytest.fail("computed"))
     assert again == found
     assert again.attractors == found.attractors
     assert pickle.loads(pickle.dumps(found)) == found
@@ -412,12 +412,12 @@ def test_what_cannot_run_is_told_before_attractors_are_looked_for(well, both, tm
     if cuda_devices():
         pytest.skip("there is a CUDA device")
     with pytest.raises(InputError, match=r'engine="cpu"'):
-        map_basins(well, {}, BOX, both, engine="cuda", store=tmp_path / "a.zarr")
+        map_basins(well, {}, BOX, both, engine="cuda", path=tmp_path / "a.zarr")
     monkeypatch.setattr(
         saltus.basins.map.mapping, "find_attractors", lambda *_, **__: pytest.fail("attractors were sought")
     )
     with pytest.raises(InputError, match=r'engine="cpu"'):
-        map_basins(well, {}, BOX, engine="cuda", store=tmp_path / "a.zarr")
+        map_basins(well, {}, BOX, engine="cuda", path=tmp_path / "a.zarr")
     with pytest.raises(InputError, match=r"^tolerance = 1\.0: must be a number between 1e-14 and 0\.01$"):
         map_basins(well, {}, BOX, tolerance=1.0)
     assert not (tmp_path / "a.zarr").exists()

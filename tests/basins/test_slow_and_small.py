@@ -57,7 +57,7 @@ def test_why_cells_are_undecided_is_told_and_kept(forced, resonant, tmp_path):
     assert short.undecided.endswith("reach no trapping region within 50 periods")
     assert f"undecided: {short.undecided}" in repr(short)
     assert "longest 50 periods: as given" in repr(short)
-    stored = map_basins(forced, {}, grid, resonant.attractors, longest=50, store=tmp_path / "short.zarr")
+    stored = map_basins(forced, {}, grid, resonant.attractors, longest=50, path=tmp_path / "short.zarr")
     assert stored.undecided == short.undecided
     assert type(short).load(short.save(tmp_path / "short.nc")).undecided == short.undecided
 

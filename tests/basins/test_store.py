@@ -26,7 +26,7 @@ from wells import BOX, Interrupt, double_well
 
 @pytest.fixture
 def stored(well, both, small_units, tmp_path):
-    return map_basins(well, {}, BOX, both, store=tmp_path / "a.zarr")
+    return map_basins(well, {}, BOX, both, path=tmp_path / "a.zarr")
 
 
 def units_in(path):
@@ -78,7 +78,7 @@ def test_a_store_and_the_docstring_tell_how_many_labels_were_wrong(stored):
 def test_basins_know_the_error_that_was_measured_of_their_store(stored, basins, well, both, small_units, tmp_path):
     assert stored.noted_error == stored.label_error(500, by_events=50) == stored.section(v=0.1).noted_error
     assert basins.noted_error is None
-    assert map_basins(well, {}, BOX, both, store=tmp_path / "b.zarr", progress=Interrupt(2)).noted_error is None
+    assert map_basins(well, {}, BOX, both, path=tmp_path / "b.zarr", progress=Interrupt(2)).noted_error is None
 
 
 def test_what_is_no_store_is_told_by_what_it_is(stored, tmp_path):
@@ -93,12 +93,12 @@ def test_what_is_no_store_is_told_by_what_it_is(stored, tmp_path):
 
 def test_damaged_metadata_and_damaged_attractors_of_a_store_are_told(stored, well, tmp_path):
     path = tmp_path / "found.zarr"
-    map_basins(well, {}, BOX, {"seeds": 12, "search": Search(samples=200)}, store=path)
+    map_basins(well, {}, BOX, {"seeds": 12, "search": Search(samples=200)}, path=path)
     (file,) = (path / "attractors" / "c").iterdir()
     whole = file.read_bytes()
     for damaged in (whole[: len(whole) // 2], whole[:-9] + bytes(9), b""):
         file.write_bytes(damaged)
-        for open_store in (Basins.open, lambda path: map_basins(well, {}, BOX, store=path)):
+        for open_store in (Basins.open, lambda path: map_basins(well, {}, BOX, path=path)):
             with pytest.raises(
                 InputError, match=r"^path = .*: must be a store with its attractors whole; what it holds"
             ):
@@ -159,12 +159,12 @@ def test_large_stores_have_chunks_within_the_unit_of_one_writer(both, tmp_path):
 
 def test_a_run_that_was_interrupted_goes_on_from_its_units(well, both, basins, small_units, tmp_path):
     path, seen = tmp_path / "a.zarr", []
-    part = map_basins(well, {}, BOX, both, store=path, progress=Interrupt(3))
+    part = map_basins(well, {}, BOX, both, path=path, progress=Interrupt(3))
     done = np.asarray(part.labels) != NOT_DONE
     assert part.stopped == f"interrupted: {done.sum()} of 600 cells done"
     assert part.fractions()["not done"] == pytest.approx(1.0 - done.mean())
     before = {file: file.stat().st_mtime_ns for file in units_in(path)}
-    whole = map_basins(well, {}, BOX, both, store=path, progress=lambda *told: seen.append(told[0]))
+    whole = map_basins(well, {}, BOX, both, path=path, progress=lambda *told: seen.append(told[0]))
     assert seen[0] > done.sum()
     assert seen[-1] == 600
     assert {file: file.stat().st_mtime_ns for file in before} == before
@@ -172,7 +172,7 @@ def test_a_run_that_was_interrupted_goes_on_from_its_units(well, both, basins, s
 
 
 def test_what_is_done_is_not_computed_again(stored, well, both):
-    again = map_basins(well, {}, BOX, both, store=stored.path, progress=lambda *told: pytest.fail("computed"))
+    again = map_basins(well, {}, BOX, both, path=stored.path, progress=lambda *told: pytest.fail("computed"))
     assert again == stored
     assert again.orbits_per_second == pytest.approx(stored.orbits_per_second)
 
@@ -184,7 +184,7 @@ saltus.basins.map.grid._LEAST, saltus.basins.map.grid._CHUNK = 60, 30
 from saltus.basins import map_basins
 from wells import BOX, double_well, wells
 well = double_well()
-map_basins(well, {}, BOX, wells(well), store=sys.argv[1], progress=lambda *told: time.sleep(0.3))
+map_basins(well, {}, BOX, wells(well), path=sys.argv[1], progress=lambda *told: time.sleep(0.3))
 """
 
 
@@ -203,7 +203,7 @@ def test_a_run_that_was_killed_goes_on_and_gives_the_identical_array(well, both,
     part = saltus.load(path)
     assert part.stopped.startswith("interrupted: ")
     assert 0.0 < part.fractions()["not done"] < 1.0
-    whole = map_basins(well, {}, BOX, both, store=path)
+    whole = map_basins(well, {}, BOX, both, path=path)
     assert np.array_equal(np.asarray(whole.labels), basins.labels)
 
 
@@ -212,7 +212,7 @@ def test_a_unit_that_was_left_empty_is_not_done(stored, well, both, basins):
     again = saltus.load(stored.path)
     assert again.stopped.startswith("interrupted: ")
     assert again.fractions()["not done"] > 0.0
-    assert np.array_equal(np.asarray(map_basins(well, {}, BOX, both, store=stored.path).labels), basins.labels)
+    assert np.array_equal(np.asarray(map_basins(well, {}, BOX, both, path=stored.path).labels), basins.labels)
 
 
 @pytest.mark.parametrize("damage", [lambda held: held[:-3], lambda held: held[:6] + b"\xff" + held[7:]])
@@ -223,7 +223,7 @@ def test_a_unit_that_is_not_whole_is_told_and_computed_again(stored, well, both,
         InputError, match=r"^path = .*: must be a store whose chunks are whole; .* computes what is damaged"
     ):
         saltus.load(stored.path).fractions()
-    whole = map_basins(well, {}, BOX, both, store=stored.path)
+    whole = map_basins(well, {}, BOX, both, path=stored.path)
     assert np.array_equal(np.asarray(whole.labels), basins.labels)
 
 
@@ -243,27 +243,27 @@ def test_a_unit_that_is_not_whole_is_told_and_computed_again(stored, well, both,
     ],
 )
 def test_a_store_of_other_inputs_is_refused_with_both_values(stored, well, both, change, told):
-    asked = {"system": well, "parameters": {}, "grid": BOX, "attractors": both, "store": stored.path, **change}
+    asked = {"system": well, "parameters": {}, "grid": BOX, "attractors": both, "path": stored.path, **change}
     held = {file: file.read_bytes() for file in stored.path.rglob("*") if file.is_file()}
-    with pytest.raises(InputError, match=r"^store = .*: must be a new one, or that of the same input; " + told):
+    with pytest.raises(InputError, match=r"^path = .*: must be a new one, or that of the same input; " + told):
         map_basins(**asked)
     assert {file: file.read_bytes() for file in stored.path.rglob("*") if file.is_file()} == held
 
 
 def test_a_store_of_other_attractors_is_refused(stored, well, both):
     with pytest.raises(InputError, match=r"its traps\.ellipsoids\.shapes\.values is \[5\.0, .*\], not \[4\.0, "):
-        map_basins(well, {}, BOX, both.but(radius=0.25), store=stored.path)
+        map_basins(well, {}, BOX, both.but(radius=0.25), path=stored.path)
     renamed = both.but(labels={"right": 1, "left": 0, "diverged": 253, "undecided": 254})
     with pytest.raises(InputError, match=r"its labels\.right is 0, not 1$"):
-        map_basins(well, {}, BOX, renamed, store=stored.path)
+        map_basins(well, {}, BOX, renamed, path=stored.path)
 
 
 def test_a_store_is_resumed_with_the_search_for_attractors_that_made_it_or_without_one(well, tmp_path):
     path, search = tmp_path / "a.zarr", {"seeds": 12, "search": Search(samples=200)}
-    found = map_basins(well, {}, BOX, search, store=path)
-    assert map_basins(well, {}, BOX, search, store=path) == found
-    assert map_basins(well, {}, BOX, store=path) == found
-    assert map_basins(well, {}, BOX, found.attractors, store=path) == found
+    found = map_basins(well, {}, BOX, search, path=path)
+    assert map_basins(well, {}, BOX, search, path=path) == found
+    assert map_basins(well, {}, BOX, path=path) == found
+    assert map_basins(well, {}, BOX, found.attractors, path=path) == found
     for change, told in [
         ({"seeds": 16}, r"its search\.seeds is 12, not 16$"),
         (
@@ -272,16 +272,16 @@ def test_a_store_is_resumed_with_the_search_for_attractors_that_made_it_or_witho
         ),
         ({"search": Search(samples=300)}, r"its search\.search\.samples is 200, not 300$"),
     ]:
-        with pytest.raises(InputError, match=r"^store = .*: must be a new one, or that of the same input; " + told):
-            map_basins(well, {}, BOX, search | change, store=path)
+        with pytest.raises(InputError, match=r"^path = .*: must be a new one, or that of the same input; " + told):
+            map_basins(well, {}, BOX, search | change, path=path)
     with pytest.raises(InputError, match=r"its search\.seeds is 12, not 256$"):
-        map_basins(well, {}, BOX, {}, store=path)
+        map_basins(well, {}, BOX, {}, path=path)
 
 
 def test_a_store_of_another_version_is_refused(stored, well, both, monkeypatch):
     monkeypatch.setattr(saltus.basins.map.mapping, "version", lambda name: "9.9")
     with pytest.raises(InputError, match=rf"its saltus_version is '{saltus.__version__}', not '9\.9'$"):
-        map_basins(well, {}, BOX, both, store=stored.path)
+        map_basins(well, {}, BOX, both, path=stored.path)
 
 
 def test_a_folder_that_is_no_store_of_basins_is_refused(well, both, tmp_path):
@@ -289,14 +289,14 @@ def test_a_folder_that_is_no_store_of_basins_is_refused(well, both, tmp_path):
     zarr.create_group(tmp_path / "other.zarr", zarr_format=3)
     for name in ("plain", "other.zarr"):
         with pytest.raises(InputError, match=r"^path = .*: must be a store of basins that saltus wrote"):
-            map_basins(well, {}, BOX, both, store=tmp_path / name)
+            map_basins(well, {}, BOX, both, path=tmp_path / name)
     with pytest.raises(InputError, match=r"^path = .*other\.zarr': must be a store written by saltus; KeyError "):
         saltus.load(tmp_path / "other.zarr")
     with pytest.raises(InputError, match=r"^path = .*plain': must be a file that exists; it is a folder$"):
         saltus.load(tmp_path / "plain")
     (tmp_path / "file").write_text("something else")
     with pytest.raises(InputError, match=r"^path = .*: must be a store of basins that saltus wrote"):
-        map_basins(well, {}, BOX, both, store=tmp_path / "file")
+        map_basins(well, {}, BOX, both, path=tmp_path / "file")
 
 
 def refusing(number, after, monkeypatch):
@@ -321,12 +321,12 @@ def test_a_full_disk_is_told_and_leaves_a_store_that_can_be_read_and_resumed(
         refusing(errno.ENOSPC, 7, patched)
         with pytest.raises(
             InputError,
-            match=r"^store = .*: must be on a disk with room for it; No space left on device; what is done is kept",
+            match=r"^path = .*: must be on a disk with room for it; No space left on device; what is done is kept",
         ):
-            map_basins(well, {}, BOX, both, store=path)
+            map_basins(well, {}, BOX, both, path=path)
     part = saltus.load(path)
     assert 0.0 < part.fractions()["not done"] < 1.0
-    assert np.array_equal(np.asarray(map_basins(well, {}, BOX, both, store=path).labels), basins.labels)
+    assert np.array_equal(np.asarray(map_basins(well, {}, BOX, both, path=path).labels), basins.labels)
 
 
 def test_no_store_is_made_or_read_by_way_of_temporary_files(well, tmp_path, monkeypatch):
@@ -337,7 +337,7 @@ def test_no_store_is_made_or_read_by_way_of_temporary_files(well, tmp_path, monk
 
     for name in ("TemporaryDirectory", "mkdtemp", "NamedTemporaryFile", "mkstemp"):
         monkeypatch.setattr(f"tempfile.{name}", refused)
-    found = map_basins(well, {}, BOX, options, store=path)
+    found = map_basins(well, {}, BOX, options, path=path)
     assert Basins.open(path).attractors == found.attractors
 
 
@@ -345,16 +345,16 @@ def test_a_store_that_cannot_be_made_leaves_nothing_behind(well, both, tmp_path,
     with monkeypatch.context() as patched:
         refusing(errno.ENOSPC, 0, patched)
         with pytest.raises(
-            InputError, match=r"^store = .*: must be on a disk with room for it; No space left on device"
+            InputError, match=r"^path = .*: must be on a disk with room for it; No space left on device"
         ):
-            map_basins(well, {}, BOX, both, store=tmp_path / "a.zarr")
+            map_basins(well, {}, BOX, both, path=tmp_path / "a.zarr")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_read_only_file_system_is_told(well, both, small_units, tmp_path, monkeypatch):
     refusing(errno.EROFS, 3, monkeypatch)
-    with pytest.raises(InputError, match=r"^store = .*: must be a folder that can be written; Read-only file system$"):
-        map_basins(well, {}, BOX, both, store=tmp_path / "a.zarr")
+    with pytest.raises(InputError, match=r"^path = .*: must be a folder that can be written; Read-only file system$"):
+        map_basins(well, {}, BOX, both, path=tmp_path / "a.zarr")
 
 
 def test_a_store_that_may_only_be_read_is_opened_and_told_when_it_is_to_be_written(stored, well, both, monkeypatch):
@@ -365,8 +365,8 @@ def test_a_store_that_may_only_be_read_is_opened_and_told_when_it_is_to_be_writt
 
     monkeypatch.setattr(tempfile, "TemporaryFile", refused)
     assert saltus.load(stored.path) == stored
-    with pytest.raises(InputError, match=r"^store = .*: must be a folder that can be written; Permission denied$"):
-        map_basins(well, {}, BOX, both, store=stored.path)
+    with pytest.raises(InputError, match=r"^path = .*: must be a folder that can be written; Permission denied$"):
+        map_basins(well, {}, BOX, both, path=stored.path)
 
 
 @pytest.mark.slow
@@ -381,7 +381,7 @@ def test_a_grid_is_mapped_measured_and_cut_in_a_fraction_of_its_size(well, both,
     grid = {"x": (-1.0, 1.0, 10_000), "v": (-1.0, 1.0, 10_000)}
     tracemalloc.start()
     try:
-        found = map_basins(well, {}, grid, both, store=tmp_path / "large.zarr")
+        found = map_basins(well, {}, grid, both, path=tmp_path / "large.zarr")
         assert found.fractions() == {"right": 0.75, "left": 0.25, "diverged": 0.0, "undecided": 0.0}
         assert np.asarray(found.section(v=0.5).labels).mean() == 0.5
         peak = tracemalloc.get_traced_memory()[1]

@@ -39,7 +39,7 @@ def orbit(impact_oscillator):
 
 @pytest.fixture(scope="module")
 def family(orbit) -> Family:
-    return continue_family(orbit, "A", {"d": GAPS}, BOUNDS, processes=1)
+    return continue_family(orbit, "A", {"d": GAPS}, BOUNDS, workers=1)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def henon():
 def mixed(orbit) -> Family:
     """Members with impacts, with and without special points, and one that is not reached."""
     over = {"d": [1.0, 9.0, 0.9], "c": [0.1, 0.1, 0.12]}
-    return continue_family(orbit, "A", over, (0.5, 6.0), at_grazing="stop", processes=1)
+    return continue_family(orbit, "A", over, (0.5, 6.0), at_grazing="stop", workers=1)
 
 
 # members
@@ -90,20 +90,20 @@ def test_a_member_is_the_branch_of_the_orbit_at_its_values(impact_oscillator, fa
 
 def test_members_have_their_values_to_the_last_digit(orbit):
     gaps = np.linspace(0.7, 1.3, 7)
-    family = continue_family(orbit, "A", {"d": gaps}, (0.9, 1.1), processes=1)
+    family = continue_family(orbit, "A", {"d": gaps}, (0.9, 1.1), workers=1)
     assert [branch.parameters["d"] for branch in family] == gaps.tolist()
     np.testing.assert_array_equal(family.over["d"], gaps)
 
 
 def test_the_order_of_the_values_does_not_matter(orbit, family):
     order = [2, 0, 3, 1]
-    again = continue_family(orbit, "A", {"d": [GAPS[i] for i in order]}, BOUNDS, processes=1)
+    again = continue_family(orbit, "A", {"d": [GAPS[i] for i in order]}, BOUNDS, workers=1)
     assert list(again) == [family[i] for i in order]
 
 
 def test_options_are_those_of_each_branch(orbit):
     options = {"directions": "up", "events": {"max_v": 2.5}, "stop_at": ["max_v"], "steps": StepControl(largest=0.05)}
-    family = continue_family(orbit, "A", {"d": [1.0, 1.1]}, BOUNDS, processes=1, **options)
+    family = continue_family(orbit, "A", {"d": [1.0, 1.1]}, BOUNDS, workers=1, **options)
     assert family[0] == continue_orbit(orbit, "A", BOUNDS, **options)
     assert family[1].special_points[-1].type == "max_v"
     assert family.options == family[0].options
@@ -111,13 +111,13 @@ def test_options_are_those_of_each_branch(orbit):
 
 def test_the_way_passes_a_grazing_into_motion_without_impacts(orbit):
     """At A = 1 there are no impacts where d is beyond A / impedance = 4.2."""
-    family = continue_family(orbit, "A", {"d": [9.0]}, (0.5, 1.5), processes=1)
+    family = continue_family(orbit, "A", {"d": [9.0]}, (0.5, 1.5), workers=1)
     amplitude, _ = ImpactOrbit(w=1.1).linear_response(1.0)
     np.testing.assert_allclose(family[0].column("max_x"), amplitude * family[0].values, rtol=1e-9)
 
 
 def test_several_parameters_vary_together(orbit):
-    family = continue_family(orbit, "A", {"d": [1.1, 0.9], "c": [0.12, 0.08]}, BOUNDS, processes=1)
+    family = continue_family(orbit, "A", {"d": [1.1, 0.9], "c": [0.12, 0.08]}, BOUNDS, workers=1)
     for branch, d, c in zip(family, (1.1, 0.9), (0.12, 0.08), strict=True):
         assert (branch.parameters["d"], branch.parameters["c"]) == (d, c)
         assert branch["GR1"].parameters["A"] == pytest.approx(ImpactOrbit(w=1.1, d=d, c=c).A_grazing, abs=LOCATED)
@@ -130,7 +130,7 @@ def test_where_one_parameter_after_the_other_is_blocked_the_way_has_stairs():
     )
     x = henon_fixed_point(0.2, 0.3)
     start = solve_orbit(system, {}, [("carry", "map", [x, x, 0.0], 1.0)])
-    family = continue_family(start, "shift", {"a": [-0.5], "b": [-0.9]}, (-0.1, 0.1), processes=1)
+    family = continue_family(start, "shift", {"a": [-0.5], "b": [-0.9]}, (-0.1, 0.1), workers=1)
     row = np.argmin(np.abs(family[0].values))
     assert family[0].x0[row, 0] == pytest.approx(henon_fixed_point(-0.5, -0.9), abs=1e-10)
 
@@ -140,7 +140,7 @@ def test_a_group_sets_all_its_members(impact_oscillator):
         impact_oscillator.definition() | {"groups": {"spring": ["k", "d"]}}
     )
     start = solve_orbit(system, {"w": 1.1}, [("free", "impact", [1.0, -1.3, 0.1], 5.71)])
-    family = continue_family(start, "A", {"spring": [1.05]}, (0.9, 1.1), processes=1)
+    family = continue_family(start, "A", {"spring": [1.05]}, (0.9, 1.1), workers=1)
     assert (family[0].parameters["k"], family[0].parameters["d"]) == (1.05, 1.05)
     assert list(family.over) == ["spring"]
 
@@ -149,7 +149,7 @@ def test_a_group_sets_all_its_members(impact_oscillator):
 
 
 def test_a_member_without_an_orbit_fails_with_its_reason_and_the_others_are_kept(henon):
-    family = continue_family(henon, "b", {"a": [0.3, -0.2, 0.1]}, (0.2, 0.4), processes=1)
+    family = continue_family(henon, "b", {"a": [0.3, -0.2, 0.1]}, (0.2, 0.4), workers=1)
     assert [branch is None for branch in family] == [False, True, False]
     assert dict(family.failures) == {1: "no way from a = 0.1 to -0.2: saddle-node at a = -0.1225"}
     assert not family.interrupted
@@ -170,7 +170,7 @@ def test_members_of_a_worker_that_is_killed_are_told(orbit):
         for process in multiprocessing.active_children():
             process.kill()
 
-    family = continue_family(orbit, "A", {"d": GAPS}, BOUNDS, steps=LONG, processes=2, progress=kill)
+    family = continue_family(orbit, "A", {"d": GAPS}, BOUNDS, steps=LONG, workers=2, progress=kill)
     assert len(family.failures) == len(GAPS)
     assert all(reason.startswith("its worker was lost: BrokenProcessPool") for reason in family.failures.values())
 
@@ -182,7 +182,7 @@ def test_processes_compute_the_same_family(orbit, mixed):
     over = {"d": [1.0, 9.0, 0.9], "c": [0.1, 0.1, 0.12]}
     told = []
     parallel = continue_family(
-        orbit, "A", over, (0.5, 6.0), at_grazing="stop", processes=2, progress=lambda *args: told.append(args)
+        orbit, "A", over, (0.5, 6.0), at_grazing="stop", workers=2, progress=lambda *args: told.append(args)
     )
     assert parallel == mixed
     assert not multiprocessing.active_children()
@@ -196,9 +196,7 @@ def test_a_daemonic_process_computes_the_family_itself(orbit, monkeypatch):
     # a worker of Dask is one, and may not start others
     monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)
     over = {"d": GAPS[:2]}
-    assert continue_family(orbit, "A", over, BOUNDS, processes=2) == continue_family(
-        orbit, "A", over, BOUNDS, processes=1
-    )
+    assert continue_family(orbit, "A", over, BOUNDS, workers=2) == continue_family(orbit, "A", over, BOUNDS, workers=1)
 
 
 def test_a_dask_cluster_computes_the_same_family(orbit, family):
@@ -226,7 +224,7 @@ def test_an_interrupted_dask_cluster_keeps_what_is_done(orbit):
 
 def test_progress_counts_the_members_that_are_done(orbit):
     told = []
-    continue_family(orbit, "A", {"d": [1.0, 1.1]}, (0.9, 1.1), processes=1, progress=lambda *args: told.append(args))
+    continue_family(orbit, "A", {"d": [1.0, 1.1]}, (0.9, 1.1), workers=1, progress=lambda *args: told.append(args))
     assert [(done, total) for done, total, _ in told] == [(0, 2), (1, 2), (1, 2), (2, 2)]
     assert [text.split(":")[0] for _, _, text in told] == ["d = 1", "d = 1", "d = 1.1", "d = 1.1"]
     assert told[1][2].endswith(" orbits")
@@ -242,7 +240,7 @@ def test_an_interrupted_family_keeps_the_members_that_are_done(orbit, family):
         if done == 2:
             raise KeyboardInterrupt
 
-    again = continue_family(orbit, "A", {"d": GAPS}, BOUNDS, processes=1, progress=interrupt)
+    again = continue_family(orbit, "A", {"d": GAPS}, BOUNDS, workers=1, progress=interrupt)
     assert again.interrupted
     assert dict(again.failures) == {0: UNDONE, 1: UNDONE}
     assert (again[2], again[3]) == (family[2], family[3])
@@ -257,7 +255,7 @@ def test_a_branch_that_is_interrupted_is_no_member(orbit, monkeypatch):
         return examine(self, point, before)
 
     monkeypatch.setattr(OrbitZeroProblem, "examine", interrupted)
-    family = continue_family(orbit, "A", {"d": [1.0]}, BOUNDS, steps=LONG, processes=1)
+    family = continue_family(orbit, "A", {"d": [1.0]}, BOUNDS, steps=LONG, workers=1)
     assert family.interrupted
     assert (family.branches, dict(family.failures)) == ((None,), {0: UNDONE})
 
@@ -272,7 +270,7 @@ def test_interrupted_processes_end_at_once_and_keep_what_is_done(orbit):
             raise KeyboardInterrupt
 
     gaps = np.linspace(1.0, 1.5, 6)
-    family = continue_family(orbit, "A", {"d": gaps}, BOUNDS, steps=LONG, processes=2, progress=interrupt)
+    family = continue_family(orbit, "A", {"d": gaps}, BOUNDS, steps=LONG, workers=2, progress=interrupt)
     first, rest = np.diff([*times, time.monotonic()])
     assert rest < 0.5 * first  # five members are left, each as long as the first
     assert family.interrupted
@@ -287,7 +285,7 @@ orbit = saltus.solve_orbit(systems.impact_oscillator(), {"w": 1.1}, [("free", "i
 print("began", flush=True)
 steps = saltus.StepControl(largest=LARGEST, most=10**6)
 family = saltus.continue_family(
-    orbit, "A", {"d": [1.0, 1.1, 1.2, 1.3]}, (0.05, 6.0), steps=steps, processes=2,
+    orbit, "A", {"d": [1.0, 1.1, 1.2, 1.3]}, (0.05, 6.0), steps=steps, workers=2,
     progress=lambda done, total, text: print(done, text, flush=True),
 )
 print("interrupted" if family.interrupted else "whole", len(family.failures))
@@ -374,7 +372,7 @@ def test_a_family_is_saved_and_read_back_equal(mixed, tmp_path):
 
 def test_members_of_different_signatures_and_ends_survive_a_file(tmp_path, orbit):
     steps = StepControl(initial=1.0, largest=1.0)  # so long that some are rejected
-    family = continue_family(orbit, "A", {"d": [1.0, 9.0, -0.5]}, (0.9, 1.5), steps=steps, processes=1)
+    family = continue_family(orbit, "A", {"d": [1.0, 9.0, -0.5]}, (0.9, 1.5), steps=steps, workers=1)
     lengths = [{len(u) for u in branch.unknowns} for branch in family]
     forms = [branch.forms for branch in family]
     assert forms[0] != forms[1]
@@ -405,7 +403,7 @@ def test_the_dataset_is_a_contiguous_ragged_array(family):
 def test_a_parameter_with_the_name_of_a_variable_is_kept_beside_it(tmp_path):
     system = systems.carried_map(("x",), {"a": 2.5, "period": 1.0, "point": 0.0}, LOGISTIC)
     start = solve_orbit(system, {}, [("carry", "map", [0.6, 0.0], 1.0)])
-    family = continue_family(start, "a", {"period": [1.0, 2.0], "point": [3.0, 4.0]}, (2.4, 2.6), processes=1)
+    family = continue_family(start, "a", {"period": [1.0, 2.0], "point": [3.0, 4.0]}, (2.4, 2.6), workers=1)
     dataset = family.to_xarray()
     assert dataset["over_period"].values.tolist() == [1.0, 2.0]
     assert dataset["period"].dims == ("point",)
@@ -415,7 +413,7 @@ def test_a_parameter_with_the_name_of_a_variable_is_kept_beside_it(tmp_path):
 
 
 def test_a_family_without_any_branch_is_saved_too(henon, tmp_path):
-    family = continue_family(henon, "b", {"a": [-0.2, -0.3]}, (0.2, 0.4), processes=1)
+    family = continue_family(henon, "b", {"a": [-0.2, -0.3]}, (0.2, 0.4), workers=1)
     assert list(family) == [None, None]
     assert Family.load(family.save(tmp_path / "family.nc")) == family
 
@@ -425,7 +423,7 @@ def test_a_family_travels_between_processes(mixed):
 
 
 def test_families_that_differ_in_one_point_are_not_equal(orbit, family):
-    other = continue_family(orbit, "A", {"d": GAPS}, (0.05, 5.9), processes=1)
+    other = continue_family(orbit, "A", {"d": GAPS}, (0.05, 5.9), workers=1)
     assert other != family
 
 
@@ -441,7 +439,7 @@ def test_the_repr_lists_each_member_with_its_special_points_or_its_reason(mixed)
 
 
 def test_the_repr_of_a_long_family_leaves_out_its_middle(henon):
-    family = continue_family(henon, "b", {"a": np.linspace(0.2, 0.3, 40)}, (0.29, 0.31), processes=1)
+    family = continue_family(henon, "b", {"a": np.linspace(0.2, 0.3, 40)}, (0.29, 0.31), workers=1)
     lines = repr(family).splitlines()
     assert len(lines) == 26
     assert lines[13] == "  ... 16 more ..."
@@ -507,13 +505,13 @@ def test_values_must_be_those_that_the_system_allows(impact_oscillator):
 
 @pytest.mark.parametrize("processes", [0, -1, 1.5, True, "all"])
 def test_processes_must_be_a_count(orbit, processes):
-    with refuse(f"processes = {processes!r}: must be an integer >= 1"):
-        continue_family(orbit, "A", {"d": [1.0]}, BOUNDS, processes=processes)
+    with refuse(f"workers = {processes!r}: must be an integer >= 1"):
+        continue_family(orbit, "A", {"d": [1.0]}, BOUNDS, workers=processes)
 
 
 def test_a_client_needs_no_processes_and_must_be_one(orbit):
-    with refuse("processes = 2: must be left out where a client is given"):
-        continue_family(orbit, "A", {"d": [1.0]}, BOUNDS, processes=2, client=object())
+    with refuse("workers = 2: must be left out where a client is given"):
+        continue_family(orbit, "A", {"d": [1.0]}, BOUNDS, workers=2, client=object())
     with refuse("client = 'tcp://here:8786': must be a dask.distributed.Client"):
         continue_family(orbit, "A", {"d": [1.0]}, BOUNDS, client="tcp://here:8786")
 

@@ -176,7 +176,7 @@ def by_events(system, parameters, points, *, interval=None, count=1, modes=None,
                 ends[i], end_modes[i] = found.states[0, : x.size], found.modes[0]
             else:
                 name = system.mode_names[mode]
-                motion = simulate(system, parameters, x, mode=name, t_end=count * interval, rtol=tol, atol=tol)
+                motion = simulate(system, parameters, x, mode=name, t_end=count * interval, tolerance=(tol, tol))
                 ends[i], end_modes[i] = motion.x_end, system.mode_names.index(motion.mode_end)
         except SaltusError:
             pass

@@ -9,7 +9,7 @@ import saltus
 from saltus.errors import InputError
 from saltus.system.hybrid import HybridSystem, Mode
 
-TIGHT = {"rtol": 1e-12, "atol": 1e-14}
+TIGHT = {"tolerance": (1e-12, 1e-14)}
 
 
 @pytest.fixture(scope="module")

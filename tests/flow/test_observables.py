@@ -13,7 +13,7 @@ from saltus.errors import InputError
 from saltus.flow.observables import Observable, check_observables, observe, read_observable
 from saltus.system.hybrid import HybridSystem, Mode, Transition
 
-TIGHT = {"rtol": 1e-12, "atol": 1e-14}
+TIGHT = {"tolerance": (1e-12, 1e-14)}
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +162,7 @@ def test_what_happens_in_part_of_a_trajectory_is_seen_there_only(ball):
 
 
 def test_extremes_lie_between_samples_too(half_as_fast):
-    motion = saltus.simulate(half_as_fast, {}, [1.0, 0.0], periods=1, rtol=1e-6)
+    motion = saltus.simulate(half_as_fast, {}, [1.0, 0.0], periods=1, tolerance=1e-6)
     assert motion.step_times.size < 30
     found = motion.observe("max(sin(7*theta + 1))", "min(sin(7*theta + 1))", "max(theta)", "max(2)")
     assert list(found.values()) == pytest.approx([1.0, -1.0, 2.0 * math.pi, 2.0], abs=1e-12)

@@ -18,7 +18,7 @@ PLACE = {"w": 0.9, "A": 0.7}
 
 @pytest.fixture(scope="module")
 def path(impact_oscillator):
-    return simulate(impact_oscillator, PLACE, [0.2, 0.0], periods=12, rtol=1e-13, atol=1e-15)
+    return simulate(impact_oscillator, PLACE, [0.2, 0.0], periods=12, tolerance=(1e-13, 1e-15))
 
 
 def returns(system, x=(0.2, 0.0), **options):

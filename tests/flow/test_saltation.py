@@ -25,7 +25,7 @@ def test_saltation_is_the_derivative_of_the_flow_across_the_event(make, paramete
     system = make()
     p = system.parameter_vector(parameters)
     compiled, tight = system.compiled, {"rtol": 1e-13, "atol": 1e-15}
-    log = events_after(system, p, start, mode, t=100.0, n_events=1, **tight)
+    log = events_after(system, p, start, mode, t_end=100.0, n_events=1, **tight)
     before, k = log.x_before[-1], int(log.transition[-1])
     source, target = int(log.mode_before[-1]), int(log.mode_after[-1])
     f1, f2 = compiled.field(source, before, p), compiled.field(target, log.x_after[-1], p)
@@ -35,7 +35,7 @@ def test_saltation_is_the_derivative_of_the_flow_across_the_event(make, paramete
         """Differences of the flow over 2 tau, from tau before the event."""
 
         def end(x):
-            return settle(system, p, x, source, t=2.0 * tau, **tight)[0]
+            return settle(system, p, x, source, t_end=2.0 * tau, **tight)[0]
 
         x = before - tau * f1
         return np.column_stack([(end(x + step) - end(x - step)) / 2e-6 for step in 1e-6 * np.eye(n)])
@@ -57,8 +57,8 @@ def test_two_fields_have_the_known_multiplier(two_fields):
     from scipy.linalg import eigvals
 
     p = two_fields.parameter_vector({"al": 1.0, "be": 2.0})
-    x, mode = settle(two_fields, p, [0.0, 1.5], 0, t=150.0, rtol=1e-13, atol=1e-15)
-    log = events_after(two_fields, p, x, mode, t=100.0, n_events=3, rtol=1e-13, atol=1e-15)
+    x, mode = settle(two_fields, p, [0.0, 1.5], 0, t_end=150.0, rtol=1e-13, atol=1e-15)
+    log = events_after(two_fields, p, x, mode, t_end=100.0, n_events=3, rtol=1e-13, atol=1e-15)
     monodromy = np.eye(2)
     for i in (0, 1):
         mode, start, length = int(log.mode_after[i]), log.x_after[i], log.time[i + 1] - log.time[i]

@@ -131,8 +131,8 @@ def test_a_guess_far_from_any_orbit_is_told_in_words():
 
 @pytest.mark.parametrize("tol", [0.0, -1e-9, math.nan, "fine", 2.0])
 def test_tolerance(oscillator, tol):
-    with pytest.raises(InputError, match=rf"^tol = {re.escape(repr(tol))}: must be "):
-        solve_orbit(oscillator, {}, [GOOD], tol=tol)
+    with pytest.raises(InputError, match=rf"^tolerance = {re.escape(repr(tol))}: must be "):
+        solve_orbit(oscillator, {}, [GOOD], tolerance=tol)
 
 
 def test_numpy_numbers_are_numbers(oscillator):

@@ -61,7 +61,7 @@ def period_of_scipy(x, force):
     ],
 )
 def test_motions_with_a_broken_power_of_what_vanishes_are_those_of_scipy(term, force):
-    motion = simulate(stop(term), {}, [0.0, 0.0], periods=1, rtol=1e-11, atol=1e-12)
+    motion = simulate(stop(term), {}, [0.0, 0.0], periods=1, tolerance=(1e-11, 1e-12))
     assert {"touch", "release"} <= set(motion.events["name"])
     assert motion.x_end[:2] == pytest.approx(period_of_scipy([0.0, 0.0], force), abs=1e-9)
 

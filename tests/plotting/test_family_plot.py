@@ -22,13 +22,13 @@ def orbit(impact_oscillator):
 
 @pytest.fixture(scope="module")
 def family(orbit) -> saltus.Family:
-    return saltus.continue_family(orbit, "A", {"d": GAPS, "c": [0.1, 0.11, 0.12]}, (0.05, 6.0), processes=1)
+    return saltus.continue_family(orbit, "A", {"d": GAPS, "c": [0.1, 0.11, 0.12]}, (0.05, 6.0), workers=1)
 
 
 @pytest.fixture(scope="module")
 def broken(orbit) -> saltus.Family:
     """A family whose member at d = 9 has no branch."""
-    return saltus.continue_family(orbit, "A", {"d": [1.0, 9.0, 0.9]}, (0.5, 6.0), at_grazing="stop", processes=1)
+    return saltus.continue_family(orbit, "A", {"d": [1.0, 9.0, 0.9]}, (0.5, 6.0), at_grazing="stop", workers=1)
 
 
 def curves(ax):
@@ -72,7 +72,7 @@ def test_stable_parts_are_solid_and_unstable_parts_dashed(family, projection):
 
 
 def test_orbits_that_are_no_motion_stay_grey(orbit):
-    passed = saltus.continue_family(orbit, "A", {"d": [0.9, 1.1]}, (0.05, 1.5), at_grazing="pass", processes=1)
+    passed = saltus.continue_family(orbit, "A", {"d": [0.9, 1.1]}, (0.05, 1.5), at_grazing="pass", workers=1)
     ax = passed.plot("A", "max_v")
     grey = [line for line in curves(ax) if line.get_color() == style.LINES["not admissible"]["color"]]
     assert sorted(line.get_data_3d()[1][0] for line in grey) == [0.9, 1.1]
@@ -158,7 +158,7 @@ def test_at_its_default_size_nothing_is_cut_off_or_covered(family, projection):
 
 
 def test_a_family_of_one_is_drawn(orbit):
-    one = saltus.continue_family(orbit, "A", {"d": [1.0]}, (0.9, 1.1), processes=1)
+    one = saltus.continue_family(orbit, "A", {"d": [1.0]}, (0.9, 1.1), workers=1)
     ax = one.plot("A", "max_v")
     ax.figure.canvas.draw()
     assert [text.get_text() for text in bar_of(ax).get_yticklabels()] == ["1"]
@@ -171,7 +171,7 @@ def test_members_without_a_branch_are_left_out(broken):
 
 
 def test_of_many_members_the_bar_names_some(orbit):
-    many = saltus.continue_family(orbit, "A", {"d": np.linspace(0.9, 1.1, 21)}, (0.99, 1.01), processes=1)
+    many = saltus.continue_family(orbit, "A", {"d": np.linspace(0.9, 1.1, 21)}, (0.99, 1.01), workers=1)
     ax = many.plot("A", "max_v")
     assert [text.get_text() for text in bar_of(ax).get_yticklabels()] == [
         "0.9",

@@ -11,7 +11,7 @@ from saltus.sweeps.lyapunov import lyapunov_spectrum
 
 
 def test_curves_are_the_running_estimates_against_periods(impact_oscillator):
-    found = lyapunov_spectrum(impact_oscillator, {"w": 2.5, "A": 5.4}, [0.0, 0.0], periods=100, rtol=1e-8)
+    found = lyapunov_spectrum(impact_oscillator, {"w": 2.5, "A": 5.4}, [0.0, 0.0], periods=100, tolerance=1e-8)
     ax = found.plot()
     curves = ax.lines[:2]
     for i, curve in enumerate(curves):
@@ -23,7 +23,7 @@ def test_curves_are_the_running_estimates_against_periods(impact_oscillator):
 
 
 def test_minus_infinity_is_named_and_not_drawn(stick_slip):
-    found = lyapunov_spectrum(stick_slip, None, [0.0, 0.3], mode="stick", t=80.0)
+    found = lyapunov_spectrum(stick_slip, None, [0.0, 0.3], mode="stick", t_end=80.0)
     ax = found.plot()
     texts = [text.get_text() for text in ax.get_legend().get_texts()]
     assert texts[1] == r"$\lambda_{2} = -\infty$"

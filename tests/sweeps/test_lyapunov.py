@@ -93,7 +93,13 @@ def test_limit_cycle_of_two_fields_has_a_zero_and_the_closed_form(two_fields, al
     r0, _, period, multiplier = two_fields_orbit(al, be, 1.5, guess)
     # over whole periods the lengths of the frame return
     found = lyapunov_spectrum(
-        two_fields, {"al": al, "be": be}, [0.0, r0], mode="left", t=50 * period, discard=10 * period, rtol=1e-12
+        two_fields,
+        {"al": al, "be": be},
+        [0.0, r0],
+        mode="left",
+        t_end=50 * period,
+        discard=10 * period,
+        tolerance=1e-12,
     )
     assert found.exponents == pytest.approx([0.0, math.log(multiplier) / period], abs=1e-9)
     assert found.kaplan_yorke == 1.0
@@ -131,7 +137,7 @@ def test_tapping_orbits_exponents_are_its_multipliers(afm1, afm2, modes):
 def test_forced_system_at_an_equilibrium_has_its_eigenvalues_real_parts(k, c, rtol):
     field = {"x": "y", "y": "-y - k*(x - c) - (x - c)**3 + A*cos(s)"}
     system = HybridSystem(("x", "y"), {"k": k, "c": c, "A": 0.0}, {"rest": Mode(field)}, phase=("s", "1"))
-    found = lyapunov_spectrum(system, None, [c, 0.0], periods=200, discard=20, rtol=rtol, atol=1e-2 * rtol)
+    found = lyapunov_spectrum(system, None, [c, 0.0], periods=200, discard=20, tolerance=(rtol, 1e-2 * rtol))
     expected = np.sort(np.roots([1.0, 1.0, k]).real)[::-1]
     # the frame's own tolerance in each part of a step, of which there are fewer than two in a unit of time
     per_time = 2.0 * min(1e3 * rtol, 1e-4)
@@ -144,19 +150,19 @@ def test_forced_system_at_an_equilibrium_has_its_eigenvalues_real_parts(k, c, rt
 def test_motion_that_comes_to_rest_shrinks_at_its_slowest_rate():
     field = {"x": "y", "y": "-y - 4*x - x**3 + A*cos(s)"}
     system = HybridSystem(("x", "y"), {"A": 0.0}, {"rest": Mode(field)}, phase=("s", "1"))
-    found = lyapunov_spectrum(system, None, [0.5, 0.0], periods=100, discard=100, rtol=1e-8, atol=1e-10)
+    found = lyapunov_spectrum(system, None, [0.5, 0.0], periods=100, discard=100, tolerance=(1e-8, 1e-10))
     assert found.exponents == pytest.approx([-0.5, -0.5], abs=1.0 / found.times[-1])
 
 
 def test_cantilever_that_is_not_driven_loses_half_its_damping(afm1):
-    found = lyapunov_spectrum(afm1, {"ybar": 0.0}, [0.0, 0.0], periods=100, rtol=1e-8, atol=1e-10)
+    found = lyapunov_spectrum(afm1, {"ybar": 0.0}, [0.0, 0.0], periods=100, tolerance=(1e-8, 1e-10))
     assert found.sum == pytest.approx(-0.025, abs=1e-5)
     assert found.exponents == pytest.approx([-0.0125, -0.0125], abs=0.1 / found.times[-1])
 
 
 def test_fast_contraction_at_rest_is_measured_beside_a_slow_one():
     system = HybridSystem(("x", "y"), {}, {"rest": Mode({"x": "-x + y", "y": "-50*y"})})
-    found = lyapunov_spectrum(system, None, [0.0, 0.0], t=200.0, discard=20.0, rtol=1e-2, atol=1e-4)
+    found = lyapunov_spectrum(system, None, [0.0, 0.0], t_end=200.0, discard=20.0, tolerance=(1e-2, 1e-4))
     # 1e-4 in each part of a step, of which there are fewer than 100 in a unit of time
     assert found.exponents == pytest.approx([-1.0, -50.0], abs=1e-2)
 
@@ -165,7 +171,7 @@ def test_straight_motion_past_a_varying_rate_has_its_mean():
     # x = t is without error in steps of any length; perturbations of y shrink by exp(-2 t - sin t)
     system = HybridSystem(("x", "y"), {}, {"flow": Mode({"x": "1", "y": "-(2 + cos(x))*y"})})
     t = 1000.0 * math.pi
-    found = lyapunov_spectrum(system, None, [0.0, 0.0], t=t, discard=20.0 * math.pi, rtol=1e-8, atol=1e-10)
+    found = lyapunov_spectrum(system, None, [0.0, 0.0], t_end=t, discard=20.0 * math.pi, tolerance=(1e-8, 1e-10))
     # 1e-5 in each part of a step, of which there are fewer than five in a unit of time
     assert found.exponents == pytest.approx([0.0, -2.0], abs=5e-5)
     assert found.logs[:, 1] == pytest.approx(-2.0 * np.diff(np.append(0.0, found.times)), abs=5e-5 * t / 500)
@@ -173,7 +179,7 @@ def test_straight_motion_past_a_varying_rate_has_its_mean():
 
 def test_rest_where_the_jacobian_is_not_finite_has_no_exponent():
     system = HybridSystem(("x", "y"), {}, {"rest": Mode({"x": "-y", "y": "-sqrt(x)"})})
-    found = lyapunov_spectrum(system, None, [0.0, 0.0], t=10.0)
+    found = lyapunov_spectrum(system, None, [0.0, 0.0], t_end=10.0)
     assert np.isnan(found.exponents).any()
 
 
@@ -210,14 +216,14 @@ def test_volumes_follow_divergence_and_saltation_in_impacting_chaos(impact_oscil
 
 
 def test_logistic_map_at_four_has_ln_two(logistic):
-    found = lyapunov_spectrum(logistic, None, [0.3, 0.0], t=20_000.0)
+    found = lyapunov_spectrum(logistic, None, [0.3, 0.0], t_end=20_000.0)
     assert found.exponents == pytest.approx([math.log(2.0), 0.0], abs=1e-3)
     assert abs(found.exponents[0] - math.log(2.0)) < found.errors[0]
 
 
 def test_henon_map_has_the_exponents_in_print():
     henon = systems.carried_map(("x", "y"), {"a": 1.4, "b": 0.3}, HENON)
-    found = lyapunov_spectrum(henon, None, [0.1, 0.1, 0.0], t=40_000.0)
+    found = lyapunov_spectrum(henon, None, [0.1, 0.1, 0.0], t_end=40_000.0)
     assert found.sum == pytest.approx(math.log(0.3), abs=1e-12)
     assert found.exponents[1] == 0.0
     assert abs(found.exponents[0] - 0.4192) < found.errors[0] < 0.01
@@ -226,7 +232,7 @@ def test_henon_map_has_the_exponents_in_print():
 
 
 def test_lorenz_system_has_the_exponents_in_print():
-    found = lyapunov_spectrum(lorenz(), None, [1.0, 1.0, 20.0], t=4000.0, discard=50.0, rtol=1e-8, atol=1e-8)
+    found = lyapunov_spectrum(lorenz(), None, [1.0, 1.0, 20.0], t_end=4000.0, discard=50.0, tolerance=(1e-8, 1e-8))
     # J. C. Sprott, Chaos and Time-Series Analysis, Oxford 2003
     assert np.all(np.abs(found.exponents - [0.9056, 0.0, -14.5723]) < found.errors)
     assert np.all(found.errors < 0.02)
@@ -235,7 +241,7 @@ def test_lorenz_system_has_the_exponents_in_print():
 
 
 def test_switched_tanks_owe_their_exponent_to_saltation_alone():
-    found = lyapunov_spectrum(tanks(), None, [0.2, 0.3, 0.5], mode="fill_a", t=20_000.0)
+    found = lyapunov_spectrum(tanks(), None, [0.2, 0.3, 0.5], mode="fill_a", t_end=20_000.0)
     expected = math.log(2.0) / 0.75
     assert abs(found.exponents[0] - expected) < found.errors[0] < 0.01
     # the flow's direction, and the total that is kept
@@ -256,7 +262,7 @@ def test_impacts_on_a_far_table_have_the_exponent_of_the_standard_map():
         transitions=[Transition("flight", "flight", "z", -1, {"v": "-v + kick*cos(s)"}, name="impact")],
     )
     x, flight = [0.0, high * kick, 0.5], 2.0 * high * kick
-    per_impact = flight * growth_along(system, system.parameter_vector({}), x, 0, t=impacts * flight).exponents
+    per_impact = flight * growth_along(system, system.parameter_vector({}), x, 0, t_end=impacts * flight).exponents
     # ln|cos| of an even angle spreads by 0.91 an impact, and flights by 2 % while the speed wanders
     assert per_impact[0] == pytest.approx(math.log(kick), abs=4.0 * 0.91 / math.sqrt(impacts) + 0.06)
     assert per_impact[1] == pytest.approx(0.0, abs=0.02)
@@ -303,7 +309,7 @@ def test_chaos_of_the_tapping_cantilever_is_certain(afm2, afm2_chaos):
 
 
 def test_motion_just_beyond_grazing_is_chaotic_and_just_before_is_not(impact_oscillator):
-    after = lyapunov_spectrum(impact_oscillator, BEYOND_GRAZING, [0.0, 0.0], periods=1000, rtol=1e-8)
+    after = lyapunov_spectrum(impact_oscillator, BEYOND_GRAZING, [0.0, 0.0], periods=1000, tolerance=1e-8)
     assert after.exponents[0] > 5.0 * after.errors[0]
     assert np.all(np.isfinite(after.logs))
     # without impacts both exponents are the real part -c/2 of the linear oscillator's eigenvalues
@@ -320,7 +326,7 @@ def test_motion_just_beyond_grazing_is_chaotic_and_just_before_is_not(impact_osc
 
 
 def test_sticking_takes_a_direction_away(stick_slip):
-    found = lyapunov_spectrum(stick_slip, None, [0.0, 0.3], mode="stick", t=755.0)
+    found = lyapunov_spectrum(stick_slip, None, [0.0, 0.3], mode="stick", t_end=755.0)
     assert found.exponents[1] == -math.inf
     assert found.exponents[0] == pytest.approx(0.0, abs=1e-3)
     assert np.all(found.errors >= 0.0)
@@ -337,7 +343,7 @@ def test_plastic_impact_leaves_the_exponent_of_its_one_multiplier(impact_oscilla
 
 
 def test_superstable_fixed_point_has_minus_infinity(logistic):
-    found = lyapunov_spectrum(logistic, {"a": 2.0}, [0.5, 0.0], t=100.0)
+    found = lyapunov_spectrum(logistic, {"a": 2.0}, [0.5, 0.0], t_end=100.0)
     assert found.exponents.tolist() == [0.0, -math.inf]
     assert found.errors.tolist() == [0.0, 0.0]
     assert not np.any(np.isnan(found.running))
@@ -351,7 +357,7 @@ def test_event_without_normal_velocity_is_counted_and_passed_unchanged():
         [Transition("low", "high", "x", 1)],
     )
     # x = v = 0 and v' = 1: the event happens at once, at a velocity of 0
-    found = lyapunov_spectrum(system, None, [0.0, 0.0, 1.0], mode="low", t=20.0, discard=0.0)
+    found = lyapunov_spectrum(system, None, [0.0, 0.0, 1.0], mode="low", t_end=20.0, discard=0.0)
     assert found.mode_end == "high"
     assert found.grazed == 1
     assert found.sum == pytest.approx(-1.0, abs=1e-9)
@@ -374,8 +380,8 @@ def test_units_of_the_states_do_not_matter():
     # y in units of 1/1024: not one bit of x changes
     other = systems.carried_map(states, a, {"x": "a - x**2 + b*(y/1024)", "y": "1024*x"})
     t, discard = 20_000.0, 100.0
-    one = lyapunov_spectrum(plain, None, [0.5, 0.25, 0.0], t=t, discard=discard)
-    two = lyapunov_spectrum(other, None, [0.5, 256.0, 0.0], t=t, discard=discard)
+    one = lyapunov_spectrum(plain, None, [0.5, 0.25, 0.0], t_end=t, discard=discard)
+    two = lyapunov_spectrum(other, None, [0.5, 256.0, 0.0], t_end=t, discard=discard)
     assert two.x_end[0] == one.x_end[0]
     # only the lengths at both ends differ
     assert np.abs(one.exponents - two.exponents).max() < 2.0 * math.log(1024.0) / t
@@ -384,7 +390,7 @@ def test_units_of_the_states_do_not_matter():
 
 def test_error_is_as_large_as_the_spread_between_runs(logistic):
     starts = np.linspace(0.11, 0.42, 24)
-    found = [lyapunov_spectrum(logistic, {"a": 3.9}, [x, 0.0], t=1000.0, exponents=1) for x in starts]
+    found = [lyapunov_spectrum(logistic, {"a": 3.9}, [x, 0.0], t_end=1000.0, exponents=1) for x in starts]
     spread = np.std([each.exponents[0] for each in found], ddof=1)
     # Student's quantile for 19 degrees of freedom is 2.09
     assert np.median([each.errors[0] for each in found]) / 2.09 == pytest.approx(spread, rel=0.5)
@@ -454,7 +460,7 @@ def test_repr_tells_exponents_errors_and_span(afm1):
 
 
 def test_dimension_is_not_told_from_too_few_exponents():
-    assert math.isnan(lyapunov_spectrum(lorenz(), None, [1.0, 1.0, 20.0], t=50.0, exponents=1).kaplan_yorke)
+    assert math.isnan(lyapunov_spectrum(lorenz(), None, [1.0, 1.0, 20.0], t_end=50.0, exponents=1).kaplan_yorke)
 
 
 # bad input
@@ -463,17 +469,20 @@ def test_dimension_is_not_told_from_too_few_exponents():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "t, periods = {'t': None, 'periods': None}: must be exactly one of the two given"),
-        ({"periods": 3, "t": 1.0}, "t, periods = {'t': 1.0, 'periods': 3}: must be exactly one of the two given"),
+        ({}, "t_end, periods = {'t_end': None, 'periods': None}: must be exactly one of the two given"),
+        (
+            {"periods": 3, "t_end": 1.0},
+            "t_end, periods = {'t_end': 1.0, 'periods': 3}: must be exactly one of the two given",
+        ),
         ({"periods": 1}, "periods = 1: must be an integer >= 2"),
         ({"periods": 2.5}, "periods = 2.5: must be an integer >= 2"),
-        ({"t": -1.0}, "t = -1.0: must be a finite number > 0"),
+        ({"t_end": -1.0}, "t_end = -1.0: must be a finite number > 0"),
         ({"periods": 9, "discard": -1}, "discard = -1: must be an integer >= 0, a number of periods"),
         ({"periods": 9, "discard": 0.5}, "discard = 0.5: must be an integer >= 0, a number of periods"),
-        ({"t": 9.0, "discard": math.inf}, "discard = inf: must be a finite number >= 0"),
+        ({"t_end": 9.0, "discard": math.inf}, "discard = inf: must be a finite number >= 0"),
         ({"periods": 9, "exponents": 3}, "exponents = 3: must be an integer between 1 and 2, the number of states"),
         ({"periods": 9, "exponents": 0}, "exponents = 0: must be an integer between 1 and 2, the number of states"),
-        ({"periods": 9, "rtol": 0.5}, "rtol = 0.5: must be a number between 1e-14 and 0.1"),
+        ({"periods": 9, "tolerance": 0.5}, "tolerance = 0.5: must be a number between 1e-14 and 0.1"),
         ({"periods": 9, "mode": "fly"}, "mode = 'fly': must be one of free"),
     ],
 )
@@ -487,12 +496,12 @@ def test_periods_need_a_phase(ball):
     with pytest.raises(InputError, match="left out for a system without a phase"):
         lyapunov_spectrum(ball, None, [1.0, 0.0], periods=5)
     with pytest.raises(InputError, match="one with a phase"):
-        _ = lyapunov_spectrum(lorenz(), None, [1.0, 1.0, 20.0], t=1.0).per_period
+        _ = lyapunov_spectrum(lorenz(), None, [1.0, 1.0, 20.0], t_end=1.0).per_period
 
 
 def test_motion_that_ends_tells_why(ball):
     with pytest.raises(ChatteringError):
-        lyapunov_spectrum(ball, None, [1.0, 0.0], t=10.0)
+        lyapunov_spectrum(ball, None, [1.0, 0.0], t_end=10.0)
     runaway = HybridSystem(("x",), {}, {"grow": Mode({"x": "x"})})
     with pytest.raises(DivergenceError, match="a state passes 1e\\+12"):
-        lyapunov_spectrum(runaway, None, [1.0], t=100.0)
+        lyapunov_spectrum(runaway, None, [1.0], t_end=100.0)

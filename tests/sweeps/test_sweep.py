@@ -77,7 +77,7 @@ def test_a_motion_that_comes_to_rest_where_all_states_are_zero_has_the_period_on
 def test_rounding_is_measured_by_the_size_along_the_motion():
     """x = sin s passes zero at phase 0, where its error is that of a state of size 1."""
     system = HybridSystem(("x",), {"a": 1.0}, {"free": Mode({"x": "-a*x + a*sin(s) + cos(s)"})}, phase=("s", "1"))
-    sweep = run_sweep(system, "a", [1.0, 2.0], rtol=1e-6, atol=1e-12, **SHORT)
+    sweep = run_sweep(system, "a", [1.0, 2.0], tolerance=(1e-6, 1e-12), **SHORT)
     assert sweep.labels.tolist() == [["period-1", "period-1"]]
 
 
@@ -105,7 +105,7 @@ def test_points_and_exponents_are_those_of_the_orbit(impact_oscillator):
     """Next to PD at A = 4.27, where the multipliers are real; other attractors are near."""
     sweep = run_sweep(
         impact_oscillator, "A", [4.275, 4.3], parameters={"w": 2.2}, x0=[-1.92, 0.21], follow="down", exponents=2,
-        rtol=1e-11, atol=1e-13,
+        tolerance=(1e-11, 1e-13),
     )  # fmt: skip
     orbit = find_orbit(impact_oscillator, {"w": 2.2, "A": 4.275}, sweep.at(4.275).state[:2])
     assert np.all(np.isreal(orbit.multipliers))
@@ -139,7 +139,7 @@ def test_both_sides_of_a_section_make_two_returns_of_one(ball_on_table):
 
 def test_observables_are_those_of_the_orbit(impact_oscillator):
     names = ["max(x)", "mean(v**2)", "amplitude(x, 1)", "velocity(impact)"]
-    sweep = run_sweep(impact_oscillator, "A", [1.0], observables=names, rtol=1e-11, atol=1e-13, **SHORT)
+    sweep = run_sweep(impact_oscillator, "A", [1.0], observables=names, tolerance=(1e-11, 1e-13), **SHORT)
     orbit = find_orbit(impact_oscillator, {"A": 1.0}, [0.0, 0.0])
     expected = orbit.observe(*names)
     for name in names:
@@ -342,8 +342,9 @@ def test_whatever_ends_a_sweep_early_what_is_done_is_saved(impact_oscillator, bo
 
 
 def test_numbers_of_numpy_are_saved_as_plain_ones(impact_oscillator, tmp_path):
-    plain = {"discard": 60, "keep": 20, "exponents": 1, "chunks": 1, "rtol": 0.5**20, "atol": 0.5**30}
-    given = {name: np.int64(value) if isinstance(value, int) else np.float32(value) for name, value in plain.items()}
+    plain = {"discard": 60, "keep": 20, "exponents": 1, "chunks": 1, "tolerance": (0.5**20, 0.5**30)}
+    given = {name: np.int64(value) for name, value in plain.items() if isinstance(value, int)}
+    given["tolerance"] = tuple(np.float32(value) for value in plain["tolerance"])
     sections = (Section("x", direction=side) for side in (-1, np.int64(-1)))
     one, two = (
         run_sweep(impact_oscillator, "A", [0.5], workers=np.int64(1), section=section, **options)

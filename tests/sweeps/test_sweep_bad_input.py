@@ -64,7 +64,7 @@ def test_values_that_cannot_be_followed(impact_oscillator, values, message):
             {"section": Section("x - dd")},
             r"^expression = 'x - dd': must be in .* but 'dd' is unknown; did you mean 'd'",
         ),
-        ({"rtol": 1.0}, r"^rtol = 1\.0: must be a number between 1e-14 and 0\.1$"),
+        ({"tolerance": 1.0}, r"^tolerance = 1\.0: must be a number between 1e-14 and 0\.1$"),
         ({"parameters": {"e": "much"}}, r"^e = 'much': must be a finite number$"),
         ({"x0": [0.0]}, r"^x0 = \[0\.0\]: must be of shape \(2,\), one number for each of x, v$"),
         ({"mode": "fre"}, r"^mode = 'fre': must be one of free; did you mean 'free'\?$"),
@@ -143,7 +143,7 @@ CHANGES = {
     "criteria": {"criteria": Criteria(longest=4)},
     "follow": {"follow": "down"},
     "section": {"section": "impact"},
-    "rtol": {"rtol": 1e-9},
+    "rtol": {"tolerance": 1e-9},
 }
 
 

@@ -130,7 +130,7 @@ def _mapped(read: Config, system: HybridSystem, out: Path, *, engine: str, clien
 
     with bar("starting" if out.exists() else "looking for attractors") as progress:
         return map_basins(
-            system, read.parameters, read.cells, _search(read), store=out, client=client, preview=preview,
+            system, read.parameters, read.cells, _search(read), path=out, client=client, preview=preview,
             engine=engine, interval=read.interval, progress=progress, **_engine_options(read),
         )  # fmt: skip
 

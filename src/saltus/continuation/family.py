@@ -131,7 +131,23 @@ class Family(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Family:
-        """Return the family that `to_xarray` described; raise `InputError` where it cannot be one."""
+        """Return the family that a Dataset describes.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            As `to_xarray` returns it.
+
+        Returns
+        -------
+        Family
+            Equal to the one that `to_xarray` described.
+
+        Raises
+        ------
+        InputError
+            Something in the Dataset is missing, of another shape or out of its range.
+        """
         held = Contents(dataset)
         system = held_system(held)
         members = held.size("member", least=1)

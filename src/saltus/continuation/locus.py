@@ -58,7 +58,23 @@ class Locus(OrbitCurve):
         return self.names
 
     def point(self, index: int) -> SpecialPoint:
-        """Return one point of the locus as a special point of the locus' type, from which another locus can start."""
+        """Return one point of the locus as a special point of the locus' type, from which another locus can start.
+
+        Parameters
+        ----------
+        index : int
+            The point; negative ones count from the end.
+
+        Returns
+        -------
+        SpecialPoint
+            Of the locus' type.
+
+        Raises
+        ------
+        InputError
+            There is no such point.
+        """
         orbit = self.orbit(index)
         at = range(len(self))[index]
         return SpecialPoint(self.type, f"{self.type} point {at}", orbit, 0.0, at, float(self.arclength[at]), self.names)

@@ -38,7 +38,7 @@ def continue_family(
     events: Mapping[str, float] | None = None,
     stop_at: str | Iterable[str] = (),
     at_grazing: str = "switch",
-    processes: int | None = None,
+    workers: int | None = None,
     client: Any = None,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> Family:
@@ -62,8 +62,8 @@ def continue_family(
         Interval of the parameter; the orbit must lie in it.
     steps, directions, events, stop_at, at_grazing
         As for `continue_orbit`, the same for all branches.
-    processes : int, optional
-        How many processes on this machine compute branches; 1 starts none but uses this one. By default as many as
+    workers : int, optional
+        Processes on this machine that compute branches; 1 starts none but uses this one. By default as many as
         there are processors for this process, at most one for each member. To start one takes a second or two. In a
         daemonic process, which may not start others, as a worker of Dask or of a pool, branches are computed there.
     client : dask.distributed.Client, optional
@@ -92,7 +92,7 @@ def continue_family(
     ...     [Transition("free", "free", "x - d", 1, {"v": "-e*v"}, name="impact")], phase=("s", "w"),
     ... )
     >>> orbit = solve_orbit(oscillator, {}, [("free", "impact", [1.0, -1.3, 0.1], 6.28)])
-    >>> family = continue_family(orbit, "A", {"d": [1.0, 2.0, 3.0]}, (0.05, 1.2), processes=1)
+    >>> family = continue_family(orbit, "A", {"d": [1.0, 2.0, 3.0]}, (0.05, 1.2), workers=1)
     >>> [round(branch["GR1"].parameters["A"], 9) for branch in family]
     [0.1, 0.2, 0.3]
     """
@@ -109,7 +109,7 @@ def continue_family(
     table = _read_over(orbit.system, parameter, over)
     places = _places(orbit.system, table)
     task = Task(parameter, bounds, {"steps": control} | options)
-    workers = _workers(processes, client, len(places))
+    pool = _pool(workers, client, len(places))
     record = _Record(table, len(places), progress)
     try:
         with suppress(KeyboardInterrupt):  # what is done is kept
@@ -118,13 +118,13 @@ def continue_family(
                     record.keep([(index, start)])
                 else:
                     record.tell(index, "the start is there")
-                    workers.submit(index, _traced, task, start)
-                record.keep(_results(workers.finished(waiting=False)))
+                    pool.submit(index, _traced, task, start)
+                record.keep(_results(pool.finished(waiting=False)))
             while len(record.outcomes) < len(places):
-                record.keep(_results(workers.finished(waiting=True)))
+                record.keep(_results(pool.finished(waiting=True)))
     finally:
-        workers.stop()
-    record.outcomes |= _results(workers.finished(waiting=False))
+        pool.stop()
+    record.outcomes |= _results(pool.finished(waiting=False))
     outcomes = [record.outcomes.get(i, _INTERRUPTED) for i in range(len(places))]
     return Family(
         orbit.system,
@@ -202,14 +202,14 @@ def _places(system: HybridSystem, table: Mapping[str, NDArray[np.float64]]) -> l
     return places
 
 
-def _workers(processes: object, client: Any, members: int) -> Workers:
+def _pool(workers: object, client: Any, members: int) -> Workers:
     if client is not None:
-        if processes is not None:
-            raise InputError("processes", processes, "left out where a client is given")
+        if workers is not None:
+            raise InputError("workers", workers, "left out where a client is given")
         return Cluster(client)
-    count = min(processors() if processes is None else checks.count("processes", processes), members)
+    count = min(processors() if workers is None else checks.count("workers", workers), members)
     # a daemonic process, as a worker of Dask or of a pool, may not have children
-    return Here() if count == 1 or current_process().daemon else Processes(count, "processes=1")
+    return Here() if count == 1 or current_process().daemon else Processes(count, "workers=1")
 
 
 def _traced(task: Task, start: PeriodicOrbit) -> Branch | str:

@@ -93,12 +93,11 @@ class OrbitCurve(Result):
     tol: float = 1e-12
 
     def __post_init__(self) -> None:
-        for name in ("values", "x0", "period", "residual", "arclength", "lows", "highs"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
-        object.__setattr__(self, "multipliers", frozen(self.multipliers, np.complex128))
-        object.__setattr__(self, "form", frozen(self.form, np.int64))
-        for name in ("stable", "admissible"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.bool_))
+        reals = ("values", "x0", "period", "residual", "arclength", "lows", "highs")
+        kinds: dict[str, Any] = dict.fromkeys(reals, np.float64)
+        kinds |= {"multipliers": np.complex128, "form": np.int64, "stable": np.bool_, "admissible": np.bool_}
+        for name, kind in kinds.items():
+            object.__setattr__(self, name, frozen(getattr(self, name), kind))
 
     @property
     @abstractmethod
@@ -127,13 +126,18 @@ class OrbitCurve(Result):
         return (*self.system.all_states, *self.system.output_names)
 
     def column(self, name: str) -> NDArray[np.float64]:
-        """Return a quantity along the curve, shape (point,).
+        """Return a quantity along the curve.
 
         Parameters
         ----------
         name : str
             A varied parameter, ``period``, ``arclength``, a state (its value at phase 0), ``min_`` or ``max_`` and a
             state or output, or an observable as `observe` takes it; of a locus also ``angle`` and ``coefficient``.
+
+        Returns
+        -------
+        ndarray, shape (point,)
+            In the units of the definition.
 
         Raises
         ------
@@ -213,7 +217,25 @@ class OrbitCurve(Result):
         return 2.0 * np.pi / observable.order.denominator if observable.kind == "phase" and observable.order else 0.0
 
     def at(self, point: SpecialPoint, name: str) -> float:
-        """Return the quantity that `column` names at a special point."""
+        """Return the quantity that `column` names at a special point.
+
+        Parameters
+        ----------
+        point : SpecialPoint
+            One of the curve's.
+        name : str
+            As `column` takes it.
+
+        Returns
+        -------
+        float
+            In the units of the definition.
+
+        Raises
+        ------
+        InputError
+            A quantity of another name, or no special point.
+        """
         orbit = checks.instance("point", point, SpecialPoint).orbit
         checks.text("quantity", name, "the name of a quantity")
         if name.startswith(("min_", "max_")) and name[4:] in self.quantities:
@@ -234,12 +256,44 @@ class OrbitCurve(Result):
         return value + turn * round((nearby - value) / turn) if turn and np.isfinite(nearby - value) else value
 
     def signature(self, index: int) -> tuple[tuple[str, str], ...]:
-        """Return the (mode, transition) names of a point's segments."""
+        """Return the (mode, transition) names of a point's segments.
+
+        Parameters
+        ----------
+        index : int
+            The point; negative ones count from the end.
+
+        Returns
+        -------
+        tuple of (str, str)
+            One for each segment, in order.
+
+        Raises
+        ------
+        InputError
+            There is no such point.
+        """
         form: Signature = self.forms[self.form[checks.count("index", index, -len(self), len(self) - 1)]]
         return form.names(self.system)
 
     def orbit(self, index: int) -> PeriodicOrbit:
-        """Return the orbit of one point, from which another continuation can start."""
+        """Return the orbit of one point, from which another continuation can start.
+
+        Parameters
+        ----------
+        index : int
+            The point; negative ones count from the end.
+
+        Returns
+        -------
+        PeriodicOrbit
+            With meshes of its own, made from the point's unknowns.
+
+        Raises
+        ------
+        InputError
+            There is no such point.
+        """
         index = checks.count("index", index, -len(self), len(self) - 1)
         problem, u = self._solved(index)
         return orbit_at(problem, u, problem.resolve(u)[1])
@@ -259,7 +313,8 @@ class OrbitCurve(Result):
         """Return the curve as a Dataset: points against ``point``, special points against ``special``."""
         import xarray as xr
 
-        names = [form.names(self.system) for form in self.forms]
+        signatures = [form.names(self.system) for form in self.forms]
+        written = [" -> ".join(f"{mode}:{transition}" for mode, transition in names) for names in signatures]
         n = len(self.system.all_states)
         table = self.values.reshape(len(self), -1)
         data: dict[str, Any] = {name: ("point", values) for name, values in self._own_columns().items()}
@@ -273,7 +328,7 @@ class OrbitCurve(Result):
             "residual": ("point", self.residual),
             "arclength": ("point", self.arclength),
             "form": ("point", self.form),
-            "signature": ("point", np.array([_written(names[form]) for form in self.form.tolist()], dtype=object)),
+            "signature": ("point", np.array([written[form] for form in self.form.tolist()], dtype=object)),
             "unknown": ("ragged", np.concatenate([*self.unknowns, np.empty(0)])),
             "unknown_count": ("point", np.array([len(u) for u in self.unknowns], dtype=np.int64)),
         }
@@ -300,7 +355,7 @@ class OrbitCurve(Result):
             "parameters": json.dumps(dict(self.parameters)),
             "definition": json.dumps(self.system.definition()),
             "forms": json.dumps([[f.modes, f.transitions, f.kinds, f.turns] for f in forms]),
-            "signatures": json.dumps(names),
+            "signatures": json.dumps(signatures),
             "n_forms": len(self.forms),
             "stopped_first": self.stopped[0],
             "stopped_last": self.stopped[1],
@@ -327,7 +382,23 @@ class OrbitCurve(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Self:
-        """Return the curve that `to_xarray` described; raise `InputError` where it cannot be one."""
+        """Return the curve that a Dataset describes.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            As `to_xarray` returns it.
+
+        Returns
+        -------
+        Branch or Locus
+            Equal to the one that `to_xarray` described.
+
+        Raises
+        ------
+        InputError
+            Something in the Dataset is missing, of another shape or out of its range.
+        """
         held, point = Contents(dataset), ("point",)
         system = held_system(held)
         parameters, varied = held_parameters(held, system), tuple(held.texts("varied"))
@@ -344,7 +415,6 @@ class OrbitCurve(Result):
         n_forms = held.count("n_forms", most=len(forms))
         number = held.array("form", point, int, least=0, most=n_forms - 1)
         wide, tol = len(system.all_states) + 1, held.number("tol", *TOLERANCES)
-        options = held.json("options", dict)
         return cls(
             system=system,
             parameters=parameters,
@@ -363,23 +433,18 @@ class OrbitCurve(Result):
             special_points=SpecialPoints(special_points_of(held, system, parameters, varied, forms, tol), varied),
             stopped=(held.text("stopped_first"), held.text("stopped_last")),
             rejected=tuple(held.texts("rejected")),
-            options=options,
+            options=held.json("options", dict),
             tol=tol,
             **cls._own_fields(held, varied),
         )
 
     def _described(self, what: str) -> str:
         """Return a few lines: what it is, how it began and ended, its special points."""
-        lines = [
-            f"{what} of {self.system.name or 'a hybrid system'}: {len(self)} orbits, {int(self.stable.sum())} stable"
-        ]
+        of = self.system.name or "a hybrid system"
+        lines = [f"{what} of {of}: {len(self)} orbits, {int(self.stable.sum())} stable"]
         for name, column in zip(self.varied, self.values.reshape(len(self), -1).T, strict=True):
-            low, high = (float(column.min()), float(column.max())) if len(self) else (np.nan, np.nan)
-            lines[0] += f", {name} from {low:.9g} to {high:.9g}"
+            ends = (column.min(), column.max()) if len(self) else (np.nan, np.nan)
+            lines[0] += ", {} from {:.9g} to {:.9g}".format(name, *ends)
         lines += [f"  began: {self.stopped[0]}", f"  ended: {self.stopped[1]}"]
         lines += [f"  {line}" for line in repr(self.special_points).splitlines()]
         return "\n".join(lines)
-
-
-def _written(signature: tuple[tuple[str, str], ...]) -> str:
-    return " -> ".join(f"{mode}:{transition}" for mode, transition in signature)

@@ -90,5 +90,5 @@ def _after_period(
         found = iterate(system, p, full, mode, discard=0, keep=1, rtol=_TOLERANCE, atol=_TOLERANCE)
         return found.states[0, : x.size], int(found.modes[0])
     name = system.mode_names[mode]
-    motion = simulate(system, parameters, x, mode=name, t_end=period, rtol=_TOLERANCE, atol=_TOLERANCE)
+    motion = simulate(system, parameters, x, mode=name, t_end=period, tolerance=(_TOLERANCE, _TOLERANCE))
     return np.array(motion.x_end), system.mode_index(motion.mode_end)

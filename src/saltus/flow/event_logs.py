@@ -61,7 +61,7 @@ def settle(
     mode: int,
     *,
     periods: int | None = None,
-    t: float | None = None,
+    t_end: float | None = None,
     rtol: float = 1e-10,
     atol: float = 1e-12,
 ) -> tuple[NDArray[np.float64], int]:
@@ -77,7 +77,7 @@ def settle(
         Start; it may lie on the boundary of the mode's domain.
     mode : int
         Index of the mode there.
-    periods, t : int, float
+    periods, t_end : int, float
         How long; exactly one of the two.
     rtol, atol : float, optional
         Tolerances of a step.
@@ -89,7 +89,7 @@ def settle(
     """
     check_tolerances(rtol, atol)
     run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol)
-    run.follow(*how_long(system, periods, t), None, keep=False)
+    run.follow(*how_long(system, periods, t_end), None, keep=False)
     return run.x.copy(), run.mode
 
 
@@ -100,7 +100,7 @@ def events_after(
     mode: int,
     *,
     periods: int | None = None,
-    t: float | None = None,
+    t_end: float | None = None,
     n_events: int | None = None,
     rtol: float = 1e-10,
     atol: float = 1e-12,
@@ -111,7 +111,7 @@ def events_after(
     ----------
     system, p, x, mode, rtol, atol
         As in `settle`.
-    periods, t : int, float
+    periods, t_end : int, float
         How long; exactly one of the two.
     n_events : int, optional
         The motion ends early after so many transitions.
@@ -123,7 +123,7 @@ def events_after(
     """
     check_tolerances(rtol, atol)
     run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol)
-    run.follow(*how_long(system, periods, t), n_events)
+    run.follow(*how_long(system, periods, t_end), n_events)
     return event_log(run)
 
 

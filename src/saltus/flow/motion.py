@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from saltus.system.hybrid import HybridSystem
 
 __all__ = ["EventDrivenMotion", "allowed_modes", "check_tolerances", "domain_value", "how_long", "passed_event",
-           "start_state", "starting_mode"]  # fmt: skip
+           "start_state", "starting_mode", "tolerances_of"]  # fmt: skip
 
 _TWO_PI = 2.0 * math.pi
 _EVENTS_KEPT = 1024
@@ -338,13 +338,40 @@ def check_tolerances(rtol: object, atol: object) -> None:
     checks.positive("atol", atol)
 
 
-def how_long(system: HybridSystem, periods: int | None, t: float | None) -> tuple[float, int | None]:
+def tolerances_of(tolerance: object) -> tuple[float, float | None]:
+    """Return the relative tolerance of a step and the absolute one, None where it is to fit the states.
+
+    Parameters
+    ----------
+    tolerance : float or (float, float)
+        The relative one, between 1e-14 and 0.1; or both.
+
+    Raises
+    ------
+    InputError
+        It is neither, or out of range.
+
+    Examples
+    --------
+    >>> tolerances_of(1e-8), tolerances_of((1e-8, 1e-20))
+    ((1e-08, None), (1e-08, 1e-20))
+    """
+    if not isinstance(tolerance, tuple | list):
+        return checks.between("tolerance", tolerance, 1e-14, 0.1), None
+    if len(tolerance) != 2:
+        raise InputError("tolerance", tolerance, "a number, or a relative and an absolute one")
+    relative, absolute = tolerance
+    return checks.between("tolerance[0]", relative, 1e-14, 0.1), checks.positive("tolerance[1]", absolute)
+
+
+def how_long(system: HybridSystem, periods: int | None, t_end: float | None) -> tuple[float, int | None]:
     """Return the time and the number of periods after which a motion ends; exactly one of the two is given."""
-    if (periods is None) == (t is None):
-        raise InputError("t, periods", {"t": t, "periods": periods}, "exactly one of the two given")
+    if (periods is None) == (t_end is None):
+        given = {"t_end": t_end, "periods": periods}
+        raise InputError("t_end, periods", given, "exactly one of the two given")
     if periods is not None and system.phase is None:
-        raise InputError("periods", periods, "left out for a system without a phase", "give t")
-    return math.inf if t is None else checks.positive("t", t), periods
+        raise InputError("periods", periods, "left out for a system without a phase", "give t_end")
+    return math.inf if t_end is None else checks.positive("t_end", t_end), periods
 
 
 def domain_value(system: HybridSystem, mode: int, x: NDArray[np.float64], p: NDArray[np.float64]) -> float:

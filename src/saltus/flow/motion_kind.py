@@ -112,7 +112,23 @@ class Criteria:
             object.__setattr__(self, name, checks.count(f"Criteria.{name}", getattr(self, name), least))
 
     def looked_at(self, keep: int) -> int:
-        """Return how many returns a label is founded on where `keep` are kept."""
+        """Return the count of returns on which a label is founded.
+
+        Parameters
+        ----------
+        keep : int
+            Returns that are kept.
+
+        Returns
+        -------
+        int
+            `keep`, 4 times `longest` or `fewest`, the largest of the three.
+
+        Raises
+        ------
+        InputError
+            `keep` is no count.
+        """
         return max(checks.count("keep", keep), 4 * self.longest, self.fewest)
 
 

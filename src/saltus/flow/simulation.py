@@ -24,17 +24,16 @@ Rules
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus import checks
-from saltus.errors import InputError
+from saltus.flow.event_tables import event_table
 from saltus.flow.landings import warn_of
-from saltus.flow.motion import EventDrivenMotion, check_tolerances, start_state, starting_mode
-from saltus.flow.sizes import ATOL, RTOL, followed_in_size
-from saltus.flow.trajectory import Trajectory, event_table
+from saltus.flow.motion import EventDrivenMotion, how_long, start_state, starting_mode, tolerances_of
+from saltus.flow.sizes import RTOL, followed_in_size
+from saltus.flow.trajectory import Trajectory
 from saltus.results import frozen
 from saltus.system.hybrid import HybridSystem
 
@@ -57,8 +56,7 @@ def simulate(
     mode: str | None = None,
     t_end: float | None = None,
     periods: int | None = None,
-    rtol: float = RTOL,
-    atol: float | None = None,
+    tolerance: float | tuple[float, float] = RTOL,
     max_events: int = 100_000,
     max_steps: int | None = None,
 ) -> Trajectory:
@@ -79,9 +77,10 @@ def simulate(
         How long; or
     periods : int
         for how many periods of the phase. Exactly one of the two.
-    rtol, atol : float, optional
-        Relative and absolute tolerance of a step; `rtol` between 1e-14 and 0.1. By default the second is 1e-12, or so
-        much smaller as the smallest state where that stays below 1e-2 all along the motion.
+    tolerance : float or (float, float), optional
+        Relative tolerance of a step, between 1e-14 and 0.1, or the relative and the absolute one. By default the
+        absolute one is 1e-12, or so much smaller as the smallest state where that stays below 1e-2 all along the
+        motion.
     max_events : int, optional
         The motion ends early after so many transitions; `stopped` says so.
     max_steps : int, optional
@@ -128,14 +127,9 @@ def simulate(
     checks.instance("system", system, HybridSystem)
     p = system.parameter_vector(parameters)
     x = start_state(system, x0)
-    check_tolerances(rtol, ATOL if atol is None else atol)
-    if (t_end is None) == (periods is None):
-        given = {"t_end": t_end, "periods": periods}
-        raise InputError("t_end, periods", given, "exactly one of the two given")
-    end = math.inf if t_end is None else checks.positive("t_end", t_end)
+    rtol, atol = tolerances_of(tolerance)
+    end, periods = how_long(system, periods, t_end)
     if periods is not None:
-        if system.phase is None:
-            raise InputError("periods", periods, "left out for a system without a phase", "give t_end")
         periods = checks.count("periods", periods)
     max_events = checks.count("max_events", max_events)
     room = _MEMORY // (8 * (8 * x.size + 4))

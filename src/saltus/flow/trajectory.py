@@ -14,6 +14,7 @@ from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.flow.amplitude_spectrum import Window, spectrum
+from saltus.flow.event_tables import code_of, event_table, indices_of
 from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Motion, dense_states, observe
 from saltus.results import Result, frozen
@@ -27,10 +28,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["GRAZING_SPEED", "Trajectory", "event_table"]
-
-GRAZING_SPEED = 1e-6
-"""An event at which the event function changes more slowly than this, in its units per time, is marked as grazing."""
+__all__ = ["Trajectory"]
 
 _COEFFICIENTS = 7  # of the dense output in a step
 
@@ -103,13 +101,29 @@ class Trajectory(Result):
         return states if times.ndim else states[0]
 
     def mode_at(self, t: ArrayLike) -> Any:
-        """Return the name of the mode at times `t`, right-continuous; an array of names for an array."""
+        """Return the name of the mode at times; at an event it is the mode after it.
+
+        Parameters
+        ----------
+        t : array_like
+            Times between 0 and `t_end`.
+
+        Returns
+        -------
+        str or ndarray of str
+            One for each time.
+
+        Raises
+        ------
+        InputError
+            A time out of range.
+        """
         times = self._times(t)
         names = np.array(self.system.mode_names)[self._modes_at(np.atleast_1d(times))]
         return names if times.ndim else str(names[0])
 
     def output(self, expression: str, t: ArrayLike) -> Any:
-        """Return an output, or any expression, at times `t`, a number or shape (time,).
+        """Return an output, or any expression, at times.
 
         Parameters
         ----------
@@ -117,6 +131,11 @@ class Trajectory(Result):
             In the states, the phase, the parameters and the outputs, as `saltus.system.evaluate.evaluate` reads it.
         t : array_like
             Times; at an event the value is that after it.
+
+        Returns
+        -------
+        float or ndarray, shape of `t`
+            In the units of the definition.
 
         Raises
         ------
@@ -141,6 +160,16 @@ class Trajectory(Result):
 
     def motion(self, t_start: float | None = None, t_end: float | None = None) -> Motion:
         """Return a stretch of the trajectory as `saltus.flow.observables` takes it; by default all of it.
+
+        Parameters
+        ----------
+        t_start, t_end : float, optional
+            Where it begins and ends.
+
+        Returns
+        -------
+        Motion
+            The stretch.
 
         Raises
         ------
@@ -187,6 +216,11 @@ class Trajectory(Result):
             over the last whole periods of the phase within the stretch.
         t_start, t_end : float, optional
             The stretch.
+
+        Returns
+        -------
+        dict of str to float
+            In the order of the names.
 
         Raises
         ------
@@ -265,11 +299,11 @@ class Trajectory(Result):
             "event_time": ("event", np.array(log["time"])),
             "event_transition": (
                 "event",
-                np.array([_code(self.system, e["kind"], e["name"]) for e in log], dtype=np.int64),
+                np.array([code_of(self.system, e["kind"], e["name"]) for e in log], dtype=np.int64),
                 _flags((-1, *range(len(self.system.transitions))), ("phase_wrap", *self.system.transition_names)),
             ),
-            "event_mode_before": ("event", _indices(modes, log["mode_before"]), _flags(range(len(modes)), modes)),
-            "event_mode_after": ("event", _indices(modes, log["mode_after"]), _flags(range(len(modes)), modes)),
+            "event_mode_before": ("event", indices_of(modes, log["mode_before"]), _flags(range(len(modes)), modes)),
+            "event_mode_after": ("event", indices_of(modes, log["mode_after"]), _flags(range(len(modes)), modes)),
             "event_before": (("event", "state"), np.array(log["before"])),
             "event_after": (("event", "state"), np.array(log["after"])),
             "event_normal_velocity": ("event", np.array(log["normal_velocity"])),
@@ -293,7 +327,23 @@ class Trajectory(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Self:
-        """Return the trajectory that `to_xarray` described; raise `InputError` where it cannot be one."""
+        """Return the trajectory that a Dataset describes.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            As `to_xarray` returns it.
+
+        Returns
+        -------
+        Trajectory
+            Equal to the one that `to_xarray` described.
+
+        Raises
+        ------
+        InputError
+            Something in the Dataset is missing, of another shape or out of its range.
+        """
         held = Contents(dataset)
         system = held_system(held)
         held.expect(state=len(system.all_states), coefficient=_COEFFICIENTS)
@@ -359,44 +409,6 @@ class Trajectory(Result):
 
     def _states(self, at: NDArray[np.intp], fractions: NDArray[np.float64]) -> NDArray[np.float64]:
         return dense_states(self.step_starts[at], self.step_dense[at], fractions)
-
-
-def event_table(
-    system: HybridSystem,
-    times: NDArray[np.float64],
-    which: NDArray[np.int64],
-    ends: NDArray[np.float64],
-    rates: NDArray[np.float64],
-) -> NDArray[np.void]:
-    """Return the events of a motion as `Trajectory.events` has them, from arrays as `EventDrivenMotion.events` has."""
-    n = len(system.all_states)
-    names = (*system.transition_names, "" if system.phase is None else system.phase[0])
-    modes = np.array(system.mode_names)
-    longest = max(1, *map(len, names))
-    table = np.zeros(
-        times.size,
-        dtype=[
-            ("time", "f8"), ("kind", "U5"), ("name", f"U{longest}"), ("mode_before", modes.dtype),
-            ("mode_after", modes.dtype), ("before", "f8", (n,)), ("after", "f8", (n,)), ("normal_velocity", "f8"),
-            ("grazing", "?"),
-        ],
-    )  # fmt: skip
-    wraps = which[:, 0] < 0
-    table["time"], table["before"], table["after"], table["normal_velocity"] = times, ends[:, 0], ends[:, 1], rates
-    table["kind"] = np.where(wraps, "phase", "event")
-    table["name"] = np.array(names)[which[:, 0]]
-    table["mode_before"], table["mode_after"] = modes[which[:, 1]], modes[which[:, 2]]
-    table["grazing"] = ~wraps & (np.abs(rates) < GRAZING_SPEED)
-    table.setflags(write=False)
-    return table
-
-
-def _code(system: HybridSystem, kind: str, name: str) -> int:
-    return -1 if kind == "phase" else system.transition_names.index(name)
-
-
-def _indices(names: tuple[str, ...], chosen: NDArray[np.str_]) -> NDArray[np.int64]:
-    return np.array([names.index(name) for name in chosen], dtype=np.int64)
 
 
 def _flags(values: Any, names: tuple[str, ...]) -> dict[str, str]:

@@ -98,7 +98,7 @@ def growth_along(
     mode: int,
     *,
     periods: int | None = None,
-    t: float | None = None,
+    t_end: float | None = None,
     exponents: int | None = None,
     discard: float | None = None,
     rtol: float = 1e-10,
@@ -120,7 +120,7 @@ def growth_along(
         Start, best on the attractor.
     mode : int
         Index of the mode there.
-    periods, t : int, float
+    periods, t_end : int, float
         How long it is measured; exactly one of the two. Periods are counted from phase 0 on.
     exponents : int, optional
         How many, the largest; by default as many as there are states without the phase.
@@ -154,7 +154,7 @@ def growth_along(
     """
     check_tolerances(rtol, atol)
     system.compiled.check_powers(system, range(len(system.modes)))
-    length = how_long(system, periods, t)[0]
+    length = how_long(system, periods, t_end)[0]
     n, most = len(system.states), np.iinfo(np.int64).max
     columns = n if exponents is None else checks.count("exponents", exponents, 1, n, "the number of states")
     run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol, steps_kept=_STEPS_KEPT)

@@ -42,7 +42,7 @@ def find_orbit(
     mode: str | None = None,
     *,
     settle: float | None = None,
-    tol: float = 1e-12,
+    tolerance: float = 1e-12,
 ) -> PeriodicOrbit:
     """Return the periodic orbit on which a motion settles.
 
@@ -63,7 +63,7 @@ def find_orbit(
     settle : float, optional
         Periods of the phase after which the search is given up; in an autonomous system, transitions, or returns to a
         section across the motion where there are none. By default 3000. It also bounds the steps, 1000 for each.
-    tol : float, optional
+    tolerance : float, optional
         Relative tolerance of the orbit's steps.
 
     Returns
@@ -106,7 +106,7 @@ def find_orbit(
     from saltus.flow.motion import passed_event, starting_mode
 
     checks.instance("system", system, HybridSystem)
-    tol = check_tol(tol)
+    tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)
     longest = 3000.0 if settle is None else checks.positive("settle", settle)

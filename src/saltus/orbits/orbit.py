@@ -202,7 +202,25 @@ class PeriodicOrbit(Result):
         return np.column_stack([self.states, self.durations]).ravel()
 
     def problem(self, active: str | None = None, scale: float = 1.0) -> OrbitProblem:
-        """Return the orbit's equations, meshes made, with a parameter among the unknowns if one is named."""
+        """Return the orbit's equations, meshes made.
+
+        Parameters
+        ----------
+        active : str, optional
+            The parameter.
+        scale : float, optional
+            Unit in which the parameter is measured.
+
+        Returns
+        -------
+        OrbitProblem
+            With a parameter among the unknowns if one is named.
+
+        Raises
+        ------
+        InputError
+            There is no such parameter.
+        """
         p = self.system.parameter_vector(self.parameters)
         known = self.system.parameter_names
         index = [] if active is None else [known.index(checks.chosen("active", active, known))]
@@ -224,6 +242,11 @@ class PeriodicOrbit(Result):
         -------
         xarray.Dataset
             States, outputs and the mode's number against ``t``, which begins at the first segment's start.
+
+        Raises
+        ------
+        InputError
+            `points` is no count.
         """
         return sample_orbit(self.problem(), self.unknowns, points)
 
@@ -239,6 +262,11 @@ class PeriodicOrbit(Result):
         *names : str
             As in ``"amplitude(z, 1)"`` or ``"fraction(contact)"``; `saltus.flow.observables` lists them. Without a
             phase, the angle of harmonics is 0 at the first segment's start and turns once in the period.
+
+        Returns
+        -------
+        dict of str to float
+            In the order of the names.
 
         Raises
         ------
@@ -289,7 +317,23 @@ class PeriodicOrbit(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> PeriodicOrbit:
-        """Return the orbit that `to_xarray` described; raise `InputError` where it cannot be one."""
+        """Return the orbit that a Dataset describes.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            As `to_xarray` returns it.
+
+        Returns
+        -------
+        PeriodicOrbit
+            Equal to the one that `to_xarray` described.
+
+        Raises
+        ------
+        InputError
+            Something in the Dataset is missing, of another shape or out of its range.
+        """
         held = Contents(dataset)
         system = held_system(held)
         held.names("state", system.all_states)

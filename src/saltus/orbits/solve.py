@@ -42,7 +42,7 @@ def solve_orbit(
     parameters: Mapping[str, float] | None = None,
     segments: Sequence[tuple[str, str | None, ArrayLike, float]] = (),
     *,
-    tol: float = 1e-12,
+    tolerance: float = 1e-12,
 ) -> PeriodicOrbit:
     """Return the periodic orbit near a guess, stable or not.
 
@@ -57,7 +57,7 @@ def solve_orbit(
         With a phase, `x0` may leave it out: the first segment then starts at phase 0, and a last segment whose
         transition is the phase's name ends at phase 0 again. A segment that closes without any event has the phase's
         name, or None, as its transition.
-    tol : float, optional
+    tolerance : float, optional
         Relative tolerance of the flow's steps.
 
     Returns
@@ -86,15 +86,15 @@ def solve_orbit(
     ((('flight', 'hit'),), 6.283185)
     """
     checks.instance("system", system, HybridSystem)
-    tol = check_tol(tol)
+    tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
     signature, u = _read_segments(system, p, segments)
     return in_pieces(converge(system, signature, u, p, tol))
 
 
 def check_tol(tol: object) -> float:
-    """Return the relative tolerance of a step; raise `InputError` where `tol` cannot be one."""
-    return checks.between("tol", tol, 1e-14, 1e-3)
+    """Return the relative tolerance of a step; raise `InputError` where there is none."""
+    return checks.between("tolerance", tol, 1e-14, 1e-3)
 
 
 def converge(

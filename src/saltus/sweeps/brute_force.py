@@ -63,8 +63,7 @@ def run_sweep(
     observables: Sequence[str] = (),
     exponents: int = 1,
     criteria: Criteria | None = None,
-    rtol: float = 1e-8,
-    atol: float | None = None,
+    tolerance: float | tuple[float, float] = 1e-8,
     workers: int | None = None,
     client: Any = None,
     path: str | os.PathLike[str] | None = None,
@@ -109,9 +108,9 @@ def run_sweep(
         How many Lyapunov exponents, the largest first.
     criteria : Criteria, optional
         Thresholds of the labels.
-    rtol, atol : float, optional
-        Tolerances of a step. By default the second is 1e-10, or so much smaller as the smallest state where that is
-        below 1e-2 at the first value.
+    tolerance : float or (float, float), optional
+        Relative tolerance of a step, or the relative and the absolute one. By default the absolute one is 1e-10, or so
+        much smaller as the smallest state where that is below 1e-2 at the first value.
     workers : int, optional
         Threads that compute; by default as many as there are processors for this process. The result is the same.
     client : dask.distributed.Client, optional
@@ -152,7 +151,7 @@ def run_sweep(
     grid = _ascending(values)
     task = Task.checked(
         system, parameter, grid, parameters, x0, mode, discard=discard, keep=keep, section=section,
-        quantities=quantities, observables=observables, exponents=exponents, criteria=criteria, rtol=rtol, atol=atol,
+        quantities=quantities, observables=observables, exponents=exponents, criteria=criteria, tolerance=tolerance,
     )  # fmt: skip
     directions = _directions(follow)
     most, what = (1, "as every value starts anew") if follow == "restart" else (grid.size, "the number of values")

@@ -13,7 +13,7 @@ import numpy as np
 from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
-from saltus.flow.motion import check_tolerances, starting_mode
+from saltus.flow.motion import starting_mode, tolerances_of
 from saltus.flow.sizes import ATOL, fitting_atol
 from saltus.flow.variational import BATCHES, CONFIDENCE, growth_along
 from saltus.results import Result, frozen
@@ -177,7 +177,23 @@ class LyapunovSpectrum(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> LyapunovSpectrum:
-        """Return the spectrum that `to_xarray` described; raise `InputError` where it cannot be one."""
+        """Return the spectrum that a Dataset describes.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            As `to_xarray` returns it.
+
+        Returns
+        -------
+        LyapunovSpectrum
+            Equal to the one that `to_xarray` described.
+
+        Raises
+        ------
+        InputError
+            Something in the Dataset is missing, of another shape or out of its range.
+        """
         held = Contents(dataset)
         system = held_system(held)
         held.names("state", system.all_states)
@@ -207,11 +223,10 @@ def lyapunov_spectrum(
     *,
     mode: str | None = None,
     periods: int | None = None,
-    t: float | None = None,
+    t_end: float | None = None,
     discard: float | None = None,
     exponents: int | None = None,
-    rtol: float = 1e-10,
-    atol: float | None = None,
+    tolerance: float | tuple[float, float] = 1e-10,
 ) -> LyapunovSpectrum:
     """Return the Lyapunov exponents of the motion from a state, once it has settled.
 
@@ -229,15 +244,16 @@ def lyapunov_spectrum(
         State at time 0; without the phase it starts at phase 0.
     mode : str, optional
         Mode at time 0; chosen as in `simulate`.
-    periods, t : int, float
+    periods, t_end : int, float
         How long the exponents are measured: periods of the phase, at least 2, or a time. Exactly one of the two.
     discard : int or float, optional
         How long before, in the same unit, motion and frame settle; by default half of what is measured.
     exponents : int, optional
         How many, the largest; by default all.
-    rtol, atol : float, optional
-        Relative and absolute tolerance of a step of the motion; that of the frame is ``1000 rtol``, at most 1e-4. By
-        default the second is 1e-12, or so much smaller as the smallest state where that is below 1e-2.
+    tolerance : float or (float, float), optional
+        Relative tolerance of a step of the motion, or the relative and the absolute one; that of the frame is 1000
+        times the relative one, at most 1e-4. By default the absolute one is 1e-12, or so much smaller as the smallest
+        state where that is below 1e-2.
 
     Returns
     -------
@@ -277,7 +293,7 @@ def lyapunov_spectrum(
     ...     transitions=[Transition(f"fill_{i}", f"fill_{j}", j, -1) for i in tanks for j in tanks if i != j],
     ...     name="three tanks",
     ... )
-    >>> found = lyapunov_spectrum(server, None, [0.2, 0.3, 0.5], mode="fill_a", t=2000.0)
+    >>> found = lyapunov_spectrum(server, None, [0.2, 0.3, 0.5], mode="fill_a", t_end=2000.0)
     >>> print(round(found.exponents[0], 2))
     0.92
     """
@@ -285,11 +301,10 @@ def lyapunov_spectrum(
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)
     start = starting_mode(system, x, p, mode)
-    if atol is None:
-        check_tolerances(rtol, ATOL)
-        atol = fitting_atol(system, p, x, start, ATOL)
+    rtol, absolute = tolerances_of(tolerance)
+    atol = absolute if absolute is not None else fitting_atol(system, p, x, start, ATOL)
     growth = growth_along(
-        system, p, x, start, periods=periods, t=t, exponents=exponents, discard=discard, rtol=rtol, atol=atol
+        system, p, x, start, periods=periods, t_end=t_end, exponents=exponents, discard=discard, rtol=rtol, atol=atol
     )
     return LyapunovSpectrum(
         system=system,
@@ -302,6 +317,6 @@ def lyapunov_spectrum(
         x_end=growth.x_end,
         mode_end=system.mode_names[growth.mode_end],
         grazed=growth.grazed,
-        rtol=float(rtol),
-        atol=float(atol),
+        rtol=rtol,
+        atol=atol,
     )

@@ -166,6 +166,11 @@ class Sweep(Result):
         direction : str, optional
             The pass; by default the first.
 
+        Returns
+        -------
+        SweptValue
+            Label, points, exponents and observables at that value.
+
         Raises
         ------
         InputError
@@ -195,7 +200,17 @@ class Sweep(Result):
         )
 
     def column(self, name: str) -> NDArray[np.float64]:
-        """Return a quantity, shape (direction, value, kept), or an observable, shape (direction, value).
+        """Return a quantity or an observable.
+
+        Parameters
+        ----------
+        name : str
+            As `run_sweep` was given it.
+
+        Returns
+        -------
+        ndarray, shape (direction, value, kept) or (direction, value)
+            The first shape for a quantity, the second for an observable.
 
         Raises
         ------
@@ -208,7 +223,23 @@ class Sweep(Result):
         return self.observed[..., self.observables.index(name)]
 
     def runs(self, direction: str | None = None) -> list[tuple[str, float, float, int]]:
-        """Return the stretches of equal labels of a pass: label, first and last value, count of values."""
+        """Return the stretches of equal labels of a pass.
+
+        Parameters
+        ----------
+        direction : str, optional
+            The pass; by default the first.
+
+        Returns
+        -------
+        list of tuple
+            Label, first and last value, count of values.
+
+        Raises
+        ------
+        InputError
+            A pass that was not made.
+        """
         found, k = [], 0
         for label, group in groupby(self.labels[self._row(direction)].tolist()):
             count = len(list(group))
@@ -284,7 +315,23 @@ class Sweep(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Sweep:
-        """Return the sweep that `to_xarray` described; raise `InputError` where it cannot be one."""
+        """Return the sweep that a Dataset describes.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            As `to_xarray` returns it.
+
+        Returns
+        -------
+        Sweep
+            Equal to the one that `to_xarray` described.
+
+        Raises
+        ------
+        InputError
+            Something in the Dataset is missing, of another shape or out of its range.
+        """
         held, each = Contents(dataset), ("direction", "value")
         system = held_system(held)
         held.names("state", system.all_states)

@@ -12,7 +12,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, StiffnessError
-from saltus.flow.motion import EventDrivenMotion, check_tolerances, starting_mode
+from saltus.flow.motion import EventDrivenMotion, starting_mode, tolerances_of
 from saltus.flow.motion_kind import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
 from saltus.flow.poincare import Iterates, admits, iterate
 from saltus.flow.simulation import simulate
@@ -104,7 +104,7 @@ class Task:
         discard = checks.count("discard", options["discard"], 0)
         keep = checks.size("keep", options["keep"], 1, checks.LARGEST_LIST // values.size)
         exponents = checks.count("exponents", options["exponents"], 1, len(system.states), "the states")
-        check_tolerances(options["rtol"], _ATOL if options["atol"] is None else options["atol"])
+        rtol, atol = tolerances_of(options["tolerance"])
         criteria = options["criteria"]
         criteria = Criteria() if criteria is None else checks.instance("criteria", criteria, Criteria)
         start = system.full_state(np.zeros(len(system.states)) if x0 is None else x0)
@@ -113,10 +113,10 @@ class Task:
             system, steady, places, parameter, base, start, mode, discard, keep,
             checks.names("quantities", quantities, "texts, as ['v1']", least=1),
             checks.names("observables", options["observables"], "texts, as ['mean(v1)']"), exponents, criteria,
-            float(options["rtol"]), _ATOL if options["atol"] is None else float(options["atol"]), {},
+            rtol, _ATOL if atol is None else atol, {},
         )  # fmt: skip
         p, first = _checked_start(task, values, given=x0 is not None)
-        if options["atol"] is None:
+        if atol is None:
             task = replace(task, atol=fitting_atol(system, p, start, first, _ATOL))
         _check_expressions(task)
         return replace(task, settings=task._described(options["section"]))
@@ -275,7 +275,7 @@ class Task:
         tolerances: dict[str, Any] = {"rtol": self.rtol, "atol": self.atol, "exponents": self.exponents}
         if self.section is None:
             return growth_along(self.system, p, x, mode, periods=returns, discard=aligned, **tolerances)
-        return growth_along(self.system, p, x, mode, t=returns * time, discard=aligned * time, **tolerances)
+        return growth_along(self.system, p, x, mode, t_end=returns * time, discard=aligned * time, **tolerances)
 
     def _kind(self, found: Iterates, growth: Growth, time: float, rounding: NDArray[np.float64]) -> Kind:
         states = found.states
@@ -300,7 +300,7 @@ class Task:
             period = self._period(self.system.parameter_vector(parameters))
             how_long = {"periods": multiple * math.ceil(time / period / multiple - 1e-6)}
         name = self.system.mode_names[found.mode_end]
-        how_long |= {"rtol": self.rtol, "atol": self.atol}
+        how_long |= {"tolerance": (self.rtol, self.atol)}
         motion = simulate(self.system, parameters, found.x_end, mode=name, **how_long).motion()
         return list(observe(motion, self.observables).values())
 

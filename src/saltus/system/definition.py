@@ -5,101 +5,34 @@ from __future__ import annotations
 import json
 import math
 import unicodedata
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from saltus import checks
 from saltus.errors import DefinitionError, InputError, nearest
 from saltus.system.expressions import check_name, text_of
+from saltus.system.parts import (
+    Mode,
+    Transition,
+    clean_bounds,
+    clean_mode,
+    clean_phase,
+    clean_transition,
+    interval_text,
+    mapping_of,
+    names_of,
+    number_of,
+    sequence_of,
+    texts_of,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-__all__ = ["Definition", "Mode", "Transition"]
-
-_P = ParamSpec("_P")
-_T = TypeVar("_T")
-
-_DIRECTIONS = {-1: "falls", 0: "passes", 1: "rises"}
-
-
-@dataclass(frozen=True)
-class Mode:
-    """Smooth dynamics that hold until a transition.
-
-    Parameters
-    ----------
-    field : mapping of str to expression
-        Time derivative of each state.
-    domain : expression, optional
-        Positive where the field is defined; a state outside is refused, an orbit that leaves it is not admissible.
-
-    Examples
-    --------
-    >>> Mode({"z": "v", "v": "-g"}, domain="z")
-    Mode(z' = v, v' = -g; domain z > 0)
-    """
-
-    field: Mapping[str, Any]
-    domain: Any = None
-
-    def __repr__(self) -> str:
-        is_mapping = isinstance(self.field, Mapping)
-        equations = _listed(self.field, ", {}' = {}").removeprefix(", ") if is_mapping else repr(self.field)
-        return f"Mode({equations}" + (f"; domain {self.domain} > 0)" if self.domain is not None else ")")
-
-
-@dataclass(frozen=True)
-class Transition:
-    """A jump from one mode to another when an event function vanishes.
-
-    Parameters
-    ----------
-    source, target : str
-        Modes.
-    event : expression
-        Function of state, phase and parameters whose zero is the event.
-    direction : {-1, 0, 1}
-        The event counts when its function falls through zero (-1), rises (1), or both (0).
-    reset : mapping of str to expression, optional
-        New values of states, in terms of the values before; states not named keep theirs.
-    when : expression, optional
-        Must be positive at the crossing for the transition to happen.
-    name : str, optional
-        By default ``source_to_target``.
-
-    Examples
-    --------
-    >>> Transition("flight", "flight", event="z", direction=-1, reset={"v": "-e*v"}, name="impact")
-    Transition('impact': flight -> flight when z falls through 0, v := -e*v)
-    """
-
-    source: str
-    target: str
-    event: Any
-    direction: int = 0
-    reset: Mapping[str, Any] = field(default_factory=dict)
-    when: Any = None
-    name: str = ""
-
-    def __post_init__(self) -> None:
-        if all(isinstance(name, str) for name in (self.name, self.source, self.target)) and not self.name:
-            object.__setattr__(self, "name", f"{self.source}_to_{self.target}")
-
-    def __repr__(self) -> str:
-        return f"Transition({self.name!r}: {self._sentence()})"
-
-    def _sentence(self) -> str:
-        passes = _DIRECTIONS.get(self.direction) if isinstance(self.direction, int) else None
-        passes = passes or f"passes, in direction {self.direction!r},"
-        text = f"{self.source} -> {self.target} when {self.event} {passes} through 0"
-        if self.when is not None:
-            text += f" and {self.when} > 0"
-        return text + (_listed(self.reset, ", {} := {}") if isinstance(self.reset, Mapping) else f", {self.reset!r}")
+__all__ = ["Definition"]
 
 
 class Definition:
@@ -123,23 +56,25 @@ class Definition:
         if not isinstance(name, str):
             raise DefinitionError("name", name, "text")
         self.name = str(name)
-        self.states = _names(states, "states")
-        parameters = _mapping(parameters, "parameters", "of names to numbers")
-        self.parameters = {check_name(key, "parameters"): _number(value, key) for key, value in parameters.items()}
-        self.phase = _clean_phase(phase, (*self.states, *self.parameters))
+        self.states = names_of(states, "states")
+        parameters = mapping_of(parameters, "parameters", "of names to numbers")
+        self.parameters = {check_name(key, "parameters"): number_of(value, key) for key, value in parameters.items()}
+        self.phase = clean_phase(phase, (*self.states, *self.parameters))
         names = (*self.all_states, *self.parameters)
-        modes = _mapping(modes, "modes", "of names to Mode")
-        self.modes = {key: _clean_mode(key, mode, names) for key, mode in modes.items()}
-        listed = _sequence(transitions, "transitions", "of Transition")
-        self.transitions = tuple(_clean_transition(transition, names) for transition in listed)
-        self.outputs = self._clean_outputs(_mapping(outputs, "outputs", "of names to expressions"), names)
-        groups = _mapping(groups, "groups", "of names to sequences of parameters")
-        self.groups = {key: _texts(members, f"group {key!r}", "names of parameters") for key, members in groups.items()}
-        self.positive = _texts(positive, "positive", "names of parameters")
-        bounds = _mapping(parameter_bounds, "parameter_bounds", "of parameters to intervals")
-        self.parameter_bounds = {key: _clean_bounds(key, interval) for key, interval in bounds.items()}
-        regimes = _mapping(regimes, "regimes", "of names to sequences of modes")
-        self.regimes = {key: _texts(visited, f"regime {key!r}", "names of modes") for key, visited in regimes.items()}
+        modes = mapping_of(modes, "modes", "of names to Mode")
+        self.modes = {key: clean_mode(key, mode, names) for key, mode in modes.items()}
+        listed = sequence_of(transitions, "transitions", "of Transition")
+        self.transitions = tuple(clean_transition(transition, names) for transition in listed)
+        self.outputs = self._clean_outputs(mapping_of(outputs, "outputs", "of names to expressions"), names)
+        groups = mapping_of(groups, "groups", "of names to sequences of parameters")
+        self.groups = {
+            key: texts_of(members, f"group {key!r}", "names of parameters") for key, members in groups.items()
+        }
+        self.positive = texts_of(positive, "positive", "names of parameters")
+        bounds = mapping_of(parameter_bounds, "parameter_bounds", "of parameters to intervals")
+        self.parameter_bounds = {key: clean_bounds(key, interval) for key, interval in bounds.items()}
+        regimes = mapping_of(regimes, "regimes", "of names to sequences of modes")
+        self.regimes = {key: texts_of(visited, f"regime {key!r}", "names of modes") for key, visited in regimes.items()}
         self._check_structure()
         self.parameter_vector({})
         self._prepare()
@@ -196,8 +131,24 @@ class Definition:
 
     @classmethod
     def from_definition(cls, definition: Mapping[str, Any]) -> Self:
-        """Return the system that `definition` describes."""
-        data = dict(_mapping(definition, "definition", "as HybridSystem.definition returns it"))
+        """Return the system that plain data describe.
+
+        Parameters
+        ----------
+        definition : mapping
+            As `definition` returns it.
+
+        Returns
+        -------
+        HybridSystem
+            Equal to the one that returned the data.
+
+        Raises
+        ------
+        DefinitionError
+            The data are not of this form, or a name or an expression cannot be used.
+        """
+        data = dict(mapping_of(definition, "definition", "as HybridSystem.definition returns it"))
         try:
             modes = {key: Mode(**mode) for key, mode in data.pop("modes").items()}
             transitions = [Transition(**transition) for transition in data.pop("transitions")]
@@ -217,6 +168,16 @@ class Definition:
 
     def resolve(self, parameters: Mapping[str, float] | None) -> dict[str, float]:
         """Return all parameters: the defaults with `parameters` over them, groups spread out.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float or None
+            Values by name; a group sets all its members.
+
+        Returns
+        -------
+        dict of str to float
+            In the order of `parameter_names`.
 
         Raises
         ------
@@ -240,21 +201,65 @@ class Definition:
             raise InputError(key, number, "> 0")
         low, high = self.parameter_bounds.get(key, (-math.inf, math.inf))
         if not low <= number <= high:
-            raise InputError(key, number, _interval(low, high))
+            raise InputError(key, number, interval_text(low, high))
         return number
 
     def allowed(self, parameter: str) -> tuple[float, float]:
-        """Return the closed interval in which a parameter may lie; a positive one begins just above 0."""
+        """Return the closed interval in which a parameter may lie; a positive one begins just above 0.
+
+        Parameters
+        ----------
+        parameter : str
+            Its name.
+
+        Returns
+        -------
+        (float, float)
+            Its ends, infinite where there is no bound.
+
+        Raises
+        ------
+        InputError
+            There is no such parameter.
+        """
         checks.chosen("parameter", parameter, self.parameters)
         low, high = self.parameter_bounds.get(parameter, (-math.inf, math.inf))
         return (max(low, math.ulp(0.0)), high) if parameter in self.positive else (low, high)
 
     def parameter_vector(self, parameters: Mapping[str, float] | None) -> NDArray[np.float64]:
-        """Return all parameters as a vector in the order of `parameter_names`; see `resolve`."""
+        """Return all parameters as a vector; see `resolve`.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float or None
+            Values that differ from the defaults.
+
+        Returns
+        -------
+        ndarray, shape (parameters,)
+            In the order of `parameter_names`.
+
+        Raises
+        ------
+        InputError
+            An unknown name, a value that is not finite, or one out of its bounds.
+        """
         return np.array(list(self.resolve(parameters).values()), dtype=np.float64)
 
     def full_state(self, x0: ArrayLike, name: str = "x0") -> NDArray[np.float64]:
-        """Return `x0`, shape (states,), at phase 0, or with the phase as its last component, as a full state.
+        """Return a state with the phase as its last component.
+
+        Parameters
+        ----------
+        x0 : array_like, shape (states,) or (all states,)
+            Without the phase it is at phase 0.
+        name : str, optional
+            What messages call it.
+
+        Returns
+        -------
+        ndarray, shape (all states,)
+            A copy.
 
         Raises
         ------
@@ -271,7 +276,23 @@ class Definition:
         return np.append(x, 0.0) if x.shape == (n,) and self.phase is not None else x
 
     def mode_index(self, mode: str) -> int:
-        """Return the index of a mode; raise `InputError` where there is none of that name."""
+        """Return the index of a mode.
+
+        Parameters
+        ----------
+        mode : str
+            Its name.
+
+        Returns
+        -------
+        int
+            Its place in `mode_names`.
+
+        Raises
+        ------
+        InputError
+            There is no mode of that name.
+        """
         return self.mode_names.index(checks.chosen("mode", mode, self.modes))
 
     def _clean_outputs(self, outputs: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, dict[str, str]]:
@@ -345,95 +366,3 @@ class Definition:
         return "\n".join(lines)
 
     __repr__ = __str__
-
-
-def _names(names: Sequence[str], where: str) -> tuple[str, ...]:
-    if isinstance(names, str) or not isinstance(names, Iterable) or not (listed := tuple(names)):
-        raise DefinitionError(where, names, "a sequence of names, at least one")
-    return tuple(check_name(name, where) for name in listed)
-
-
-def _mapping(value: Any, where: str, what: str) -> Mapping[Any, Any]:
-    return _as_definition(checks.mapping, where, value, what.removeprefix("of "))
-
-
-def _sequence(value: Any, where: str, what: str) -> tuple[Any, ...]:
-    if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
-        raise DefinitionError(where, value, f"a sequence {what}")
-    return tuple(value)
-
-
-def _texts(value: Any, where: str, what: str) -> tuple[str, ...]:
-    return _as_definition(checks.names, where, value, what)
-
-
-def _number(value: Any, name: str, *, finite: bool = True) -> float:
-    return _as_definition(checks.number, name, value, "a finite number" if finite else "a number", finite=finite)
-
-
-def _as_definition(check: Callable[_P, _T], *arguments: _P.args, **options: _P.kwargs) -> _T:
-    """Return what a check returns; what it refuses is a fault of the definition."""
-    try:
-        return check(*arguments, **options)
-    except InputError as error:
-        raise DefinitionError(*error.args) from None
-
-
-def _clean_phase(phase: Any, names: tuple[str, ...]) -> tuple[str, str] | None:
-    if phase is None:
-        return None
-    if not isinstance(phase, tuple | list) or len(phase) != 2:
-        raise DefinitionError("phase", phase, "a name and a rate, as in ('theta', 'w')")
-    name = check_name(phase[0], "phase")
-    return name, text_of(phase[1], "phase", (*names, name))
-
-
-def _clean_bounds(parameter: str, interval: Any) -> tuple[float, float]:
-    where = f"parameter_bounds of {parameter!r}"
-    if not isinstance(interval, tuple | list) or len(interval) != 2:
-        raise DefinitionError(where, interval, "the two ends of an interval, as in (0.0, 1.0)")
-    low, high = (_number(end, where, finite=False) for end in interval)
-    if not low <= high:
-        raise DefinitionError(where, interval, "an interval with the lower end first")
-    return low, high
-
-
-def _clean_mode(key: str, mode: Mode, names: tuple[str, ...]) -> Mode:
-    where = f"mode {key!r}"
-    if not isinstance(mode, Mode):
-        raise DefinitionError(where, mode, "a Mode")
-    if not isinstance(mode.field, Mapping):
-        raise DefinitionError(where, mode.field, "a mapping of each state to its rate as the field")
-    field_ = {name: text_of(rate, where, names) for name, rate in mode.field.items()}
-    return Mode(field_, None if mode.domain is None else text_of(mode.domain, where, names))
-
-
-def _clean_transition(transition: Transition, names: tuple[str, ...]) -> Transition:
-    if not isinstance(transition, Transition):
-        raise DefinitionError("transitions", transition, "a sequence of Transition")
-    if not isinstance(transition.name, str):
-        raise DefinitionError("transition", transition.name, "text as its name")
-    where = f"transition {transition.name!r}"
-    if not isinstance(transition.reset, Mapping):
-        raise DefinitionError(where, transition.reset, "a mapping of states to new values as its reset")
-    if not isinstance(transition.direction, int | float | np.integer) or transition.direction not in _DIRECTIONS:
-        raise DefinitionError(where, transition.direction, "-1 (falling), 0 (either) or 1 (rising) as its direction")
-    return Transition(
-        transition.source,
-        transition.target,
-        text_of(transition.event, where, names),
-        int(transition.direction),
-        {name: text_of(value, where, names) for name, value in transition.reset.items()},
-        None if transition.when is None else text_of(transition.when, where, names),
-        transition.name,
-    )
-
-
-def _listed(values: Mapping[str, Any], form: str) -> str:
-    return "".join(form.format(name, value) for name, value in values.items())
-
-
-def _interval(low: float, high: float) -> str:
-    if math.isinf(high):
-        return f">= {low:g}"
-    return f"<= {high:g}" if math.isinf(low) else f"between {low:g} and {high:g}"

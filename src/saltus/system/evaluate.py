@@ -61,8 +61,8 @@ def evaluate(
 
     Examples
     --------
-    >>> from saltus.system.definition import Definition, Mode
-    >>> fall = Definition(("z", "v"), {"g": 2.0}, {"free": Mode({"z": "v", "v": "-g"})}, outputs={"T": "v**2/2"})
+    >>> from saltus.system import HybridSystem, Mode
+    >>> fall = HybridSystem(("z", "v"), {"g": 2.0}, {"free": Mode({"z": "v", "v": "-g"})}, outputs={"T": "v**2/2"})
     >>> evaluate(fall, "T + g*z", [[1.0, 0.0], [0.0, -2.0]], [0, 0])
     array([2., 2.])
     """

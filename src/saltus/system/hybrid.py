@@ -6,8 +6,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from saltus.system import compiled
-from saltus.system.definition import Definition, Mode, Transition
+from saltus.system.definition import Definition
 from saltus.system.generated import source_file
+from saltus.system.parts import Mode, Transition
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -117,7 +117,7 @@ def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, 
             steps=coarse,
             events={"min_z": _EDGE},
             stop_at="min_z",
-            processes=1,  # a response takes less than a second, a process two seconds to start
+            workers=1,  # a response takes less than a second, a process two seconds to start
             progress=lambda done, total, what: say(f"response {done} of {total}: {what}"),
         ),
     )
@@ -133,7 +133,7 @@ def _saturated_orbit(say: Callable[[str], None] = lambda _: None, tol: float = 1
     from saltus.orbits import solve_orbit
 
     say("correcting the first orbit of two modes")
-    return solve_orbit(tapping_mode(table1(), modes=2), _START, _GUESS, tol=tol)
+    return solve_orbit(tapping_mode(table1(), modes=2), _START, _GUESS, tolerance=tol)
 
 
 def _beside(branch: Branch, say: Callable[[str], None]) -> Iterator[tuple[str, Branch]]:

@@ -82,7 +82,7 @@ def responses(
         over,
         bounds,
         steps=steps,
-        processes=1,  # a response takes a tenth of a second, a process two seconds to start
+        workers=1,  # a response takes a tenth of a second, a process two seconds to start
         progress=lambda done, total, what: say(f"response {done} of {total}: {what}"),
     )
 

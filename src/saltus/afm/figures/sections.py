@@ -90,7 +90,7 @@ def mapped(
     def told(done: int, total: int, rate: float, left: float) -> None:
         say(f"{what}: {done / total:.0%} of {total} cells, {rate:,.0f} orbits/s, {left:.0f} s left")
 
-    return map_basins(system, PARAMETERS, grid, attractors, store=store, progress=told)
+    return map_basins(system, PARAMETERS, grid, attractors, path=store, progress=told)
 
 
 def group(path: Path) -> Path:

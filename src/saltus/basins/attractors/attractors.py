@@ -132,7 +132,23 @@ class Attractors(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Attractors:
-        """Return the attractors that `to_xarray` described; raise `InputError` where they cannot be some."""
+        """Return the attractors that a Dataset describes.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            As `to_xarray` returns it.
+
+        Returns
+        -------
+        Attractors
+            Equal to the one that `to_xarray` described.
+
+        Raises
+        ------
+        InputError
+            Something in the Dataset is missing, of another shape or out of its range.
+        """
         held = Contents(dataset)
         system, names = held_system(held), tuple(held.texts("names"))
         held.names("state", system.states)

@@ -33,7 +33,7 @@ def growth_of(ensemble: Ensemble, x: NDArray[np.float64], mode: int, periods: in
     if system.phase is not None:
         return growth_along(system, ensemble.p, x, mode, periods=periods, discard=discard)
     wait = None if discard is None else discard * ensemble.period
-    return growth_along(system, ensemble.p, x, mode, t=periods * ensemble.period, discard=wait)
+    return growth_along(system, ensemble.p, x, mode, t_end=periods * ensemble.period, discard=wait)
 
 
 def preserves(growth: Growth, periods: int, longest: int) -> bool:

@@ -168,7 +168,7 @@ class AttractorSearch(PeriodicSearch):
             if forced:
                 log = events_after(self.system, self.p, x, mode, periods=_WINDOW)
             else:
-                log = events_after(self.system, self.p, x, mode, t=_WINDOW * period)
+                log = events_after(self.system, self.p, x, mode, t_end=_WINDOW * period)
         except SaltusError:
             return None
         if preserves(growth, strobes, self.search.longest):

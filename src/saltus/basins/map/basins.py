@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,14 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.basins.attractors.attractors import Attractors
+from saltus.basins.map.basin_files import attributes_of, check_belong, dataset_of, parts_of, told
 from saltus.basins.map.grid import Grid, tiles
-from saltus.basins.map.labelling import ACCURACY, Labelling
-from saltus.basins.map.outcomes import Outcomes, attractors_bytes, named_labels, outcomes_from, points_of, summary
-from saltus.basins.map.store import Store, Window, flags
+from saltus.basins.map.labelling import Labelling
+from saltus.basins.map.outcomes import Outcomes, attractors_bytes, named_labels, outcomes_from, points_of
+from saltus.basins.map.store import Store, Window
 from saltus.basins.map.wrong_labels import LabelError, differing, label_error_of
 from saltus.basins.wilson import wilson
-from saltus.contents import Contents
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED
 from saltus.errors import InputError
 from saltus.results import Result
@@ -103,6 +101,11 @@ class Basins(Result):
         points : mapping of str to array_like, shape (k, coordinates), optional
             Points of the attractors.
 
+        Returns
+        -------
+        Basins
+            In memory.
+
         Raises
         ------
         InputError
@@ -129,7 +132,19 @@ class Basins(Result):
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Basins:
-        """Return the basins in a store, of which nothing is read until it is asked for; `saltus.load` comes here.
+        """Return the basins in a store; `saltus.load` comes here.
+
+        No label is read until it is asked for.
+
+        Parameters
+        ----------
+        path : path-like
+            The folder that `map_basins` or `save` wrote.
+
+        Returns
+        -------
+        Basins
+            Whose labels are on the disk.
 
         Raises
         ------
@@ -140,14 +155,34 @@ class Basins(Result):
         held = store.attractors
         try:
             outcomes = outcomes_from(held, store.attributes["attractors"])
-            _check_belong(store.grid, outcomes, store.attributes["inputs"])
+            check_belong(store.grid, outcomes, store.attributes["inputs"])
             return cls.of_store(store, outcomes)
         except InputError as error:
             raise InputError("path", str(path), "a whole store of basins", str(error)) from error
 
     @classmethod
     def of_store(cls, store: Store, attractors: Any, *, interrupted: bool = False) -> Basins:
-        """Return the basins in an open store, whose attractors are known, and whether it was left by an interrupt."""
+        """Return the basins in an open store.
+
+        Parameters
+        ----------
+        store : Store
+            With the labels.
+        attractors : Attractors or Outcomes
+            Whose basins these are.
+        interrupted : bool, optional
+            Whether an interrupt ended the run.
+
+        Returns
+        -------
+        Basins
+            Whose labels are on the disk.
+
+        Raises
+        ------
+        InputError
+            The store's metadata are damaged.
+        """
         done, rate = store.done(), store.orbits_per_second
         said = store.attributes.get("stopped") or told(done, store.grid.size, interrupted=interrupted)
         why = store.attributes.get("undecided", "")
@@ -172,6 +207,11 @@ class Basins(Result):
         ----------
         **values : float
             Coordinates by name.
+
+        Returns
+        -------
+        Basins
+            Of the coordinates left free.
 
         Raises
         ------
@@ -303,55 +343,41 @@ class Basins(Result):
 
         The labels of a store are read when they are asked for.
         """
-        import xarray as xr
-
-        attributes = flags(self.attractors.labels)
-        coords: dict[str, Any] = {
-            name: np.array(axis) for name, axis in zip(self.grid.names, self.grid.axes, strict=True)
-        }
-        coords |= {name: value for name, value in self.grid.fixed.items() if name not in coords}
-        held = np.frombuffer(attractors_bytes(self.attractors), np.uint8)
-        dataset = xr.Dataset(
-            {"labels": (self.grid.names, self._lazy(), attributes), "attractors": ("byte", held)},
-            coords=coords,
-            attrs={
-                "grid": json.dumps(self.grid.definition()),
-                "outcomes": json.dumps(summary(self.attractors)),
-                "inputs": json.dumps(dict(self.inputs)),
-                "stopped": self.stopped,
-                "undecided": self.undecided,
-            },
-        )
-        dataset["labels"].encoding["_FillValue"] = None
-        return dataset
-
-    def _lazy(self) -> Any:
-        """The labels, those of a store as a variable of xarray that reads them when they are asked for."""
-        if isinstance(self.labels, np.ndarray):
-            return self.labels
-        import xarray as xr
-
-        whole = xr.open_zarr(self.path, chunks=None, consolidated=False, mask_and_scale=False)["labels"]
-        fixed = {name: index for name, index in zip(whole.dims, self.labels.fixed, strict=True) if index is not None}
-        return whole.isel(fixed).variable
+        return dataset_of(self)
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Basins:
-        """Return the basins that `to_xarray` described, in memory; raise `InputError` where they cannot be some."""
-        held = Contents(dataset)
-        grid, inputs = Grid.from_definition(held.json("grid", dict)), held.json("inputs", dict)
-        kept = held.array("attractors", ("byte",), int, least=0, most=255).astype(np.uint8).tobytes()
-        outcomes = outcomes_from(kept, held.json("outcomes", dict))
-        _check_belong(grid, outcomes, inputs)
-        held.expect(**dict(zip(grid.names, grid.shape, strict=True)))
-        labels = held.array("labels", grid.names, int, least=0, most=NOT_DONE).astype(np.uint8)
-        if unnamed := sorted(set(np.unique(labels).tolist()) - {*outcomes.labels.values(), NOT_DONE}):
-            raise InputError("variable 'labels'", unnamed[0], f"of outcomes: {sorted(outcomes.labels.values())}")
-        why = held.text("undecided") if "undecided" in dataset.attrs else ""  # files of version 0.1 lack it
-        return cls(labels, grid, outcomes, inputs, held.text("stopped"), undecided=why)
+        """Return the basins that a Dataset describes, in memory.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            As `to_xarray` returns it.
+
+        Returns
+        -------
+        Basins
+            Equal to the one that `to_xarray` described.
+
+        Raises
+        ------
+        InputError
+            Something in the Dataset is missing, of another shape or out of its range.
+        """
+        return cls(**parts_of(dataset))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the basins to a Zarr store, if `path` ends in ``.zarr``, or else to a NetCDF file; return its path.
+        """Write the basins to a Zarr store or to a NetCDF file.
+
+        Parameters
+        ----------
+        path : path-like
+            A store if it ends in ``.zarr``, else a file.
+
+        Returns
+        -------
+        Path
+            The store or file.
 
         Raises
         ------
@@ -397,38 +423,6 @@ class Basins(Result):
         if error := self.noted_error:
             lines.append(f"  wrong labels: {error.wrong} of {error.cells} followed again, < {error.bound:.2g} at 95 %")
         return "\n".join([*lines, *([f"  {self.stopped}"] if self.stopped else [])])
-
-
-def told(done: int, total: int, *, interrupted: bool = False) -> str:
-    """Say how many cells are done; an interrupt after the last of them is told, too."""
-    whole = done == total and not interrupted
-    return f"all {total} cells done" if whole else f"interrupted: {done} of {total} cells done"
-
-
-def attributes_of(inputs: Mapping[str, Any], grid: Grid, attractors: Any) -> dict[str, Any]:
-    """Return the metadata of a store."""
-    from importlib.metadata import version
-
-    return {
-        "saltus_result": "Basins",
-        "saltus_version": version("saltus"),
-        "inputs": dict(inputs),
-        "grid": grid.definition(),
-        "attractors": summary(attractors),
-        **({"accuracy": dict(ACCURACY)} if inputs else {}),
-    }
-
-
-def _check_belong(grid: Grid, outcomes: Any, inputs: Any) -> None:
-    """Raise `InputError` where grid, attractors and inputs in a file are not of one system."""
-    if not isinstance(inputs, Mapping):
-        raise InputError("inputs", inputs, "a mapping")
-    states = [outcomes.system.states] if isinstance(outcomes, Attractors) else []
-    states += [Labelling.from_definition(inputs).system.states] if inputs else []
-    if any(of_system != grid.states for of_system in states):
-        raise InputError("the grid's states", grid.states, f"those of the system: {', '.join(states[0])}")
-    if any(held.shape[1] != len(grid.states) for held in outcomes.points.values()):
-        raise InputError("points", [held.shape for held in outcomes.points.values()], f"of {len(grid.states)} columns")
 
 
 def _range(name: str, given: ArrayLike) -> tuple[float, float, int]:

@@ -118,9 +118,9 @@ def _read(inputs: str) -> tuple[Grid, Labelling]:
 def _opened(path: str, wanted: str) -> tuple[Store, Grid, Labelling]:
     hint = "all workers and the client must see the same folder by the same path"
     if not Path(path).is_dir():
-        raise InputError("store", path, "on a file system that all workers share", hint)
+        raise InputError("path", path, "on a file system that all workers share", hint)
     store = Store.open(Path(path), writable=True)
     inputs = store.attributes["inputs"]
     if _digest({"grid": store.grid.definition(), "inputs": inputs}) != wanted:
-        raise InputError("store", path, "the client's", hint)
+        raise InputError("path", path, "the client's", hint)
     return store, store.grid, Labelling.from_definition(inputs, threads=1)

@@ -28,7 +28,8 @@ import numpy as np
 from saltus import checks
 from saltus.basins.attractors.finding import find_attractors
 from saltus.basins.attractors.found import Search
-from saltus.basins.map.basins import Basins, attributes_of, told
+from saltus.basins.map.basin_files import attributes_of, told
+from saltus.basins.map.basins import Basins
 from saltus.basins.map.grid import Grid, Plane
 from saltus.basins.map.labelling import TOLERANCE, Labelling, checked_engine, checked_interval, units_of
 from saltus.basins.map.outcomes import attractors_bytes, outcomes_from
@@ -74,7 +75,7 @@ def map_basins(
     attractors: Any = None,
     *,
     engine: str = "cpu",
-    store: str | os.PathLike[str] | None = None,
+    path: str | os.PathLike[str] | None = None,
     client: Any = None,
     longest: int | None = None,
     tolerance: float = TOLERANCE,
@@ -100,7 +101,7 @@ def map_basins(
         come. By default all options are the usual ones, and a store's own attractors are taken as they are.
     engine : {"cpu", "cuda", "dask"}, optional
         This machine's processors, its graphics cards, or the workers of a Dask cluster.
-    store : path-like, optional
+    path : path-like, optional
         A folder in which labels are written as they are found. Where it exists, the run goes on from its finished
         units, and ends with the same array as one that was not interrupted. Without it labels are held in memory.
     client : dask.distributed.Client or str, optional
@@ -165,15 +166,15 @@ def map_basins(
         checks.between("tolerance", tolerance, 1e-14, 1e-2),
         0 if longest is None else checks.count("longest", longest, 1), checked_engine(engine), bool(preview),
     )  # fmt: skip
-    cells, path = _grid(system, grid), _path(store)
-    if path is None and cells.size > _IN_MEMORY:
-        raise InputError("store", None, f"given for a grid of more than {_IN_MEMORY:.0e} cells", f"it has {cells.size}")
+    cells, place = _grid(system, grid), _path(path)
+    if place is None and cells.size > _IN_MEMORY:
+        raise InputError("path", None, f"given for a grid of more than {_IN_MEMORY:.0e} cells", f"it has {cells.size}")
     with ExitStack() as stack:
         if engine == "dask":
             from saltus.basins.map.cluster import labelled_by, scheduler
 
             cluster = stack.enter_context(scheduler(client))
-        kept = Store.open(path, writable=True) if path is not None and path.exists() else None
+        kept = Store.open(place, writable=True) if place is not None and place.exists() else None
         found, search = attractors_for(settings, cells, attractors, kept)
         labelling, reason = with_traps(settings, found, cells)
         inputs = {
@@ -184,11 +185,11 @@ def map_basins(
             inputs = _same_inputs(kept, cells, inputs)
         else:
             _check_attractors(labelling, found)
-            if path is not None:
-                kept = Store.create(path, cells, attributes_of(inputs, cells, found), attractors_bytes(found))
+            if place is not None:
+                kept = Store.create(place, cells, attributes_of(inputs, cells, found), attractors_bytes(found))
         run = _Run(cells, kept, progress, labelling)
         if engine == "dask":
-            return run.through(labelled_by(cluster, cells, inputs, path, run.units), found, inputs)
+            return run.through(labelled_by(cluster, cells, inputs, place, run.units), found, inputs)
         return run.through(labelling.units(cells, run.units), found, inputs)
 
 
@@ -281,8 +282,8 @@ def _check_options(system: object, client: object, progress: object, *, engine: 
     checks.flag("preview", preview)
 
 
-def _path(store: object) -> Path | None:
-    return None if store is None else checks.path("store", store, "the path of a folder")
+def _path(path: object) -> Path | None:
+    return None if path is None else checks.path("path", path, "the path of a folder")
 
 
 def _grid(system: HybridSystem, grid: Any) -> Grid:

@@ -67,7 +67,7 @@ class Store:
         from zarr.codecs import ZstdCodec
 
         if not path.absolute().parent.is_dir():
-            raise InputError("store", str(path), "in a folder that exists")
+            raise InputError("path", str(path), "in a folder that exists")
         aside = path.with_name(f".{path.name}.{uuid4().hex}.part")
         chunk, unit = grid.layout
         try:
@@ -181,7 +181,7 @@ class Store:
 
     def note(self, **attributes: Any) -> None:
         """Add to the metadata."""
-        with whole_file(self.path / _METADATA, "store") as draft:
+        with whole_file(self.path / _METADATA, "path") as draft:
             metadata = json.loads((self.path / _METADATA).read_text(encoding="utf-8"))
             metadata["attributes"] |= attributes
             draft.write_text(json.dumps(metadata, indent=2), encoding="utf-8")
@@ -273,7 +273,7 @@ def check_same(path: Path, inputs: Mapping[str, Any], kept: Mapping[str, Any]) -
     """Raise `InputError`, naming what differs and both values, where a store belongs to other inputs."""
     for name, mine, its in _differences(inputs, kept):
         hint = f"its {name} is {_shortened(its)}, not {_shortened(mine)}"
-        raise InputError("store", str(path), "a new one, or that of the same input", hint)
+        raise InputError("path", str(path), "a new one, or that of the same input", hint)
 
 
 def _shortened(value: Any) -> str:
@@ -314,5 +314,5 @@ def _what_is(path: Path) -> str:
 @contextmanager
 def _telling(path: Path) -> Iterator[None]:
     """Turn what the system refuses, a place on the disk or Zarr's own thread, into an error of one line."""
-    with telling(path, "store", "what is done is kept, and the same call goes on from it", "a folder"), starting():
+    with telling(path, "path", "what is done is kept, and the same call goes on from it", "a folder"), starting():
         yield

@@ -77,7 +77,19 @@ class ErosionProfile(Result):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def of(self, measure: str, attractor: str) -> NDArray[np.float64]:
-        """Return a measure of an attractor at every value, shape (value,).
+        """Return a measure of an attractor at every value.
+
+        Parameters
+        ----------
+        measure : str
+            One of `measures`.
+        attractor : str
+            Its name.
+
+        Returns
+        -------
+        ndarray, shape (value,)
+            NaN where the attractor is not there.
 
         Raises
         ------
@@ -139,7 +151,23 @@ class ErosionProfile(Result):
 
     @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> ErosionProfile:
-        """Return the profile that `to_xarray` described; raise `InputError` where it cannot be one."""
+        """Return the profile that a Dataset describes.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            As `to_xarray` returns it.
+
+        Returns
+        -------
+        ErosionProfile
+            Equal to the one that `to_xarray` described.
+
+        Raises
+        ------
+        InputError
+            Something in the Dataset is missing, of another shape or out of its range.
+        """
         held = Contents(dataset)
         system, each = held_system(held), ("value", "attractor", "measure")
         grid = held.json("grid", dict)

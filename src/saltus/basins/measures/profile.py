@@ -114,7 +114,7 @@ def erosion_profile(
     parameters: Mapping[str, float] | None = None,
     attractors: Callable[[Mapping[str, float]], Any] | None = None,
     within: float | None = None,
-    folder: str | os.PathLike[str] | None = None,
+    path: str | os.PathLike[str] | None = None,
     progress: Callable[[int, int, str], None] | None = None,
     **options: Any,
 ) -> ErosionProfile:
@@ -141,7 +141,7 @@ def erosion_profile(
     within : float, optional
         How far an attractor may move from one value to the next, as the largest distance of a point of one from the
         points of the other. By default attractors are followed by their names.
-    folder : path-like, optional
+    path : path-like, optional
         Where each value's basins are stored, one Zarr store each; a profile that ended early goes on from them. Without
         it they are held in memory, one after the other.
     progress : callable, optional
@@ -174,7 +174,7 @@ def erosion_profile(
     checks.function("attractors", attractors, "of the parameters")
     checks.function("progress", progress, "of two counts and a text")
     within = None if within is None else checks.positive("within", within)
-    place = _folder(folder)
+    place = _folder(path)
     known: dict[str, NDArray[np.float64]] = {}
     rows: list[dict[str, list[Reading]] | str] = []
     cells: dict[str, Any] = {}
@@ -184,7 +184,7 @@ def erosion_profile(
             store = None if place is None else place / f"{parameter}={value:.12g}.zarr"
             try:
                 found = None if attractors is None else attractors(system.resolve(at))
-                basins = map_basins(system, at, grid, found, store=store, **options)
+                basins = map_basins(system, at, grid, found, path=store, **options)
             except ConvergenceError as error:
                 said = str(error)
                 rows.append(said)
@@ -306,10 +306,10 @@ def _ascending(values: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def _folder(folder: str | os.PathLike[str] | None) -> Path | None:
-    if folder is None:
+def _folder(path: str | os.PathLike[str] | None) -> Path | None:
+    if path is None:
         return None
-    path = checks.path("folder", folder, "the path of a folder")
-    with telling(path, "folder", place="a folder"):
-        path.mkdir(parents=True, exist_ok=True)
-    return path
+    folder = checks.path("path", path, "the path of a folder")
+    with telling(folder, "path", place="a folder"):
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder

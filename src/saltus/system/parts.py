@@ -1,0 +1,211 @@
+"""Modes and transitions, and how the parts of a definition are checked: all expressions become texts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+
+from saltus import checks
+from saltus.errors import DefinitionError, InputError
+from saltus.system.expressions import check_name, text_of
+
+__all__ = [
+    "Mode",
+    "Transition",
+    "clean_bounds",
+    "clean_mode",
+    "clean_phase",
+    "clean_transition",
+    "interval_text",
+    "mapping_of",
+    "names_of",
+    "number_of",
+    "sequence_of",
+    "texts_of",
+]
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+_DIRECTIONS = {-1: "falls", 0: "passes", 1: "rises"}
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Smooth dynamics that hold until a transition.
+
+    Parameters
+    ----------
+    field : mapping of str to expression
+        Time derivative of each state.
+    domain : expression, optional
+        Positive where the field is defined; a state outside is refused, an orbit that leaves it is not admissible.
+
+    Examples
+    --------
+    >>> Mode({"z": "v", "v": "-g"}, domain="z")
+    Mode(z' = v, v' = -g; domain z > 0)
+    """
+
+    field: Mapping[str, Any]
+    domain: Any = None
+
+    def __repr__(self) -> str:
+        is_mapping = isinstance(self.field, Mapping)
+        equations = listed(self.field, ", {}' = {}").removeprefix(", ") if is_mapping else repr(self.field)
+        return f"Mode({equations}" + (f"; domain {self.domain} > 0)" if self.domain is not None else ")")
+
+
+@dataclass(frozen=True)
+class Transition:
+    """A jump from one mode to another when an event function vanishes.
+
+    Parameters
+    ----------
+    source, target : str
+        Modes.
+    event : expression
+        Function of state, phase and parameters whose zero is the event.
+    direction : {-1, 0, 1}
+        The event counts when its function falls through zero (-1), rises (1), or both (0).
+    reset : mapping of str to expression, optional
+        New values of states, in terms of the values before; states not named keep theirs.
+    when : expression, optional
+        Must be positive at the crossing for the transition to happen.
+    name : str, optional
+        By default ``source_to_target``.
+
+    Examples
+    --------
+    >>> Transition("flight", "flight", event="z", direction=-1, reset={"v": "-e*v"}, name="impact")
+    Transition('impact': flight -> flight when z falls through 0, v := -e*v)
+    """
+
+    source: str
+    target: str
+    event: Any
+    direction: int = 0
+    reset: Mapping[str, Any] = field(default_factory=dict)
+    when: Any = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if all(isinstance(name, str) for name in (self.name, self.source, self.target)) and not self.name:
+            object.__setattr__(self, "name", f"{self.source}_to_{self.target}")
+
+    def __repr__(self) -> str:
+        return f"Transition({self.name!r}: {self._sentence()})"
+
+    def _sentence(self) -> str:
+        passes = _DIRECTIONS.get(self.direction) if isinstance(self.direction, int) else None
+        passes = passes or f"passes, in direction {self.direction!r},"
+        text = f"{self.source} -> {self.target} when {self.event} {passes} through 0"
+        if self.when is not None:
+            text += f" and {self.when} > 0"
+        return text + (listed(self.reset, ", {} := {}") if isinstance(self.reset, Mapping) else f", {self.reset!r}")
+
+
+def names_of(names: Sequence[str], where: str) -> tuple[str, ...]:
+    """Return names, at least one, each usable in expressions."""
+    if isinstance(names, str) or not isinstance(names, Iterable) or not (listed := tuple(names)):
+        raise DefinitionError(where, names, "a sequence of names, at least one")
+    return tuple(check_name(name, where) for name in listed)
+
+
+def mapping_of(value: Any, where: str, what: str) -> Mapping[Any, Any]:
+    """Return a mapping."""
+    return as_definition(checks.mapping, where, value, what.removeprefix("of "))
+
+
+def sequence_of(value: Any, where: str, what: str) -> tuple[Any, ...]:
+    """Return a sequence that is no text."""
+    if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
+        raise DefinitionError(where, value, f"a sequence {what}")
+    return tuple(value)
+
+
+def texts_of(value: Any, where: str, what: str) -> tuple[str, ...]:
+    """Return a tuple of texts."""
+    return as_definition(checks.names, where, value, what)
+
+
+def number_of(value: Any, name: str, *, finite: bool = True) -> float:
+    """Return a number."""
+    return as_definition(checks.number, name, value, "a finite number" if finite else "a number", finite=finite)
+
+
+def as_definition(check: Callable[_P, _T], *arguments: _P.args, **options: _P.kwargs) -> _T:
+    """Return what a check returns; what it refuses is a fault of the definition."""
+    try:
+        return check(*arguments, **options)
+    except InputError as error:
+        raise DefinitionError(*error.args) from None
+
+
+def clean_phase(phase: Any, names: tuple[str, ...]) -> tuple[str, str] | None:
+    """Return name and rate of the phase, None where there is none."""
+    if phase is None:
+        return None
+    if not isinstance(phase, tuple | list) or len(phase) != 2:
+        raise DefinitionError("phase", phase, "a name and a rate, as in ('theta', 'w')")
+    name = check_name(phase[0], "phase")
+    return name, text_of(phase[1], "phase", (*names, name))
+
+
+def clean_bounds(parameter: str, interval: Any) -> tuple[float, float]:
+    """Return an interval of a parameter, the lower end first."""
+    where = f"parameter_bounds of {parameter!r}"
+    if not isinstance(interval, tuple | list) or len(interval) != 2:
+        raise DefinitionError(where, interval, "the two ends of an interval, as in (0.0, 1.0)")
+    low, high = (number_of(end, where, finite=False) for end in interval)
+    if not low <= high:
+        raise DefinitionError(where, interval, "an interval with the lower end first")
+    return low, high
+
+
+def clean_mode(key: str, mode: Mode, names: tuple[str, ...]) -> Mode:
+    """Return a mode whose expressions are texts that can be read."""
+    where = f"mode {key!r}"
+    if not isinstance(mode, Mode):
+        raise DefinitionError(where, mode, "a Mode")
+    if not isinstance(mode.field, Mapping):
+        raise DefinitionError(where, mode.field, "a mapping of each state to its rate as the field")
+    field_ = {name: text_of(rate, where, names) for name, rate in mode.field.items()}
+    return Mode(field_, None if mode.domain is None else text_of(mode.domain, where, names))
+
+
+def clean_transition(transition: Transition, names: tuple[str, ...]) -> Transition:
+    """Return a transition whose expressions are texts that can be read."""
+    if not isinstance(transition, Transition):
+        raise DefinitionError("transitions", transition, "a sequence of Transition")
+    if not isinstance(transition.name, str):
+        raise DefinitionError("transition", transition.name, "text as its name")
+    where = f"transition {transition.name!r}"
+    if not isinstance(transition.reset, Mapping):
+        raise DefinitionError(where, transition.reset, "a mapping of states to new values as its reset")
+    if not isinstance(transition.direction, int | float | np.integer) or transition.direction not in _DIRECTIONS:
+        raise DefinitionError(where, transition.direction, "-1 (falling), 0 (either) or 1 (rising) as its direction")
+    return Transition(
+        transition.source,
+        transition.target,
+        text_of(transition.event, where, names),
+        int(transition.direction),
+        {name: text_of(value, where, names) for name, value in transition.reset.items()},
+        None if transition.when is None else text_of(transition.when, where, names),
+        transition.name,
+    )
+
+
+def listed(values: Mapping[str, Any], form: str) -> str:
+    return "".join(form.format(name, value) for name, value in values.items())
+
+
+def interval_text(low: float, high: float) -> str:
+    """Return an interval in words."""
+    if math.isinf(high):
+        return f">= {low:g}"
+    return f"<= {high:g}" if math.isinf(low) else f"between {low:g} and {high:g}"
