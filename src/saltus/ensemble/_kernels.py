@@ -254,7 +254,7 @@ def after_visit(seen, box, visits):
     return seen, box if seen >= 256 * visits else UNDECIDED
 
 
-@njit(**SCALAR)
+@njit(inline="always", **SCALAR)
 def told(x, mode, seen, regions, boxes, settings):
     """Visits of a motion so far, as `after_visit` counts them, and its label in a state at phase 0."""
     label = fate(x, mode, settings.limit, regions.cages, regions.ellipsoids, regions.labels)
@@ -264,7 +264,7 @@ def told(x, mode, seen, regions, boxes, settings):
     return after_visit(seen, box, settings.visits)
 
 
-@njit(**SCALAR)
+@njit(inline="always", **SCALAR)
 def ended(i, label, x, mode, found):
     """Keep the label of a motion, its state and its mode; its lane is DONE."""
     found.labels[i] = label

@@ -21,11 +21,12 @@ HARD, GONE, DONE = {HARD}, {GONE}, {DONE}
 LEFT_OVER, DIVERGED, UNDECIDED = {LEFT_OVER}, {DIVERGED}, {UNDECIDED}
 lane = njit(nogil=True, error_model="numpy", fastmath=FAST)
 scalar = njit(**SCALAR)
+part = njit(inline="always", **SCALAR)
 """
 
 LIFE = """
 
-@scalar
+@part
 def begun(i, R, l, x, p, q, motions, regions, settings, found):
     for e in range(N):
         R[e*NL + l] = x[e] = motions.points[i, e]
@@ -38,12 +39,12 @@ def begun(i, R, l, x, p, q, motions, regions, settings, found):
     return pool if label == UNDECIDED else ended(i, label, x, MODE_OF[pool], found)
 
 
-@scalar
+@part
 def goes_on(R, l):
     return ld(R, FLAG*NL, l) == GOES_ON and ld(R, COUNT*NL, l) < MOST_STEPS
 
 
-@scalar
+@part
 def looked_at(i, k, R, l, x, seen, q, regions, boxes, settings, found):
     found.strobes[i] += 1
     strobes = found.strobes[i]
@@ -56,7 +57,7 @@ def looked_at(i, k, R, l, x, seen, q, regions, boxes, settings, found):
     return seen, ended(i, label, x, MODE_OF[k], found)
 
 
-@scalar
+@part
 def after_step(i, k, R, l, x, seen, tables, regions, boxes, settings, found):
     p, q = tables
     if ld(R, FLAG*NL, l) == AT_STROBE:
