@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from saltus import checks
+from saltus.contents import Contents
 from saltus.errors import InputError, SaltusError
 from saltus.files import checked_seal, interrupt_waits, is_sealed, write_sealed
 
@@ -72,6 +73,10 @@ class Result(ABC):
 
     @classmethod
     @abstractmethod
+    def _read(cls, held: Contents) -> Self:
+        """Return the result that checked contents describe."""
+
+    @classmethod
     def from_xarray(cls, dataset: xr.Dataset) -> Self:
         """Return the result that a Dataset describes.
 
@@ -90,6 +95,7 @@ class Result(ABC):
         InputError
             Something in the Dataset is missing, of another shape or out of its range.
         """
+        return cls._read(Contents(dataset))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the result to a NetCDF file.

@@ -130,25 +130,7 @@ class Family(Result):
         return xr.Dataset(data, coords=coords, attrs=attrs)
 
     @classmethod
-    def from_xarray(cls, dataset: xr.Dataset) -> Family:
-        """Return the family that a Dataset describes.
-
-        Parameters
-        ----------
-        dataset : xarray.Dataset
-            As `to_xarray` returns it.
-
-        Returns
-        -------
-        Family
-            Equal to the one that `to_xarray` described.
-
-        Raises
-        ------
-        InputError
-            Something in the Dataset is missing, of another shape or out of its range.
-        """
-        held = Contents(dataset)
+    def _read(cls, held: Contents) -> Family:
         system = held_system(held)
         members = held.size("member", least=1)
         counts = _counts(held)
@@ -161,7 +143,7 @@ class Family(Result):
             if reasons[i]:
                 branches.append(None)
                 continue
-            member = dataset.isel({dim: slice(ends[i], ends[i + 1]) for dim, ends in starts.items()})
+            member = held.dataset.isel({dim: slice(ends[i], ends[i + 1]) for dim, ends in starts.items()})
             member.attrs = shared | as_json(attributes[i], f"branch_attributes of member {i}", dict)
             branches.append(Branch.from_xarray(member))
         parameter = held.text("parameter")

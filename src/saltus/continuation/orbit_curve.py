@@ -381,25 +381,8 @@ class OrbitCurve(Result):
         """Return the fields that only this kind of curve has, and `values`, as `to_xarray` described them."""
 
     @classmethod
-    def from_xarray(cls, dataset: xr.Dataset) -> Self:
-        """Return the curve that a Dataset describes.
-
-        Parameters
-        ----------
-        dataset : xarray.Dataset
-            As `to_xarray` returns it.
-
-        Returns
-        -------
-        Branch or Locus
-            Equal to the one that `to_xarray` described.
-
-        Raises
-        ------
-        InputError
-            Something in the Dataset is missing, of another shape or out of its range.
-        """
-        held, point = Contents(dataset), ("point",)
+    def _read(cls, held: Contents) -> Self:
+        point = ("point",)
         system = held_system(held)
         parameters, varied = held_parameters(held, system), tuple(held.texts("varied"))
         if not varied or len(set(varied)) < len(varied) or not set(varied) <= set(system.parameter_names):

@@ -326,25 +326,7 @@ class Trajectory(Result):
         return xr.Dataset(variables, coords={"state": list(self.system.all_states)}, attrs=attrs)
 
     @classmethod
-    def from_xarray(cls, dataset: xr.Dataset) -> Self:
-        """Return the trajectory that a Dataset describes.
-
-        Parameters
-        ----------
-        dataset : xarray.Dataset
-            As `to_xarray` returns it.
-
-        Returns
-        -------
-        Trajectory
-            Equal to the one that `to_xarray` described.
-
-        Raises
-        ------
-        InputError
-            Something in the Dataset is missing, of another shape or out of its range.
-        """
-        held = Contents(dataset)
+    def _read(cls, held: Contents) -> Self:
         system = held_system(held)
         held.expect(state=len(system.all_states), coefficient=_COEFFICIENTS)
         held.names("state", system.all_states)

@@ -316,25 +316,7 @@ class PeriodicOrbit(Result):
         return dataset
 
     @classmethod
-    def from_xarray(cls, dataset: xr.Dataset) -> PeriodicOrbit:
-        """Return the orbit that a Dataset describes.
-
-        Parameters
-        ----------
-        dataset : xarray.Dataset
-            As `to_xarray` returns it.
-
-        Returns
-        -------
-        PeriodicOrbit
-            Equal to the one that `to_xarray` described.
-
-        Raises
-        ------
-        InputError
-            Something in the Dataset is missing, of another shape or out of its range.
-        """
-        held = Contents(dataset)
+    def _read(cls, held: Contents) -> PeriodicOrbit:
         system = held_system(held)
         held.names("state", system.all_states)
         held.names("own_state", system.states)

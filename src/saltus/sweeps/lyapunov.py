@@ -176,25 +176,7 @@ class LyapunovSpectrum(Result):
         )
 
     @classmethod
-    def from_xarray(cls, dataset: xr.Dataset) -> LyapunovSpectrum:
-        """Return the spectrum that a Dataset describes.
-
-        Parameters
-        ----------
-        dataset : xarray.Dataset
-            As `to_xarray` returns it.
-
-        Returns
-        -------
-        LyapunovSpectrum
-            Equal to the one that `to_xarray` described.
-
-        Raises
-        ------
-        InputError
-            Something in the Dataset is missing, of another shape or out of its range.
-        """
-        held = Contents(dataset)
+    def _read(cls, held: Contents) -> LyapunovSpectrum:
         system = held_system(held)
         held.names("state", system.all_states)
         held.size("row", least=1)

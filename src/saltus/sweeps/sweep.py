@@ -314,25 +314,8 @@ class Sweep(Result):
         return xr.Dataset(data, coords=coords, attrs=attrs)
 
     @classmethod
-    def from_xarray(cls, dataset: xr.Dataset) -> Sweep:
-        """Return the sweep that a Dataset describes.
-
-        Parameters
-        ----------
-        dataset : xarray.Dataset
-            As `to_xarray` returns it.
-
-        Returns
-        -------
-        Sweep
-            Equal to the one that `to_xarray` described.
-
-        Raises
-        ------
-        InputError
-            Something in the Dataset is missing, of another shape or out of its range.
-        """
-        held, each = Contents(dataset), ("direction", "value")
+    def _read(cls, held: Contents) -> Sweep:
+        each = ("direction", "value")
         system = held_system(held)
         held.names("state", system.all_states)
         values = held.array("value", ("value",))

@@ -131,25 +131,7 @@ class Attractors(Result):
         return dataset
 
     @classmethod
-    def from_xarray(cls, dataset: xr.Dataset) -> Attractors:
-        """Return the attractors that a Dataset describes.
-
-        Parameters
-        ----------
-        dataset : xarray.Dataset
-            As `to_xarray` returns it.
-
-        Returns
-        -------
-        Attractors
-            Equal to the one that `to_xarray` described.
-
-        Raises
-        ------
-        InputError
-            Something in the Dataset is missing, of another shape or out of its range.
-        """
-        held = Contents(dataset)
+    def _read(cls, held: Contents) -> Attractors:
         system, names = held_system(held), tuple(held.texts("names"))
         held.names("state", system.states)
         if len(set(names)) < len(names) or len(names) > DIVERGED:
@@ -166,7 +148,7 @@ class Attractors(Result):
         interval = held.json("interval", float, int, type(None))
         if interval is not None and not 0.0 < interval < np.inf:
             raise InputError("attribute 'interval'", interval, "finite and > 0")
-        orbits = {name: _orbit_in(dataset, names.index(name), own) for name, own in said["orbits"].items()}
+        orbits = {name: _orbit_in(held.dataset, names.index(name), own) for name, own in said["orbits"].items()}
         for name, orbit in orbits.items():
             if orbit.system != system or dict(orbit.parameters) != parameters:
                 raise InputError(f"orbit of {name!r}", orbit.system.name, "of the same system and parameters")

@@ -59,7 +59,7 @@ def _lazy(basins: Any) -> Any:
     return whole.isel(fixed).variable
 
 
-def parts_of(dataset: xr.Dataset) -> dict[str, Any]:
+def parts_of(held: Contents) -> dict[str, Any]:
     """Return the arguments of the basins that a Dataset describes.
 
     Raises
@@ -67,7 +67,6 @@ def parts_of(dataset: xr.Dataset) -> dict[str, Any]:
     InputError
         Something is missing, of another shape, out of its range, or not of one system.
     """
-    held = Contents(dataset)
     grid, inputs = Grid.from_definition(held.json("grid", dict)), held.json("inputs", dict)
     kept = held.array("attractors", ("byte",), int, least=0, most=255).astype(np.uint8).tobytes()
     outcomes = outcomes_from(kept, held.json("outcomes", dict))
@@ -76,7 +75,7 @@ def parts_of(dataset: xr.Dataset) -> dict[str, Any]:
     labels = held.array("labels", grid.names, int, least=0, most=NOT_DONE).astype(np.uint8)
     if unnamed := sorted(set(np.unique(labels).tolist()) - {*outcomes.labels.values(), NOT_DONE}):
         raise InputError("variable 'labels'", unnamed[0], f"of outcomes: {sorted(outcomes.labels.values())}")
-    why = held.text("undecided") if "undecided" in dataset.attrs else ""  # files of version 0.1 lack it
+    why = held.text("undecided") if "undecided" in held.dataset.attrs else ""  # files of version 0.1 lack it
     return {
         "labels": labels, "grid": grid, "attractors": outcomes, "inputs": inputs, "stopped": held.text("stopped"),
         "undecided": why,

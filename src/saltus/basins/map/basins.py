@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
+    from saltus.contents import Contents
+
 __all__ = ["Basins"]
 
 
@@ -346,25 +348,8 @@ class Basins(Result):
         return dataset_of(self)
 
     @classmethod
-    def from_xarray(cls, dataset: xr.Dataset) -> Basins:
-        """Return the basins that a Dataset describes, in memory.
-
-        Parameters
-        ----------
-        dataset : xarray.Dataset
-            As `to_xarray` returns it.
-
-        Returns
-        -------
-        Basins
-            Equal to the one that `to_xarray` described.
-
-        Raises
-        ------
-        InputError
-            Something in the Dataset is missing, of another shape or out of its range.
-        """
-        return cls(**parts_of(dataset))
+    def _read(cls, held: Contents) -> Basins:
+        return cls(**parts_of(held))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the basins to a Zarr store or to a NetCDF file.

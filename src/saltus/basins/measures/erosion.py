@@ -150,25 +150,7 @@ class ErosionProfile(Result):
         )
 
     @classmethod
-    def from_xarray(cls, dataset: xr.Dataset) -> ErosionProfile:
-        """Return the profile that a Dataset describes.
-
-        Parameters
-        ----------
-        dataset : xarray.Dataset
-            As `to_xarray` returns it.
-
-        Returns
-        -------
-        ErosionProfile
-            Equal to the one that `to_xarray` described.
-
-        Raises
-        ------
-        InputError
-            Something in the Dataset is missing, of another shape or out of its range.
-        """
-        held = Contents(dataset)
+    def _read(cls, held: Contents) -> ErosionProfile:
         system, each = held_system(held), ("value", "attractor", "measure")
         grid = held.json("grid", dict)
         if Grid.from_definition(grid).states != system.states:
