@@ -125,7 +125,7 @@ class EventDriven:
     def __call__(self, x: NDArray[np.float64], mode: int) -> tuple[NDArray[np.float64], int]:
         """Return state and mode after these periods."""
         full = self.system.full_state(x)
-        options = {"discard": self.periods - 1, "keep": 1, "rtol": self.tolerance, "atol": self.tolerance}
+        options = {"discard": self.periods - 1, "keep": 1, "tolerance": (self.tolerance, self.tolerance)}
         found = iterate(self.system, self.p, full, mode, **options)
         return found.states[0, : x.size], int(found.modes[0])
 

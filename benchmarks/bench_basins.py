@@ -21,6 +21,7 @@ from basin_accuracy import Truth
 from basin_peers import EventDriven, Heyoka, Model, by_scipy, grids, states_of_box, tapping, until_trapped
 from measure import interleaved, machine, show
 
+from saltus import BasinOptions
 from saltus.afm.figures import sections
 from saltus.basins import map_basins
 from saltus.basins.map.labelling import TOLERANCE
@@ -316,9 +317,13 @@ def cluster(resolution: int, repeats: int) -> None:
 def _through(client: Any, model: Model, grid: Any, folder: Path) -> None:
     with tempfile.TemporaryDirectory(dir=folder) as place:
         map_basins(
-            model.system, sections.PARAMETERS, grid, model.attractors, engine="dask", client=client,
+            model.system,
+            sections.PARAMETERS,
+            grid,
+            model.attractors,
+            options=BasinOptions(engine="dask", client=client),
             path=Path(place) / "basins.zarr",
-        )  # fmt: skip
+        )
 
 
 @contextmanager

@@ -35,7 +35,7 @@ def branches() -> None:
     """Time the branches, and show what is on them."""
     orbit = tapping_orbit()
     works = {
-        "impacting branch": lambda: saltus.continue_orbit(orbit, "Omega", (0.8, 1.4), at_grazing="stop"),
+        "impacting branch": lambda: saltus.continue_orbit(orbit, "Omega", (0.8, 1.4), stop_at="GR"),
         "whole of Fig. 3": lambda: saltus.continue_orbit(orbit, "Omega", (0.8, 1.4)),
     }
     notes = {}

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from measure import interleaved, machine, show
 from numba import njit
+from peers import settle
 from scipy.integrate import solve_ivp
 
 import saltus
@@ -19,7 +20,6 @@ from saltus.afm.figures import fig7, fig7a
 from saltus.afm.galerkin import coefficients
 from saltus.afm.regimes import settled_orbit
 from saltus.flow._kernels import call
-from saltus.flow.event_logs import settle
 from saltus.flow.poincare import iterate
 from saltus.system.compiled import FUNCTIONS
 
@@ -61,7 +61,7 @@ def settled() -> float:
     for n in (1, 2):
         system = afm.tapping_mode(afm.table1(), modes=n)
         p = system.parameter_vector({"Omega": 1.0})
-        x, mode = settle(system, p, _start(system, n), 0, periods=400)
+        x, mode = settle(system, p, _start(system, n), 0, 400)
         kinds = {f"saltus, n = {n}": _by_series, f"Runge-Kutta flow, n = {n}": _by_runge_kutta}
         exact = _by_series(system, p, x, mode, 1, TIGHT)
         for name, follow in kinds.items():
@@ -92,13 +92,13 @@ def _start(system: saltus.HybridSystem, n: int) -> NDArray[np.float64]:
 def _by_series(
     system: saltus.HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, periods: int, tol: float
 ) -> NDArray[np.float64]:
-    return iterate(system, p, x, mode, discard=periods - 1, keep=1, rtol=tol, atol=tol).x_end
+    return iterate(system, p, x, mode, discard=periods - 1, keep=1, tolerance=(tol, tol)).x_end
 
 
 def _by_runge_kutta(
     system: saltus.HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, periods: int, tol: float
 ) -> NDArray[np.float64]:
-    return settle(system, p, x, mode, periods=periods, rtol=tol, atol=tol)[0]
+    return settle(system, p, x, mode, periods, tol, tol)[0]
 
 
 def _by_scipy(
@@ -135,7 +135,7 @@ def _transients(system: saltus.HybridSystem) -> Callable[[], None]:
 
     def run() -> None:
         for x in starts:
-            iterate(system, p, x, 0, discard=0, keep=1, rtol=TOL, atol=TOL)
+            iterate(system, p, x, 0, discard=0, keep=1, tolerance=(TOL, TOL))
 
     return run
 
@@ -149,7 +149,7 @@ def quiet() -> None:
     """Time a period of flight alone, n = 2, for a Taylor method that knows no contact."""
     system = afm.tapping_mode(afm.table1(), modes=2)
     p = system.parameter_vector(QUIET)
-    x, mode = settle(system, p, np.zeros(4), 0, periods=400)
+    x, mode = settle(system, p, np.zeros(4), 0, 400)
     works: dict[str, Callable[[], Any]] = {}
     for tol in (1e-8, 1e-10):
         works[f"saltus, {tol:g}"] = lambda tol=tol: _by_series(system, p, x, mode, PERIODS, tol)
@@ -199,7 +199,7 @@ def sweep(scipy_period: float) -> None:
         state, mode = x, 0
         for omega in part:
             p = system.parameter_vector({"Omega": float(omega)})
-            found = iterate(system, p, state, mode, discard=fig7.DISCARDED, keep=fig7.KEPT, rtol=tol, atol=0.01 * tol)
+            found = iterate(system, p, state, mode, discard=fig7.DISCARDED, keep=fig7.KEPT, tolerance=(tol, 0.01 * tol))
             state, mode = found.x_end, found.mode_end
 
     def halves(tol: float) -> None:
@@ -208,7 +208,11 @@ def sweep(scipy_period: float) -> None:
 
     def run(**options: int) -> saltus.Sweep:
         return saltus.run_sweep(
-            system, "Omega", values, x0=x, discard=fig7.DISCARDED, keep=fig7.KEPT, quantities=["v"], **options
+            system,
+            "Omega",
+            values,
+            x0=x,
+            options=saltus.SweepOptions(discard=fig7.DISCARDED, keep=fig7.KEPT, quantities=["v"], **options),
         )
 
     works: dict[str, Callable[[], Any]] = {

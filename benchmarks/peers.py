@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ import saltus
 from saltus import afm
 from saltus.afm.galerkin import coefficients
 from saltus.flow._kernels import call
+from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.system.compiled import FUNCTIONS
 
 if TYPE_CHECKING:
@@ -22,6 +24,21 @@ if TYPE_CHECKING:
 OMEGA = 1.05
 START = [-0.67, 0.75]
 VARY = FUNCTIONS.index("vary")
+
+
+def settle(
+    system: saltus.HybridSystem,
+    p: NDArray[np.float64],
+    x: NDArray[np.float64],
+    mode: int,
+    periods: int,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+) -> tuple[NDArray[np.float64], int]:
+    """Return the full state and the mode after some periods by Runge-Kutta steps; no event is kept."""
+    motion = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol)
+    motion.follow(math.inf, periods, None, keep=False)
+    return motion.x, motion.mode
 
 
 def tapping_orbit() -> saltus.PeriodicOrbit:

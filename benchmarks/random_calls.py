@@ -309,8 +309,8 @@ class Work:
         section = None if self.forced else next(iter(passed), saltus.Section(f"{self.system.states[0]} - 0.1", 1))
         sweep = self.ask(
             saltus.run_sweep,
-            self.system, "mu", [mu - 0.05, mu, mu + 0.05], x0=self.drawn.x0, discard=50, keep=20, section=section,
-            follow="up", workers=1, **self.options,
+            self.system, "mu", [mu - 0.05, mu, mu + 0.05], x0=self.drawn.x0,
+            options=saltus.SweepOptions(discard=50, keep=20, section=section, workers=1, **self.options),
         )  # fmt: skip
         labels = sweep.labels[0].tolist()
         bare = [
@@ -322,8 +322,8 @@ class Work:
 
     def lyapunov_spectrum(self) -> tuple[str, list[tuple[str, str]]]:
         """Compare the exponents with the multipliers of the orbit found."""
-        length: dict[str, Any] = {"periods": 60} if self.forced else {"t": 200.0}
-        spectrum = self.ask(saltus.lyapunov_spectrum, self.system, {}, self.drawn.x0, **length, **self.options)
+        average = saltus.Average(periods=60) if self.forced else saltus.Average(t_end=200.0)
+        spectrum = self.ask(saltus.lyapunov_spectrum, self.system, {}, self.drawn.x0, average=average, **self.options)
         found = np.array(spectrum.exponents)
         checks = [("finite", "" if np.all(np.isfinite(found)) else f"exponents {found}")]
         if self.orbit is not None:

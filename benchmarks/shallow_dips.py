@@ -28,7 +28,7 @@ import saltus
 from saltus import afm
 from saltus.flow.motion import EventDrivenMotion
 from saltus.flow.observables import observe
-from saltus.flow.poincare import iterate
+from saltus.flow.poincare import EventSection, iterate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -103,7 +103,9 @@ def by_series(x: NDArray[np.float64]) -> Crossings:
     keep = 16
     while found is None or (found.times.size == keep and found.times[-1] < PERIOD):
         keep *= 2
-        found = iterate(system(), p, x, 0, discard=0, keep=keep, section=(0, 1), longest=PERIOD, rtol=TOL, atol=TOL)
+        found = iterate(
+            system(), p, x, 0, discard=0, keep=keep, section=EventSection((0, 1), longest=PERIOD), tolerance=(TOL, TOL)
+        )
     return Crossings(found.times, found.modes, found.states)
 
 
@@ -169,7 +171,13 @@ def _excursion(x: NDArray[np.float64], mode: int) -> float:
     back = by_small_steps(x, mode, PERIOD).times
     t_end = float(back[0]) if back.size else PERIOD
     motion = saltus.simulate(
-        system(), None, x, mode=system().mode_names[mode], t_end=t_end, tolerance=(TIGHT, TIGHT), max_events=1
+        system(),
+        None,
+        x,
+        mode=system().mode_names[mode],
+        t_end=t_end,
+        tolerance=(TIGHT, TIGHT),
+        limits=saltus.Limits(events=1),
     )
     surface = system().parameters["a0"] / system().parameters["eta"]
     extremes = observe(motion.motion(), ["min(z)", "max(z)"])

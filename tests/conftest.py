@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+
 import hypothesis
 import pytest
 
@@ -9,6 +11,9 @@ import systems
 from saltus.system.hybrid import HybridSystem
 
 collect_ignore = ["typing/user_script.py"]  # type checkers read it; nothing runs it
+
+# compiling makes millions of objects that live on: to look through them as often as by default takes 6 % of the time
+gc.set_threshold(50_000, 50, 50)
 
 # the same examples in each run, however busy the machine
 hypothesis.settings.register_profile("saltus", deadline=None, derandomize=True, print_blob=True)

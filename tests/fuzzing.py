@@ -28,6 +28,7 @@ import sympy
 import saltus
 import systems
 import wells
+from grouped import Grouped
 from saltus import afm, basins
 
 LONGEST_MESSAGE = 300
@@ -335,10 +336,12 @@ def objects() -> Objects:
         orbit=orbit,
         branch=branch,
         locus=saltus.continue_locus(branch["SN1"], ("A", "e"), bounds, steps=few),
-        family=saltus.continue_family(orbit, "A", {"d": [1.0, 1.01]}, (0.9, 1.05), steps=few, workers=1),
-        sweep=saltus.run_sweep(system, "A", [0.5, 0.6], discard=5, keep=3, workers=1),
+        family=saltus.continue_family(
+            orbit, "A", {"d": [1.0, 1.01]}, (0.9, 1.05), options=saltus.BranchOptions(few), workers=1
+        ),
+        sweep=saltus.run_sweep(system, "A", [0.5, 0.6], options=saltus.SweepOptions(discard=5, keep=3, workers=1)),
         trajectory=saltus.simulate(system, {}, [0.0, 0.0], periods=3),
-        spectrum=saltus.lyapunov_spectrum(system, {}, [0.0, 0.0], periods=10),
+        spectrum=saltus.lyapunov_spectrum(system, {}, [0.0, 0.0], average=saltus.Average(periods=10)),
         table=basins.Basins.from_array(outside, {"x": x, "v": x}, {"a": 0, "b": 1}, {"a": [[0.0, 0.0]]}),
         classifier=types.SimpleNamespace(
             grid=basins.Grid(("x", "v"), {"x": (-1, 1, 10), "v": (-1, 1, 10)}),
@@ -367,23 +370,27 @@ def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
     doubling = saltus.continue_orbit(fixed, "r", (2.5, 3.2))["PD1"]
     tapping = afm.tapping_mode(made.setup)
     tap = afm.settled_orbit(tapping, {"Omega": 1.15})
-    profile = saltus.erosion_profile(well, "A", [0.05], box, ["GIM"], attractors=lambda _: found)
+    profile = saltus.erosion_profile(
+        well, "A", [0.05], box, options=saltus.ErosionOptions(measures=["GIM"], attractors=lambda _: found)
+    )
     options = {
-        "engine": "cpu", "longest": 200, "tolerance": 1e-6, "preview": False, "interval": None, "progress": None,
+        "engine": "cpu", "longest": 200, "tolerance": 1e-6, "preview": False, "interval": None, "progress": False,
     }  # fmt: skip
     return {
         "find_attractors, found": Call(
             saltus.find_attractors, {"system": well, "parameters": {}, "region": region, "seeds": 4, "search": search}
         ),
         "map_basins, mapped": Call(
-            saltus.map_basins,
+            Grouped(saltus.map_basins, options=saltus.BasinOptions),
             {"system": well, "parameters": {}, "grid": box, "attractors": found, "path": None, **options},
         ),
         "erosion_profile, made": Call(
-            saltus.erosion_profile,
+            Grouped(
+                saltus.erosion_profile, options=Grouped(saltus.ErosionOptions, basins=saltus.BasinOptions)
+            ),
             {
                 "system": well, "parameter": "c", "values": [0.5], "grid": box, "measures": ["GIM"], "path": None,
-                "parameters": {}, "attractors": lambda _: found, "within": None, **options, "progress": None,
+                "parameters": {}, "attractors": lambda _: found, "within": None, **options,
             },
         ),
         "ErosionProfile.of": Call(profile.of, {"measure": "GIM", "attractor": found.names[0]}),
@@ -395,7 +402,7 @@ def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
             saltus.follow_cascade,
             {
                 "start": doubling, "bounds": (2.5, 3.5), "doublings": 1, "steps": saltus.StepControl(most=20),
-                "progress": None,
+                "progress": False,
             },
         ),
         "settled_orbit, settled": Call(
@@ -405,7 +412,7 @@ def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
             afm.animate,
             {
                 "orbit": tap, "path": folder / "film.gif", "setup": made.setup, "fps": 2, "seconds": 1.0, "width": 320,
-                "progress": None,
+                "progress": False,
             },
         ),
     }  # fmt: skip
@@ -416,6 +423,7 @@ def _of_systems(made: Objects) -> dict[str, Call]:
     start = {"system": system, "parameters": {"A": 1.0}, "x0": [0.0, 0.0], "mode": "free"}
     steps = {"tolerance": (1e-8, 1e-10)}
     part = {"t_start": 0.0, "t_end": 6.0}
+    averaged = Grouped(saltus.lyapunov_spectrum, average=saltus.Average)
     return {
         "HybridSystem": Call(_defined, _definition()),
         "HybridSystem.from_definition": Call(saltus.HybridSystem.from_definition, {"definition": system.definition()}),
@@ -425,7 +433,10 @@ def _of_systems(made: Objects) -> dict[str, Call]:
         "full_state": Call(system.full_state, {"x0": [0.0, 0.0]}),
         "mode_index": Call(system.mode_index, {"mode": "free"}),
         "parameter_vector": Call(system.parameter_vector, {"parameters": {}}),
-        "simulate": Call(saltus.simulate, {**start, **steps, "periods": 2, "max_events": 100}),
+        "simulate": Call(
+            Grouped(saltus.simulate, limits=saltus.Limits),
+            {**start, **steps, "periods": 2, "events": 100, "steps": 500},
+        ),
         "simulate for a time": Call(saltus.simulate, {**start, **steps, "t_end": 3.0}),
         "find_orbit": Call(saltus.find_orbit, {**start, "settle": 200.0, "tolerance": 1e-10}),
         "solve_orbit": Call(
@@ -442,16 +453,16 @@ def _of_systems(made: Objects) -> dict[str, Call]:
             {"mode": "free", "transition": "impact", "x0": [1.0, -1.3, 0.1], "duration": 6.28},
         ),
         "lyapunov_spectrum": Call(
-            saltus.lyapunov_spectrum, {**start, **steps, "periods": 5, "discard": 2, "exponents": 1}
+            averaged, {**start, **steps, "periods": 5, "discard": 2, "exponents": 1}
         ),
-        "lyapunov_spectrum for a time": Call(saltus.lyapunov_spectrum, {**start, "t_end": 5.0, "discard": 2.0}),
+        "lyapunov_spectrum for a time": Call(averaged, {**start, "t_end": 5.0, "discard": 2.0}),
         "run_sweep": Call(
-            saltus.run_sweep,
+            Grouped(saltus.run_sweep, options=saltus.SweepOptions),
             {
                 **start, **steps, "parameter": "A", "values": [0.5], "discard": 3, "keep": 2, "follow": "up",
                 "chunks": 1, "section": None, "quantities": ["x"], "observables": ["max(x)"], "exponents": 1,
                 "criteria": saltus.Criteria(longest=1, fewest=20), "workers": 1, "client": None, "path": None,
-                "progress": None,
+                "progress": False,
             },
         ),
         "Section": Call(saltus.Section, {"event": "x - 0.5", "direction": 1}),
@@ -493,17 +504,27 @@ def _defined(**parts: Any) -> saltus.HybridSystem:
 def _of_curves(made: Objects) -> dict[str, Call]:
     orbit, branch, locus, family = made.orbit, made.branch, made.locus, made.family
     few = saltus.StepControl(most=3)
-    ways = {"directions": "up", "stop_at": "SN", "steps": few, "progress": None}
-    here = {"orbit": orbit, "parameter": "A", "bounds": (0.9, 1.05), "events": {"max_x": 1.0}, "at_grazing": "pass"}
+    ways = {"directions": "up", "stop_at": "SN", "steps": few, "progress": False}
+    here = {"orbit": orbit, "parameter": "A", "bounds": (0.9, 1.05)}
+    events = {"events": {"max_x": 1.0}}
     picture = {"ax": None, "special": True, "legend": True}
     return {
         "StepControl": Call(
             saltus.StepControl,
-            {"initial": 0.01, "smallest": 1e-8, "largest": 0.1, "angle": 0.5, "iterations": 5, "most": 10},
+            {
+                "initial": 0.01, "smallest": 1e-8, "largest": 0.1, "angle": 0.5, "iterations": 5, "most": 10,
+                "at_grazing": "pass",
+            },
         ),
-        "continue_orbit": Call(saltus.continue_orbit, {**here, **ways}),
+        "BranchOptions": Call(
+            saltus.BranchOptions, {**events, "directions": "up", "stop_at": "SN", "steps": few}
+        ),
+        "continue_orbit": Call(saltus.continue_orbit, {**here, **events, **ways}),
         "continue_family": Call(
-            saltus.continue_family, {**here, **ways, "over": {"d": [1.0]}, "workers": 1, "client": None}
+            saltus.continue_family, {
+                **here, "over": {"d": [1.0]}, "options": saltus.BranchOptions(few), "workers": 1, "client": None,
+                "progress": False,
+            },
         ),
         "continue_locus": Call(
             saltus.continue_locus,
@@ -513,9 +534,10 @@ def _of_curves(made: Objects) -> dict[str, Call]:
             },
         ),
         "switch_branch": Call(saltus.switch_branch, {"point": branch["GR1"]}),
+        "grazing_orbits": Call(saltus.grazing_orbits, {"point": branch["GR1"]}),
         "follow_cascade": Call(
             saltus.follow_cascade,
-            {"start": branch["SN1"], "bounds": (0.0, 1.0), "doublings": 1, "steps": few, "progress": None},
+            {"start": branch["SN1"], "bounds": (0.0, 1.0), "doublings": 1, "steps": few, "progress": False},
         ),
         "sample": Call(orbit.sample, {"points": 20}),
         "PeriodicOrbit.observe": Call(orbit.observe, {"*names": "max(x)"}),
@@ -542,7 +564,7 @@ def _of_basins(made: Objects) -> dict[str, Call]:
     box = {"x": (-0.5, 0.5, 3), "v": 0.0}
     measured = {"basins": table, "name": "a", "weights": {"x": 1.0, "v": 2.0}}
     options = {
-        "engine": "cpu", "longest": 20, "tolerance": 1e-6, "preview": False, "interval": None, "progress": None,
+        "engine": "cpu", "longest": 20, "tolerance": 1e-6, "preview": False, "interval": None, "progress": False,
     }  # fmt: skip
     return {
         "find_attractors": Call(
@@ -557,17 +579,19 @@ def _of_basins(made: Objects) -> dict[str, Call]:
             basins.Search, {"random_seed": 1, "longest": 10, "samples": 100, "safety": 0.5, "tolerance": 1e-6}
         ),
         "map_basins": Call(
-            saltus.map_basins,
+            Grouped(saltus.map_basins, options=saltus.BasinOptions),
             {
                 "system": system, "parameters": {}, "grid": box, "attractors": {"seeds": "none"}, "path": None,
                 **options,
             },
         ),
         "erosion_profile": Call(
-            saltus.erosion_profile,
+            Grouped(
+                saltus.erosion_profile, options=Grouped(saltus.ErosionOptions, basins=saltus.BasinOptions)
+            ),
             {
                 "system": system, "parameter": "A", "values": [0.5], "grid": box, "measures": ["GIM"], "path": None,
-                "parameters": {}, "attractors": lambda parameters: table, "within": 0.1, **options, "progress": None,
+                "parameters": {}, "attractors": lambda parameters: table, "within": 0.1, **options,
             },
         ),
         "Grid": Call(basins.Grid, {"states": ("x", "v"), "axes": box}),
@@ -637,7 +661,7 @@ def _of_afm(made: Objects) -> dict[str, Call]:
             afm.animate,
             {
                 "orbit": made.orbit, "path": "nowhere/film.gif", "setup": setup, "fps": 25, "seconds": 1.0,
-                "width": 400, "progress": None,
+                "width": 400, "progress": False,
             },
         ),
     }  # fmt: skip

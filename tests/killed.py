@@ -17,7 +17,7 @@ import numpy as np
 from PIL import Image
 
 import mutated
-from saltus import find_attractors, load, map_basins, run_sweep
+from saltus import SweepOptions, find_attractors, load, map_basins, run_sweep
 from saltus.afm.figures.files import write_figure
 from saltus.basins.attractors.found import Search
 from saltus.basins.map.basins import Basins
@@ -75,9 +75,13 @@ class Swept:
 
     def sweep(self, path: Path | None) -> Any:
         return run_sweep(
-            mutated.logistic(), "r", np.linspace(2.9, 3.9, 120), x0=[0.3, 0.0], section="map", discard=300, keep=50,
-            workers=1, path=path,
-        )  # fmt: skip
+            mutated.logistic(),
+            "r",
+            np.linspace(2.9, 3.9, 120),
+            x0=[0.3, 0.0],
+            options=SweepOptions(section="map", discard=300, keep=50, workers=1),
+            path=path,
+        )
 
     def prepare(self, folder: Path) -> None:
         pass
@@ -131,7 +135,7 @@ class Figures:
         write_figure(
             folder,
             "fig",
-            [("one", self.result)],
+            lambda progress: [("one", self.result)],
             lambda _: content,
             lambda _: self.result.plot().figure,
             lambda _: None,

@@ -13,13 +13,16 @@ import xarray as xr
 
 import systems
 from saltus import (
+    Average,
     HybridSystem,
     Mode,
+    SweepOptions,
     Transition,
     continue_family,
     continue_locus,
     continue_orbit,
     find_orbit,
+    follow_cascade,
     load,
     lyapunov_spectrum,
     run_sweep,
@@ -90,15 +93,16 @@ def samples() -> dict[str, Result]:
         oscillator, "w", np.array([1.0, 1.1]), oscillator.parameters, ("one", "two"), ("GIM",), np.ones(shape),
         np.zeros(shape), np.zeros(shape, bool), np.full(shape, "by hand"), basins(held).grid.definition(), "done",
     )  # fmt: skip
+    swept = SweepOptions(section="map", quantities=["x"], observables=["mean(x)"], discard=50, keep=10)
     return {
         "trajectory": simulate(oscillator, {"d": 0.5}, [0.0, 0.0], periods=4),
         "orbit": orbit,
         "branch": branch,
         "locus": continue_locus(branch["PD1"], ("r", "q"), {"r": (2.9, 3.1), "q": (0.95, 1.05)}),
         "family": continue_family(fixed, "r", {"q": [0.98, 1.0, 5.0]}, (2.5, 3.4), workers=1),
-        "sweep": run_sweep(carried, "r", [2.9, 3.2, 3.7], x0=[0.3, 0.0], section="map", quantities=["x"],
-                           observables=["mean(x)"], discard=50, keep=10),
-        "spectrum": lyapunov_spectrum(oscillator, {"d": 0.5}, [0.0, 0.0], periods=20),
+        "cascade": follow_cascade(branch["PD1"], (2.5, 4.0), doublings=2),
+        "sweep": run_sweep(carried, "r", [2.9, 3.2, 3.7], x0=[0.3, 0.0], options=swept),
+        "spectrum": lyapunov_spectrum(oscillator, {"d": 0.5}, [0.0, 0.0], average=Average(periods=20)),
         "attractors": held,
         "basins": basins(held),
         "array": Basins.from_array([0, 1, 1, 0], {"x": np.arange(4.0)}, {"a": 0, "b": 1}, {"a": [[1.0]]}),
@@ -140,6 +144,13 @@ def _use_family(found: Any) -> None:
             _use_curve(branch)
 
 
+def _use_cascade(found: Any) -> None:
+    repr((found.values, found.ratios, found.limit)), found.to_dataframe()
+    _use_orbit(found.start.orbit)
+    for branch in found.branches:
+        _use_curve(branch)
+
+
 def _use_sweep(found: Any) -> None:
     found.runs(), found.done
     for name in (*found.quantities, *found.observables):
@@ -174,7 +185,8 @@ def _use_profile(found: Any) -> None:
 
 _USES: Mapping[str, Callable[[Any], None]] = {
     "Trajectory": _use_trajectory, "PeriodicOrbit": _use_orbit, "Branch": _use_curve, "Locus": _use_curve,
-    "Family": _use_family, "Sweep": _use_sweep, "LyapunovSpectrum": _use_spectrum, "Attractors": _use_attractors,
+    "Family": _use_family, "Cascade": _use_cascade,
+    "Sweep": _use_sweep, "LyapunovSpectrum": _use_spectrum, "Attractors": _use_attractors,
     "Basins": _use_basins, "ErosionProfile": _use_profile,
 }  # fmt: skip
 

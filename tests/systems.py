@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from saltus.flow.event_logs import events_after
 from saltus.system.hybrid import HybridSystem, Mode, Transition
 
 # the n = 1 and n = 2 coefficients of the paper's Table 1
@@ -152,3 +155,9 @@ def carried_map(states: tuple[str, ...], parameters: dict[str, float], image: di
         [Transition("carry", "carry", "s - 1", 1, image | {"s": "0"}, name="map")],
         name="carried map",
     )
+
+
+def settle(system, p, x, mode, **how):
+    """Return the full state and the index of the mode where a motion ends."""
+    log = events_after(system, p, x, mode, **how)
+    return np.array(log.x_end), log.mode_end

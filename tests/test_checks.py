@@ -22,6 +22,7 @@ import fuzzing
 from saltus import (
     HybridSystem,
     InputError,
+    Limits,
     Mode,
     Plane,
     SaltusError,
@@ -198,7 +199,7 @@ def test_no_door_takes_what_is_no_number(slow, wrong):
         lambda: slow.resolve({"a": wrong}),
         lambda: slow.full_state([wrong]),
         lambda: simulate(slow, {}, [1.0], t_end=1.0, tolerance=wrong),
-        lambda: simulate(slow, {}, [1.0], t_end=1.0, max_events=wrong),
+        lambda: simulate(slow, {}, [1.0], t_end=1.0, limits=Limits(events=wrong)),
         lambda: solve_orbit(slow, {}, [("free", None, [1.0], wrong)]),
         lambda: solve_orbit(slow, {}, [("free", None, [1.0], 1.0)], tolerance=wrong),
         lambda: StepControl(initial=wrong),

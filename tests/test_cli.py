@@ -123,7 +123,7 @@ def test_a_figure_without_numbers_prints_its_files_alone(capsys, tmp_path, figur
 
 def test_progress_is_silent_where_stdout_is_no_terminal(capsys, tmp_path, figure):
     assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path))[0] == 0
-    assert figure.progress is None
+    assert figure.progress is False
 
 
 def test_progress_is_shown_on_a_terminal(capsys, tmp_path, figure, monkeypatch):
@@ -252,7 +252,7 @@ def test_a_film_is_of_what_the_options_say(capsys, tmp_path, film):
         "fps": 20,
         "seconds": 3.0,
         "width": 640,
-        "progress": None,
+        "progress": False,
     }
 
 

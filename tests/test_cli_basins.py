@@ -16,6 +16,7 @@ from saltus import cli
 from saltus.basins import Basins
 from saltus.cli import console
 from saltus.errors import InputError
+from saltus.progress import Progress
 from test_cli import _run
 from wells import Interrupt
 
@@ -322,33 +323,18 @@ def test_an_option_that_a_figure_does_not_take_is_told(name, tmp_path, capsys):
     assert not (tmp_path / "new").exists()
 
 
-@pytest.mark.parametrize(
-    ("seconds", "told"),
-    [
-        (0.034, "0.034 s"),
-        (3.0, "3 s"),
-        (59.7, "1 min 0 s"),
-        (61.0, "1 min 1 s"),
-        (1800.0, "30 min"),
-        (3570.0, "1 h 0 min"),
-        (7e5, "8 d 2 h"),
-    ],
-)
-def test_times_are_told_in_two_units_at_most(seconds, told):
-    assert console.duration_text(seconds) == told
-
-
-def test_progress_tells_orbits_a_second_and_the_time_left(capsys, monkeypatch):
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+def test_a_bar_stands_on_a_terminal_only(capsys, monkeypatch):
+    with console.bar() as nothing:
+        assert nothing is False
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "100")
     with console.bar() as show:
-        assert show is not None
-        show(25_000, 100_000, 12_500.0, 6.0)
-    out = capsys.readouterr().out
-    assert "25.0 %" in out
-    assert "12,500 orbits/s  6 s left" in out
+        show(Progress(25_000, 100_000, 12_500.0, "labelling cells"))
+    out, err = capsys.readouterr()
+    assert not out
+    assert "25.0 %" in err
+    assert "12,500 a second  6 s left  labelling cells" in err
 
 
 def test_a_system_that_is_made_takes_no_arguments(tmp_path):

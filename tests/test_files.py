@@ -16,7 +16,8 @@ import pytest
 from saltus import load
 from saltus.basins.map.basins import Basins
 from saltus.errors import InputError
-from saltus.files import checked_seal, interrupt_waits, whole_file, write_sealed
+from saltus.files import checked_seal, whole_file, write_sealed
+from saltus.work import interrupt_waits
 
 posix = pytest.mark.skipif(os.name == "nt", reason="of POSIX")
 

@@ -1,6 +1,7 @@
 """The package's front door: what is public, and what importing it costs."""
 
 import copy
+import inspect
 import pickle
 import subprocess
 import sys
@@ -9,6 +10,16 @@ import pytest
 
 import saltus
 from saltus import ConvergenceError, InputError
+
+MOST_ARGUMENTS = 8
+"""Arguments that a public function may have; what is more goes into a dataclass of options."""
+
+
+def public_functions():
+    """All functions of the front door, by name."""
+    homes = {"": saltus, "afm.": saltus.afm}
+    found = {before + name: getattr(home, name) for before, home in homes.items() for name in home.__all__}
+    return {name: value for name, value in found.items() if inspect.isfunction(value)}
 
 
 def loaded_after(code):
@@ -27,6 +38,15 @@ def test_every_public_name_has_a_home():
     for name in saltus.__all__:
         assert getattr(saltus, name) is not None
     assert set(dir(saltus)) == set(saltus.__all__)
+
+
+@pytest.mark.parametrize("name", public_functions())
+def test_a_public_function_has_few_arguments_and_one_shape_of_progress(name):
+    taken = inspect.signature(public_functions()[name]).parameters
+    assert len(taken) <= MOST_ARGUMENTS
+    assert not any(parameter.kind is parameter.VAR_KEYWORD for parameter in taken.values())
+    if "progress" in taken:
+        assert (taken["progress"].annotation, taken["progress"].default) == ("bool | Report", False)
 
 
 def test_unknown_attribute_is_told():

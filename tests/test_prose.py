@@ -4,8 +4,12 @@ A measured figure in prose is followed by a comment that says where it comes fro
 ``8.7 us<!-- benchmarks: Basins: how fast | a motion of Fig. 9's plane, one core | min -->``. That is a section of
 benchmarks/README.md, the beginning of one row's first cell there, and a column. A section alone stands for its text.
 The figure must be one of the numbers there, perhaps rounded. "... a second" is one over a time.
+
+Other sources are a constant, ``<!-- code: saltus.orbits.find._NEAR -->``, and a test whose text has the number,
+``<!-- tests: basins/test_entropy.py | test_name -->``.
 """
 
+import ast
 import inspect
 import pkgutil
 import re
@@ -81,6 +85,13 @@ def test_links_within_pages_lead_to_headings(page):
         assert anchor in anchors_of(other), f"{target}#{anchor}"
 
 
+def test_every_end_of_a_segment_is_in_the_table_of_end_conditions():
+    table = text_of("docs/theory/orbits.md").partition("$E_i$ is of one of")[2].partition("\n\n**")[0]
+    kinds = re.findall(r"^(\w+)_END = \d", text_of(PACKAGE / "orbits" / "signature.py"), re.MULTILINE)
+    told = [row.replace("mean rate", "mean").upper() for row in re.findall(r"^\| ([a-z ]+?) \|", table, re.MULTILINE)]
+    assert sorted(told) == sorted(["KIND", *kinds])
+
+
 def test_the_glossary_has_every_type_of_special_point():
     home = next(file for file in (PACKAGE / "continuation").glob("*.py") if '"CP": "cusp"' in text_of(file))
     types = re.findall(r'^    "([A-Z]{2,3}\d?)": "', text_of(home), re.MULTILINE)
@@ -97,10 +108,26 @@ def test_every_entry_of_the_glossary_says_where_more_stands():
     assert not [entry for entry in entries if "](" not in entry and not FILE.search(entry)]
 
 
+# constants
+
+FOLDERS = sorted({str(file.parent.relative_to(PACKAGE)) for file in PACKAGE.rglob("*.py")})
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_each_constant_of_a_module_stands_on_a_line_of_its_own(folder):
+    shared = [
+        f"{file.name}:{node.lineno}"
+        for file in sorted((PACKAGE / folder).glob("*.py"))
+        for node in ast.parse(file.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.Assign)
+        and (len(node.targets) > 1 or (isinstance(node.targets[0], ast.Tuple) and not isinstance(node.value, ast.Call)))
+    ]
+    assert not shared
+
+
 # sentences
 
-MOST_WORDS = {"theory": 36}
-"""Words of a sentence at the most, where it may have more than 25: a formula in a sentence counts as one word."""
+MOST_WORDS = 25  # of a sentence, in which a formula or a piece of code counts as one word
 
 
 def sentences(text):
@@ -115,18 +142,38 @@ def sentences(text):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_sentences_are_short(page):
-    most = MOST_WORDS.get(page.parent.name, 25)
-    long = [said for said in sentences(page.read_text(encoding="utf-8")) if len(re.findall(r"[\w'-]+", said)) > most]
+    text = page.read_text(encoding="utf-8")
+    assert not [said for said in sentences(text) if len(re.findall(r"[\w'-]+", said)) > MOST_WORDS]
+
+
+def docstrings(file):
+    """Texts of a module's docstrings, without references and examples, paragraph by paragraph."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef) and (text := ast.get_docstring(node)):
+            text = re.split(r"\n(?:References|Examples)\n-+", text)[0]
+            text = re.sub(r"\n\w+\n-{3,}\n", "\n\n", text)
+            yield from re.split(r"\n\s*\n|\n(?=\S[^\n]* : )|(?<= )\w[^\n]* : [^\n]*\n|\n(?=\s*- )", text)
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_sentences_of_docstrings_are_short(folder):
+    long = []
+    for file in sorted((PACKAGE / folder).glob("*.py")):
+        for part in docstrings(file):
+            if not part.lstrip().startswith("==="):
+                said = re.sub(r"``[^`]*``|`[^`]*`|\([^)]*\)", "X", " ".join(part.split()))
+                each = re.split(r"(?<=[.!?:;]) ", said)
+                long += [(file.name, one) for one in each if len(re.findall(r"[\w'-]+", one)) > MOST_WORDS]
     assert not long
 
 
 # figures
 
-MARK = re.compile(r"<!-- benchmarks:\s+([^>]*?)\s+-->")
+MARK = re.compile(r"<!-- (benchmarks|code|tests):\s+([^>]*?)\s+-->")
 QUANTITY = re.compile(r"(\d+(?: \d{3})*(?:\.\d+)?(?:e-?\d+)?)\s*(a second|us|ms|s\b|%|GiB)?")
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 FIGURES = [
-    (page.name, text[: mark.start()][-60:], " ".join(mark[1].split()))
+    (page.name, text[: mark.start()][-60:], " ".join(mark[2].split()), mark[1])
     for page in PAGES
     for text in [page.read_text(encoding="utf-8")]
     for mark in MARK.finditer(text)
@@ -136,6 +183,7 @@ FIGURES = [
 def quantities(text):
     """Numbers in a text as (value, half a unit of its last digit, unit), of which "10.8; 6.1 s" has the unit twice."""
     found = []
+    text = re.sub(r"10\^\{?(-?\d+)\}?", r"1e\1", text)
     for digits, unit in reversed(QUANTITY.findall(text)):
         unit = unit or (found[-1][2] if found else "")
         mantissa, _, exponent = digits.replace(" ", "").partition("e")
@@ -172,23 +220,32 @@ def table_cell(section, row, column):
     return found[0]
 
 
-def source_of(mark):
+def source_of(mark, kind="benchmarks"):
+    if kind == "code":
+        return repr(float(pkgutil.resolve_name(mark)))
     section, *place = mark.split(" | ")
+    if kind == "tests":
+        (found,) = re.findall(rf"^def {place[0]}\(.*?(?=\n\n\n|\Z)", text_of(f"tests/{section}"), re.DOTALL | re.M)
+        return found
     text = text_of("benchmarks/README.md").partition(f"\n## {section}\n")[2].partition("\n## ")[0]
     assert text, f"no section {section}"
     return table_cell(text, *place) if place else text
 
 
-@pytest.mark.parametrize(("page", "before", "mark"), FIGURES, ids=[" ".join(figure[::2]) for figure in FIGURES])
-def test_a_figure_in_prose_is_that_of_its_table(page, before, mark):
+@pytest.mark.parametrize(("page", "before", "mark", "kind"), FIGURES, ids=[" ".join(figure[::2]) for figure in FIGURES])
+def test_a_figure_in_prose_is_that_of_its_source(page, before, mark, kind):
     figure = quantities(before)[-1]
-    source = source_of(mark)
+    if kind == "code" and figure[2] == "%":
+        figure = (figure[0] / 100.0, figure[1] / 100.0, "")
+    source = source_of(mark, kind)
     assert any(same(figure, each) for each in quantities(source)), f"{page}: ...{before!r} is not in {source!r}"
 
 
-@pytest.mark.parametrize("page", ["README.md", "basins.md", "basins_at_scale.md", "sweeps.md"])
+@pytest.mark.parametrize(
+    "page", ["README.md", "basins.md", "basins_at_scale.md", "sweeps.md", "orbits.md", "integrity.md", "lyapunov.md"]
+)
 def test_pages_with_measured_figures_say_whence_they_are(page):
-    assert [name for name, _, _ in FIGURES].count(page) >= 2
+    assert [name for name, *_ in FIGURES].count(page) >= 2
 
 
 def test_what_a_store_says_of_its_accuracy_is_what_was_measured():

@@ -17,42 +17,41 @@ SCRIPT = Path(__file__).parent / "typing" / "user_script.py"
 PUBLIC = [f"saltus.{name}" for name in saltus.__all__ if name != "afm"] + [f"saltus.afm.{name}" for name in afm.__all__]
 
 
-def mypy(file, folder):
+def mypy(folder):
     options = ["--strict", "--no-error-summary", "--config-file=", f"--cache-dir={folder / 'cache'}"]
-    return [sys.executable, "-m", "mypy", *options, str(file)]
+    return [sys.executable, "-m", "mypy", *options]
 
 
-def pyrefly(file, folder):
+def pyrefly(folder):
     empty = folder / "pyrefly.toml"
     empty.write_text('preset = "strict"\n')
     options = [f"--config={empty}", f"--python-interpreter-path={sys.executable}", "--output-format=min-text"]
-    return [str(Path(sys.executable).with_name("pyrefly")), "check", *options, str(file)]
+    return [str(Path(sys.executable).with_name("pyrefly")), "check", *options]
 
 
-def told(checker, file, folder):
-    """What a checker says, by line."""
-    done = subprocess.run(checker(file, folder), capture_output=True, text=True, cwd=folder)
+@pytest.fixture(scope="module", params=[mypy, pyrefly])
+def told(request, tmp_path_factory):
+    """What a checker says of the user's script, by line, and of all public names."""
+    folder = tmp_path_factory.mktemp("checked")
+    names = folder / "all_names.py"
+    names.write_text("import saltus\n" + "".join(f"reveal_type({name})\n" for name in PUBLIC), encoding="utf-8")
+    done = subprocess.run([*request.param(folder), str(SCRIPT), str(names)], capture_output=True, text=True, cwd=folder)
     assert done.returncode in (0, 1), done.stdout + done.stderr
-    found = {}
+    found = {SCRIPT.name: {}, names.name: {}}
     for line in done.stdout.splitlines():
-        if match := re.search(rf"{re.escape(file.name)}:(\d+)", line):
-            found[int(match[1])] = line
+        if match := re.search(r"(\w+\.py):(\d+)", line):
+            found[match[1]][int(match[2])] = line
     return found
 
 
-@pytest.mark.parametrize("checker", [mypy, pyrefly])
-def test_right_calls_pass_and_wrong_ones_are_told(checker, tmp_path):
+def test_right_calls_pass_and_wrong_ones_are_told(told):
     lines = SCRIPT.read_text(encoding="utf-8").splitlines()
     wrong = {i for i, line in enumerate(lines, 1) if line.endswith("# wrong")}
-    found = told(checker, SCRIPT, tmp_path)
-    assert found.keys() == wrong, "\n".join(found.values())
+    assert told[SCRIPT.name].keys() == wrong, "\n".join(told[SCRIPT.name].values())
 
 
-@pytest.mark.parametrize("checker", [mypy, pyrefly])
-def test_no_public_name_has_an_unknown_type(checker, tmp_path):
-    file = tmp_path / "all_names.py"
-    file.write_text("import saltus\n" + "".join(f"reveal_type({name})\n" for name in PUBLIC), encoding="utf-8")
-    found = told(checker, file, tmp_path)
+def test_no_public_name_has_an_unknown_type(told):
+    found = told["all_names.py"]
     assert len(found) == len(PUBLIC)
     for i, name in enumerate(PUBLIC, 2):
         assert not re.search(r"revealed type(?: is)?:? [\"'`]?(Any|Unknown)\b", found[i], re.IGNORECASE), name

@@ -9,6 +9,7 @@ import numpy as np
 
 from saltus.ensemble.ensemble import Ensemble
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
+from saltus.progress import Progress
 from saltus.system import HybridSystem, Mode
 
 BOX = {"x": (-2.0, 2.0, 30), "v": (-2.0, 2.0, 20)}
@@ -62,12 +63,12 @@ def wells(system: HybridSystem) -> Wells:
 
 
 class Interrupt:
-    """A progress that acts as Ctrl-C does, at the last of some calls."""
+    """A progress that acts as Ctrl-C does, at the last of some reports of cells."""
 
     def __init__(self, calls: int) -> None:
         self.left = calls
 
-    def __call__(self, done: int, total: int, rate: float, left: float) -> None:
-        self.left -= 1
+    def __call__(self, progress: Progress) -> None:
+        self.left -= progress.text == "labelling cells"
         if self.left <= 0:
             raise KeyboardInterrupt

@@ -3,7 +3,9 @@
 from . import afm as afm
 from .basins import (
     Attractors as Attractors,
+    BasinOptions as BasinOptions,
     Basins as Basins,
+    ErosionOptions as ErosionOptions,
     ErosionProfile as ErosionProfile,
     Plane as Plane,
     erosion_profile as erosion_profile,
@@ -12,6 +14,7 @@ from .basins import (
 )
 from .continuation import (
     Branch as Branch,
+    BranchOptions as BranchOptions,
     Cascade as Cascade,
     Family as Family,
     Locus as Locus,
@@ -21,6 +24,7 @@ from .continuation import (
     continue_locus as continue_locus,
     continue_orbit as continue_orbit,
     follow_cascade as follow_cascade,
+    grazing_orbits as grazing_orbits,
     switch_branch as switch_branch,
 )
 from .errors import (
@@ -34,6 +38,7 @@ from .errors import (
     StiffnessError as StiffnessError,
 )
 from .flow import (
+    Limits as Limits,
     Trajectory as Trajectory,
     simulate as simulate,
 )
@@ -42,15 +47,18 @@ from .orbits import (
     find_orbit as find_orbit,
     solve_orbit as solve_orbit,
 )
+from .progress import Progress as Progress
 from .results import (
     Result as Result,
     load as load,
 )
 from .sweeps import (
+    Average as Average,
     Criteria as Criteria,
     LyapunovSpectrum as LyapunovSpectrum,
     Section as Section,
     Sweep as Sweep,
+    SweepOptions as SweepOptions,
     lyapunov_spectrum as lyapunov_spectrum,
     run_sweep as run_sweep,
 )

@@ -1,7 +1,7 @@
-"""What a result's file holds, looked at part by part before anything is made of it.
+"""The contents of a result's file, each part checked when it is taken.
 
-A file may be damaged, or made to do harm: shapes, kinds, ranges and names are checked here, at the one door through
-which data from outside come in, so that nothing behind it meets an index, a shape or a number that cannot be.
+A file may be damaged, or made to do harm. All data from outside come in here, where shapes, kinds, ranges and names are
+checked. The code that uses the data need not check them again.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Contents", "as_json", "checked_texts"]
 
-_KINDS = {float: "fiu", int: "iu", bool: "biu", str: "OUS"}
-"""Of NumPy's kinds of data, those that stand for each of Python's."""
+_KINDS = {float: "fiu", int: "iu", bool: "biu", str: "OUS"}  # NumPy's kinds of data that stand for each of Python's
 
 _SHOWN = 60  # characters of a value that a message shows
 

@@ -22,23 +22,12 @@ __all__ = [
     "shown",
 ]
 
-_LONGEST_NAME = 60
-"""Characters of a message that name the argument, at most."""
-
-_LONGEST_VALUE = 120
-"""Characters of a message that show the value, at most."""
-
-_LONGEST_HINT = 90
-"""Characters of a message that give the hint, at most where the message as a whole is too long."""
-
-_LONGEST_STATE = 140
-"""Characters of a message that show a state, at most: some seven components with all digits."""
-
-_LONGEST = 299
-"""Characters of a message, at most."""
-
-_LONGEST_TEXT = 1000
-"""Characters of a text within which a name is looked for that is like another."""
+_LONGEST_NAME = 60  # characters of a message that name the argument, at most
+_LONGEST_VALUE = 120  # characters of a message that show the value, at most
+_LONGEST_HINT = 90  # characters of the hint, at most, where the message as a whole is too long
+_LONGEST_STATE = 140  # characters of a message that show a state, at most: some seven components with all digits
+_LONGEST = 299  # characters of a message, at most
+_LONGEST_TEXT = 1000  # characters of the longest text for which a similar name is sought
 
 
 class SaltusError(Exception):
@@ -53,7 +42,7 @@ class InputError(SaltusError, ValueError):
     name : str
         The argument.
     value : object
-        What was given.
+        The value given.
     allowed : str
         What is allowed, to be read after "must be".
     hint : str, optional
@@ -96,21 +85,11 @@ class DefinitionError(InputError):
     """A part of a system's definition that cannot be used; `name` says which mode or transition."""
 
 
-class ChatteringError(SaltusError):
-    """Events accumulate: infinitely many in finite time (Zeno behaviour).
+class _MotionError(SaltusError):
+    """A motion that ends early: when, where, and further arguments of the message."""
 
-    Parameters
-    ----------
-    time : float
-        Time reached.
-    state : sequence of float
-        State there.
-    mode : str
-        Mode there.
-    """
-
-    def __init__(self, time: float, state: Iterable[float], mode: str) -> None:
-        super().__init__(time, tuple(float(x) for x in state), mode)
+    def __init__(self, time: float, state: Iterable[float], mode: str, *further: object) -> None:
+        super().__init__(time, tuple(float(x) for x in state), mode, *further)
 
     @property
     def time(self) -> float:
@@ -126,6 +105,20 @@ class ChatteringError(SaltusError):
     def mode(self) -> str:
         """Mode at that time."""
         return str(self.args[2])
+
+
+class ChatteringError(_MotionError):
+    """Events accumulate: infinitely many in finite time (Zeno behaviour).
+
+    Parameters
+    ----------
+    time : float
+        Time reached.
+    state : sequence of float
+        State there.
+    mode : str
+        Mode there.
+    """
 
     def __str__(self) -> str:
         state = shortened(str(list(self.state)), _LONGEST_STATE)
@@ -151,7 +144,7 @@ class StickingError(ChatteringError):
     """
 
     def __init__(self, time: float, state: Iterable[float], mode: str, surface: str) -> None:
-        SaltusError.__init__(self, time, tuple(float(x) for x in state), mode, surface)
+        super().__init__(time, state, mode, surface)
 
     @property
     def surface(self) -> str:
@@ -165,7 +158,7 @@ class StickingError(ChatteringError):
         )
 
 
-class StiffnessError(SaltusError):
+class StiffnessError(_MotionError):
     """A motion takes more steps than are allowed for what was asked.
 
     Parameters
@@ -183,22 +176,7 @@ class StiffnessError(SaltusError):
     """
 
     def __init__(self, time: float, state: Iterable[float], mode: str, steps: int, hint: str = "") -> None:
-        super().__init__(time, tuple(float(x) for x in state), mode, steps, hint)
-
-    @property
-    def time(self) -> float:
-        """Time reached."""
-        return float(self.args[0])
-
-    @property
-    def state(self) -> tuple[float, ...]:
-        """State reached."""
-        return tuple(self.args[1])
-
-    @property
-    def mode(self) -> str:
-        """Mode at that time."""
-        return str(self.args[2])
+        super().__init__(time, state, mode, steps, hint)
 
     @property
     def steps(self) -> int:
@@ -258,7 +236,7 @@ class ConvergenceError(SaltusError):
         return shortened(text + (f"; {hint}" if hint else ""), _LONGEST)
 
 
-class DivergenceError(SaltusError):
+class DivergenceError(_MotionError):
     """A trajectory leaves every bound.
 
     Parameters
@@ -274,7 +252,7 @@ class DivergenceError(SaltusError):
     """
 
     def __init__(self, time: float, state: Iterable[float], mode: str, reason: str) -> None:
-        super().__init__(time, tuple(float(x) for x in state), mode, reason)
+        super().__init__(time, state, mode, reason)
 
     def __str__(self) -> str:
         time, state, mode, reason = self.args

@@ -10,8 +10,6 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from hashlib import sha256
@@ -21,14 +19,14 @@ from uuid import uuid4
 
 from saltus.errors import InputError
 
-__all__ = ["checked_seal", "flush", "interrupt_waits", "is_sealed", "sealed", "telling", "whole_file", "write_sealed"]
+__all__ = ["checked_seal", "flush", "is_sealed", "sealed", "telling", "whole_file", "write_sealed"]
 
-_FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
+_FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}  # errors of a full disk
 _NAME = 60  # characters of a file's name that the name of its draft repeats: names have at most 255 bytes
-_PIECE = 2**24  # bytes that are written or read at once: so long an interrupt waits
+_PIECE = 2**24  # bytes that are written or read at once; an interrupt waits until the piece is done
 
-_SEAL = b"\nsaltus sha256 "
-_SEALED = len(_SEAL) + 64  # bytes of a seal: the words above and a digest in hexadecimal
+_SEAL = b"\nsaltus sha256 "  # words before the digest
+_SEALED = len(_SEAL) + 64  # bytes of a seal: these words and a digest in hexadecimal
 
 
 @contextmanager
@@ -40,12 +38,12 @@ def whole_file(path: Path, name: str = "path") -> Iterator[Path]:
     path : Path
         The file; where it is a link, what it leads to is replaced.
     name : str, optional
-        What the path is called in messages.
+        Name of the argument in messages.
 
     Yields
     ------
     Path
-        Of no file yet, in the same folder and with the same suffix.
+        Path of the new content, in the same folder and with the same suffix; no file is there yet.
 
     Raises
     ------
@@ -115,11 +113,11 @@ def telling(path: Path, name: str = "path", hint: str = "", place: str = "a file
     path : Path
         What is written.
     name : str, optional
-        What the path is called in messages.
+        Name of the argument in messages.
     hint : str, optional
         What to do where the disk is full.
     place : str, optional
-        What is written, in words.
+        The place in words.
     """
     try:
         yield
@@ -131,23 +129,6 @@ def telling(path: Path, name: str = "path", hint: str = "", place: str = "a file
         if isinstance(error, FileNotFoundError | NotADirectoryError) and not path.absolute().parent.is_dir():
             raise InputError(name, str(path), "in a folder that exists", why) from error
         raise InputError(name, str(path), f"{place} that can be written", why) from error
-
-
-@contextmanager
-def interrupt_waits() -> Iterator[None]:
-    """Let an interrupt (Ctrl-C) wait until the block has ended: inside C libraries that call back it may get lost."""
-    handler = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(handler):
-        yield
-        return
-    waiting: list[tuple[Any, ...]] = []
-    signal.signal(signal.SIGINT, lambda *told: waiting.append(told))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, handler)
-        if waiting:
-            handler(*waiting[0])
 
 
 def write_sealed(path: Path, content: memoryview, name: str = "path") -> None:
@@ -195,9 +176,9 @@ def is_sealed(stream: Any, name: str, value: str) -> bool:
     Parameters
     ----------
     stream : binary stream
-        Which can be sought in.
+        The stream; `seek` must work.
     name, value : str
-        What messages call the content, and show of it.
+        Name and value of the content in messages.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What every result can do: become an xarray Dataset, be saved, read again, compared and plotted."""
+"""The base of all results: to and from xarray and files, comparison, pictures."""
 
 from __future__ import annotations
 
@@ -22,33 +22,34 @@ import numpy as np
 from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError, SaltusError
-from saltus.files import checked_seal, interrupt_waits, is_sealed, write_sealed
+from saltus.files import checked_seal, is_sealed, write_sealed
+from saltus.work import interrupt_waits
 
 if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["READ", "Result", "dataset_in", "frozen", "load", "look", "netcdf", "reading", "result_in", "tagged"]
 
+# The module of each kind of result.
 _HOMES = {
     "Trajectory": "saltus.flow.trajectory",
     "PeriodicOrbit": "saltus.orbits.orbit",
     "Branch": "saltus.continuation.branch",
     "Locus": "saltus.continuation.locus",
     "Family": "saltus.continuation.family",
+    "Cascade": "saltus.continuation.cascade",
     "Attractors": "saltus.basins.attractors.attractors",
     "Basins": "saltus.basins.map.basins",
     "ErosionProfile": "saltus.basins.measures.erosion",
     "Sweep": "saltus.sweeps.sweep",
     "LyapunovSpectrum": "saltus.sweeps.lyapunov",
 }
-
-_STORE = "zarr.json"
-"""The file by which a folder is known as a Zarr store."""
-
-_UNPACKED = 2**28  # bytes that any file may unpack to
-_PACKING = 100  # times its own size that a larger one may unpack to; what saltus writes is not packed
-_PATIENCE, _PACE = 30.0, 1e7  # seconds, and bytes a second, within which a file without a seal is read
-_TOLD = 200  # characters of what another library says of a damaged file
+_STORE = "zarr.json"  # file by which a folder is known as a Zarr store
+_UNPACKED = 2**28  # bytes to which any file may unpack
+_PACKING = 100  # times its own size to which a larger file may unpack; what saltus writes is not packed
+_PATIENCE = 30.0  # seconds in which any file without a seal is read
+_PACE = 1e7  # bytes a second at which a larger one is read
+_TOLD = 200  # characters of another library's message about a damaged file
 
 
 def frozen(array: Any, dtype: Any = np.float64) -> Any:
@@ -194,8 +195,8 @@ def tagged(result: Result) -> xr.Dataset:
 def netcdf(datasets: Mapping[str, xr.Dataset]) -> memoryview:
     """Return the content of a NetCDF file with a group for each Dataset; that of the name "" is the file itself.
 
-    It is made in memory: HDF5 that writes to a disk loses an interrupt, and may tell of a full disk only when the file
-    is closed, in an error of its own.
+    It is made in memory. HDF5 that writes to a disk loses an interrupt, and may report a full disk only when the file
+    is closed.
     """
     import h5netcdf
     from xarray.backends import H5NetCDFStore
@@ -244,8 +245,8 @@ def load(path: str | os.PathLike[str]) -> Result:
     return found
 
 
+# How xarray opens a file; no number in it stands for a time of day.
 READ: Mapping[str, Any] = MappingProxyType({"engine": "h5netcdf", "decode_times": False})
-"""How xarray opens a file; no number in it stands for a time of day."""
 
 
 @contextmanager
@@ -260,6 +261,7 @@ def reading(path: Path) -> Iterator[None]:
         yield
 
 
+# What a process does that reads a file; it ends by itself after a time, should its parent be gone.
 _LOOK = """
 import faulthandler, json, sys
 faulthandler.dump_traceback_later(float(sys.argv[3]), exit=True)
@@ -267,7 +269,6 @@ sys.path[:] = json.loads(sys.argv[2])
 from saltus.results import look
 look(sys.argv[1])
 """
-"""What a process does that reads a file; it ends by itself, should nobody be left to end it."""
 
 
 def look(path: str) -> None:
@@ -283,7 +284,7 @@ def look(path: str) -> None:
 def _look_from_afar(path: Path) -> None:
     """Read a file without a seal in a process of its own: HDF5 may never end, or end the process, where it is damaged.
 
-    What that process raises, this one raises again.
+    An error there is raised here again.
     """
     longest = _PATIENCE + path.stat().st_size / _PACE
     command = [sys.executable, "-c", _LOOK, str(path.absolute()), json.dumps(sys.path), str(longest + 1.0)]
@@ -294,7 +295,7 @@ def _look_from_afar(path: Path) -> None:
     except OSError as error:
         raise InputError("path", str(path), "read by a process of its own", f"none can be started: {error}") from error
     if done.returncode < 0:
-        raise InputError("path", str(path), "a NetCDF file", "it is damaged: reading it ends the process that does so")
+        raise InputError("path", str(path), "a NetCDF file", "it is damaged: a process that reads it dies")
 
 
 def dataset_in(content: bytes, name: str) -> xr.Dataset:

@@ -1,4 +1,4 @@
-"""Work on many pieces at the same time: here, in threads, in processes, or on a Dask cluster."""
+"""Many pieces of work at the same time: in this thread, in threads, in processes, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -29,18 +29,15 @@ __all__ = [
     "Threads",
     "Workers",
     "handed_out",
+    "interrupt_waits",
     "is_stopped",
     "processors",
     "starting",
 ]
 
-Job: TypeAlias = "tuple[Any, Callable[..., Any], *tuple[Any, ...]]"
-"""A piece of work: what it is known by, a function and its arguments."""
-
-_HEARD = 0.5
-"""Seconds after which who waits for a piece looks up, so that Ctrl-C is heard everywhere."""
-
-_REFUSED = "can't start new thread"  # what Python says
+Job: TypeAlias = "tuple[Any, Callable[..., Any], *tuple[Any, ...]]"  # a piece's key, a function and its arguments
+_HEARD = 0.5  # seconds between two looks of a process that waits for a piece, so that Ctrl-C is heard everywhere
+_REFUSED = "can't start new thread"  # Python's words for it
 
 
 @contextmanager
@@ -69,20 +66,37 @@ def starting(fewer: str = "") -> Iterator[None]:
         raise SaltusError(told + (f", or {fewer}" if fewer else "")) from error
 
 
+@contextmanager
+def interrupt_waits() -> Iterator[None]:
+    """Let an interrupt (Ctrl-C) wait until the block has ended: inside C libraries that call back it may get lost."""
+    handler = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(handler):
+        yield
+        return
+    waiting: list[tuple[Any, ...]] = []
+    signal.signal(signal.SIGINT, lambda *told: waiting.append(told))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        if waiting:
+            handler(*waiting[0])
+
+
 def processors() -> int:
     """Return how many processors this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Outcome(Protocol):
-    """What has come of a piece of work: a future, of any library."""
+    """The outcome of a piece of work: a future, of any library."""
 
     def result(self) -> Any:
         """Return it, or raise what the work raised."""
 
 
 class Workers(Protocol):
-    """Those who work on pieces at the same time, and hand them out in the order in which they are done."""
+    """Workers that take pieces of work and return them in the order in which they are done."""
 
     def submit(self, key: Any, function: Callable[..., Any], *arguments: Any) -> None:
         """Take on a piece of work."""
@@ -203,6 +217,8 @@ class Cluster:
     ----------
     client : dask.distributed.Client
         The cluster; what a worker that dies had in hand goes to another.
+    name : str, optional
+        What a message calls it.
 
     Raises
     ------
@@ -210,9 +226,9 @@ class Cluster:
         It is no client.
     """
 
-    def __init__(self, client: Any) -> None:
+    def __init__(self, client: Any, name: str = "client") -> None:
         if not callable(getattr(client, "submit", None)):
-            raise InputError("client", client, "a dask.distributed.Client")
+            raise InputError(name, client, "a dask.distributed.Client")
         self._client = client
         self._ready: Any = import_module("distributed").as_completed(loop=client.loop)
         self._pending: dict[str, tuple[Any, Any]] = {}
@@ -245,12 +261,12 @@ def handed_out(
     at_once: Callable[[], int],
     after: Callable[[Any, Any], Job | None] | None = None,
 ) -> Generator[tuple[Any, Any], None, None]:
-    """Go through jobs as they are finished: what each is known by, and its result; closing it stops the work.
+    """Yield key and result of each job as it is finished; closing the generator stops the work.
 
     Parameters
     ----------
     workers : Workers
-        Who do them.
+        The workers.
     jobs : iterable of tuple
         The jobs, in the order in which they are begun.
     at_once : callable
@@ -279,8 +295,7 @@ def handed_out(
 # ---- inside a process that works ----
 
 
-_stop: Event | None = None
-"""Set where the parent wants its workers to end."""
+_stop: Event | None = None  # set where the parent wants its workers to end
 
 
 def is_stopped() -> bool:
@@ -316,7 +331,8 @@ def _unnoticed() -> Iterator[None]:
     if sys.platform != "win32":
         masked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        yield
+        with interrupt_waits():  # another thread may take the signal: a process half started would say so
+            yield
     finally:
         sys.modules["__main__"] = main
         if sys.platform != "win32" and masked is not None:

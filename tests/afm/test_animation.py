@@ -138,9 +138,9 @@ def test_a_gif_has_all_frames_runs_for_ever_and_is_white(orbit, tmp_path):
         fps=10,
         seconds=1.0,
         width=400,
-        progress=lambda *done: said.append(done),
+        progress=said.append,
     )
-    assert said == [(i, 10) for i in range(1, 11)]
+    assert [(told.done, told.total) for told in said] == [(i, 10) for i in range(1, 11)]
     with Image.open(path) as film:
         assert film.size == (400, 220)
         assert film.n_frames == 10
@@ -148,6 +148,13 @@ def test_a_gif_has_all_frames_runs_for_ever_and_is_white(orbit, tmp_path):
         for frame in range(10):
             film.seek(frame)
             assert film.convert("RGB").getpixel((2, 2)) == (255, 255, 255)
+
+
+def test_true_shows_a_bar_of_the_frames(orbit, tmp_path, capsys):
+    animate(orbit, tmp_path / "tap.gif", setup=SETUP, fps=10, seconds=0.5, width=320, progress=True)
+    out, err = capsys.readouterr()
+    assert not out
+    assert "100.0 %" in err
 
 
 def test_a_film_closes_on_itself(orbit):
@@ -181,7 +188,7 @@ def test_an_interrupt_leaves_an_older_film_as_it_was(orbit, tmp_path):
     path = tmp_path / "tap.gif"
     path.write_text("older")
 
-    def stop(done, total):
+    def stop(progress):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -193,6 +200,7 @@ def test_an_interrupt_leaves_an_older_film_as_it_was(orbit, tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({"progress": 1}, "progress = 1: must be True for a bar, or a function of a saltus.Progress"),
         ({"fps": 30}, "fps = 30: must be one of 1, 2, 4, 5, 10, 20, 25, 50 for a GIF"),
         ({"fps": 2.5}, "fps = 2.5: must be an integer between 1 and 120"),
         ({"seconds": 0.1}, "seconds = 0.1: must be a number from 0.5 to 60 with 1000 frames at most"),

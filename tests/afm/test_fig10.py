@@ -87,8 +87,8 @@ class TestWhole:
         monkeypatch.setattr(saltus.basins.map.grid, "_LEAST", 30)
         monkeypatch.setattr(saltus.basins.map.grid, "_CHUNK", 15)
 
-        def interrupt(line):
-            if line.startswith("q2 = -1.39: "):
+        def interrupt(progress):
+            if progress.text.startswith("q2 = -1.39"):
                 raise KeyboardInterrupt
 
         part = fig10.run(tmp_path, interrupt, resolution=RESOLUTION)

@@ -33,7 +33,7 @@ def content(found):
 def test_four_files_are_written(found):
     assert [path.name for path in found["files"]] == ["fig2.nc", "fig2.json", "fig2.png", "fig2.pdf"]
     assert not found["interrupted"]
-    assert found["said"][-1] == "drawing"
+    assert found["said"][-1].text == "drawing"
 
 
 @pytest.mark.parametrize("name", ["impacting", "non_impacting"])
@@ -117,8 +117,8 @@ def test_the_picture_has_solid_segments_and_a_dashed_orbit_in_both_panels(found)
 
 
 def test_an_interrupted_run_keeps_the_orbit_it_has(tmp_path):
-    def say(line):
-        if line.startswith("orbit without contact"):
+    def say(progress):
+        if progress.text.startswith("orbit without contact"):
             os.kill(os.getpid(), signal.SIGINT)
 
     found = fig2.run(tmp_path, say)

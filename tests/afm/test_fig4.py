@@ -67,7 +67,7 @@ def test_four_files_are_written(fig4_found):
     assert fig4_found["files"][2].read_bytes().startswith(b"\x89PNG")
     assert fig4_found["files"][3].read_bytes().startswith(b"%PDF")
     assert not fig4_found["interrupted"]
-    assert fig4_found["said"][-1] == "drawing"
+    assert fig4_found["said"][-1].text == "drawing"
 
 
 def test_json_has_the_promised_form(content):
@@ -195,16 +195,16 @@ def test_the_legend_names_what_is_drawn_and_the_onset(space, content):
 
 
 @pytest.mark.parametrize(
-    ("moment", "kept"),
+    ("moment", "done", "kept"),
     [
-        ("60 orbits", ["response"]),
-        ("response 3 of", ["response", "responses"]),
-        ("SN_2: 20 orbits", ["response", "responses", "SN_1", "SN_2"]),
+        ("Omega = ", 60, ["response"]),
+        ("responses: ", 3, ["response", "responses"]),
+        ("SN_2: ", 20, ["response", "responses", "SN_1", "SN_2"]),
     ],
 )
-def test_an_interrupted_run_keeps_what_it_has(tmp_path, moment, kept):
-    def say(line):
-        if line.startswith(moment):
+def test_an_interrupted_run_keeps_what_it_has(tmp_path, moment, done, kept):
+    def say(progress):
+        if progress.text.startswith(moment) and progress.done == done:
             os.kill(os.getpid(), signal.SIGINT)
 
     found = fig4.run(tmp_path, say)
@@ -217,8 +217,8 @@ def test_an_interrupted_run_keeps_what_it_has(tmp_path, moment, kept):
 
 
 def test_an_interrupt_before_the_first_result_is_passed_on(tmp_path):
-    def say(line):
-        if line == "correcting the first orbit":
+    def say(progress):
+        if progress.text == "correcting the first orbit":
             os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):

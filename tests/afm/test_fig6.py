@@ -83,7 +83,7 @@ def test_four_files_are_written(fig6_found):
     assert fig6_found["files"][2].read_bytes().startswith(b"\x89PNG")
     assert fig6_found["files"][3].read_bytes().startswith(b"%PDF")
     assert not fig6_found["interrupted"]
-    assert fig6_found["said"][-1] == "drawing"
+    assert fig6_found["said"][-1].text == "drawing"
 
 
 def test_json_has_the_promised_form(fig6_content):
@@ -313,8 +313,8 @@ def test_the_curve_of_turning_points_passes_through_them(fig6_picture, fig6_cont
 
 @pytest.mark.parametrize(("moment", "kept"), [("isoline D_att_1 = 0.16", 2), ("isoline D_rep_1 = 0.5", 3)])
 def test_an_interrupted_run_keeps_what_it_has(tmp_path, moment, kept):
-    def say(line):
-        if line == moment:
+    def say(progress):
+        if progress.text == moment:
             os.kill(os.getpid(), signal.SIGINT)
 
     found = fig6.run(tmp_path, say)

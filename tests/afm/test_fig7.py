@@ -104,8 +104,8 @@ class TestWhole:
         assert [letter for letter in letters if letter] == ["(a)", "(b)", "(c)", "(d)", "(e)"]
 
     def test_progress_is_told(self, found):
-        assert any(line.startswith("sweep, 300 of 300: Omega = ") for line in found["said"])
-        assert found["said"][-1] == "drawing"
+        assert any(told.text.startswith("sweep: Omega = ") and told.done == told.total == 300 for told in found["said"])
+        assert found["said"][-1].text == "drawing"
 
 
 def test_an_interrupted_sweep_is_kept(tmp_path, monkeypatch):
@@ -115,8 +115,8 @@ def test_an_interrupted_sweep_is_kept(tmp_path, monkeypatch):
     monkeypatch.setattr(fig7, "COUNT", 4)
     monkeypatch.setattr(fig7a, "SWEPT", (0.996, 0.999))
 
-    def say(line):
-        if line.startswith("sweep, 2 of 4"):
+    def say(progress):
+        if progress.text.startswith("sweep: ") and progress.done == 2:
             os.kill(os.getpid(), signal.SIGINT)
 
     found = fig7.run(tmp_path, say)
@@ -133,17 +133,17 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(tmp_path, monkeypatch):
     monkeypatch.setattr(fig7, "COUNT", 3)
     monkeypatch.setattr(fig7a, "SWEPT", (0.996, 0.999))
     monkeypatch.setattr(fig7, "PORTRAITS", {})
-    monkeypatch.setattr(fig7a, "compute", lambda say: iter(()))
+    monkeypatch.setattr(fig7a, "compute", lambda progress: iter(()))
     monkeypatch.setattr(fig7, "draw", lambda results: Figure())
 
-    def interrupt(line):
-        if line.startswith("sweep, 2 of 3"):
+    def interrupt(progress):
+        if progress.text.startswith("sweep: ") and progress.done == 2:
             raise KeyboardInterrupt
 
     assert fig7.run(tmp_path, interrupt)["interrupted"]
     said = []
     found = fig7.run(tmp_path, said.append)
     assert not found["interrupted"]
-    assert [line[:12] for line in said if line.startswith("sweep, ")] == ["sweep, 3 of "]
+    assert [(told.done, told.total) for told in said if told.text.startswith("sweep: ")] == [(3, 3)]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["fig7.json", "fig7.nc", "fig7.pdf", "fig7.png"]
     assert found["results"]["sweep"] == fig7.sweep_of(3)

@@ -85,7 +85,7 @@ def test_four_files_are_written(fig7a_found):
     assert fig7a_found["files"][2].read_bytes().startswith(b"\x89PNG")
     assert fig7a_found["files"][3].read_bytes().startswith(b"%PDF")
     assert not fig7a_found["interrupted"]
-    assert fig7a_found["said"][-1] == "drawing"
+    assert fig7a_found["said"][-1].text == "drawing"
 
 
 def test_json_has_the_promised_form(fig7a_content):
@@ -272,16 +272,16 @@ def test_the_inset_covers_no_curve(fig7a_picture):
 
 
 @pytest.mark.parametrize(
-    ("moment", "kept"),
+    ("moment", "done", "kept"),
     [
-        ("40 orbits", ["one_mode"]),
-        ("beside SN2", ["one_mode", "two_modes"]),
-        ("response 2 of", ["one_mode", "two_modes", "responses"]),
+        ("Omega = ", 40, ["one_mode"]),
+        ("beside SN2", 0, ["one_mode", "two_modes"]),
+        ("responses: ", 2, ["one_mode", "two_modes", "responses"]),
     ],
 )
-def test_an_interrupted_run_keeps_what_it_has(tmp_path, moment, kept):
-    def say(line):
-        if line.startswith(moment):
+def test_an_interrupted_run_keeps_what_it_has(tmp_path, moment, done, kept):
+    def say(progress):
+        if progress.text.startswith(moment) and progress.done == done:
             os.kill(os.getpid(), signal.SIGINT)
 
     found = fig7a.run(tmp_path, say)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from saltus import BasinOptions
 from saltus.basins import Grid, Search
 from saltus.basins.map.cost import Cost, _sample, estimate_cost
 from saltus.basins.map.labelling import Labelling
@@ -62,4 +63,4 @@ def test_workers_share_the_time():
 
 def test_an_engine_that_is_none_is_told(well, both):
     with pytest.raises(InputError, match="engine = 'gpu': must be one of"):
-        estimate_cost(well, {}, BOX, both, engine="gpu")
+        estimate_cost(well, {}, BOX, both, options=BasinOptions(engine="gpu"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 import saltus
-from saltus import HybridSystem, InputError, Mode
+from saltus import BasinOptions, ErosionOptions, HybridSystem, InputError, Mode
 from saltus.basins.measures.erosion import ErosionProfile
 from saltus.basins.measures.integrity import local_integrity
 from saltus.basins.measures.profile import erosion_profile
@@ -51,7 +52,9 @@ def valleys(parameters):
 
 @pytest.fixture(scope="module")
 def profile():
-    return erosion_profile(SYSTEM, "a", VALUES, GRID, attractors=valleys, longest=12)
+    return erosion_profile(
+        SYSTEM, "a", VALUES, GRID, options=ErosionOptions(attractors=valleys, basins=BasinOptions(longest=12))
+    )
 
 
 def test_volumes_and_balls_are_those_of_the_boundary_at_every_value(profile):
@@ -87,11 +90,11 @@ def test_attractors_are_followed_by_their_points_where_names_pass_on():
         found.points = {names[name]: points for name, points in found.points.items()}
         return found
 
-    run = partial(erosion_profile, SYSTEM, "a", VALUES, GRID, ("GIM",), attractors=renamed, longest=12)
+    options = ErosionOptions(measures=("GIM",), attractors=renamed, basins=BasinOptions(longest=12))
     left = 2.0 + np.array(VALUES)
-    by_name = run()
+    by_name = erosion_profile(SYSTEM, "a", VALUES, GRID, options=options)
     assert by_name.of("GIM", "period-1 A")[3] == pytest.approx(left[3], abs=HALF)  # the left one's
-    followed = run(within=0.5)
+    followed = erosion_profile(SYSTEM, "a", VALUES, GRID, options=replace(options, within=0.5))
     assert followed.of("GIM", "period-1 B") == pytest.approx(left, abs=HALF)
     assert math.isnan(followed.of("GIM", "period-1 A")[3])
 
@@ -103,7 +106,13 @@ def test_an_attractor_that_is_new_has_a_new_name():
             found.points = {name: points + 0.01 for name, points in found.points.items()}
         return found
 
-    found = erosion_profile(SYSTEM, "a", VALUES[1:3], GRID, ("GIM",), attractors=moving, within=1e-3, longest=12)
+    found = erosion_profile(
+        SYSTEM,
+        "a",
+        VALUES[1:3],
+        GRID,
+        options=ErosionOptions(measures=("GIM",), attractors=moving, within=1e-3, basins=BasinOptions(longest=12)),
+    )
     assert found.attractors == ("left", "right", "right (2)", "left (2)")
 
 
@@ -117,12 +126,26 @@ def test_a_profile_is_saved_and_read_back_equal(profile, tmp_path):
     )
 
 
+def test_a_file_whose_values_do_not_ascend_is_refused(profile):
+    data = profile.to_xarray()
+    with pytest.raises(InputError, match="variable 'value' = '0.33, -0.11': must be ascending, each once"):
+        ErosionProfile.from_xarray(data.isel(value=[0, 2, 1, 3]))
+    with pytest.raises(InputError, match="variable 'value'"):
+        ErosionProfile.from_xarray(data.isel(value=slice(0)))
+
+
 def test_measures_of_ones_own_are_taken():
     measures = {
         "half": partial(local_integrity, weights={"x": 2.0}),
         "cells": lambda basins, name: int((basins.labels == basins.attractors.labels[name]).sum()),
     }
-    found = erosion_profile(SYSTEM, "a", [-0.51], GRID, measures, attractors=valleys, longest=12)
+    found = erosion_profile(
+        SYSTEM,
+        "a",
+        [-0.51],
+        GRID,
+        options=ErosionOptions(measures=measures, attractors=valleys, basins=BasinOptions(longest=12)),
+    )
     assert found.of("half", "left") == pytest.approx([0.245], abs=0.5 * HALF)
     assert found.of("cells", "left") == pytest.approx([30.0])
     assert math.isnan(found.errors[0, 0, 1])
@@ -130,7 +153,15 @@ def test_measures_of_ones_own_are_taken():
 
 def test_every_measure_can_be_followed():
     found = erosion_profile(
-        SYSTEM, "a", [-0.11], GRID, ("stability", "fatal", "S_b", "S_bb", "exponent"), attractors=valleys, longest=12
+        SYSTEM,
+        "a",
+        [-0.11],
+        GRID,
+        options=ErosionOptions(
+            measures=("stability", "fatal", "S_b", "S_bb", "exponent"),
+            attractors=valleys,
+            basins=BasinOptions(longest=12),
+        ),
     )
     # centres of cells next to the boundary are at -0.125 and -0.075, and it cuts one of 16 boxes 3 to 2
     cut = -0.6 * math.log(0.6) - 0.4 * math.log(0.4)
@@ -149,10 +180,18 @@ def test_what_cannot_be_measured_is_noted():
         return valleys(parameters)
 
     small = {"x": (-0.9, 0.9, 40)}
-    found = erosion_profile(SYSTEM, "a", [-0.51], small, ("GIM", "LIM"), attractors=valleys, longest=12)
+    found = erosion_profile(
+        SYSTEM,
+        "a",
+        [-0.51],
+        small,
+        options=ErosionOptions(measures=("GIM", "LIM"), attractors=valleys, basins=BasinOptions(longest=12)),
+    )
     assert np.isnan(found.of("LIM", "left")[0])
     assert found.notes[0, 0, 1] == "x of 'left' = -1.0: must be within the window, from -0.9 to 0.9; map a larger one"
-    found = erosion_profile(SYSTEM, "a", [-0.51, 0.33], GRID, attractors=lost, longest=12)
+    found = erosion_profile(
+        SYSTEM, "a", [-0.51, 0.33], GRID, options=ErosionOptions(attractors=lost, basins=BasinOptions(longest=12))
+    )
     assert (found.notes[0] == "attractors: no convergence, residual 0.1 after 200 iterations").all()
     assert np.isnan(found.found[0]).all()
     assert np.isfinite(found.found[1]).all()
@@ -162,22 +201,47 @@ def test_what_cannot_be_measured_is_noted():
 def test_an_interrupted_profile_keeps_what_is_done_and_goes_on_from_its_stores(tmp_path):
     calls = []
 
-    def told(done, total, text):
-        calls.append((done, total, text))
-        if done == 2:
+    def told(progress):
+        calls.append(progress)
+        if progress.done == 2:
             raise KeyboardInterrupt
 
-    run = partial(erosion_profile, SYSTEM, "a", VALUES[:3], GRID, attractors=valleys, path=tmp_path, longest=12)
+    run = partial(
+        erosion_profile,
+        SYSTEM,
+        "a",
+        VALUES[:3],
+        GRID,
+        options=ErosionOptions(attractors=valleys, basins=BasinOptions(longest=12)),
+        path=tmp_path,
+    )
     first = run(progress=told)
     assert first.stopped == "interrupted: 2 of 3 values done"
     assert np.isfinite(first.found[:2]).all()
     assert np.isnan(first.found[2]).all()
     assert (first.notes[2] == "not computed").all()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a=-0.11.zarr", "a=-0.51.zarr"]
-    assert calls[0][2].startswith("a = -0.51: left 37.")
+    assert calls[0].text.startswith("a = -0.51: left 37.")
     again = run()
     assert again.stopped == "all 3 values done"
-    assert again == erosion_profile(SYSTEM, "a", VALUES[:3], GRID, attractors=valleys, longest=12)
+    assert again == erosion_profile(
+        SYSTEM, "a", VALUES[:3], GRID, options=ErosionOptions(attractors=valleys, basins=BasinOptions(longest=12))
+    )
+
+
+def test_a_bar_counts_the_values(capsys):
+    erosion_profile(
+        SYSTEM,
+        "a",
+        VALUES[:2],
+        GRID,
+        options=ErosionOptions(measures=("GIM",), attractors=valleys, basins=BasinOptions(longest=12)),
+        progress=True,
+    )
+    out, err = capsys.readouterr()
+    assert not out
+    assert "100.0 %" in err
+    assert "a = -0.11: left" in err
 
 
 @pytest.mark.slow
@@ -190,20 +254,24 @@ def test_attractors_are_found_again_at_each_value_by_themselves():
 
 
 def test_bad_input_is_told():
-    with pytest.raises(InputError, match="values.* = .*must be finite"):
+    with pytest.raises(InputError, match="values = '0.2, 0.1': must be ascending, each once"):
         erosion_profile(SYSTEM, "a", [0.2, 0.1], GRID)
-    with pytest.raises(InputError, match="measures = 'LIN': must be one of GIM, LIM, IF.*did you mean 'LIM'?"):
-        erosion_profile(SYSTEM, "a", [0.2], GRID, ["LIN"])
-    with pytest.raises(InputError, match=r"measures\['own'\] = 3: must be a function"):
-        erosion_profile(SYSTEM, "a", [0.2], GRID, {"own": 3})
-    with pytest.raises(InputError, match="measures = .*must be at least one"):
-        erosion_profile(SYSTEM, "a", [0.2], GRID, [])
+    with pytest.raises(
+        InputError, match="ErosionOptions.measures = 'LIN': must be one of GIM, LIM, IF.*did you mean 'LIM'?"
+    ):
+        erosion_profile(SYSTEM, "a", [0.2], GRID, options=ErosionOptions(measures=["LIN"]))
+    with pytest.raises(InputError, match=r"ErosionOptions.measures\['own'\] = 3: must be a function"):
+        erosion_profile(SYSTEM, "a", [0.2], GRID, options=ErosionOptions(measures={"own": 3}))
+    with pytest.raises(InputError, match="ErosionOptions.measures = .*must be at least one"):
+        erosion_profile(SYSTEM, "a", [0.2], GRID, options=ErosionOptions(measures=[]))
     with pytest.raises(InputError, match="'b'"):
         erosion_profile(SYSTEM, "b", [0.2], GRID)
-    with pytest.raises(InputError, match="attractors = 3: must be a function of the parameters"):
-        erosion_profile(SYSTEM, "a", [0.2], GRID, attractors=3)
-    with pytest.raises(InputError, match="within = -1: must be a finite number > 0"):
-        erosion_profile(SYSTEM, "a", [0.2], GRID, within=-1)
+    with pytest.raises(InputError, match="ErosionOptions.attractors = 3: must be a function of the parameters"):
+        erosion_profile(SYSTEM, "a", [0.2], GRID, options=ErosionOptions(attractors=3))
+    with pytest.raises(InputError, match="ErosionOptions.within = -1: must be a finite number > 0"):
+        erosion_profile(SYSTEM, "a", [0.2], GRID, options=ErosionOptions(within=-1))
+    with pytest.raises(InputError, match="progress = 3: must be True for a bar, or a function of a saltus.Progress"):
+        erosion_profile(SYSTEM, "a", [0.2], GRID, progress=3)
     with pytest.raises(InputError, match="system = 3: must be a HybridSystem"):
         erosion_profile(3, "a", [0.2], GRID)
 

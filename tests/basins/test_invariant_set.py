@@ -118,7 +118,7 @@ def test_motions_from_well_outside_the_cage_touch():
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_motions_in_the_cage_converge_to_the_attractive_orbit(n):
-    from saltus.flow.event_logs import settle
+    from systems import settle
 
     system, oscillators, rng = tapping(n), Oscillators(n, DAMPINGS[n]), np.random.default_rng(20 + n)
     cage = cage_of(system, DAMPINGS[n], "flight")

@@ -11,10 +11,12 @@ import pytest
 
 import saltus
 import saltus.basins.map.mapping
-from saltus import InputError
+from grouped import Grouped
+from saltus import BasinOptions, InputError
 from saltus.basins import Basins, Grid, Plane, Search, find_attractors, map_basins
 from saltus.basins.map.labelling import Labelling
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED, Cages, Traps
+from saltus.progress import Progress
 from saltus.system import HybridSystem, Mode
 from wells import BOX, Interrupt, double_well
 
@@ -64,14 +66,14 @@ def test_a_section_is_what_a_grid_frozen_there_gives(well, both, basins):
 
 
 def test_a_motion_that_never_arrives_is_undecided(well, both):
-    found = map_basins(well, {}, {"x": (1.5, 2.0, 4), "v": 1.0}, both, longest=1)
+    found = map_basins(well, {}, {"x": (1.5, 2.0, 4), "v": 1.0}, both, options=BasinOptions(longest=1))
     assert "undecided" in {found.names[label] for label in found.labels.tolist()}
 
 
 def test_a_preview_follows_fewer_motions_and_errs_only_beside_boundaries(well, both):
     ranges = {"x": (-2.0, 2.0, 60), "v": (-2.0, 2.0, 60)}
     exact = map_basins(well, {}, ranges, both)
-    quick = map_basins(well, {}, ranges, both, preview=True)
+    quick = map_basins(well, {}, ranges, both, options=BasinOptions(preview=True))
     assert quick.stopped == "all 3600 cells done"
     assert quick.inputs["preview"] is True
     wrong = quick.labels != exact.labels
@@ -95,7 +97,7 @@ def test_a_preview_follows_units_beside_each_other(well, both, small_units, monk
             met.append(True)
         return of(self, points)
 
-    quick = map_basins(well, {}, BOX, both, preview=True)
+    quick = map_basins(well, {}, BOX, both, options=BasinOptions(preview=True))
     labelling = Labelling.from_definition(quick.inputs)
     monkeypatch.setattr(Labelling, "of", together)
     labels = np.empty_like(quick.labels)
@@ -132,27 +134,50 @@ def test_an_interrupt_after_the_last_unit_is_told(well, both, basins, small_unit
 
 
 def test_the_time_left_goes_by_cells_even_where_few_motions_are_followed(well, both, small_units, monkeypatch):
-    clock = iter([0.0])
-    monkeypatch.setattr("saltus.basins.map.mapping.monotonic", lambda: next(clock, 10.0))
-    seen: list[tuple[int, int, float, float]] = []
-    map_basins(well, {}, BOX, both, preview=True, progress=lambda *told: seen.append(told))
-    assert [left for *_, left in seen] == pytest.approx([10.0 * (600 - done) / done for done, *_ in seen])
-    done, _, rate, _ = seen[-2]
-    assert 10.0 * rate < 0.8 * done
+    clock = iter([0.0] * 3)
+    monkeypatch.setattr("saltus.progress.monotonic", lambda: next(clock, 10.0))
+    seen: list[Progress] = []
+    found = map_basins(well, {}, BOX, both, options=BasinOptions(preview=True), progress=seen.append)
+    assert [told.left for told in seen] == pytest.approx([10.0 * (600 - told.done) / told.done for told in seen])
+    assert {told.text for told in seen} == {"labelling cells"}
+    assert found.stopped == "all 600 cells done"
+
+
+def test_one_bar_is_for_the_attractors_and_the_cells(well, capsys):
+    map_basins(well, {}, {**BOX, "v": 0.1}, {"seeds": 8, "search": Search(samples=200)}, progress=True)
+    out, err = capsys.readouterr()
+    assert not out
+    assert "100.0 %" in err
+    assert "labelling cells" in err
+    seen: list[Progress] = []
+    map_basins(well, {}, {**BOX, "v": 0.1}, {"seeds": 8, "search": Search(samples=200)}, progress=seen.append)
+    assert list(dict.fromkeys(told.text for told in seen))[::2] == ["looking for attractors", "labelling cells"]
+
+
+def test_a_search_shows_a_bar(well, capsys):
+    region = {"x": (-2.0, 2.0), "v": (-2.0, 2.0)}
+    find_attractors(well, {}, region, seeds=8, search=Search(samples=200), progress=True)
+    out, err = capsys.readouterr()
+    assert not out
+    assert "100.0 %" in err
+    with pytest.raises(InputError, match=r"^progress = 'loud': must be True for a bar, or a function of a saltus"):
+        find_attractors(well, {}, region, seeds=8, progress="loud")
 
 
 def test_a_system_without_a_phase_is_looked_at_every_interval(tmp_path):
     still = HybridSystem(("x", "v"), {"c": 0.5}, {"well": Mode({"x": "v", "v": "-c*v + x - x**3"})}, name="still")
     grid, store = {"x": (-2.0, 2.0, 10), "v": (-2.0, 2.0, 8)}, tmp_path / "a.zarr"
-    found = map_basins(still, {}, grid, interval=0.7, path=store)
+    found = map_basins(still, {}, grid, options=BasinOptions(interval=0.7), path=store)
     assert found.attractors.interval == 0.7
     assert found.inputs["interval"] == 0.7
     right = max(found.attractors.names, key=lambda name: found.attractors.points[name][0, 0])
     assert found.names[int(found.classify([1.1, 0.0]))] == right
     assert found.fractions()[right] == 0.5  # by symmetry
     assert map_basins(still, {}, grid, path=store) == found
-    with pytest.raises(InputError, match=r"^interval = 0\.8: must be that of the attractors, 0\.7; leave it out$"):
-        map_basins(still, {}, grid, interval=0.8, path=store)
+    with pytest.raises(
+        InputError, match=r"^BasinOptions.interval = 0\.8: must be that of the attractors, 0\.7; leave it out$"
+    ):
+        map_basins(still, {}, grid, options=BasinOptions(interval=0.8), path=store)
     with pytest.raises(InputError, match=r"^interval = None: must be given for a system without a phase"):
         map_basins(still, {}, grid)
 
@@ -330,15 +355,21 @@ def test_points_that_cannot_be_classified_are_told(basins, points, told):
             r"^grid = 's': must be a state other than the phase; all motions start at phase 0$",
         ),
         ({"grid": "wide"}, r"^grid = 'wide': must be a mapping of each state to a range or a value, or a Plane$"),
-        ({"engine": "gpu"}, r"^engine = 'gpu': must be one of cpu, cuda, dask; did you mean 'cpu'\?$"),
-        ({"engine": "dask"}, r"^client = None: must be given for engine='dask', and for no other$"),
-        ({"client": "tcp://here:1"}, r"^client = 'tcp://here:1': must be given for engine='dask', and for no other$"),
-        ({"engine": "dask", "client": 3}, r"^client = 3: must be a dask\.distributed\.Client, or the address"),
-        ({"longest": 0}, r"^longest = 0: must be an integer >= 1$"),
-        ({"tolerance": 0.0}, r"^tolerance = 0\.0: must be a number between 1e-14 and 0\.01$"),
-        ({"tolerance": "fine"}, r"^tolerance = 'fine': must be a number"),
-        ({"preview": 1}, r"^preview = 1: must be True or False$"),
-        ({"progress": 1}, r"^progress = 1: must be a function of two counts, a rate and a time$"),
+        ({"engine": "gpu"}, r"^BasinOptions.engine = 'gpu': must be one of cpu, cuda, dask; did you mean 'cpu'\?$"),
+        ({"engine": "dask"}, r"^BasinOptions.client = None: must be given for engine='dask', and for no other$"),
+        (
+            {"client": "tcp://here:1"},
+            r"^BasinOptions.client = 'tcp://here:1': must be given for engine='dask', and for no other$",
+        ),
+        (
+            {"engine": "dask", "client": 3},
+            r"^BasinOptions.client = 3: must be a dask\.distributed\.Client, or the address",
+        ),
+        ({"longest": 0}, r"^BasinOptions.longest = 0: must be an integer >= 1$"),
+        ({"tolerance": 0.0}, r"^BasinOptions.tolerance = 0\.0: must be a number between 1e-14 and 0\.01$"),
+        ({"tolerance": "fine"}, r"^BasinOptions.tolerance = 'fine': must be a number"),
+        ({"preview": 1}, r"^BasinOptions.preview = 1: must be True or False$"),
+        ({"progress": 1}, r"^progress = 1: must be True for a bar, or a function of a saltus.Progress$"),
         (
             {"attractors": [[1.0, 0.0]]},
             r"^attractors = 'list': must be an Attractors, as find_attractors returns; attractors_from makes one",
@@ -361,7 +392,7 @@ def test_points_that_cannot_be_classified_are_told(basins, points, told):
 def test_a_grid_that_cannot_be_mapped_is_told(well, both, change, told):
     asked = {"parameters": {}, "grid": BOX, "attractors": both, **change}
     with pytest.raises(InputError, match=told):
-        map_basins(well, **asked)
+        Grouped(map_basins, options=BasinOptions)(well, **asked)
 
 
 def test_an_attractor_that_is_none_is_told(well, both):
@@ -381,7 +412,7 @@ def test_attractors_are_found_in_the_box_of_the_grid_and_kept_in_the_store(well,
     for name, share in found.fractions().items():
         assert share == basins.fractions()[names.get(name, name)]
     assert found.attractors.region == {"x": (-2.0, 2.0), "v": (-2.0, 2.0)}
-    again = map_basins(well, {}, BOX, path=tmp_path / "a.zarr", progress=lambda *told: pytest.fail("computed"))
+    again = map_basins(well, {}, BOX, path=tmp_path / "a.zarr", progress=lambda told: pytest.fail("computed"))
     assert again == found
     assert again.attractors == found.attractors
     assert pickle.loads(pickle.dumps(found)) == found
@@ -398,7 +429,7 @@ def test_attractors_are_looked_for_with_the_options_given(well, monkeypatch):
     basins = map_basins(well, {}, {**BOX, "v": 0.1}, {"seeds": 12, "search": Search(samples=200)})
     region = {"x": (-2.0, 2.0), "v": 0.1}
     options = {"region": region, "seeds": 12, "search": Search(samples=200), "motions": 30}
-    assert asked == [{"interval": None, "progress": None, **options}]
+    assert asked == [{"interval": None, "progress": False, **options}]
     assert basins.inputs["search"]["seeds"] == 12
     assert basins.inputs["search"]["region"] == {"x": [-2.0, 2.0], "v": 0.1}
     assert basins.inputs["search"]["search"]["samples"] == 200
@@ -412,12 +443,12 @@ def test_what_cannot_run_is_told_before_attractors_are_looked_for(well, both, tm
     if cuda_devices():
         pytest.skip("there is a CUDA device")
     with pytest.raises(InputError, match=r'engine="cpu"'):
-        map_basins(well, {}, BOX, both, engine="cuda", path=tmp_path / "a.zarr")
+        map_basins(well, {}, BOX, both, options=BasinOptions(engine="cuda"), path=tmp_path / "a.zarr")
     monkeypatch.setattr(
         saltus.basins.map.mapping, "find_attractors", lambda *_, **__: pytest.fail("attractors were sought")
     )
     with pytest.raises(InputError, match=r'engine="cpu"'):
-        map_basins(well, {}, BOX, engine="cuda", path=tmp_path / "a.zarr")
-    with pytest.raises(InputError, match=r"^tolerance = 1\.0: must be a number between 1e-14 and 0\.01$"):
-        map_basins(well, {}, BOX, tolerance=1.0)
+        map_basins(well, {}, BOX, options=BasinOptions(engine="cuda"), path=tmp_path / "a.zarr")
+    with pytest.raises(InputError, match=r"^BasinOptions.tolerance = 1\.0: must be a number between 1e-14 and 0\.01$"):
+        map_basins(well, {}, BOX, options=BasinOptions(tolerance=1.0))
     assert not (tmp_path / "a.zarr").exists()

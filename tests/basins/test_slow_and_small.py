@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import systems
-from saltus import Attractors, HybridSystem, InputError, Mode, find_attractors, map_basins
+from saltus import Attractors, BasinOptions, HybridSystem, InputError, Mode, find_attractors, map_basins
 from saltus.basins.attractors import search as recurrence
 from saltus.basins.attractors.found import Search
 from saltus.basins.map.cost import estimate_cost
@@ -52,12 +52,14 @@ def test_no_cell_of_a_weakly_damped_oscillator_is_undecided(resonant):
 
 def test_why_cells_are_undecided_is_told_and_kept(forced, resonant, tmp_path):
     grid = {"x": (-10, 10, 20), "v": (-10, 10, 20)}
-    short = map_basins(forced, {}, grid, resonant.attractors, longest=50)
+    short = map_basins(forced, {}, grid, resonant.attractors, options=BasinOptions(longest=50))
     assert short.fractions()["undecided"] > 0.2
     assert short.undecided.endswith("reach no trapping region within 50 periods")
     assert f"undecided: {short.undecided}" in repr(short)
     assert "longest 50 periods: as given" in repr(short)
-    stored = map_basins(forced, {}, grid, resonant.attractors, longest=50, path=tmp_path / "short.zarr")
+    stored = map_basins(
+        forced, {}, grid, resonant.attractors, options=BasinOptions(longest=50), path=tmp_path / "short.zarr"
+    )
     assert stored.undecided == short.undecided
     assert type(short).load(short.save(tmp_path / "short.nc")).undecided == short.undecided
 
@@ -106,7 +108,7 @@ def test_a_state_that_does_not_move_is_at_rest_also_in_a_forced_system(forced, f
 @pytest.mark.parametrize("rate", [1e-8, 1e8])
 def test_rates_far_from_one_are_as_good_as_any_if_the_interval_fits(free, rate):
     grid = {"x": (-1, 1, 20), "v": (-rate, rate, 20)}
-    found = map_basins(free, {"k": rate**2, "c": rate}, grid, QUICK, interval=1.0 / rate)
+    found = map_basins(free, {"k": rate**2, "c": rate}, grid, QUICK, options=BasinOptions(interval=1.0 / rate))
     assert found.fractions() == {"rest": 1.0, "diverged": 0.0, "undecided": 0.0}
 
 
@@ -124,7 +126,9 @@ def test_where_nothing_attracts_that_is_told(forced, free):
 
 
 def test_a_limit_cycle_to_which_motions_creep_is_one_attractor(free):
-    found = map_basins(free, {"c": 0.0, "mu": 0.01}, {"x": (-3, 3, 16), "v": (-3, 3, 16)}, QUICK, interval=1.0)
+    found = map_basins(
+        free, {"c": 0.0, "mu": 0.01}, {"x": (-3, 3, 16), "v": (-3, 3, 16)}, QUICK, options=BasinOptions(interval=1.0)
+    )
     assert found.fractions() == {"limit cycle": 1.0, "diverged": 0.0, "undecided": 0.0}
     # the multiplier of van der Pol's cycle is exp(-2 pi mu), to order mu^2
     assert found.attractors.decays["limit cycle"] == pytest.approx(math.exp(-0.01), rel=1e-4)
@@ -132,7 +136,7 @@ def test_a_limit_cycle_to_which_motions_creep_is_one_attractor(free):
 
 
 def test_all_motions_that_diverge_leave_no_attractor(free):
-    found = map_basins(free, {"c": -0.5}, {"x": (1, 2, 8), "v": (1, 2, 8)}, QUICK, interval=1.0)
+    found = map_basins(free, {"c": -0.5}, {"x": (1, 2, 8), "v": (1, 2, 8)}, QUICK, options=BasinOptions(interval=1.0))
     assert found.fractions() == {"diverged": 1.0, "undecided": 0.0}
 
 
@@ -152,11 +156,12 @@ def test_patience_is_four_times_the_decay_within_its_bounds(resonant):
 def test_a_search_tells_how_far_it_is_and_asks_for_no_more_samples_than_are_worth_it(forced):
     seen = []
     region = {"x": (-2, 2), "v": (-2, 2)}
-    few = find_attractors(forced, {"c": 0.3}, region, seeds=16, motions=100, progress=lambda *told: seen.append(told))
+    few = find_attractors(forced, {"c": 0.3}, region, seeds=16, motions=100, progress=seen.append)
     many = find_attractors(forced, {"c": 0.3}, region, seeds=16, motions=10**8)
-    assert [done for done, *_ in seen] == sorted(done for done, *_ in seen)
-    assert all(done <= total and rate > 0.0 and left >= 0.0 for done, total, rate, left in seen)
-    assert seen[-1][0] == seen[-1][1]
+    assert [told.done for told in seen] == sorted(told.done for told in seen)
+    assert all(told.done <= told.total for told in seen)
+    assert {told.text for told in seen} >= {"looking for attractors", "measuring trapping regions"}
+    assert (seen[-1].done, seen[-1].left) == (seen[-1].total, 0.0)
     assert "measured: 1000 samples" in few.notes["period-1"]
     assert "measured: 20000 samples" in many.notes["period-1"]
 

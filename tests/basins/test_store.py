@@ -17,7 +17,8 @@ import zarr
 from zarr.storage import LocalStore
 
 import saltus
-from saltus import InputError
+from grouped import Grouped
+from saltus import BasinOptions, InputError
 from saltus.basins import Basins, Search, map_basins
 from saltus.basins.map.labelling import ACCURACY
 from saltus.ensemble.traps import NOT_DONE
@@ -164,7 +165,7 @@ def test_a_run_that_was_interrupted_goes_on_from_its_units(well, both, basins, s
     assert part.stopped == f"interrupted: {done.sum()} of 600 cells done"
     assert part.fractions()["not done"] == pytest.approx(1.0 - done.mean())
     before = {file: file.stat().st_mtime_ns for file in units_in(path)}
-    whole = map_basins(well, {}, BOX, both, path=path, progress=lambda *told: seen.append(told[0]))
+    whole = map_basins(well, {}, BOX, both, path=path, progress=lambda told: seen.append(told.done))
     assert seen[0] > done.sum()
     assert seen[-1] == 600
     assert {file: file.stat().st_mtime_ns for file in before} == before
@@ -172,7 +173,7 @@ def test_a_run_that_was_interrupted_goes_on_from_its_units(well, both, basins, s
 
 
 def test_what_is_done_is_not_computed_again(stored, well, both):
-    again = map_basins(well, {}, BOX, both, path=stored.path, progress=lambda *told: pytest.fail("computed"))
+    again = map_basins(well, {}, BOX, both, path=stored.path, progress=lambda told: pytest.fail("computed"))
     assert again == stored
     assert again.orbits_per_second == pytest.approx(stored.orbits_per_second)
 
@@ -184,7 +185,7 @@ saltus.basins.map.grid._LEAST, saltus.basins.map.grid._CHUNK = 60, 30
 from saltus.basins import map_basins
 from wells import BOX, double_well, wells
 well = double_well()
-map_basins(well, {}, BOX, wells(well), path=sys.argv[1], progress=lambda *told: time.sleep(0.3))
+map_basins(well, {}, BOX, wells(well), path=sys.argv[1], progress=lambda told: time.sleep(0.3))
 """
 
 
@@ -246,7 +247,7 @@ def test_a_store_of_other_inputs_is_refused_with_both_values(stored, well, both,
     asked = {"system": well, "parameters": {}, "grid": BOX, "attractors": both, "path": stored.path, **change}
     held = {file: file.read_bytes() for file in stored.path.rglob("*") if file.is_file()}
     with pytest.raises(InputError, match=r"^path = .*: must be a new one, or that of the same input; " + told):
-        map_basins(**asked)
+        Grouped(map_basins, options=BasinOptions)(**asked)
     assert {file: file.read_bytes() for file in stored.path.rglob("*") if file.is_file()} == held
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import systems
 from oracles.closed_forms import HENON, LOGISTIC
-from saltus import InputError, StepControl, continue_orbit, solve_orbit
+from saltus import BranchOptions, InputError, StepControl, continue_orbit, solve_orbit
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +55,8 @@ def test_unknown_directions(orbit):
 
 
 def test_unknown_at_grazing(orbit):
-    with refuse("at_grazing = 'jump': must be one of switch, pass, stop"):
-        continue_orbit(orbit, "a", (2.0, 3.0), at_grazing="jump")
+    with refuse("StepControl.at_grazing = 'jump': must be one of switch, pass"):
+        StepControl(at_grazing="jump")
 
 
 @pytest.mark.parametrize(("stop_at", "text"), [("sn", "'sn'"), (("PD", "XX"), "'XX'")])
@@ -129,3 +129,33 @@ def test_henon_has_two_states():
         solve_orbit(
             systems.carried_map(("x", "y"), {"a": 0.2, "b": 0.3}, HENON), {}, [("carry", "map", [0.1, 0.2], 1.0)]
         )
+
+
+@pytest.mark.parametrize("progress", ["loud", 1, [print]])
+def test_progress_is_a_bar_or_a_function(orbit, progress):
+    with refuse(f"progress = {progress!r}: must be True for a bar, or a function of a saltus.Progress"):
+        continue_orbit(orbit, "a", (2.0, 3.0), progress=progress)
+
+
+def test_true_shows_a_bar_with_the_parameter(orbit, capsys):
+    branch = continue_orbit(orbit, "a", (2.4, 2.6), progress=True)
+    out, err = capsys.readouterr()
+    assert not out
+    assert re.search(r"\d  [\d.,]+ a second  a = 2\.\d+", err)
+    assert branch == continue_orbit(orbit, "a", (2.4, 2.6))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"steps": 0.1}, "BranchOptions.steps = 0.1: must be a StepControl"),
+        ({"steps": None}, "BranchOptions.steps = None: must be a StepControl"),
+        ({"directions": "left"}, "BranchOptions.directions = 'left': must be one of both, up, down"),
+        ({"events": 3}, "BranchOptions.events = 3: must be a mapping of names to values, as {'gap': 0.02}"),
+        ({"stop_at": 3}, "BranchOptions.stop_at = 3: must be a sequence of types of special points"),
+        ({"stop_at": (1,)}, "BranchOptions.stop_at = 1: must be a sequence of types of special points"),
+    ],
+)
+def test_options_of_branches_are_checked_when_they_are_made(options, message):
+    with pytest.raises(InputError, match=f"^{re.escape(message)}"):
+        BranchOptions(**options)

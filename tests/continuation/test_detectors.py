@@ -236,7 +236,9 @@ def test_grazing_and_fold_of_the_standard_oscillator():
 
 def test_past_the_grazing_equations_have_solutions_that_are_no_motion():
     form = ImpactOrbit(1.0)
-    branch = continue_orbit(impact_orbit(1.0, 1, 0.5), "A", (0.05, 1.0), at_grazing="pass", directions="down")
+    branch = continue_orbit(
+        impact_orbit(1.0, 1, 0.5), "A", (0.05, 1.0), steps=StepControl(at_grazing="pass"), directions="down"
+    )
     speed = np.array([-u[1] / 0.8 for u in branch.unknowns])
     np.testing.assert_allclose([form.amplitude(U) for U in speed], branch.values, atol=1e-9)
     assert (speed < -1e-3).any()

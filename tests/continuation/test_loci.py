@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -831,9 +832,10 @@ def test_a_closed_locus_has_each_special_point_once_wherever_it_starts(q):
 
 
 def test_an_interrupt_ends_a_locus_with_what_was_found(delayed):
-    def interrupt(count, values):
-        assert len(values) == 2
-        if count == 5:
+    def interrupt(progress):
+        assert progress.total is None
+        assert re.fullmatch(r"a = [\d.]+, c = -?[\d.]+", progress.text)
+        if progress.done == 5:
             raise KeyboardInterrupt
 
     start = cycle(delayed, [(1 - 1 / 2.2, 1 - 1 / 2.2)], a=2.2, c=0.2)

@@ -10,7 +10,7 @@ import pytest
 
 import systems
 from oracles.closed_forms import DELAYED, HENON, henon_fixed_point
-from saltus import HybridSystem, InputError, Mode, Transition, continue_locus, continue_orbit, solve_orbit
+from saltus import HybridSystem, InputError, Mode, StepControl, Transition, continue_locus, continue_orbit, solve_orbit
 
 BOUNDS = {"a": (-3.0, 5.0), "b": (-2.0, 0.9)}
 PAIR = ("a", "b")
@@ -173,6 +173,24 @@ def test_directions_are_known(fold, directions):
 @pytest.mark.parametrize("steps", [0.1, {"largest": 0.1}, "fine"])
 def test_steps_are_a_step_control(fold, steps):
     assert message(fold, PAIR, BOUNDS, steps=steps) == f"steps = {steps!r}: must be a StepControl"
+
+
+def test_a_locus_does_not_pass_a_grazing(fold):
+    said = message(fold, PAIR, BOUNDS, steps=StepControl(at_grazing="pass"))
+    assert said == "StepControl.at_grazing = 'pass': must be left out; a locus ends at a grazing"
+
+
+@pytest.mark.parametrize("progress", ["loud", 1])
+def test_progress_is_a_bar_or_a_function(fold, progress):
+    wanted = f"progress = {progress!r}: must be True for a bar, or a function of a saltus.Progress"
+    assert message(fold, PAIR, BOUNDS, progress=progress) == wanted
+
+
+def test_true_shows_a_bar_with_both_parameters(fold, capsys):
+    continue_locus(fold, PAIR, {"a": (-0.2, 0.0), "b": (0.2, 0.4)}, progress=True)
+    out, err = capsys.readouterr()
+    assert not out
+    assert re.search(r"a second  a = -0\.\d+, b = 0\.\d+", err)
 
 
 def test_stop_at_names_types(fold):

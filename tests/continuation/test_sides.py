@@ -16,6 +16,7 @@ from saltus import (
     continue_locus,
     continue_orbit,
     find_orbit,
+    grazing_orbits,
     load,
     solve_orbit,
     switch_branch,
@@ -86,7 +87,7 @@ def test_a_rest_that_passes_a_threshold_goes_on_in_the_mode_beyond(rising, unit)
 
 
 def test_a_rest_beyond_a_threshold_is_no_motion(rising):
-    branch = continue_orbit(find_orbit(rising, {}, [0.3, 1.0]), "p", (0.0, 3.0), at_grazing="pass")
+    branch = continue_orbit(find_orbit(rising, {}, [0.3, 1.0]), "p", (0.0, 3.0), steps=StepControl(at_grazing="pass"))
     assert grazings(branch) == pytest.approx([1.0], abs=1e-10)
     np.testing.assert_array_equal(branch.admissible, branch.values <= 1.0)
     assert branch.orbit(-1).reasons == (BEYOND,)
@@ -107,7 +108,7 @@ def test_the_locus_of_rests_on_a_threshold_is_the_threshold(rising):
     locus = continue_locus(branch["GR1"], ("p", "d"), {"p": (0.2, 3.0), "d": (0.5, 2.0)})
     np.testing.assert_allclose(locus.values[:, 0], locus.values[:, 1], atol=1e-10)
     assert np.ptp(locus.values[:, 1]) == pytest.approx(1.5)
-    assert [orbit.signature for orbit in switch_branch(branch["GR1"])] == [(("low", "s"),), (("high", "s"),)]
+    assert [orbit.signature for orbit in grazing_orbits(branch["GR1"])] == [(("low", "s"),), (("high", "s"),)]
 
 
 def test_a_threshold_in_either_direction_is_passed_both_ways():
@@ -296,7 +297,7 @@ def test_a_start_at_a_grazing_shows_no_bifurcation_of_rounding(side):
     branch = continue_orbit(rest, "A", (0.1, 3.0))
     assert grazings(branch) == pytest.approx([1.0 / abs(linear)], abs=1e-10)
     folds = [p.parameters["A"] for p in branch.special_points.of_type("SN")]
-    again = continue_orbit(switch_branch(branch["GR1"])[side], "A", (0.1, 3.0))
+    again = continue_orbit(grazing_orbits(branch["GR1"])[side], "A", (0.1, 3.0))
     assert {p.type for p in again.special_points} == {"GR", "SN"}
     assert sorted(p.parameters["A"] for p in again.special_points.of_type("SN")) == pytest.approx(sorted(folds))
 

@@ -64,7 +64,7 @@ def test_multipliers_of_a_field_with_a_root_on_the_surface_are_those_of_scipy(e:
 @pytest.mark.parametrize(("e", "q"), [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 def test_grazings_of_a_soft_stop_lie_on_the_resonance_curve(e: float, q: float) -> None:
     orbit = saltus.find_orbit(STOP, {"d": 12.0, "e": e, "q": q}, [0.0, 0.0])
-    branch = saltus.continue_orbit(orbit, "d", (1.0, 12.0), directions="down", at_grazing="stop")
+    branch = saltus.continue_orbit(orbit, "d", (1.0, 12.0), directions="down", stop_at="GR")
     locus = saltus.continue_locus(branch["GR1"], ("d", "w"), {"d": (1.0, 12.0), "w": (0.8, 1.2)})
     d, w = locus.values.T
     assert d == pytest.approx(1.0 / np.sqrt((1.0 - w * w) ** 2 + 0.01 * w * w), rel=1e-9)

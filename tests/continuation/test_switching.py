@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import math
+import pickle
 import re
 
 import numpy as np
 import pytest
 
+import saltus
 import systems
 from oracles.closed_forms import CUSP, DELAYED, HENON, LOGISTIC, ImpactOrbit, henon_fixed_point, henon_two_cycle
-from saltus import InputError, StepControl, continue_locus, continue_orbit, follow_cascade, solve_orbit, switch_branch
+from saltus import (
+    InputError,
+    StepControl,
+    continue_locus,
+    continue_orbit,
+    follow_cascade,
+    grazing_orbits,
+    solve_orbit,
+    switch_branch,
+)
 
 DOUBLINGS = (3.0, 1.0 + math.sqrt(6.0), 3.5440903596, 3.5644072661, 3.5687594195)
 """Where periods 1, 2, 4, 8, 16 of the logistic map double, the last three as printed to ten digits."""
@@ -94,17 +105,34 @@ def test_the_other_branch_at_a_pitchfork():
 
 def test_a_grazing_orbit_in_both_signatures(grazing):
     point = grazing["GR1"]
-    own, *others = switch_branch(point)
+    own, *others = grazing_orbits(point)
     assert own is point.orbit
+    assert switch_branch(point) == others[0]
     assert {orbit.signature for orbit in (own, *others)} == {(("free", "impact"),), (("free", "theta"),)}
     for orbit in others:
         assert orbit.parameters == pytest.approx(dict(point.parameters))
         assert orbit.max["x"] == pytest.approx(1.0, abs=1e-9)
 
 
+def test_the_orbit_beyond_a_grazing_starts_the_branch_that_goes_on_there(grazing):
+    assert [point.type for point in grazing.special_points] == ["SN", "GR"]
+    ended = continue_orbit(grazing.orbit(0), "A", (0.05, 1.2), directions="down", stop_at="GR")
+    assert ended.stopped[1] == f"A = {ended['GR1'].parameters['A']:.9g}: grazing"
+    assert len(ended.forms) == 1
+    for orbit in grazing_orbits(ended["GR1"]):
+        again = continue_orbit(orbit, "A", (0.05, 1.2))
+        assert {form.names(again.system) for form in again.forms} == {(("free", "impact"),), (("free", "theta"),)}
+        assert again["SN1"].parameters["A"] == pytest.approx(grazing["SN1"].parameters["A"], abs=1e-9)
+
+
 @pytest.mark.parametrize("given", [None, 3, "PD1", [], {}])
 def test_what_is_no_special_point_has_no_other_branch(given):
     refuse(f"point = {given!r}: must be a SpecialPoint", lambda: switch_branch(given))
+    refuse(f"point = {given!r}: must be a SpecialPoint", lambda: grazing_orbits(given))
+
+
+def test_only_at_a_grazing_signatures_meet(henon):
+    refuse("point = 'SN': must be of type GR; only there signatures meet", lambda: grazing_orbits(henon["SN1"]))
 
 
 def test_an_orbit_or_a_branch_is_no_special_point(logistic):
@@ -174,9 +202,17 @@ def test_a_cascade_ends_at_a_bound(logistic):
 
 def test_progress_is_told_along_a_cascade(logistic):
     told = []
-    follow_cascade(logistic["PD1"], (2.5, 3.5), doublings=1, progress=lambda *place: told.append(place))
-    assert [count for count, _ in told] == list(range(1, len(told) + 1))
-    assert 3.0 <= told[-1][1] <= 3.5
+    cascade = follow_cascade(logistic["PD1"], (2.5, 4.0), doublings=2, progress=told.append)
+    assert [progress.done for progress in told] == list(range(1, len(told) + 1))
+    assert {progress.text.split(":")[0] for progress in told} == {"period 2", "period 4"}
+    assert cascade == follow_cascade(logistic["PD1"], (2.5, 4.0), doublings=2)
+
+
+def test_true_shows_a_bar_of_all_points_of_a_cascade(logistic, capsys):
+    follow_cascade(logistic["PD1"], (2.5, 3.5), doublings=1, progress=True)
+    out, err = capsys.readouterr()
+    assert not out
+    assert "period 2: a = 3." in err
 
 
 @pytest.mark.parametrize("given", [None, 3, "PD1", []])
@@ -212,7 +248,62 @@ def test_steps_of_a_cascade_are_a_step_control(logistic, steps):
 
 
 def test_progress_of_a_cascade_is_a_function(logistic):
-    refuse("progress = 3: must be", lambda: follow_cascade(logistic["PD1"], (2.5, 4.0), progress=3))
+    refuse("progress = 3: must be True for a bar", lambda: follow_cascade(logistic["PD1"], (2.5, 4.0), progress=3))
+
+
+def test_a_cascade_ends_at_a_grazing_whatever_the_steps(logistic):
+    steps = StepControl(at_grazing="pass")
+    wanted = "StepControl.at_grazing = 'pass': must be left out; a cascade ends at a grazing"
+    refuse(wanted, lambda: follow_cascade(logistic["PD1"], (2.5, 4.0), steps=steps))
+
+
+# files
+
+
+def test_a_cascade_is_saved_and_read_back_equal(cascade, tmp_path):
+    again = saltus.load(cascade.save(tmp_path / "cascade.nc"))
+    assert isinstance(again, saltus.Cascade)
+    assert again == cascade
+    assert repr(again) == repr(cascade)
+    assert again.branches == cascade.branches
+    np.testing.assert_array_equal(again.values, cascade.values)
+    assert again.options == {"bounds": [2.5, 4.0], "doublings": 4, "steps": cascade.options["steps"]}
+    assert (again.system, again.parameter) == (cascade.system, "a")
+
+
+def test_a_cascade_travels_between_processes(cascade):
+    assert pickle.loads(pickle.dumps(cascade)) == cascade
+
+
+def test_a_cascade_without_branches_is_saved_too(logistic, tmp_path):
+    none = saltus.Cascade(logistic["PD1"], (), "by hand")
+    assert len(none.points) == 1
+    assert math.isnan(none.limit)
+    assert saltus.Cascade.load(none.save(tmp_path / "none.nc")) == none
+
+
+@pytest.mark.parametrize("name", ["level", "start", "count", "special_count", "point"])
+def test_a_parameter_with_the_name_of_a_dimension_or_a_variable_does_no_harm(name, tmp_path):
+    system = carried({"x": f"{name}*x*(1 - x)"}, **{name: 2.5})
+    branch = continue_orbit(cycle(system, [0.6]), name, (2.0, 3.4))
+    cascade = follow_cascade(branch["PD1"], (2.5, 3.5), doublings=1)
+    assert saltus.load(cascade.save(tmp_path / "cascade.nc")) == cascade
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda data: data.attrs.update(parameter="b"), "attribute 'parameter' = 'b': must be one of a"),
+        (lambda data: data.attrs.pop("stopped"), "attribute 'stopped' = None: must be in the file"),
+        (lambda data: data["start.type"].values.fill("SN"), "variable 'start.type' = 'SN': must be PD"),
+        (lambda data: data["special_type"].values.fill("XX"), "special points = 'no PD': must be a PD on each branch"),
+        (lambda data: data["count"].values.fill(3), "variable 'count' = 12: must be"),
+    ],
+)
+def test_what_is_wrong_with_the_dataset_of_a_cascade_is_told(cascade, change, message):
+    dataset = cascade.to_xarray().copy(deep=True)
+    change(dataset)
+    refuse(message, lambda: saltus.Cascade.from_xarray(dataset))
 
 
 def refuse(message, call):

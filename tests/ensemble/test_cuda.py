@@ -16,7 +16,7 @@ from saltus import HybridSystem, Mode, Transition
 from saltus.ensemble import cuda
 from saltus.ensemble.cuda import CudaEnsemble, cuda_devices
 from saltus.ensemble.ensemble import Ensemble
-from saltus.ensemble.labels import Boxes, Found, Motions, Regions, Settings
+from saltus.ensemble.labels import Boxes, Found, Lanes, Motions, Regions, Settings
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Traps
 from saltus.errors import InputError
 
@@ -36,7 +36,7 @@ from saltus.ensemble.traps import Cells, Ellipsoids, Traps
 sys.setswitchinterval(1e-4)  # the simulator's threads wait for each other by polling
 system = HybridSystem.from_definition(json.loads(sys.argv[2]))
 generator = np.random.default_rng(7)
-points = generator.uniform((-0.5, -1.0), (1.2, 1.0), (200, 2))  # more than a block has lanes
+points = generator.uniform((-0.5, -1.0), (1.2, 1.0), (330, 2))  # more than a block has lanes
 engines = {"cpu": Ensemble(system, threads=1), "cuda": CudaEnsemble(system)}
 centre = engines["cpu"].strobe([[0.0, 0.0]], count=200)[0]
 planes = np.array([[[1.0, 0.0], [0.0, -1.0]]]), np.array([[0.04, 0.05]])
@@ -47,9 +47,9 @@ cells = Cells(corner, np.array([0.05, 0.05]), boxes, np.full(9, 4, np.uint8), 3)
 found = {}
 for name, engine in engines.items():
     found[f"{name}_ends"], found[f"{name}_modes"] = engine.strobe(points[:60], count=2)
-    found[f"{name}_labels"], found[f"{name}_strobes"] = engine.settle(points, discs, longest=3)
+    found[f"{name}_labels"], found[f"{name}_strobes"] = engine.settle(points, discs, longest=1)
     found[f"{name}_cell_labels"], found[f"{name}_cell_strobes"] = engine.settle(
-        points[:40], Traps(2, cells=cells, limit=50.0), longest=20
+        points[:16], Traps(2, cells=cells, limit=50.0), longest=20
     )
 cuda._SHARED_BYTES = 0
 cuda._kernel.cache_clear()
@@ -135,7 +135,7 @@ def test_the_compiler_of_a_device_takes_the_generated_text(between_wall_and_spri
     monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(8, 0)))
     reals, pairs, whole, indices = np.empty(1), np.empty((1, 2)), np.empty(1, np.int64), np.empty((1, 2), np.int64)
     arguments = (
-        (reals, reals, pairs), Motions(pairs, whole), Regions(pairs, pairs, whole),
+        Lanes(whole, whole, reals, reals), (pairs,), Motions(pairs, whole), Regions(pairs, pairs, whole),
         Boxes(reals, reals, indices, whole), Settings(1.0, 1.0, 1.0, 1.0, 1, 1),
         Found(np.empty(1, np.uint8), np.empty(1, np.int32), pairs, whole), whole,
     )  # fmt: skip
@@ -159,7 +159,7 @@ def test_devices_share_the_motions_and_each_motion_is_followed_once(monkeypatch)
     together = Barrier(2 * 3)  # two pieces at a time on each of three devices
     used = []
 
-    def follow(device, module, tables, motions, regions, boxes, settings, found):
+    def follow(device, module, lanes, motions, regions, boxes, settings, found):
         together.wait(timeout=60)
         used.append(device)
         labels, strobes, ends, _ = found

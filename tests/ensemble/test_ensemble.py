@@ -172,7 +172,7 @@ def by_events(system, parameters, points, *, interval=None, count=1, modes=None,
             full = system.full_state(x)
             mode = starting_mode(system, full, p) if modes is None else modes[i]
             if interval is None:
-                found = iterate(system, p, full, mode, discard=count - 1, keep=1, rtol=tol, atol=tol)
+                found = iterate(system, p, full, mode, discard=count - 1, keep=1, tolerance=(tol, tol))
                 ends[i], end_modes[i] = found.states[0, : x.size], found.modes[0]
             else:
                 name = system.mode_names[mode]
@@ -244,7 +244,7 @@ def test_an_impact_orbit_keeps_its_closed_form():
     form, system = ImpactOrbit(1.0), made("impact oscillator")
     x = np.array(form.after_impact(form.speeds(1.0)[1]))
     p = system.parameter_vector({})
-    start = iterate(system, p, x, 0, discard=0, keep=1, rtol=1e-12, atol=1e-13).states[:, :2]
+    start = iterate(system, p, x, 0, discard=0, keep=1, tolerance=(1e-12, 1e-13)).states[:, :2]
     ends, _ = Ensemble(system, tolerance=1e-10).strobe(np.tile(start, (3, 1)), count=50)
     np.testing.assert_allclose(ends, np.tile(start, (3, 1)), atol=1e-8)
 

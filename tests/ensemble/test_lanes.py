@@ -12,7 +12,7 @@ import sys
 import llvmlite.binding as llvm
 import numpy as np
 import pytest
-from numba import float64, int64, void
+from numba import types
 
 import systems
 from saltus.ensemble.ensemble import Ensemble
@@ -84,11 +84,12 @@ def test_a_second_process_compiles_nothing(tmp_path):
 )
 def test_steps_are_made_of_vector_instructions(make):
     lanes = Ensemble(make())._lanes
-    signature = void(float64[::1], int64, float64[::1], float64[::1])
+    numbers = types.CPointer(types.float64)
+    signature = types.void(numbers, types.int64, numbers, numbers)
     for k in range(lanes.module.POOLS):
         step = getattr(lanes.module, f"step_{k}")
         step.compile(signature)
-        (text,) = step.inspect_asm().values()
+        text = step.inspect_asm(signature.args)
         packed = len(re.findall(PACKED[platform.machine()].format(registers()), text))
         alone = len(re.findall(r"\bv?(?:mul|add|sub|fn?m(?:add|sub)\d+)sd\b", text))
         assert packed > 100

@@ -9,7 +9,7 @@ import pytest
 
 import systems
 from oracles.closed_forms import HENON
-from saltus.flow.poincare import admits, iterate
+from saltus.flow.poincare import EventSection, admits, iterate
 from saltus.flow.simulation import simulate
 
 RTOL, ATOL = 1e-11, 1e-13
@@ -22,7 +22,7 @@ def path(impact_oscillator):
 
 
 def returns(system, x=(0.2, 0.0), **options):
-    return iterate(system, system.parameter_vector(PLACE), x, 0, rtol=RTOL, atol=ATOL, **options)
+    return iterate(system, system.parameter_vector(PLACE), x, 0, tolerance=(RTOL, ATOL), **options)
 
 
 def test_returns_to_phase_zero_are_the_simulated_wraps(impact_oscillator, path):
@@ -34,14 +34,14 @@ def test_returns_to_phase_zero_are_the_simulated_wraps(impact_oscillator, path):
 
 
 def test_returns_to_a_transition_are_the_states_before_it(impact_oscillator, path):
-    found = returns(impact_oscillator, discard=1, keep=5, section=(0,))
+    found = returns(impact_oscillator, discard=1, keep=5, section=EventSection((0,)))
     impacts = path.events[path.events["name"] == "impact"][1:6]
     np.testing.assert_allclose(found.states, impacts["before"], atol=1e-8)
     np.testing.assert_allclose(found.times, impacts["time"], atol=1e-8)
     np.testing.assert_allclose(found.x_end, impacts["after"][-1], atol=1e-8)
 
 
-@pytest.mark.parametrize("section", [None, (0,)])
+@pytest.mark.parametrize("section", [None, EventSection((0,))])
 def test_a_motion_goes_on_where_it_ended(impact_oscillator, section):
     whole = returns(impact_oscillator, discard=4, keep=4, section=section)
     first = returns(impact_oscillator, discard=4, keep=0, section=section)
@@ -57,7 +57,9 @@ def test_a_start_inside_a_period_returns_at_its_end(impact_oscillator):
 
 def test_a_carried_map_returns_its_images():
     henon = systems.carried_map(("x", "y"), {"a": 1.4, "b": 0.3}, HENON)
-    found = iterate(henon, henon.parameter_vector({}), [0.1, 0.2, 0.0], 0, discard=1, keep=2, section=(0,))
+    found = iterate(
+        henon, henon.parameter_vector({}), [0.1, 0.2, 0.0], 0, discard=1, keep=2, section=EventSection((0,))
+    )
     x, y = 1.4 - 0.1**2 + 0.3 * 0.2, 0.1
     np.testing.assert_allclose(found.states[0, :2], [x, y], rtol=1e-15)
     np.testing.assert_allclose(found.states[1, :2], [1.4 - x**2 + 0.3 * y, x], rtol=1e-14)
@@ -65,7 +67,7 @@ def test_a_carried_map_returns_its_images():
 
 def test_a_motion_that_stays_away_ends_after_the_longest_wait(impact_oscillator):
     p = impact_oscillator.parameter_vector({"w": 2.0, "A": 0.1})
-    found = iterate(impact_oscillator, p, [0.0, 0.0], 0, discard=2, keep=3, section=(0,), longest=200.0)
+    found = iterate(impact_oscillator, p, [0.0, 0.0], 0, discard=2, keep=3, section=EventSection((0,), longest=200.0))
     assert found.states.shape == (0, 3)
     assert np.all(np.isfinite(found.x_end))
 

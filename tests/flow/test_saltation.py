@@ -7,8 +7,9 @@ import pytest
 
 import systems
 from saltus.errors import InputError
-from saltus.flow.event_logs import events_after, settle
+from saltus.flow.event_logs import events_after
 from saltus.flow.saltation import saltation_matrix
+from systems import settle
 
 
 @pytest.mark.parametrize(
@@ -24,7 +25,7 @@ from saltus.flow.saltation import saltation_matrix
 def test_saltation_is_the_derivative_of_the_flow_across_the_event(make, parameters, start, mode):
     system = make()
     p = system.parameter_vector(parameters)
-    compiled, tight = system.compiled, {"rtol": 1e-13, "atol": 1e-15}
+    compiled, tight = system.compiled, {"tolerance": (1e-13, 1e-15)}
     log = events_after(system, p, start, mode, t_end=100.0, n_events=1, **tight)
     before, k = log.x_before[-1], int(log.transition[-1])
     source, target = int(log.mode_before[-1]), int(log.mode_after[-1])
@@ -57,8 +58,8 @@ def test_two_fields_have_the_known_multiplier(two_fields):
     from scipy.linalg import eigvals
 
     p = two_fields.parameter_vector({"al": 1.0, "be": 2.0})
-    x, mode = settle(two_fields, p, [0.0, 1.5], 0, t_end=150.0, rtol=1e-13, atol=1e-15)
-    log = events_after(two_fields, p, x, mode, t_end=100.0, n_events=3, rtol=1e-13, atol=1e-15)
+    x, mode = settle(two_fields, p, [0.0, 1.5], 0, t_end=150.0, tolerance=(1e-13, 1e-15))
+    log = events_after(two_fields, p, x, mode, t_end=100.0, n_events=3, tolerance=(1e-13, 1e-15))
     monodromy = np.eye(2)
     for i in (0, 1):
         mode, start, length = int(log.mode_after[i]), log.x_after[i], log.time[i + 1] - log.time[i]

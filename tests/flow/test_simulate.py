@@ -11,14 +11,16 @@ import saltus
 import saltus.results
 import systems
 from oracles.closed_forms import TableJump
+from saltus import Limits
 from saltus.errors import ChatteringError, DivergenceError, InputError
 from saltus.flow import simulation
-from saltus.flow.event_logs import events_after, settle
+from saltus.flow.event_logs import events_after
 from saltus.flow.simulation import simulate
 from saltus.system.hybrid import HybridSystem, Mode, Transition
+from systems import settle
 
 TIGHT = {"tolerance": (1e-12, 1e-14)}
-TIGHT_STEPS = {"rtol": 1e-12, "atol": 1e-14}
+TIGHT_STEPS = {"tolerance": (1e-12, 1e-14)}
 
 
 def one_mode(field, transitions=(), *, parameters=None, phase=None, domain=None, **options):
@@ -393,7 +395,7 @@ def test_a_field_that_is_not_finite_at_the_start_is_told():
         ({"tolerance": 0.0}, "tolerance = 0.0: must be a number between 1e-14 and 0.1"),
         ({"tolerance": (1e-9, math.nan)}, r"tolerance\[1\] = nan: must be a finite number > 0"),
         ({"tolerance": (1e-9,)}, "tolerance = .*: must be a number, or a relative and an absolute one"),
-        ({"max_events": 0}, "max_events = 0: must be an integer >= 1"),
+        ({"limits": 3}, "limits = 3: must be a Limits"),
         ({"mode": "fligt"}, "mode = 'fligt': must be one of flight; did you mean 'flight'?"),
         ({"parameters": {"h": 1.0}}, "parameter = 'h': must be one of g, e"),
     ],
@@ -402,6 +404,12 @@ def test_bad_arguments_are_named(ball, arguments, message):
     good = {"parameters": None, "x0": [1.0, 0.0], "t_end": 1.0}
     with pytest.raises(InputError, match=message):
         simulate(ball, **(good | arguments))
+
+
+@pytest.mark.parametrize(("name", "wrong"), [("events", 0), ("steps", 2.5), ("events", None)])
+def test_limits_are_counts(name, wrong):
+    with pytest.raises(InputError, match=rf"Limits.{name} = {wrong}: must be an integer >= 1"):
+        Limits(**{name: wrong})
 
 
 def test_periods_must_be_a_positive_integer(afm1):
@@ -463,7 +471,7 @@ def test_cantilever_agrees_with_scipy_event_by_event(afm1):
     z, speed, flight, contact = _cantilever()
     p = afm1.parameter_vector(None)
     x, mode = settle(afm1, p, [0.0, 0.0], 0, periods=300)
-    log = events_after(afm1, p, x, mode, periods=3, n_events=4, rtol=1e-13, atol=1e-15)
+    log = events_after(afm1, p, x, mode, periods=3, n_events=4, tolerance=(1e-13, 1e-15))
     log = [(t, k, y) for t, k, y in zip(log.time, log.transition, log.x_before, strict=True) if k >= 0]
     t, y = 0.0, x[:2]
     for index, (time, transition, before) in enumerate(log):
@@ -483,7 +491,7 @@ def test_cantilever_agrees_with_heyoka_over_a_tap(afm1):
     hy = pytest.importorskip("heyoka")
     p = afm1.parameter_vector(None)
     x, mode = settle(afm1, p, [0.0, 0.0], 0, periods=300)
-    log = events_after(afm1, p, x, mode, periods=3, n_events=2, rtol=1e-13, atol=1e-15)
+    log = events_after(afm1, p, x, mode, periods=3, n_events=2, tolerance=(1e-13, 1e-15))
 
     ybar, b1, a0 = 0.108, systems.B[0], systems.A0
     q, v, t, w = hy.make_vars("q", "v", "t", "w")
@@ -576,9 +584,9 @@ def test_events_after_stops_at_the_number_of_events(ball):
 
 
 def test_too_many_events_end_the_motion_with_a_sentence(ball):
-    motion = simulate(ball, {"e": 0.9}, [1.0, 0.0], t_end=20.0, max_events=4)
+    motion = simulate(ball, {"e": 0.9}, [1.0, 0.0], t_end=20.0, limits=Limits(events=4))
     assert motion.events.size == 4
-    assert motion.stopped == f"max_events = 4 reached at t = {motion.events['time'][-1]:.12g}"
+    assert motion.stopped == f"4 events reached at t = {motion.events['time'][-1]:.12g}"
     assert motion.t_end == motion.events["time"][-1]
 
 

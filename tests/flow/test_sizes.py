@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from saltus import HybridSystem, Mode, Transition, lyapunov_spectrum, run_sweep, simulate
+from saltus import Average, HybridSystem, Mode, SweepOptions, Transition, lyapunov_spectrum, run_sweep, simulate
 
 UNITS = [(1e-9, 1e-6), (1e-9, 1.0), (1e-6, 1e-3), (1e9, 1e6), (1e-3, 1.0)]
 
@@ -22,7 +22,7 @@ def oscillator(length, time):
 def of_one():
     system = oscillator(1.0, 1.0)
     motion = simulate(system, {}, [0.0, 0.0], periods=30)
-    sweep = run_sweep(system, "w", [1.0, 1.1], x0=[0.0, 0.0], discard=50, keep=5)
+    sweep = run_sweep(system, "w", [1.0, 1.1], x0=[0.0, 0.0], options=SweepOptions(discard=50, keep=5))
     return motion, sweep
 
 
@@ -37,14 +37,20 @@ def test_a_motion_in_other_units_is_as_accurate(of_one, length, time):
 
 @pytest.mark.parametrize(("length", "time"), UNITS)
 def test_a_sweep_in_other_units_has_the_same_points(of_one, length, time):
-    sweep = run_sweep(oscillator(length, time), "w", np.array([1.0, 1.1]) / time, x0=[0.0, 0.0], discard=50, keep=5)
+    sweep = run_sweep(
+        oscillator(length, time),
+        "w",
+        np.array([1.0, 1.1]) / time,
+        x0=[0.0, 0.0],
+        options=SweepOptions(discard=50, keep=5),
+    )
     assert sweep.labels.tolist() == of_one[1].labels.tolist()
     assert sweep.points / np.array([length, length / time]) == pytest.approx(of_one[1].points, abs=1e-9)
 
 
 @pytest.mark.parametrize(("length", "time"), UNITS)
 def test_exponents_in_other_units_have_the_sum_of_the_damping(length, time):
-    found = lyapunov_spectrum(oscillator(length, time), {}, [0.0, 0.0], periods=100)
+    found = lyapunov_spectrum(oscillator(length, time), {}, [0.0, 0.0], average=Average(periods=100))
     hits = simulate(oscillator(length, time), {}, [0.0, 0.0], periods=100).events["name"].tolist().count("hit")
     assert hits == 100
     # between hits -0.1, and 0.7 squared at each
@@ -52,7 +58,10 @@ def test_exponents_in_other_units_have_the_sum_of_the_damping(length, time):
 
 
 def test_an_absolute_tolerance_that_is_given_is_used():
-    assert simulate(oscillator(1e-9, 1.0), {}, [0.0, 0.0], periods=2, tolerance=(1e-10, 1e-13)).atol == 1e-13
+    assert simulate(oscillator(1e-9, 1.0), {}, [0.0, 0.0], periods=2, tolerance=(1e-10, 1e-13)).tolerance == (
+        1e-10,
+        1e-13,
+    )
 
 
 @pytest.mark.parametrize("field", ["-y + sin(s)**2 + cos(s)**2 - 1", "-y", "x*1e-18 - y"])

@@ -9,13 +9,16 @@ import pytest
 
 import systems
 from saltus import (
+    Average,
     ChatteringError,
     DefinitionError,
     DivergenceError,
     HybridSystem,
+    Limits,
     Mode,
     StickingError,
     StiffnessError,
+    SweepOptions,
     Transition,
     find_orbit,
     lyapunov_spectrum,
@@ -61,7 +64,7 @@ def test_friction_is_told_in_any_units(block, time, length):
     assert held.value.time == pytest.approx(2.0 * np.pi * time, rel=1e-5)
 
 
-@pytest.mark.parametrize("call", [find_orbit, lambda *args: lyapunov_spectrum(*args, periods=10)])
+@pytest.mark.parametrize("call", [find_orbit, lambda *args: lyapunov_spectrum(*args, average=Average(periods=10))])
 def test_what_follows_a_motion_tells_that_it_is_held(block, call):
     with pytest.raises(StickingError, match=HELD):
         call(block, {}, [1.0, 0.0])
@@ -73,9 +76,12 @@ def test_a_map_tells_that_its_motions_are_held(block):
 
 
 def test_a_motion_that_passes_a_jump_is_not_held(block):
-    passing = simulate(block, {"A": 2.0}, [1.0, 0.1], periods=50, max_steps=20_000)
+    passing = simulate(block, {"A": 2.0}, [1.0, 0.1], periods=50, limits=Limits(steps=20_000))
     assert passing.stopped == "50 periods reached"
-    for event, call in [("orbit", find_orbit), ("growth", lambda *args: lyapunov_spectrum(*args, periods=10))]:
+    for event, call in [
+        ("orbit", find_orbit),
+        ("growth", lambda *args: lyapunov_spectrum(*args, average=Average(periods=10))),
+    ]:
         with pytest.raises(DefinitionError, match="jumps at v = 0: give each side a mode") as error:
             call(block, {"A": 2.0}, [1.0, 0.1])
         assert "field of mode 'm'" in str(error.value), event
@@ -88,7 +94,7 @@ def test_a_kink_is_no_jump(block):
 
 
 def test_a_sweep_tells_why_a_value_has_no_motion(block):
-    sweep = run_sweep(block, "A", [0.2], x0=[1.0, 0.1], discard=20, keep=5)
+    sweep = run_sweep(block, "A", [0.2], x0=[1.0, 0.1], options=SweepOptions(discard=20, keep=5))
     assert sweep.reasons[0, 0].startswith("sticking: the field of mode 'm' jumps at v = 0")
     assert "at 0.2: sticking: " in repr(sweep)
 
@@ -98,7 +104,7 @@ def test_a_stiff_system_is_told_by_its_steps(k):
     stiff = systems_stiff()
     with pytest.raises(StiffnessError, match=r"^\d+ steps took the motion only to t = .*; settle= allows 1000 steps"):
         find_orbit(stiff, {"k": k}, [0.0, 0.0], settle=100)
-    sweep = run_sweep(stiff, "k", [k], x0=[0.0, 0.0], discard=20, keep=5)
+    sweep = run_sweep(stiff, "k", [k], x0=[0.0, 0.0], options=SweepOptions(discard=20, keep=5))
     assert "it is stiff there" in sweep.reasons[0, 0]
 
 
@@ -113,9 +119,9 @@ def systems_stiff():
 
 
 def test_a_motion_ends_where_its_memory_does():
-    motion = simulate(systems.impact_oscillator(), {}, [0.0, 0.0], periods=100, max_steps=50)
+    motion = simulate(systems.impact_oscillator(), {}, [0.0, 0.0], periods=100, limits=Limits(steps=50))
     assert motion.step_times.size == 50
-    assert motion.stopped == f"max_steps = 50 reached at t = {motion.t_end:.12g}"
+    assert motion.stopped == f"50 steps reached at t = {motion.t_end:.12g}"
 
 
 @pytest.mark.parametrize("x0", [-1.0, 0.7])
@@ -152,11 +158,11 @@ def test_exponents_of_a_motion_that_becomes_ever_stiffer_end_with_a_word(monkeyp
     monkeypatch.setattr(variational, "_STIFF_STEPS", 50_000)
     system = HybridSystem(("x", "y"), {}, {"m": Mode({"x": "x/2", "y": "-x*y"})})
     with pytest.raises(StiffnessError, match=r"steps took the motion only to t = .*, mode 'm', .*it is stiff there"):
-        lyapunov_spectrum(system, {}, [1.0, 1.0], t_end=200.0)
+        lyapunov_spectrum(system, {}, [1.0, 1.0], average=Average(t_end=200.0))
 
 
 def test_exponents_of_a_long_motion_need_not_fear_the_limit_of_stiff_ones(monkeypatch):
     monkeypatch.setattr(variational, "_STIFF_STEPS", 10_000)
     system = HybridSystem(("x", "y"), {}, {"m": Mode({"x": "y", "y": "(1 - x*x)*y - x"})})
-    spectrum = lyapunov_spectrum(system, {}, [2.0, 0.0], t_end=4000.0)
+    spectrum = lyapunov_spectrum(system, {}, [2.0, 0.0], average=Average(t_end=4000.0))
     assert spectrum.exponents == pytest.approx([0.0, -1.0594], abs=2e-3)

@@ -7,7 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from saltus import HybridSystem, Mode, Transition, find_orbit, lyapunov_spectrum, run_sweep, simulate
+from saltus import (
+    Average,
+    HybridSystem,
+    Mode,
+    SweepOptions,
+    Transition,
+    find_orbit,
+    lyapunov_spectrum,
+    run_sweep,
+    simulate,
+)
 from saltus.ensemble.ensemble import Ensemble
 
 D, T, P = 0.4, 3.0, 2.0
@@ -57,10 +67,12 @@ def test_doses_in_other_units_of_time(dosed, T_):
 
 @pytest.mark.parametrize("q", [0.0, -1e-11])
 def test_sweeps_exponents_and_maps_look_before_the_jump(dosed, q):
-    sweep = run_sweep(dosed, "p", [1.0, 2.0], x0=[1.0], parameters={"q": q}, discard=60, keep=3)
+    sweep = run_sweep(dosed, "p", [1.0, 2.0], x0=[1.0], parameters={"q": q}, options=SweepOptions(discard=60, keep=3))
     assert sweep.labels.tolist() == [["period-1", "period-1"]]
     np.testing.assert_allclose(sweep.points[0, 1, :, 0], BEFORE, rtol=1e-6)
-    assert lyapunov_spectrum(dosed, {"q": q}, [1.0], periods=50).exponents[0] == pytest.approx(-D, abs=1e-9)
+    assert lyapunov_spectrum(dosed, {"q": q}, [1.0], average=Average(periods=50)).exponents[0] == pytest.approx(
+        -D, abs=1e-9
+    )
     ends, _ = Ensemble(dosed, {"q": q}).strobe([[1.0], [BEFORE]], count=4)
     np.testing.assert_allclose(ends[:, 0], BEFORE + np.array([1.0 - BEFORE, 0.0]) * LOST**4, rtol=1e-6)
 

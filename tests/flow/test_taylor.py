@@ -14,12 +14,13 @@ from oracles.closed_forms import ImpactOrbit
 from oracles.tapping import Tapping
 from saltus import afm
 from saltus.errors import ChatteringError, DivergenceError, InputError
-from saltus.flow.event_logs import events_after, settle
-from saltus.flow.poincare import iterate
+from saltus.flow.event_logs import events_after
+from saltus.flow.poincare import EventSection, iterate
 from saltus.flow.taylor import ORDER
 from saltus.system.hybrid import HybridSystem, Mode, Transition
+from systems import settle
 
-TIGHT = {"rtol": 1e-12, "atol": 1e-13}
+TIGHT = {"tolerance": (1e-12, 1e-13)}
 
 DRIVE = "-x - 0.1*v + A*cos(theta + c)"
 
@@ -59,23 +60,25 @@ CASES = {
     "cantilever, 1 mode": (lambda: systems.afm(1), {}, [0.0, 0.0], None, 20),
     "cantilever, 2 modes": (lambda: systems.afm(2), {"Omega": 1.15}, [0.0] * 4, None, 20),
     "cantilever, 3 modes": (lambda: afm.tapping_mode(afm.table1(), modes=3), {"Omega": 1.05}, [0.0] * 6, None, 10),
-    "cantilever, at its contacts": (lambda: systems.afm(2), {"Omega": 1.15}, [0.0] * 4, (0, 1), 40),
-    "ball": (systems.ball, {}, [1.0, 0.0], (0,), 12),
+    "cantilever, at its contacts": (lambda: systems.afm(2), {"Omega": 1.15}, [0.0] * 4, EventSection((0, 1)), 40),
+    "ball": (systems.ball, {}, [1.0, 0.0], EventSection((0,)), 12),
     "ball on a table": (systems.ball_on_table, {"a": 1.2}, [0.6, 3.1, 0.5], None, 10),
-    "ball on a table, at its impacts": (systems.ball_on_table, {"a": 1.2}, [0.6, 3.1, 0.5], (0,), 10),
+    "ball on a table, at its impacts": (systems.ball_on_table, {"a": 1.2}, [0.6, 3.1, 0.5], EventSection((0,)), 10),
     "impact oscillator": (systems.impact_oscillator, {}, [0.0, 0.0], None, 30),
-    "impact oscillator, at its impacts": (systems.impact_oscillator, {}, [0.0, 0.0], (0,), 30),
-    "two fields": (systems.two_fields, {}, [0.0, 1.5], (1,), 10),
-    "block on a belt": (systems.stick_slip, {}, [1.0, 0.3], (0, 1), 10),
-    "relay": (systems.relay, {}, [0.1, 0.0, 0.5], (0,), 20),
-    "carried map": (lambda: systems.carried_map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"}), {}, [0.3, 0.0], (0,), 20),
+    "impact oscillator, at its impacts": (systems.impact_oscillator, {}, [0.0, 0.0], EventSection((0,)), 30),
+    "two fields": (systems.two_fields, {}, [0.0, 1.5], EventSection((1,)), 10),
+    "block on a belt": (systems.stick_slip, {}, [1.0, 0.3], EventSection((0, 1)), 10),
+    "relay": (systems.relay, {}, [0.1, 0.0, 0.5], EventSection((0,)), 20),
+    "carried map": (
+        lambda: systems.carried_map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"}), {}, [0.3, 0.0], EventSection((0,)), 20,
+    ),
     "Duffing": (duffing, {}, [0.1, 0.0], None, 20),
     "Duffing, its power a parameter": (lambda: duffing("x**n"), {}, [0.1, 0.0], None, 20),
-    "Lorenz": (lorenz, {}, [1.0, 1.0, 1.0], (0,), 6),
-    "van der Pol": (van_der_pol, {}, [2.0, 0.0], (0,), 10),
+    "Lorenz": (lorenz, {}, [1.0, 1.0, 1.0], EventSection((0,)), 6),
+    "van der Pol": (van_der_pol, {}, [2.0, 0.0], EventSection((0,)), 10),
     "bilinear": (lambda: stop("k*(x - d)"), {}, [0.0, 0.0], None, 30),
     "Hertz": (lambda: stop("k*(x - d)**(3/2)"), {}, [0.0, 0.0], None, 30),
-    "Hertz, at both ends of a contact": (lambda: stop("k*(x - d)**(3/2)"), {}, [0.0, 0.0], (0, 1), 30),
+    "Hertz, at both ends of a contact": (lambda: stop("k*(x - d)**(3/2)"), {}, [0.0, 0.0], EventSection((0, 1)), 30),
     "root": (lambda: stop("sqrt(x - d)"), {}, [0.0, 0.0], None, 30),
     "power 5/2": (lambda: stop("k*(x - d)**2.5"), {}, [0.0, 0.0], None, 30),
     "force that jumps": (lambda: stop("(1/5 + k*(x - d)**(3/2))"), {"A": 2.0}, [0.0, 0.0], None, 30),
@@ -110,9 +113,9 @@ def test_returns_are_those_of_the_runge_kutta_flow(name, monkeypatch):
 def test_the_tolerance_is_what_a_step_is_made_for(afm2):
     p, x = afm2.parameter_vector({"Omega": 1.15}), np.zeros(4)
     x, mode = settle(afm2, p, x, 0, periods=200, **TIGHT)
-    exact = iterate(afm2, p, x, mode, discard=0, keep=1, rtol=1e-13, atol=1e-14).states
+    exact = iterate(afm2, p, x, mode, discard=0, keep=1, tolerance=(1e-13, 1e-14)).states
     errors = [
-        float(np.abs(iterate(afm2, p, x, mode, discard=0, keep=1, rtol=tol, atol=tol).states - exact).max())
+        float(np.abs(iterate(afm2, p, x, mode, discard=0, keep=1, tolerance=(tol, tol)).states - exact).max())
         for tol in (1e-6, 1e-8, 1e-10, 1e-12)
     ]
     # an impact makes errors up to a hundred times larger
@@ -144,7 +147,9 @@ def test_section_of_the_van_der_pol_oscillator_is_that_of_scipy():
         rtol=1e-12, atol=1e-13, events=crossing,
     )  # fmt: skip
     system = van_der_pol()
-    found = iterate(system, system.parameter_vector({}), [2.0, 0.0], 0, discard=0, keep=5, section=(0,), **TIGHT)
+    found = iterate(
+        system, system.parameter_vector({}), [2.0, 0.0], 0, discard=0, keep=5, section=EventSection((0,)), **TIGHT
+    )
     assert found.times == pytest.approx(other.t_events[0][:5], abs=1e-9)
     assert found.states == pytest.approx(other.y_events[0][:5], abs=1e-8)
     assert found.states[:, 0] == pytest.approx(0.0, abs=1e-15)
@@ -155,7 +160,14 @@ def test_impact_orbit_keeps_its_closed_form(impact_oscillator):
     speed = form.speeds(1.0)[1]
     p = impact_oscillator.parameter_vector({"A": 1.0})
     found = iterate(
-        impact_oscillator, p, form.after_impact(speed), 0, discard=1000, keep=10, section=(0,), rtol=1e-8, atol=1e-8
+        impact_oscillator,
+        p,
+        form.after_impact(speed),
+        0,
+        discard=1000,
+        keep=10,
+        section=EventSection((0,)),
+        tolerance=(1e-8, 1e-8),
     )
     assert found.states[:, 1] == pytest.approx(speed, abs=1e-7)
     assert np.diff(found.times) == pytest.approx(2.0 * math.pi, abs=1e-7)
@@ -163,7 +175,7 @@ def test_impact_orbit_keeps_its_closed_form(impact_oscillator):
 
 def test_driven_linear_motion_settles_to_its_closed_form():
     system = one_mode({"x": "v", "v": "-x - c*v + cos(theta)"}, parameters={"c": 0.2, "w": 1.3}, phase=("theta", "w"))
-    found = iterate(system, system.parameter_vector({}), [0.0, 0.0], 0, discard=100, keep=3, rtol=1e-8, atol=1e-8)
+    found = iterate(system, system.parameter_vector({}), [0.0, 0.0], 0, discard=100, keep=3, tolerance=(1e-8, 1e-8))
     motion = 1.0 / (1.0 - 1.3**2 + 0.2j * 1.3)
     assert found.states[:, :2] == pytest.approx(np.tile([motion.real, -1.3 * motion.imag], (3, 1)), abs=1e-7)
 
@@ -172,10 +184,10 @@ def test_dips_are_found_where_a_step_passes_over_them():
     system = one_mode({"z": "v", "v": "2"}, [("z", 0, {}, None)])
     for depth in (1e-3, 1e-6, 1e-9, 1e-12):
         p = system.parameter_vector({})
-        found = iterate(system, p, [1.0 - depth, -2.0], 0, discard=0, keep=2, section=(0,), longest=5.0)
+        found = iterate(system, p, [1.0 - depth, -2.0], 0, discard=0, keep=2, section=EventSection((0,), longest=5.0))
         root = math.sqrt(depth)
         assert found.times == pytest.approx([1.0 - root, 1.0 + root], abs=1e-12 + 2e-15 / root)
-    missed = iterate(system, p, [1.0 + 1e-12, -2.0], 0, discard=0, keep=2, section=(0,), longest=5.0)
+    missed = iterate(system, p, [1.0 + 1e-12, -2.0], 0, discard=0, keep=2, section=EventSection((0,), longest=5.0))
     assert missed.times.size == 0
 
 
@@ -185,7 +197,9 @@ def test_dips_of_a_swing_are_found_at_a_tolerance_of_their_size(depth):
     p = system.parameter_vector({"depth": depth})
     for start in np.linspace(0.0, 1.0, 50):
         x = [math.cos(start), -math.sin(start)]
-        found = iterate(system, p, x, 0, discard=0, keep=2, section=(0,), longest=6.0, rtol=1e-13, atol=1e-13)
+        found = iterate(
+            system, p, x, 0, discard=0, keep=2, section=EventSection((0,), longest=6.0), tolerance=(1e-13, 1e-13)
+        )
         half = math.acos(1.0 - depth)
         assert found.times == pytest.approx([math.pi - start - half, math.pi - start + half], abs=1e-13 / half)
 
@@ -204,7 +218,9 @@ def test_random_event_functions_lose_no_crossing():
         h = c[0] + c[1] * x + c[2] * x * x + c[3] * np.sin(5 * grid) + c[4] * np.cos(3 * grid) * v
         where = np.flatnonzero(np.sign(h[1:]) != np.sign(h[:-1]))
         p = system.parameter_vector({f"c{i}": value for i, value in enumerate(c)})
-        found = iterate(system, p, [1.0, 0.0], 0, discard=0, keep=where.size + 1, section=(0,), longest=20.0)
+        found = iterate(
+            system, p, [1.0, 0.0], 0, discard=0, keep=where.size + 1, section=EventSection((0,), longest=20.0)
+        )
         times = found.times[found.times < grid[-1]]
         assert times.size == where.size
         assert np.all(np.abs(times - grid[where]) < 1e-4)
@@ -220,9 +236,11 @@ def test_a_thousand_transients_miss_no_contact():
         if 1.0 - x[0] - x[1] > 1.0 / 300.0:
             starts.append(x)
     for x in starts:
-        exact = events_after(system, p, x, 0, periods=1, rtol=1e-13, atol=1e-13)
+        exact = events_after(system, p, x, 0, periods=1, tolerance=(1e-13, 1e-13))
         crossings = exact.time[exact.transition >= 0]
-        found = iterate(system, p, x, 0, discard=0, keep=40, section=(0, 1), longest=end, rtol=1e-8, atol=1e-8)
+        found = iterate(
+            system, p, x, 0, discard=0, keep=40, section=EventSection((0, 1), longest=end), tolerance=(1e-8, 1e-8)
+        )
         times = found.times[found.times < end]
         assert times.size == crossings.size
         # an error of the state, grown by violent impacts, over the speed of the next
@@ -262,7 +280,7 @@ def test_a_section_of_one_s_own_leaves_the_motion_as_it_is(afm1):
     p = afm1.parameter_vector({})
     plain, seen = (iterate(s, p, [0.0, 0.0], 0, discard=0, keep=20, **TIGHT) for s in (afm1, watched))
     assert seen.states == pytest.approx(plain.states, abs=1e-9)
-    found = iterate(watched, p, [0.0, 0.0], 0, discard=5, keep=20, section=(2,), **TIGHT)
+    found = iterate(watched, p, [0.0, 0.0], 0, discard=5, keep=20, section=EventSection((2,)), **TIGHT)
     q, v, theta = found.states.T
     assert v - 0.108 * np.cos(theta) == pytest.approx(0.0, abs=1e-14)
     assert np.all(1.0 - q - 0.108 * np.sin(theta) > systems.A0)
@@ -271,7 +289,7 @@ def test_a_section_of_one_s_own_leaves_the_motion_as_it_is(afm1):
 
 def test_a_section_keeps_the_state_before_the_reset_and_goes_on_after_it(impact_oscillator):
     p = impact_oscillator.parameter_vector({"A": 1.0})
-    found = iterate(impact_oscillator, p, [0.0, 0.0], 0, discard=20, keep=3, section=(0,), **TIGHT)
+    found = iterate(impact_oscillator, p, [0.0, 0.0], 0, discard=20, keep=3, section=EventSection((0,)), **TIGHT)
     assert found.states[:, 0] == pytest.approx(1.0, abs=1e-15)
     assert np.all(found.states[:, 1] > 0.0)
     assert found.x_end[1] == pytest.approx(-0.8 * found.states[-1, 1], rel=1e-15)
@@ -281,19 +299,21 @@ def test_direction_selects_crossings():
     for direction, first in ((1, [1.0]), (-1, [3.0]), (0, [1.0, 3.0])):
         system = one_mode({"x": "1", "y": "1 - x/2"}, [("y - 0.75", direction, {}, None)])
         p = system.parameter_vector({})
-        found = iterate(system, p, [0.0, 0.0], 0, discard=0, keep=2, section=(0,), longest=6.0)
+        found = iterate(system, p, [0.0, 0.0], 0, discard=0, keep=2, section=EventSection((0,), longest=6.0))
         assert found.times == pytest.approx(first, abs=1e-12)
 
 
 def test_an_event_whose_condition_fails_is_passed():
     system = one_mode({"x": "v", "v": "-x"}, [("x", 0, {}, "v")])
-    found = iterate(system, system.parameter_vector({}), [1.0, 0.0], 0, discard=0, keep=3, section=(0,))
+    found = iterate(system, system.parameter_vector({}), [1.0, 0.0], 0, discard=0, keep=3, section=EventSection((0,)))
     assert found.times == pytest.approx(math.pi * np.array([1.5, 3.5, 5.5]), abs=1e-8)
 
 
 def test_a_motion_that_does_not_return_ends_in_time():
     system = one_mode({"x": "v", "v": "-x"}, [("x - 2", 0, {}, None)])
-    found = iterate(system, system.parameter_vector({}), [1.0, 0.0], 0, discard=2, keep=3, section=(0,), longest=50.0)
+    found = iterate(
+        system, system.parameter_vector({}), [1.0, 0.0], 0, discard=2, keep=3, section=EventSection((0,), longest=50.0)
+    )
     assert found.times.size == 0
     assert found.states.shape == (0, 2)
 
@@ -318,7 +338,7 @@ def test_a_start_at_a_surface_is_what_it_is_by_runge_kutta(name, monkeypatch):
     rows = [Transition("flight", "below", "z", -1), Transition("below", "flight", "z", 1, {"v": "1/4"})]
     system = HybridSystem(("z", "v"), {"g": 1.0}, modes, rows)
     p = system.parameter_vector(parameters)
-    options = {"discard": 0, "keep": 5, "section": (0, 1), "longest": 10.0}
+    options = {"discard": 0, "keep": 5, "section": EventSection((0, 1), longest=10.0)}
     found, other = iterate(system, p, x, 0, **options), by_runge_kutta(monkeypatch, system, p, x, 0, **options)
     assert found.times == pytest.approx(other.times, abs=1e-9)
     assert found.modes.tolist() == other.modes.tolist()
@@ -341,7 +361,7 @@ def test_events_at_the_same_time_happen_in_the_order_of_definition():
         events = [("x - 1", 1, reset[first], None), ("2*x - 2", 1, reset[second], None)]
         system = one_mode({"x": "1", "a": "0"}, events)
         p = system.parameter_vector({})
-        found = iterate(system, p, [0.0, 1.0], 0, discard=0, keep=2, section=(0, 1))
+        found = iterate(system, p, [0.0, 1.0], 0, discard=0, keep=2, section=EventSection((0, 1)))
         assert found.times == pytest.approx([1.0, 1.0], abs=1e-14)
         assert found.x_end[1] == wanted
 
@@ -377,7 +397,7 @@ def test_an_event_of_the_phase_at_its_wrap_comes_after_it_each_time(direction):
 def test_dropped_ball_chatters_at_the_closed_form_time(ball):
     p = ball.parameter_vector({})
     with pytest.raises(ChatteringError, match=r"chattering: events accumulate at t = 4.24264068") as error:
-        iterate(ball, p, [1.0, 0.0], 0, discard=0, keep=1000, section=(0,))
+        iterate(ball, p, [1.0, 0.0], 0, discard=0, keep=1000, section=EventSection((0,)))
     assert error.value.time == pytest.approx(3.0 * math.sqrt(2.0), abs=1e-10)
     assert error.value.mode == "flight"
 
@@ -386,7 +406,7 @@ def test_dropped_ball_chatters_at_the_closed_form_time(ball):
 def test_chattering_time_is_right_for_any_restitution(ball, e):
     p = ball.parameter_vector({"e": e})
     with pytest.raises(ChatteringError) as error:
-        iterate(ball, p, [1.0, 0.0], 0, discard=10**6, keep=1, section=(0,))
+        iterate(ball, p, [1.0, 0.0], 0, discard=10**6, keep=1, section=EventSection((0,)))
     assert error.value.time == pytest.approx(math.sqrt(2.0) * (1 + e) / (1 - e), rel=1e-9)
 
 
@@ -405,7 +425,7 @@ def test_sliding_is_told_as_chattering():
     rows = [Transition("below", "above", "x", 1), Transition("above", "below", "x", -1)]
     system = HybridSystem(("x",), {}, modes, rows)
     with pytest.raises(ChatteringError) as error:
-        iterate(system, system.parameter_vector({}), [-1.0], 0, discard=0, keep=1000, section=(0,))
+        iterate(system, system.parameter_vector({}), [-1.0], 0, discard=0, keep=1000, section=EventSection((0,)))
     assert error.value.time == pytest.approx(1.0, abs=1e-12)
 
 
@@ -480,13 +500,13 @@ def test_nothing_kept_is_where_the_motion_would_go_on(afm1):
     assert nothing.mode_end == one.mode_end
 
 
-@pytest.mark.parametrize("section", [None, (0, 1)])
+@pytest.mark.parametrize("section", [None, EventSection((0, 1))])
 def test_what_is_discarded_takes_no_memory(afm1, section):
     p, peaks = afm1.parameter_vector({}), []
-    iterate(afm1, p, [0.0, 0.0], 0, discard=1, keep=1, section=section, rtol=1e-6, atol=1e-6)
+    iterate(afm1, p, [0.0, 0.0], 0, discard=1, keep=1, section=section, tolerance=(1e-6, 1e-6))
     for discard in (100, 20_000):
         tracemalloc.start()
-        iterate(afm1, p, [0.0, 0.0], 0, discard=discard, keep=10, section=section, rtol=1e-6, atol=1e-6)
+        iterate(afm1, p, [0.0, 0.0], 0, discard=discard, keep=10, section=section, tolerance=(1e-6, 1e-6))
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < peaks[0] + 20_000
@@ -498,7 +518,7 @@ def test_chattering_that_is_discarded_takes_no_memory():
     p, peaks = system.parameter_vector({}), []
     for discard in (500, 5000):
         tracemalloc.start()
-        iterate(system, p, [0.0, 0.0], 0, discard=discard, keep=10, section=(0,))
+        iterate(system, p, [0.0, 0.0], 0, discard=discard, keep=10, section=EventSection((0,)))
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < peaks[0] + 20_000
@@ -509,7 +529,7 @@ def test_a_step_that_ends_within_rounding_of_the_surface_does_not_miss_it():
     p = system.parameter_vector({"Omega": 1.15})
     deep = [3.8645480979841746, 0.8889701498063012, 2.6692695712632117, 0.34683799004142113]
     coarse, fine = (
-        iterate(system, p, system.full_state(deep), 1, discard=0, keep=1, rtol=tol, atol=tol).states[0]
+        iterate(system, p, system.full_state(deep), 1, discard=0, keep=1, tolerance=(tol, tol)).states[0]
         for tol in (1e-11, 1e-13)
     )
     assert coarse == pytest.approx(fine, abs=1e-7)
@@ -520,5 +540,8 @@ def test_a_fast_approach_feels_the_force_next_to_the_surface(afm2, q1, v1):
     # the whole impulse of the force before contact is 4e-6, felt within 2e-5 of a flight of 3.3
     p = afm2.parameter_vector({"Omega": 1.15})
     start = afm2.full_state([q1, 3.12, v1, 0.48564])
-    at = [iterate(afm2, p, start, 1, discard=0, keep=1, section=(0,), rtol=r, atol=r).states[0] for r in (1e-11, 1e-14)]
+    at = [
+        iterate(afm2, p, start, 1, discard=0, keep=1, section=EventSection((0,)), tolerance=(r, r)).states[0]
+        for r in (1e-11, 1e-14)
+    ]
     np.testing.assert_allclose(*at, rtol=0.0, atol=2e-8)

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from saltus import (
+    Average,
     DefinitionError,
     DivergenceError,
     HybridSystem,
@@ -94,7 +95,7 @@ def test_multipliers_with_a_conservative_force_have_the_product_of_the_damping()
 def test_powers_whose_derivatives_are_too_steep_are_told_where_these_are_wanted(term):
     system = stop(term)
     start = simulate(system, {}, [0.0, 0.0], periods=10).x_end
-    for call in (find_orbit, lambda *args: lyapunov_spectrum(*args, periods=10)):
+    for call in (find_orbit, lambda *args: lyapunov_spectrum(*args, average=Average(periods=10))):
         with pytest.raises(DefinitionError, match="must be 1/2 alone, or above 1/2, where it vanishes on a surface"):
             call(system, {}, start)
 

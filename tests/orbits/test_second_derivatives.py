@@ -22,7 +22,7 @@ def problem_of(orbit, *names):
     p = system.parameter_vector(orbit.parameters)
     active = [system.parameter_names.index(name) for name in names]
     scales = np.array([0.7 * abs(p[i]) or 1.0 for i in active])
-    problem = OrbitProblem(system, orbit.form, p, active, scales, orbit.tol)
+    problem = OrbitProblem(system, orbit.form, p, active, scales, orbit.tolerance)
     u = np.append(orbit.unknowns, p[active] / scales)
     problem.start(u)
     return problem, u

@@ -143,7 +143,7 @@ def test_interpolation_agrees_with_a_branch_of_many_more_points(request, which, 
 
 
 def test_orbits_that_are_no_motion_are_dotted_grey(impacting):
-    passed = saltus.continue_orbit(impacting, "A", (0.05, 1.5), at_grazing="pass")
+    passed = saltus.continue_orbit(impacting, "A", (0.05, 1.5), steps=saltus.StepControl(at_grazing="pass"))
     ax = passed.plot("A", "max_v")
     (dotted,) = _curves(ax, "not admissible")
     assert (

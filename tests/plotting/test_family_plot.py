@@ -28,7 +28,8 @@ def family(orbit) -> saltus.Family:
 @pytest.fixture(scope="module")
 def broken(orbit) -> saltus.Family:
     """A family whose member at d = 9 has no branch."""
-    return saltus.continue_family(orbit, "A", {"d": [1.0, 9.0, 0.9]}, (0.5, 6.0), at_grazing="stop", workers=1)
+    options = saltus.BranchOptions(stop_at="GR")
+    return saltus.continue_family(orbit, "A", {"d": [1.0, 9.0, 0.9]}, (0.5, 6.0), options=options, workers=1)
 
 
 def curves(ax):
@@ -72,7 +73,8 @@ def test_stable_parts_are_solid_and_unstable_parts_dashed(family, projection):
 
 
 def test_orbits_that_are_no_motion_stay_grey(orbit):
-    passed = saltus.continue_family(orbit, "A", {"d": [0.9, 1.1]}, (0.05, 1.5), at_grazing="pass", workers=1)
+    options = saltus.BranchOptions(saltus.StepControl(at_grazing="pass"))
+    passed = saltus.continue_family(orbit, "A", {"d": [0.9, 1.1]}, (0.05, 1.5), options=options, workers=1)
     ax = passed.plot("A", "max_v")
     grey = [line for line in curves(ax) if line.get_color() == style.LINES["not admissible"]["color"]]
     assert sorted(line.get_data_3d()[1][0] for line in grey) == [0.9, 1.1]

@@ -7,11 +7,14 @@ import math
 import pytest
 
 from oracles.closed_forms import ImpactOrbit
+from saltus import Average
 from saltus.sweeps.lyapunov import lyapunov_spectrum
 
 
 def test_curves_are_the_running_estimates_against_periods(impact_oscillator):
-    found = lyapunov_spectrum(impact_oscillator, {"w": 2.5, "A": 5.4}, [0.0, 0.0], periods=100, tolerance=1e-8)
+    found = lyapunov_spectrum(
+        impact_oscillator, {"w": 2.5, "A": 5.4}, [0.0, 0.0], average=Average(periods=100), tolerance=1e-8
+    )
     ax = found.plot()
     curves = ax.lines[:2]
     for i, curve in enumerate(curves):
@@ -23,7 +26,7 @@ def test_curves_are_the_running_estimates_against_periods(impact_oscillator):
 
 
 def test_minus_infinity_is_named_and_not_drawn(stick_slip):
-    found = lyapunov_spectrum(stick_slip, None, [0.0, 0.3], mode="stick", t_end=80.0)
+    found = lyapunov_spectrum(stick_slip, None, [0.0, 0.3], mode="stick", average=Average(t_end=80.0))
     ax = found.plot()
     texts = [text.get_text() for text in ax.get_legend().get_texts()]
     assert texts[1] == r"$\lambda_{2} = -\infty$"
@@ -35,7 +38,9 @@ def test_exact_exponent_has_no_error_in_its_name(impact_oscillator):
     # an orbit with real multipliers: every period is like the next
     orbit, U = ImpactOrbit(w=1.1), 3.7
     parameters = {"w": 1.1, "A": orbit.amplitude(U)}
-    found = lyapunov_spectrum(impact_oscillator, parameters, orbit.after_impact(U), periods=40, discard=100)
+    found = lyapunov_spectrum(
+        impact_oscillator, parameters, orbit.after_impact(U), average=Average(periods=40, discard=100)
+    )
     exact = found.plot().get_legend().get_texts()
     assert found.errors[0] < 1e-6 * abs(found.exponents[0])
     assert "pm" not in exact[0].get_text()

@@ -19,8 +19,14 @@ VALUES = [2.9, 3.2, 3.5, 3.83, 4.0]
 @pytest.fixture(scope="module")
 def sweep() -> Sweep:
     logistic = systems.carried_map(("x",), {"a": 3.2}, LOGISTIC)
-    options = {"x0": [0.3, 0.0], "section": "map", "quantities": ["x", "x**2"], "observables": ["max(x)"]}
-    return saltus.run_sweep(logistic, "a", VALUES, follow="both", discard=300, keep=20, workers=1, **options)
+    options = {"section": "map", "quantities": ["x", "x**2"], "observables": ["max(x)"]}
+    return saltus.run_sweep(
+        logistic,
+        "a",
+        VALUES,
+        x0=[0.3, 0.0],
+        options=saltus.SweepOptions(follow="both", discard=300, keep=20, workers=1, **options),
+    )
 
 
 def drawn(ax, name):
@@ -75,8 +81,10 @@ def test_what_is_not_done_is_not_drawn(sweep):
     def interrupt(*told):
         raise KeyboardInterrupt
 
-    options = {"x0": [0.3, 0.0], "section": "map", "discard": 50, "keep": 20, "workers": 1}
-    part = saltus.run_sweep(sweep.system, "a", VALUES, progress=interrupt, **options)
+    options = {"section": "map", "discard": 50, "keep": 20, "workers": 1}
+    part = saltus.run_sweep(
+        sweep.system, "a", VALUES, x0=[0.3, 0.0], progress=interrupt, options=saltus.SweepOptions(**options)
+    )
     ax = part.plot("x")
     ax.figure.canvas.draw()
     assert np.isfinite(drawn(ax, "up")[:, 1]).sum() == 20

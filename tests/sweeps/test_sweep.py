@@ -14,14 +14,25 @@ import pytest
 import saltus
 import systems
 from oracles.closed_forms import DELAYED, HENON, LOGISTIC, ImpactOrbit, TableJump
-from saltus import Criteria, HybridSystem, Mode, Section, Sweep, Transition, find_orbit, run_sweep
+from saltus import (
+    Criteria,
+    HybridSystem,
+    Mode,
+    Progress,
+    Section,
+    Sweep,
+    SweepOptions,
+    Transition,
+    find_orbit,
+    run_sweep,
+)
 
 AMPLITUDES = np.linspace(0.05, 0.4, 15)
 SHORT = {"discard": 300, "keep": 40}
-JUMPS = {"x0": TableJump(0.5).after_impact(1.2)} | SHORT
+START = TableJump(0.5).after_impact(1.2)
 """A ball that jumps once each period of its table, an attractor at a = 1.2 for e = 0.5."""
 
-HYSTERESIS = {"parameters": {"w": 1.1}} | SHORT
+PLACE = {"w": 1.1}
 """With w = 1.1 the motion without impacts ends at GR, A = 0.237, that with impacts at SN, A = 0.116."""
 
 
@@ -43,7 +54,13 @@ def bounded():
 
 @pytest.fixture(scope="module")
 def both(impact_oscillator) -> Sweep:
-    return run_sweep(impact_oscillator, "A", AMPLITUDES, follow="both", observables=["max(x)"], **HYSTERESIS)
+    return run_sweep(
+        impact_oscillator,
+        "A",
+        AMPLITUDES,
+        parameters=PLACE,
+        options=SweepOptions(follow="both", observables=["max(x)"], **SHORT),
+    )
 
 
 # what is found
@@ -54,14 +71,16 @@ def both(impact_oscillator) -> Sweep:
     [(2.9, "period-1"), (3.2, "period-2"), (3.5, "period-4"), (3.55, "period-8"), (3.83, "period-3"), (4.0, "chaotic")],
 )
 def test_logistic_map_is_what_it_is_known_to_be(logistic, a, label):
-    assert run_sweep(logistic, "a", [a], x0=[0.3, 0.0], section="map", **SHORT).labels.tolist() == [[label]]
+    assert run_sweep(
+        logistic, "a", [a], x0=[0.3, 0.0], options=SweepOptions(section="map", **SHORT)
+    ).labels.tolist() == [[label]]
 
 
 @pytest.mark.parametrize("keep", [1, 4, 10])
 def test_a_label_does_not_depend_on_how_few_returns_are_kept(logistic, keep):
-    values, options = [2.9, 2.998, 3.2, 3.5, 3.55, 3.566, 3.7, 3.83], {"x0": [0.3, 0.0], "section": "map"}
-    few = run_sweep(logistic, "a", values, keep=keep, **options)
-    many = run_sweep(logistic, "a", values, keep=100, **options)
+    values, options = [2.9, 2.998, 3.2, 3.5, 3.55, 3.566, 3.7, 3.83], {"section": "map"}
+    few = run_sweep(logistic, "a", values, x0=[0.3, 0.0], options=SweepOptions(keep=keep, **options))
+    many = run_sweep(logistic, "a", values, x0=[0.3, 0.0], options=SweepOptions(keep=100, **options))
     assert few.labels.tolist() == many.labels.tolist()
     assert few.labels[0].tolist() == [f"period-{n}" for n in (1, 1, 2, 4, 8, 16)] + ["chaotic", "period-3"]
     np.testing.assert_array_equal(few.points, many.points[:, :, -keep:])
@@ -70,20 +89,22 @@ def test_a_label_does_not_depend_on_how_few_returns_are_kept(logistic, keep):
 @pytest.mark.parametrize("follow", ["up", "restart"])
 def test_a_motion_that_comes_to_rest_where_all_states_are_zero_has_the_period_one(follow):
     system = HybridSystem(("x",), {"a": -1.0}, {"free": Mode({"x": "a*x + x**3"})}, phase=("s", "1"))
-    sweep = run_sweep(system, "a", [-3.0, -2.0], x0=[1.1], follow=follow, discard=60, keep=20)
+    sweep = run_sweep(system, "a", [-3.0, -2.0], x0=[1.1], options=SweepOptions(follow=follow, discard=60, keep=20))
     assert sweep.labels.tolist() == [["period-1", "period-1"]]
 
 
 def test_rounding_is_measured_by_the_size_along_the_motion():
     """x = sin s passes zero at phase 0, where its error is that of a state of size 1."""
     system = HybridSystem(("x",), {"a": 1.0}, {"free": Mode({"x": "-a*x + a*sin(s) + cos(s)"})}, phase=("s", "1"))
-    sweep = run_sweep(system, "a", [1.0, 2.0], tolerance=(1e-6, 1e-12), **SHORT)
+    sweep = run_sweep(system, "a", [1.0, 2.0], options=SweepOptions(tolerance=(1e-6, 1e-12), **SHORT))
     assert sweep.labels.tolist() == [["period-1", "period-1"]]
 
 
 def test_henon_map_is_chaotic_with_its_exponents():
     henon = systems.carried_map(("x", "y"), {"a": 1.4, "b": 0.3}, HENON)
-    sweep = run_sweep(henon, "a", [1.4], x0=[0.1, 0.1, 0.0], section="map", exponents=3, discard=100, keep=1000)
+    sweep = run_sweep(
+        henon, "a", [1.4], x0=[0.1, 0.1, 0.0], options=SweepOptions(section="map", exponents=3, discard=100, keep=1000)
+    )
     assert sweep.labels[0, 0] == "chaotic"
     assert sweep.exponents[0, 0, 1] == pytest.approx(0.0, abs=1e-9)  # that of the clock
     assert sweep.exponents[0, 0, 0] == pytest.approx(0.4192, abs=max(0.03, sweep.errors[0, 0, 0]))
@@ -94,8 +115,10 @@ def test_delayed_logistic_map_is_quasi_periodic_beyond_its_torus_bifurcation():
     """At a = 2 + c, with the angle arccos((1 - c) / 2)."""
     c = 0.5
     system = systems.carried_map(("x", "y"), {"a": 2.5, "c": c}, DELAYED)
-    start = {"x0": [0.55, 0.5, 0.0], "section": "map"}
-    sweep = run_sweep(system, "a", [2.0 + c - 0.05, 2.0 + c + 0.005], discard=3000, **start)
+    start = [0.55, 0.5, 0.0]
+    sweep = run_sweep(
+        system, "a", [2.0 + c - 0.05, 2.0 + c + 0.005], x0=start, options=SweepOptions(section="map", discard=3000)
+    )
     assert sweep.labels.tolist() == [["period-1", "quasi-periodic"]]
     assert sweep.rotations[0, 1] == pytest.approx(math.acos((1.0 - c) / 2.0) / (2.0 * math.pi), abs=1e-3)
     assert abs(sweep.exponents[0, 1, 0]) < 0.01
@@ -104,9 +127,13 @@ def test_delayed_logistic_map_is_quasi_periodic_beyond_its_torus_bifurcation():
 def test_points_and_exponents_are_those_of_the_orbit(impact_oscillator):
     """Next to PD at A = 4.27, where the multipliers are real; other attractors are near."""
     sweep = run_sweep(
-        impact_oscillator, "A", [4.275, 4.3], parameters={"w": 2.2}, x0=[-1.92, 0.21], follow="down", exponents=2,
-        tolerance=(1e-11, 1e-13),
-    )  # fmt: skip
+        impact_oscillator,
+        "A",
+        [4.275, 4.3],
+        parameters={"w": 2.2},
+        x0=[-1.92, 0.21],
+        options=SweepOptions(follow="down", exponents=2, tolerance=(1e-11, 1e-13)),
+    )
     orbit = find_orbit(impact_oscillator, {"w": 2.2, "A": 4.275}, sweep.at(4.275).state[:2])
     assert np.all(np.isreal(orbit.multipliers))
     assert sweep.labels[0, 0] == "period-1"
@@ -115,7 +142,9 @@ def test_points_and_exponents_are_those_of_the_orbit(impact_oscillator):
 
 
 def test_points_before_impacts_have_the_speed_in_closed_form(impact_oscillator):
-    sweep = run_sweep(impact_oscillator, "A", [1.0], section="impact", quantities=["v", "x - d"], **SHORT)
+    sweep = run_sweep(
+        impact_oscillator, "A", [1.0], options=SweepOptions(section="impact", quantities=["v", "x - d"], **SHORT)
+    )
     np.testing.assert_allclose(sweep.column("v"), ImpactOrbit(w=1.0).speeds(1.0)[1], rtol=1e-6)
     np.testing.assert_allclose(sweep.column("x - d"), 0.0, atol=1e-9)
     assert sweep.return_times[0, 0] == pytest.approx(2.0 * math.pi, rel=1e-9)
@@ -126,20 +155,27 @@ def test_points_on_a_section_of_one_s_own_lie_on_it_and_pass_it_its_way(ball_on_
     system = HybridSystem.from_definition(ball_on_table.definition() | {"outputs": {"h": "z - a*sin(theta)"}})
     section = Section("h - 0.5", direction=direction)
     quantities = ["h", "v - a*w*cos(theta)"]
-    sweep = run_sweep(system, "a", [1.2], section=section, quantities=quantities, **JUMPS)
+    sweep = run_sweep(
+        system, "a", [1.2], x0=START, options=SweepOptions(section=section, quantities=quantities, **SHORT)
+    )
     np.testing.assert_allclose(sweep.column("h"), 0.5, atol=1e-9)
     assert np.all(sign * sweep.column("v - a*w*cos(theta)") > 0.0)
 
 
 def test_both_sides_of_a_section_make_two_returns_of_one(ball_on_table):
     sections = (Section("z - 1.8", direction=side) for side in (1, 0))
-    one, two = (run_sweep(ball_on_table, "a", [1.2], section=section, **JUMPS) for section in sections)
+    one, two = (
+        run_sweep(ball_on_table, "a", [1.2], x0=START, options=SweepOptions(section=section, **SHORT))
+        for section in sections
+    )
     assert (one.periods[0, 0], two.periods[0, 0]) == (1, 2)
 
 
 def test_observables_are_those_of_the_orbit(impact_oscillator):
     names = ["max(x)", "mean(v**2)", "amplitude(x, 1)", "velocity(impact)"]
-    sweep = run_sweep(impact_oscillator, "A", [1.0], observables=names, tolerance=(1e-11, 1e-13), **SHORT)
+    sweep = run_sweep(
+        impact_oscillator, "A", [1.0], options=SweepOptions(observables=names, tolerance=(1e-11, 1e-13), **SHORT)
+    )
     orbit = find_orbit(impact_oscillator, {"A": 1.0}, [0.0, 0.0])
     expected = orbit.observe(*names)
     for name in names:
@@ -163,27 +199,36 @@ def test_each_direction_keeps_its_attractor_as_far_as_it_reaches(both):
 
 def test_both_is_up_and_down_each_on_its_own(impact_oscillator, both):
     for row, direction in enumerate(both.directions):
-        alone = run_sweep(impact_oscillator, "A", AMPLITUDES, follow=direction, **HYSTERESIS)
+        alone = run_sweep(
+            impact_oscillator, "A", AMPLITUDES, parameters=PLACE, options=SweepOptions(follow=direction, **SHORT)
+        )
         np.testing.assert_array_equal(alone.points[0], both.points[row])
         assert alone.labels[0].tolist() == both.labels[row].tolist()
 
 
 def test_restart_begins_every_value_at_the_start(impact_oscillator):
-    whole = run_sweep(impact_oscillator, "A", AMPLITUDES, follow="restart", **HYSTERESIS)
+    whole = run_sweep(
+        impact_oscillator, "A", AMPLITUDES, parameters=PLACE, options=SweepOptions(follow="restart", **SHORT)
+    )
     for k in (0, 7):
-        alone = run_sweep(impact_oscillator, "A", AMPLITUDES[k : k + 1], **HYSTERESIS)
+        alone = run_sweep(
+            impact_oscillator, "A", AMPLITUDES[k : k + 1], parameters=PLACE, options=SweepOptions(**SHORT)
+        )
         np.testing.assert_array_equal(alone.points[0, 0], whole.points[0, k])
 
 
 def test_chunks_are_sweeps_of_their_own(impact_oscillator):
-    whole = run_sweep(impact_oscillator, "A", AMPLITUDES, chunks=3, **HYSTERESIS)
-    parts = [run_sweep(impact_oscillator, "A", part, **HYSTERESIS) for part in np.split(AMPLITUDES, 3)]
+    whole = run_sweep(impact_oscillator, "A", AMPLITUDES, parameters=PLACE, options=SweepOptions(chunks=3, **SHORT))
+    parts = [
+        run_sweep(impact_oscillator, "A", part, parameters=PLACE, options=SweepOptions(**SHORT))
+        for part in np.split(AMPLITUDES, 3)
+    ]
     np.testing.assert_array_equal(whole.points, np.concatenate([part.points for part in parts], axis=1))
 
 
 def test_an_unstable_orbit_on_which_the_motion_rests_is_left(logistic):
     """0 is a fixed point of the map, and unstable above 1; the attractor has the period 2."""
-    sweep = run_sweep(logistic, "a", [3.2], x0=[0.0, 0.0], section="map", **SHORT)
+    sweep = run_sweep(logistic, "a", [3.2], x0=[0.0, 0.0], options=SweepOptions(section="map", **SHORT))
     assert sweep.labels[0, 0] == "period-2"
     a = 3.2
     root = math.sqrt((a - 3.0) * (a + 1.0))
@@ -195,7 +240,9 @@ def test_an_unstable_orbit_on_which_the_motion_rests_is_left(logistic):
 
 
 def test_a_value_that_diverges_is_a_row_and_the_others_go_on(escape):
-    sweep = run_sweep(escape, "a", [-1.0, -0.5, 0.5, 1.0], x0=[1.0], follow="down", discard=10, keep=5)
+    sweep = run_sweep(
+        escape, "a", [-1.0, -0.5, 0.5, 1.0], x0=[1.0], options=SweepOptions(follow="down", discard=10, keep=5)
+    )
     assert sweep.labels.tolist() == [["period-1", "period-1", "diverged", "diverged"]]
     assert np.all(np.isnan(sweep.points[0, 2:]))
     assert np.all(np.isfinite(sweep.points[0, :2]))
@@ -205,14 +252,26 @@ def test_a_value_that_diverges_is_a_row_and_the_others_go_on(escape):
 
 
 def test_a_chattering_value_is_a_row_with_its_reason(ball):
-    sweep = run_sweep(ball, "e", [0.5, 1.0], x0=[1.0, 0.0], section="impact", discard=10, keep=30, follow="restart")
+    sweep = run_sweep(
+        ball,
+        "e",
+        [0.5, 1.0],
+        x0=[1.0, 0.0],
+        options=SweepOptions(section="impact", discard=10, keep=30, follow="restart"),
+    )
     assert sweep.labels.tolist() == [["diverged", "period-1"]]
     assert sweep.reasons[0, 0].startswith("chattering: ")
 
 
 def test_a_motion_that_stays_away_from_the_section_is_told(impact_oscillator):
     """Below GR nothing is hit."""
-    sweep = run_sweep(impact_oscillator, "A", [0.1, 1.0], section="impact", discard=5, keep=4, parameters={"w": 1.1})
+    sweep = run_sweep(
+        impact_oscillator,
+        "A",
+        [0.1, 1.0],
+        options=SweepOptions(section="impact", discard=5, keep=4),
+        parameters={"w": 1.1},
+    )
     assert sweep.labels[0, 0] == "no return"
     assert sweep.labels[0, 1] == "period-1"
 
@@ -225,7 +284,7 @@ def test_returns_that_stay_away_are_waited_for_in_units_of_the_mean_one():
         Transition("carry", "rest", "t - 0.0505", 1, name="stop"),
     ]
     system = HybridSystem(("s", "t"), {"a": 1000.0}, fields, transitions)
-    sweep = run_sweep(system, "a", [1000.0], section="map", **SHORT)
+    sweep = run_sweep(system, "a", [1000.0], options=SweepOptions(section="map", **SHORT))
     assert sweep.labels.tolist() == [["no return"]]
     assert 1e-3 < (sweep.states[0, 0, 1] - 0.05) / Criteria().absence < 1e-2
 
@@ -233,13 +292,13 @@ def test_returns_that_stay_away_are_waited_for_in_units_of_the_mean_one():
 @pytest.mark.parametrize("follow", ["up", "down", "restart"])
 @pytest.mark.parametrize("mode", [None, "low"])
 def test_a_value_at_which_nothing_can_start_is_a_row_with_its_reason(follow, mode):
-    sweep = run_sweep(bounded(), "b", [1.0, 3.0], x0=[0.0], mode=mode, follow=follow, **SHORT)
+    sweep = run_sweep(bounded(), "b", [1.0, 3.0], x0=[0.0], options=SweepOptions(mode=mode, follow=follow, **SHORT))
     assert sweep.labels.tolist() == [["diverged", "period-1"]]
     assert sweep.reasons[0, 0].startswith("x0 = [0.0, 0.0]: must be in the domain of ")
 
 
 def test_a_start_on_the_section_is_a_start(logistic):
-    sweep = run_sweep(logistic, "a", [3.2], x0=[0.3, 1.0], section="map", discard=0, keep=1)
+    sweep = run_sweep(logistic, "a", [3.2], x0=[0.3, 1.0], options=SweepOptions(section="map", discard=0, keep=1))
     assert sweep.labels.tolist() == [["period-2"]]
     assert sweep.return_times[0, 0] == pytest.approx(1.0)
 
@@ -249,7 +308,13 @@ def test_a_start_on_the_section_is_a_start(logistic):
 
 def test_threads_compute_the_same(impact_oscillator):
     one, two = (
-        run_sweep(impact_oscillator, "A", AMPLITUDES, follow="both", workers=workers, **HYSTERESIS)
+        run_sweep(
+            impact_oscillator,
+            "A",
+            AMPLITUDES,
+            parameters=PLACE,
+            options=SweepOptions(follow="both", workers=workers, **SHORT),
+        )
         for workers in (1, 2)
     )
     assert one == two
@@ -260,7 +325,11 @@ def test_a_dask_cluster_computes_the_same(impact_oscillator, both):
     cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0")
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
         found = run_sweep(
-            impact_oscillator, "A", AMPLITUDES, follow="both", observables=["max(x)"], client=client, **HYSTERESIS
+            impact_oscillator,
+            "A",
+            AMPLITUDES,
+            parameters=PLACE,
+            options=SweepOptions(follow="both", observables=["max(x)"], client=client, **SHORT),
         )
     assert found == both
 
@@ -271,17 +340,21 @@ def test_other_processes_compute_the_same(impact_oscillator, both):
     cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0")
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
         found = run_sweep(
-            impact_oscillator, "A", AMPLITUDES, follow="both", observables=["max(x)"], client=client, **HYSTERESIS
+            impact_oscillator,
+            "A",
+            AMPLITUDES,
+            parameters=PLACE,
+            options=SweepOptions(follow="both", observables=["max(x)"], client=client, **SHORT),
         )
     assert found == both
 
 
 def test_what_is_dropped_takes_no_memory(impact_oscillator):
     peaks = []
-    run_sweep(impact_oscillator, "A", [1.0], discard=10, keep=10)
+    run_sweep(impact_oscillator, "A", [1.0], options=SweepOptions(discard=10, keep=10))
     for discard in (100, 10_000):
         tracemalloc.start()
-        run_sweep(impact_oscillator, "A", [1.0], discard=discard, keep=10, workers=1)
+        run_sweep(impact_oscillator, "A", [1.0], options=SweepOptions(discard=discard, keep=10, workers=1))
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.5 * peaks[0]
@@ -289,10 +362,18 @@ def test_what_is_dropped_takes_no_memory(impact_oscillator):
 
 def test_progress_counts_the_values_and_tells_what_is_left(impact_oscillator):
     told = []
-    run_sweep(impact_oscillator, "A", [0.8, 0.9], workers=1, progress=lambda *args: told.append(args), **SHORT)
-    assert [(done, total) for done, total, _ in told] == [(1, 2), (2, 2)]
-    assert told[0][2].startswith("A = 0.8 up: period-1, ")
-    assert told[1][2] == "A = 0.9 up: period-1, 0 s left"
+    run_sweep(impact_oscillator, "A", [0.8, 0.9], options=SweepOptions(workers=1, **SHORT), progress=told.append)
+    assert [(item.done, item.total) for item in told] == [(1, 2), (2, 2)]
+    assert [item.text for item in told] == ["A = 0.8 up: period-1", "A = 0.9 up: period-1"]
+    assert told[1].left == 0.0
+
+
+def test_a_bar_tells_what_has_been_done(impact_oscillator, capsys):
+    run_sweep(impact_oscillator, "A", [0.8, 0.9], progress=True, options=SweepOptions(**SHORT))
+    out, err = capsys.readouterr()
+    assert not out
+    assert "100.0 %" in err
+    assert "A = 0.9 up: period-1" in err
 
 
 # interrupts and files
@@ -304,15 +385,23 @@ class Interrupt:
     def __init__(self, after: int) -> None:
         self.after = after
 
-    def __call__(self, done: int, total: int, text: str) -> None:
-        if done >= self.after:
+    def __call__(self, progress: Progress) -> None:
+        if progress.done >= self.after:
             raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on_from_its_file(impact_oscillator, both, tmp_path, workers):
-    options = {"follow": "both", "observables": ["max(x)"], "workers": workers, "path": tmp_path / "a.nc"}
-    part = run_sweep(impact_oscillator, "A", AMPLITUDES, progress=Interrupt(7), **options, **HYSTERESIS)
+    options = {"follow": "both", "observables": ["max(x)"], "workers": workers}
+    part = run_sweep(
+        impact_oscillator,
+        "A",
+        AMPLITUDES,
+        progress=Interrupt(7),
+        parameters=PLACE,
+        options=SweepOptions(**options, **SHORT),
+        path=tmp_path / "a.nc",
+    )
     assert part.stopped == "interrupted: 7 of 30 values done"
     assert part.done.sum() == 7
     np.testing.assert_array_equal(part.points[part.done], both.points[part.done])
@@ -320,7 +409,13 @@ def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on_from_its_file(impac
     assert saltus.load(tmp_path / "a.nc") == part
     told = []
     whole = run_sweep(
-        impact_oscillator, "A", AMPLITUDES, progress=lambda *args: told.append(args), **options, **HYSTERESIS
+        impact_oscillator,
+        "A",
+        AMPLITUDES,
+        progress=told.append,
+        parameters=PLACE,
+        options=SweepOptions(**options, **SHORT),
+        path=tmp_path / "a.nc",
     )
     assert whole == both
     assert len(told) == 23
@@ -328,16 +423,20 @@ def test_an_interrupted_sweep_keeps_what_is_done_and_goes_on_from_its_file(impac
 
 
 def test_whatever_ends_a_sweep_early_what_is_done_is_saved(impact_oscillator, both, tmp_path):
-    def fail(done, total, text):
-        if done == 3:
+    def fail(progress):
+        if progress.done == 3:
             raise RuntimeError("the lamp went out")
 
-    options = {"follow": "both", "observables": ["max(x)"], "path": tmp_path / "a.nc"} | HYSTERESIS
+    options = {
+        "parameters": PLACE,
+        "options": SweepOptions(follow="both", observables=["max(x)"], **SHORT),
+        "path": tmp_path / "a.nc",
+    }
     with pytest.raises(RuntimeError, match=r"^the lamp went out$"):
         run_sweep(impact_oscillator, "A", AMPLITUDES, progress=fail, **options)
     assert saltus.load(tmp_path / "a.nc").done.sum() == 3
     told = []
-    assert run_sweep(impact_oscillator, "A", AMPLITUDES, progress=lambda *args: told.append(args), **options) == both
+    assert run_sweep(impact_oscillator, "A", AMPLITUDES, progress=told.append, **options) == both
     assert len(told) == 27
 
 
@@ -347,7 +446,7 @@ def test_numbers_of_numpy_are_saved_as_plain_ones(impact_oscillator, tmp_path):
     given["tolerance"] = tuple(np.float32(value) for value in plain["tolerance"])
     sections = (Section("x", direction=side) for side in (-1, np.int64(-1)))
     one, two = (
-        run_sweep(impact_oscillator, "A", [0.5], workers=np.int64(1), section=section, **options)
+        run_sweep(impact_oscillator, "A", [0.5], options=SweepOptions(workers=np.int64(1), section=section, **options))
         for section, options in zip(sections, (plain, given), strict=True)
     )
     assert saltus.load(two.save(tmp_path / "a.nc")) == one
@@ -355,9 +454,12 @@ def test_numbers_of_numpy_are_saved_as_plain_ones(impact_oscillator, tmp_path):
 
 def test_a_finished_file_is_given_back_without_computing(impact_oscillator, tmp_path):
     path = tmp_path / "a.nc"
-    first = run_sweep(impact_oscillator, "A", [0.8, 0.9], path=path, **SHORT)
+    first = run_sweep(impact_oscillator, "A", [0.8, 0.9], path=path, options=SweepOptions(**SHORT))
     written = path.stat().st_mtime_ns
-    assert run_sweep(impact_oscillator, "A", [0.8, 0.9], path=path, progress=Interrupt(0), **SHORT) == first
+    assert (
+        run_sweep(impact_oscillator, "A", [0.8, 0.9], path=path, progress=Interrupt(0), options=SweepOptions(**SHORT))
+        == first
+    )
     assert path.stat().st_mtime_ns == written
 
 
@@ -365,13 +467,27 @@ def test_a_cluster_that_is_interrupted_keeps_what_is_done(impact_oscillator, bot
     distributed = pytest.importorskip("distributed")
     cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0")
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
-        part = run_sweep(impact_oscillator, "A", AMPLITUDES, client=client, progress=Interrupt(3), **HYSTERESIS)
+        part = run_sweep(
+            impact_oscillator,
+            "A",
+            AMPLITUDES,
+            parameters=PLACE,
+            options=SweepOptions(client=client, **SHORT),
+            progress=Interrupt(3),
+        )
     assert part.done[0].tolist() == [True] * 3 + [False] * 12
     np.testing.assert_array_equal(part.points[0, :3], both.points[0, :3])
 
 
 def test_threads_are_gone_after_an_interrupt(impact_oscillator):
-    run_sweep(impact_oscillator, "A", AMPLITUDES, follow="restart", workers=2, progress=Interrupt(2), **HYSTERESIS)
+    run_sweep(
+        impact_oscillator,
+        "A",
+        AMPLITUDES,
+        parameters=PLACE,
+        options=SweepOptions(follow="restart", workers=2, **SHORT),
+        progress=Interrupt(2),
+    )
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("sweep")]
 
 
@@ -405,7 +521,13 @@ def test_a_value_tells_what_to_go_on_with(impact_oscillator, both):
 
 
 def test_the_text_of_a_sweep_names_runs_of_labels(logistic):
-    sweep = run_sweep(logistic, "a", [2.9, 3.2, 3.3, 3.5], x0=[0.3, 0.0], section="map", quantities=["x"], **SHORT)
+    sweep = run_sweep(
+        logistic,
+        "a",
+        [2.9, 3.2, 3.3, 3.5],
+        x0=[0.3, 0.0],
+        options=SweepOptions(section="map", quantities=["x"], **SHORT),
+    )
     assert repr(sweep).splitlines() == [
         "Sweep of carried map: a from 2.9 to 3.5, 4 values, up",
         "  300 returns to map dropped, 40 kept: x",
@@ -425,10 +547,10 @@ PAPER = {1.0: "period-2", 1.02: "period-4", 1.023: "chaotic", 1.046: "quasi-peri
 
 @pytest.mark.slow
 def test_labels_of_figure_7b_are_the_paper_s(afm2):
-    sweep = run_sweep(afm2, "Omega", np.linspace(0.995, 1.05, 300), discard=600, keep=100)
+    sweep = run_sweep(afm2, "Omega", np.linspace(0.995, 1.05, 300), options=SweepOptions(discard=600, keep=100))
     assert {omega: sweep.at(omega).label for omega in PAPER} == PAPER
 
 
 def test_labels_of_figures_7c_to_7e_are_the_paper_s_from_rest(afm2):
-    sweep = run_sweep(afm2, "Omega", list(PAPER), discard=600, keep=100, follow="restart")
+    sweep = run_sweep(afm2, "Omega", list(PAPER), options=SweepOptions(discard=600, keep=100, follow="restart"))
     assert dict(zip(PAPER, sweep.labels[0].tolist(), strict=True)) == PAPER

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 import systems
+from grouped import Grouped
 from mutated import logistic
 from oracles.closed_forms import LOGISTIC
-from saltus import Criteria, HybridSystem, InputError, Mode, Section, run_sweep, simulate
+from saltus import Criteria, HybridSystem, InputError, Mode, Section, SweepOptions, run_sweep, simulate
 from saltus.errors import SaltusError
 from saltus.flow.poincare import iterate
 
 SHORT = {"discard": 1, "keep": 2}
+swept = Grouped(run_sweep, options=SweepOptions)
 
 
 @pytest.mark.parametrize(
@@ -22,7 +24,10 @@ SHORT = {"discard": 1, "keep": 2}
         ("many", r"^values = 'many': must be a sequence of numbers, at least one$"),
         ([[1.0, 2.0]], r"^values = \[\[1\.0, 2\.0\]\]: must be a sequence of numbers, at least one$"),
         ([1.0, np.nan], r"^values\[1\] = nan: must be finite$"),
-        ([1.0, 3.0, 2.0], r"^values = '3, 2': must be ascending, each once; follow='down' goes from the last to the "),
+        (
+            [1.0, 3.0, 2.0],
+            r"^values = '3, 2': must be ascending, each once; SweepOptions\(follow='down'\) goes from the last to the ",
+        ),
         ([1.0, 1.0], r"^values = '1, 1': must be ascending, each once; "),
     ],
 )
@@ -34,54 +39,63 @@ def test_values_that_cannot_be_followed(impact_oscillator, values, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"discard": -1}, r"^discard = -1: must be an integer >= 0$"),
-        ({"keep": 0}, r"^keep = 0: must be an integer >= 1$"),
-        ({"keep": 2.5}, r"^keep = 2\.5: must be an integer >= 1$"),
-        ({"follow": "upp"}, r"^follow = 'upp': must be one of up, down, both, restart; did you mean 'up'\?$"),
-        ({"chunks": 3}, r"^chunks = 3: must be an integer between 1 and 2, the number of values$"),
-        ({"chunks": 2, "follow": "restart"}, r"^chunks = 2: must be 1, as every value starts anew$"),
-        ({"values": [0.5], "chunks": 2}, r"^chunks = 2: must be 1, the number of values$"),
-        ({"progress": "loud"}, r"^progress = 'loud': must be a function of two counts and a text$"),
+        ({"discard": -1}, r"^SweepOptions.discard = -1: must be an integer >= 0$"),
+        ({"keep": 0}, r"^SweepOptions.keep = 0: must be an integer >= 1$"),
+        ({"keep": 2.5}, r"^SweepOptions.keep = 2\.5: must be an integer >= 1$"),
+        (
+            {"follow": "upp"},
+            r"^SweepOptions.follow = 'upp': must be one of up, down, both, restart; did you mean 'up'\?$",
+        ),
+        ({"chunks": 3}, r"^SweepOptions.chunks = 3: must be an integer between 1 and 2, the number of values$"),
+        ({"chunks": 2, "follow": "restart"}, r"^SweepOptions.chunks = 2: must be 1, as every value starts anew$"),
+        ({"values": [0.5], "chunks": 2}, r"^SweepOptions.chunks = 2: must be 1, the number of values$"),
+        ({"progress": "loud"}, r"^progress = 'loud': must be True for a bar, or a function of a saltus.Progress$"),
         (
             {"quantities": "v"},
-            r"^quantities = 'v': must be a sequence of texts, as \['v1'\], at least one; put it into a list$",
+            r"^SweepOptions.quantities = 'v': must be a sequence of texts, as \['v1'\], at least one; put it into a",
         ),
-        ({"quantities": []}, r"^quantities = \[\]: must be a sequence of texts, as \['v1'\], at least one$"),
-        ({"quantities": ["x", "x"]}, r"^quantities = 'x': must be named once$"),
+        (
+            {"quantities": []},
+            r"^SweepOptions.quantities = \[\]: must be a sequence of texts, as \['v1'\], at least one$",
+        ),
+        ({"quantities": ["x", "x"]}, r"^SweepOptions.quantities = 'x': must be named once$"),
         (
             {"quantities": ["x + vv"]},
             r"^expression = 'x \+ vv': must be in .* but 'vv' is unknown; did you mean 'v'\?$",
         ),
         ({"observables": ["maks(x)"]}, r"^observable = 'maks\(x\)': must be one of .*; did you mean 'max'\?$"),
-        ({"exponents": 3}, r"^exponents = 3: must be an integer between 1 and 2, the states$"),
-        ({"criteria": {"longest": 4}}, r"^criteria = \{'longest': 4\}: must be a Criteria$"),
-        ({"section": "impakt"}, r"^section = 'impakt': must be one of the transitions impact, a Section, or None for "),
+        ({"exponents": 3}, r"^SweepOptions.exponents = 3: must be an integer between 1 and 2, the states$"),
+        ({"criteria": {"longest": 4}}, r"^SweepOptions.criteria = \{'longest': 4\}: must be a Criteria$"),
+        (
+            {"section": "impakt"},
+            r"^SweepOptions.section = 'impakt': must be one of the transitions impact, a Section, or None for ",
+        ),
         (
             {"section": "x - 0.5"},
-            r"^section = 'x - 0\.5': must be one of .*; a surface of one's own is Section\('x - 0\.5'\)$",
+            r"^SweepOptions.section = 'x - 0\.5': must be one of .*; a surface of one's own is Section\('x - 0\.5'\)$",
         ),
         (
             {"section": Section("x - dd")},
             r"^expression = 'x - dd': must be in .* but 'dd' is unknown; did you mean 'd'",
         ),
-        ({"tolerance": 1.0}, r"^tolerance = 1\.0: must be a number between 1e-14 and 0\.1$"),
+        ({"tolerance": 1.0}, r"^SweepOptions.tolerance = 1\.0: must be a number between 1e-14 and 0\.1$"),
         ({"parameters": {"e": "much"}}, r"^e = 'much': must be a finite number$"),
         ({"x0": [0.0]}, r"^x0 = \[0\.0\]: must be of shape \(2,\), one number for each of x, v$"),
-        ({"mode": "fre"}, r"^mode = 'fre': must be one of free; did you mean 'free'\?$"),
-        ({"workers": 0}, r"^workers = 0: must be an integer >= 1$"),
-        ({"client": "here"}, r"^client = 'here': must be a dask\.distributed\.Client$"),
-        ({"client": "here", "workers": 2}, r"^workers = 2: must be left out where a client is given$"),
+        ({"mode": "fre"}, r"^SweepOptions.mode = 'fre': must be one of free; did you mean 'free'\?$"),
+        ({"workers": 0}, r"^SweepOptions.workers = 0: must be an integer >= 1$"),
+        ({"client": "here"}, r"^SweepOptions.client = 'here': must be a dask\.distributed\.Client$"),
+        ({"client": "here", "workers": 2}, r"^SweepOptions.workers = 2: must be left out where a client is given$"),
         ({"path": "nowhere/a.nc"}, r"^path = 'nowhere/a\.nc': must be in a folder that exists and can be written$"),
     ],
 )
 def test_an_option_that_cannot_be_used(impact_oscillator, options, message):
     with pytest.raises(InputError, match=message):
-        run_sweep(impact_oscillator, "A", **({"values": [0.5, 0.6]} | SHORT | options))
+        swept(impact_oscillator, "A", **{"values": [0.5, 0.6]} | SHORT | options)
 
 
 def test_a_file_that_is_a_folder(impact_oscillator, tmp_path):
     with pytest.raises(InputError, match=r"^path = .*: must be a file that exists; it is a folder$"):
-        run_sweep(impact_oscillator, "A", [0.5], path=tmp_path, **SHORT)
+        run_sweep(impact_oscillator, "A", [0.5], path=tmp_path, options=SweepOptions(**SHORT))
 
 
 def test_a_harmonic_of_a_part_of_a_motion_without_a_phase():
@@ -89,7 +103,7 @@ def test_a_harmonic_of_a_part_of_a_motion_without_a_phase():
     with pytest.raises(
         InputError, match=r"^observable = 'amplitude\(x, 1/2\)': must be of a whole order for a system without a phase$"
     ):
-        run_sweep(system, "a", [3.2], section="map", observables=["amplitude(x, 1/2)"], **SHORT)
+        run_sweep(system, "a", [3.2], options=SweepOptions(section="map", observables=["amplitude(x, 1/2)"], **SHORT))
 
 
 def test_a_parameter_of_another_name(impact_oscillator):
@@ -99,12 +113,14 @@ def test_a_parameter_of_another_name(impact_oscillator):
 
 def test_a_value_that_the_parameter_must_not_have(ball):
     with pytest.raises(InputError, match=r"^g = -1\.0: must be > 0$"):
-        run_sweep(ball, "g", [-1.0, 1.0], section="impact")
+        run_sweep(ball, "g", [-1.0, 1.0], options=SweepOptions(section="impact"))
 
 
 def test_a_system_without_a_phase_needs_a_section():
     system = systems.carried_map(("x",), {"a": 3.2}, LOGISTIC)
-    with pytest.raises(InputError, match=r"^section = None: must be the name of a transition, map, or a Section; the "):
+    with pytest.raises(
+        InputError, match=r"^SweepOptions.section = None: must be the name of a transition, map, or a Section; the "
+    ):
         run_sweep(system, "a", [3.2])
     with pytest.raises(InputError, match=r"^section = None: must be a transition for a system without a phase$"):
         iterate(system, system.parameter_vector({}), [0.3, 0.0], 0, discard=0, keep=1)
@@ -116,14 +132,14 @@ def test_a_start_must_be_given_where_no_mode_holds_at_zero(relay):
         mode["domain"] = "x1 - 1"
     system = type(relay).from_definition(definition)
     with pytest.raises(InputError, match=r"^x0 = None: must be given for this system: no mode holds where all states"):
-        run_sweep(system, "gain", [1.0], section="switch_up")
+        run_sweep(system, "gain", [1.0], options=SweepOptions(section="switch_up"))
 
 
 def test_a_start_outside_the_domain_of_its_mode_at_every_value():
     system = HybridSystem(("x",), {"b": 0.0}, {"low": Mode({"x": "-x"}, domain="x - 2 + b")}, phase=("s", "1"))
     message = r"^x0 = \[0\.0, 0\.0\]: must be in the domain of mode 'low', x - 2 \+ b > 0; it is -1 there$"
     with pytest.raises(InputError, match=message):
-        run_sweep(system, "b", [1.0, 1.5], x0=[0.0], mode="low", **SHORT)
+        run_sweep(system, "b", [1.0, 1.5], x0=[0.0], options=SweepOptions(mode="low", **SHORT))
     with pytest.raises(InputError, match=message):
         simulate(system, {"b": 1.0}, [0.0], mode="low", periods=1)
 
@@ -151,24 +167,24 @@ CHANGES = {
 def test_a_file_of_other_input_is_refused_by_the_name_of_what_differs(impact_oscillator, tmp_path, name):
     path = tmp_path / "a.nc"
     options = {"values": [0.5, 0.6], "path": path} | SHORT
-    run_sweep(impact_oscillator, "A", **options)
+    swept(impact_oscillator, "A", **options)
     with pytest.raises(InputError, match=rf"^path = .*: must be the file of a sweep of the same input; its {name} is "):
-        run_sweep(impact_oscillator, "A", **(options | CHANGES[name]))
+        swept(impact_oscillator, "A", **options | CHANGES[name])
 
 
 def test_a_file_of_another_system_or_kind_is_refused(impact_oscillator, ball_on_table, tmp_path):
     path = tmp_path / "a.nc"
-    run_sweep(impact_oscillator, "w", [1.0], path=path, **SHORT)
+    run_sweep(impact_oscillator, "w", [1.0], path=path, options=SweepOptions(**SHORT))
     with pytest.raises(InputError, match=r"; its system is \{'name': 'impact oscillator'"):
-        run_sweep(ball_on_table, "w", [1.0], x0=[2.0, 0.0], path=path, **SHORT)
+        run_sweep(ball_on_table, "w", [1.0], x0=[2.0, 0.0], path=path, options=SweepOptions(**SHORT))
     path.write_text("something else")
     with pytest.raises(InputError, match=r"^path = .*: must be a NetCDF file"):
-        run_sweep(impact_oscillator, "w", [1.0], path=path, **SHORT)
+        run_sweep(impact_oscillator, "w", [1.0], path=path, options=SweepOptions(**SHORT))
 
 
 @pytest.fixture(scope="module")
 def sweep(impact_oscillator):
-    return run_sweep(impact_oscillator, "A", [0.5, 0.6], observables=["max(x)"], **SHORT)
+    return run_sweep(impact_oscillator, "A", [0.5, 0.6], options=SweepOptions(observables=["max(x)"], **SHORT))
 
 
 def test_a_value_outside_the_sweep(sweep):
@@ -187,7 +203,7 @@ def test_a_value_that_was_not_computed(impact_oscillator):
     def interrupt(*told):
         raise KeyboardInterrupt
 
-    part = run_sweep(impact_oscillator, "A", [0.5, 0.6], progress=interrupt, **SHORT)
+    part = run_sweep(impact_oscillator, "A", [0.5, 0.6], progress=interrupt, options=SweepOptions(**SHORT))
     with pytest.raises(InputError, match=r"^value = 0\.6: must be one that was computed; interrupted: 1 of 2 values "):
         part.at(0.6)
 
@@ -201,13 +217,15 @@ def test_a_quantity_that_was_not_kept(sweep):
 
 def test_threads_that_the_system_refuses_are_told_and_one_needs_none(monkeypatch):
     carried = logistic()
-    options = {"x0": [0.3, 0.0], "section": "map", "chunks": 2, **SHORT}
-    assert run_sweep(carried, "r", [2.9, 3.2], workers=1, **options).done.all()
+    options = {"section": "map", "chunks": 2, **SHORT}
+    assert run_sweep(carried, "r", [2.9, 3.2], x0=[0.3, 0.0], options=SweepOptions(workers=1, **options)).done.all()
 
     def refuse(thread):
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr("threading.Thread.start", refuse)
-    with pytest.raises(SaltusError, match=r"allows no further thread or process .*: allow more, or workers=1$"):
-        run_sweep(carried, "r", [2.9, 3.2], workers=2, **options)
-    assert run_sweep(carried, "r", [2.9, 3.2], workers=1, **options).done.all()
+    with pytest.raises(
+        SaltusError, match=r"allows no further thread or process .*: allow more, or SweepOptions\(workers=1\)$"
+    ):
+        run_sweep(carried, "r", [2.9, 3.2], x0=[0.3, 0.0], options=SweepOptions(workers=2, **options))
+    assert run_sweep(carried, "r", [2.9, 3.2], x0=[0.3, 0.0], options=SweepOptions(workers=1, **options)).done.all()

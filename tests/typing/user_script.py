@@ -20,9 +20,19 @@ heights: NDArray[np.float64] = motion(np.linspace(0.0, 10.0, 101))[:, 0]
 orbit: saltus.PeriodicOrbit = saltus.find_orbit(ball, {"e": 0.7}, x0=[1.0, 0.0])
 period: float = orbit.period
 branch: saltus.Branch = saltus.continue_orbit(orbit, "A", (0.05, 0.5), steps=StepControl(largest=0.01))
-doubled: saltus.PeriodicOrbit | list[saltus.PeriodicOrbit] = saltus.switch_branch(branch["PD1"])
+options = saltus.BranchOptions(StepControl(at_grazing="pass"), events={"max_z": 1.2}, stop_at=("PD", "max_z"))
+family: saltus.Family = saltus.continue_family(orbit, "A", {"e": [0.6, 0.7]}, (0.05, 0.5), options=options)
+doubled: saltus.PeriodicOrbit = saltus.switch_branch(branch["PD1"])
+signatures: list[saltus.PeriodicOrbit] = saltus.grazing_orbits(branch["GR1"])
+cascade: saltus.Cascade = saltus.follow_cascade(branch["PD1"], (0.05, 0.5), progress=True)
+saltus.continue_orbit(orbit, "A", (0.05, 0.5), progress=lambda progress: print(progress.done, progress.text))
 locus: saltus.Locus = saltus.continue_locus(branch["SN1"], ("A", "e"), {"A": (0.0, 1.0), "e": (0.0, 1.0)})
-sweep: saltus.Sweep = saltus.run_sweep(ball, "A", np.linspace(0.1, 0.2, 11), x0=[1.0, 0.0])
+swept = saltus.SweepOptions(discard=300, section="impact")
+sweep: saltus.Sweep = saltus.run_sweep(
+    ball, "A", np.linspace(0.1, 0.2, 11), x0=[1.0, 0.0], options=swept, progress=lambda told: print(told.left)
+)
+spectrum = saltus.lyapunov_spectrum(ball, None, [1.0, 0.0], average=saltus.Average(periods=100))
+tolerance: tuple[float, float] = spectrum.tolerance
 attractors: saltus.Attractors = saltus.find_attractors(ball, region={"z": (0.0, 2.0), "v": (-1.0, 1.0)})
 basins: saltus.Basins = saltus.map_basins(ball, None, {"z": (0.0, 2.0, 100), "v": (-1.0, 1.0, 100)})
 setup: afm.Setup = afm.table1()
@@ -33,12 +43,17 @@ try:
 except saltus.SaltusError as error:
     print(error)
 
+saltus.run_sweep(ball, "A", [0.1], discard=300)  # wrong
+saltus.run_sweep(ball, "A", [0.1], progress="bar")  # wrong
+saltus.simulate(ball, x0=[1.0, 0.0], t_end=1.0, limits=saltus.Limits(time=1.0))  # wrong
 saltus.find_orbits(ball)  # wrong
 saltus.simulate(ball, x0=[1.0, 0.0], t_end="long")  # wrong
 saltus.simulate(ball, x0=[1.0, 0.0], until=10.0)  # wrong
 saltus.find_orbit("ball", x0=[1.0, 0.0])  # wrong
 saltus.continue_orbit(orbit, 3, (0.0, 1.0))  # wrong
 saltus.continue_orbit(orbit, "A", (0.0, 1.0), steps=0.01)  # wrong
+saltus.continue_orbit(orbit, "A", (0.0, 1.0), at_grazing="pass")  # wrong
+saltus.continue_family(orbit, "A", {"e": [0.6]}, (0.05, 0.5), progress="bar")  # wrong
 text: str = orbit.period  # wrong
 found = orbit.multiplier  # wrong
 afm.tapping_mode(setup, number=2)  # wrong

@@ -1,6 +1,6 @@
-"""Floor 6: tapping-mode atomic force microscopy.
+"""Tapping-mode atomic force microscopy: docs/theory/afm.md has the equations.
 
-The public names stand in `__init__.pyi`, for editors and type checkers too; each is imported on first use.
+The public names are listed in `__init__.pyi`; each is imported on first use.
 
 Examples
 --------

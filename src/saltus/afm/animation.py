@@ -1,14 +1,13 @@
 """A film of tapping: the cantilever in its true shape over the sample, beside the phase portrait and the force.
 
 The beam has base and modes, ``w(x, t) = ybar sin(theta) + sum(q_i phi_i(x))`` with ``phi_i(L) = 1``. Heights are
-enlarged against lengths some thousand times, and the tip's height and the beam's are not to scale; the lens shows the
-tip's end at the sample, both directions on one scale.
+enlarged against lengths some thousand times. The tip's and the beam's height are not to scale. The lens shows the tip's
+end at the sample, both directions on one scale.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +18,7 @@ from saltus.afm.cantilever_motion import hertz_profile, motion_of
 from saltus.afm.movies import checked_movie, write_movie
 from saltus.afm.regimes import tapping_modes
 from saltus.errors import InputError
+from saltus.progress import Report, Reporter
 
 if TYPE_CHECKING:
     import os
@@ -33,38 +33,40 @@ if TYPE_CHECKING:
 
 __all__ = ["Scene", "animate"]
 
-_INCHES = (8.0, 4.4)
-_WIDTHS = (320, 1920)
-_SECONDS = (0.5, 60.0)
-_FRAMES = 1000
-"""A film has so many at the most."""
+_INCHES = (8.0, 4.4)  # width and height of a frame at the default size
+_WIDTHS = (320, 1920)  # smallest and largest width of a film, in pixels
+_SECONDS = (0.5, 60.0)  # shortest and longest film, in seconds
+_FRAMES = 1000  # frames of a film, at most
 
-_CURVE, _PLACES = 1500, 121
-"""Times a period of the drive at which curves are drawn, and points of the beam."""
+_CURVE = 1500  # times a period of the drive at which curves are drawn
+_PLACES = 121  # points of the beam that are drawn
 
-_TIP_LENGTH, _TIP_HALF_WIDTH, _THICKNESS, _CLAMP = 26.0, 0.03, 5.0, 12.0
-"""How the cantilever is drawn: the tip's height in nm, half its width in units of the beam's length, the beam's
-thickness and half the clamp's height in nm. None is to scale."""
+# The cantilever as drawn, not to scale.
+_TIP_LENGTH = 26.0  # height of the tip, in nm
+_TIP_HALF_WIDTH = 0.03  # half width of the tip, in lengths of the beam
+_THICKNESS = 5.0  # thickness of the beam, in nm
+_CLAMP = 12.0  # half height of the clamp, in nm
 
-_DENT = 0.02
-"""Half width of the dent in the sample as drawn below the cantilever, in units of the beam's length."""
 
-_LENS, _LENS_RIM = (0.04, 6.0, 0.46, 48.0), (-8.0, 10.0)
-"""Where the lens stands (left and width in units of the beam's length, bottom and height in nm: left, bottom, width,
-height), and the heights seen in it."""
+_DENT = 0.02  # half width of the sample's dent as drawn below the cantilever, in lengths of the beam
 
-_WEAK = 0.1
-"""Force in nN below which it is drawn in pN."""
+# Place of the lens: left in lengths of the beam, bottom in nm, width in lengths of the beam, height in nm.
+_LENS = (0.04, 6.0, 0.46, 48.0)
+_LENS_RIM = (-8.0, 10.0)  # heights seen in the lens, in nm
 
-_TRAIL = 0.12
-"""Part of the period that the moving point's trail covers."""
+_WEAK = 0.1  # force in nN below which it is drawn in pN
 
-_COLOURS = {False: "#0072b2", True: "#d55e00"}
-"""Of flight and contact."""
+_TRAIL = 0.12  # share of the period that the moving point's trail covers
 
-_STEEL, _SAMPLE, _RIM, _FAINT, _TRACE = "#4b5563", "#d9c9a8", "#8a7650", "#eceff3", "#f2c84b"
-"""Of the beam, the sample and its surface, the heights that the beam passes through, and the trail."""
+_COLOURS = {False: "#0072b2", True: "#d55e00"}  # of flight and of contact
 
+_STEEL = "#4b5563"  # colour of the beam
+_SAMPLE = "#d9c9a8"  # colour of the sample
+_RIM = "#8a7650"  # colour of the sample's surface
+_FAINT = "#eceff3"  # colour of the heights that the beam passes through
+_TRACE = "#f2c84b"  # colour of the trail
+
+# Matplotlib's settings for a film.
 _LOOK: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.spines.top": False,
@@ -88,27 +90,27 @@ def animate(
     fps: int = 25,
     seconds: float = 4.0,
     width: int = 800,
-    progress: Callable[[int, int], None] | None = None,
+    progress: bool | Report = False,
 ) -> Path:
-    """Write a film of a periodic tapping motion, over one period, which closes on itself; return its path.
+    """Write a film of one period of a tapping motion, which closes on itself; return its path.
 
     Parameters
     ----------
     orbit : PeriodicOrbit
-        Of a system that `tapping_mode` returns, admissible.
+        Admissible orbit of a system that `tapping_mode` returns.
     path : path-like
         A ``.gif``, or an ``.mp4`` where the extra ``saltus[video]`` is installed; an existing file is replaced.
     setup : Setup, optional
-        The cantilever and sample of the system: with it time is in microseconds and length in micrometres, without it
-        in periods and in units of the beam's length. Heights are in nanometres always.
+        The cantilever and sample of the system. With a set-up, time is in microseconds and length in micrometres; else
+        in periods and lengths of the beam. Heights are always in nanometres.
     fps : int, optional
         Frames a second, for a GIF a divisor of 100 up to 50.
     seconds : float, optional
-        How long the film lasts, from 0.5 to 60.
+        Duration of the film, from 0.5 to 60.
     width : int, optional
-        In pixels, from 320 to 1920.
-    progress : callable, optional
-        Called with the number of frames done and of all.
+        Width in pixels, from 320 to 1920.
+    progress : bool or callable
+        True for a bar on stderr, or a function called with a `saltus.Progress`, which counts the frames.
 
     Returns
     -------
@@ -141,16 +143,16 @@ def animate(
     if not low <= seconds <= high or (frames := max(2, round(seconds * fps))) > _FRAMES:
         raise InputError("seconds", seconds, allowed)
     width = checks.count("width", width, *_WIDTHS, "in pixels")
-    checks.function("progress", progress, "of two counts")
+    reporter = Reporter(progress, frames)
     scene = Scene(orbit, setup, frames, seconds)
     shown = [partial(scene.show, frame) for frame in range(frames)]
-    say = progress or (lambda done, total: None)
-    write_movie(scene.figure, path, shown, fps=fps, dpi=width / _INCHES[0], progress=say)
+    with reporter:
+        write_movie(scene.figure, path, shown, fps=fps, dpi=width / _INCHES[0], reporter=reporter)
     return path
 
 
 class Scene:
-    """The picture of which the film is made: `show` moves it to a frame.
+    """The picture that is filmed; `show` moves it to a frame.
 
     Parameters
     ----------
@@ -159,14 +161,14 @@ class Scene:
     setup : Setup, optional
         As for `animate`.
     frames : int
-        Into how many frames the period is cut.
+        Count of frames in the period.
     seconds : float
-        How long the film of the period lasts.
+        Duration of the film.
 
     Attributes
     ----------
     figure : matplotlib.figure.Figure
-        What is filmed.
+        The picture.
 
     Raises
     ------
@@ -231,7 +233,7 @@ class Scene:
             patch.set_facecolor(_COLOURS[contact])
 
     def _draw_cantilever(self, ax: Axes) -> None:
-        """Draw the beam over the sample, the heights that it passes through, and the lens."""
+        """Draw the beam over the sample, the range of its heights, and the lens."""
         from matplotlib.patches import Polygon, Rectangle
 
         beam, length = _to_the_end(self._motion.beam) + _TIP_LENGTH, self._length
@@ -310,7 +312,7 @@ class Scene:
 
 
 def _title(orbit: PeriodicOrbit, setup: Setup | None, seconds: float) -> str:
-    """Return what moves, and how fast."""
+    """Return the title: parameters, and rate of the film."""
     n, omega, turns = tapping_modes(orbit.system), orbit.parameters["Omega"], orbit.form.turns
     words = [f"tapping mode, {n} {'mode' if n == 1 else 'modes'}", rf"$\Omega = {omega:g}\,\omega_1$"]
     if turns > 1:
@@ -335,7 +337,7 @@ def _dot(ax: Axes) -> Line2D:
 
 
 def _to_the_end(beam: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the heights of the beam (..., place) with one beyond the tip's place, where the drawn beam ends."""
+    """Return the beam's heights (..., place) with one more beyond the tip, where the drawn beam ends."""
     slope = (beam[..., -1:] - beam[..., -2:-1]) * (_PLACES - 1)
     return np.concatenate([beam, beam[..., -1:] + slope * _TIP_HALF_WIDTH], axis=-1)
 
@@ -350,7 +352,7 @@ def _cone(x: float, half_width: float, apex: float, top: float) -> NDArray[np.fl
 def _below(
     edges: tuple[float, float], dent: tuple[NDArray[np.float64], NDArray[np.float64]], floor: float
 ) -> NDArray[np.float64]:
-    """Return the outline of the sample between two edges, down to a floor, its surface given where it is no plane."""
+    """Return the outline of the sample between two edges, from its surface down to a floor."""
     x = np.concatenate([[edges[0]], dent[0], [edges[1], edges[1], edges[0]]])
     y = np.concatenate([dent[1][:1], dent[1], dent[1][-1:], [floor, floor]])
     return np.column_stack([x, y])

@@ -2,8 +2,8 @@
 
 The equation ``phi'''' = b**4 phi`` on ``0 <= x <= 1`` with ``phi = phi' = 0`` at the clamp and ``phi'' = phi''' = 0``
 at the tip has the wavenumbers ``cos(b) cosh(b) = -1``. There ``sin(b) = s tanh(b)`` with ``s = 1, -1, 1, ...``, and the
-factor sigma of the textbook shape ``cosh bx - cos bx - sigma (sinh bx - sin bx)`` becomes ``tanh(b/2)**s``. With that,
-the growing exponentials cancel by hand, and no mode is too high for double precision.
+factor sigma of the textbook shape ``cosh bx - cos bx - sigma (sinh bx - sin bx)`` becomes ``tanh(b/2)**s``. Then the
+growing exponentials cancel by hand, and no mode is too high for double precision.
 
 References
 ----------
@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
 __all__ = ["mode_shape", "mode_shape_integrals", "wavenumbers"]
 
-_NEWTON_STEPS = 8  # 5 reach rounding for the first mode, the hardest
-_PI_HEAD, _PI_TAIL = 3.140625, 9.6765358979323846e-4  # pi in two parts: products of the first are exact
+_NEWTON_STEPS = 8  # Newton steps to a root; 5 reach rounding for the first mode, the hardest
+_PI_HEAD = 3.140625  # leading bits of pi, whose products with short integers are exact
+_PI_TAIL = 9.6765358979323846e-4  # pi less `_PI_HEAD`
 
 
 def wavenumbers(n: int) -> NDArray[np.float64]:
@@ -38,7 +39,7 @@ def wavenumbers(n: int) -> NDArray[np.float64]:
     Returns
     -------
     ndarray, shape (n,), read-only
-        Wavenumbers times the beam's length, ascending; the natural frequencies are as their squares.
+        Wavenumbers times the beam's length, ascending; natural frequencies are proportional to their squares.
 
     Raises
     ------
@@ -47,8 +48,8 @@ def wavenumbers(n: int) -> NDArray[np.float64]:
 
     Notes
     -----
-    With ``b = (i - 1/2) pi + d`` the equation is ``sin(d) = s / cosh(b)``: d is small and Newton's method finds it to
-    its own rounding, where ``cos(b) cosh(b) + 1`` would lose a digit for each digit of ``cosh(b)``.
+    With ``b = (i - 1/2) pi + d`` the equation is ``sin(d) = s / cosh(b)``. Newton's method finds the small d to its own
+    rounding. ``cos(b) cosh(b) + 1`` would lose a digit for each digit of ``cosh(b)``.
 
     Examples
     --------
@@ -128,7 +129,7 @@ def mode_shape_integrals(n: int) -> tuple[NDArray[np.float64], NDArray[np.float6
 
 
 def _signs(n: int) -> NDArray[np.float64]:
-    """Sign of ``sin(b_i)``: 1, -1, 1, ... Shape (n,)."""
+    """Return the signs of ``sin(b_i)``: 1, -1, 1, ..., shape (n,)."""
     return np.where(np.arange(checks.size("n", n)) % 2 == 0, 1.0, -1.0)
 
 

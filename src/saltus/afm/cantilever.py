@@ -1,4 +1,4 @@
-"""The cantilever: a uniform clamped-free beam, known by its geometry and material or by what was measured of it."""
+"""The cantilever: a uniform clamped-free beam, given by geometry and material, or by measured values."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ __all__ = ["Cantilever"]
 class Cantilever:
     """A uniform rectangular cantilever, clamped at one end and free at the other.
 
-    From its geometry and material, as here, or from its measured stiffness, frequency and quality factor:
-    `from_measured`.
+    The arguments are geometry and material. `from_measured` takes the measured stiffness, frequency and quality factor.
 
     Parameters
     ----------
@@ -86,13 +85,13 @@ class Cantilever:
 
     @classmethod
     def from_measured(cls, *, k: float, f0: float, Q: float) -> Self:
-        """Return a cantilever of which the first mode was measured, and no geometry is known.
+        """Return a cantilever with a measured first mode, and without geometry.
 
         Parameters
         ----------
         k : float, in N/m
-            Modal (dynamic) stiffness of the first mode at the tip. If the static stiffness was measured or is what the
-            calibration reports, multiply it by 1.0302 (a uniform rectangular beam).
+            Modal (dynamic) stiffness of the first mode at the tip. Multiply a measured or reported static stiffness by
+            1.0302 (a uniform rectangular beam).
         f0 : float, in Hz
             First natural frequency.
         Q : float
@@ -162,7 +161,7 @@ class Cantilever:
         Returns
         -------
         ndarray, shape (n,), in Hz
-            ``f0 (b_i / b_1)**2``: of a measured cantilever only `f0` is its own, the others are a uniform beam's.
+            ``f0 (b_i / b_1)**2``: for a measured cantilever, all but `f0` are those of a uniform beam.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Where the cantilever, the tip and the sample's surface are on a periodic orbit, in an instrument's units."""
+"""Places of cantilever, tip and sample surface along a periodic orbit, in an instrument's units."""
 
 from __future__ import annotations
 
@@ -54,14 +54,14 @@ class Motion:
 
 
 def motion_of(orbit: PeriodicOrbit, places: NDArray[np.float64], times: int, setup: Setup | None = None) -> Motion:
-    """Return an orbit over one period from phase 0 on, the last time one step before the period's end.
+    """Return an orbit over one period from phase 0 on; the last time is one step before the end.
 
     Parameters
     ----------
     orbit : PeriodicOrbit
-        Of a system that `tapping_mode` returns, admissible.
+        Admissible orbit of a system that `tapping_mode` returns.
     places : ndarray, shape (place,), in units of the beam's length
-        Where the beam's height is asked for.
+        Places of the beam's heights.
     times : int
         How many times.
     setup : Setup, optional
@@ -135,7 +135,7 @@ def hertz_profile(r: NDArray[np.float64], depth: float, radius: float) -> NDArra
 
     Examples
     --------
-    At the rim of the contact, ``r**2 = depth * radius``, it is half the depth, and far off it vanishes:
+    At the rim of the contact, ``r**2 = depth * radius``, the profile is half the depth, and far off it vanishes:
 
     >>> hertz_profile(np.array([0.0, 6.0, 600.0]), 2.0, 18.0).round(3).tolist()
     [2.0, 1.0, 0.008]

@@ -1,4 +1,4 @@
-"""The coefficients that projecting onto the modes of a clamped-free beam gives: Eq. (7).
+"""Coefficients of the projection onto the modes of a clamped-free beam, Eq. (7): docs/theory/afm.md.
 
 References
 ----------
@@ -28,10 +28,10 @@ __all__ = ["Coefficients", "coefficients"]
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
-    """What the equations of motion need of a cantilever over a sample, dimensionless but for `k` and `f_1`.
+    """Coefficients of the equations of motion, dimensionless but for `k` and `f_1`.
 
     Time is in units of ``1 / omega_1``, lengths in units of the rest gap `eta`. `C` and `G` are the same for every
-    mode, because the modal mass seen at the tip, ``rho A int(phi_i**2) / phi_i(L)**2 = rho A L / 4``, is.
+    mode, as is the modal mass at the tip, ``rho A int(phi_i**2) / phi_i(L)**2 = rho A L / 4``.
 
     Parameters
     ----------

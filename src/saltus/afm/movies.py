@@ -1,9 +1,10 @@
-"""Writers of moving pictures: GIF with one palette for all frames, and MP4 where its encoder is installed."""
+"""Writers of films: GIF with one palette for all frames, and MP4 where its encoder is installed."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from saltus import checks
 from saltus.errors import InputError, SaltusError
 from saltus.files import whole_file
 from saltus.plotting.style import check_matplotlib
+from saltus.progress import Reporter
 
 if TYPE_CHECKING:
     import os
@@ -24,20 +26,22 @@ if TYPE_CHECKING:
 
 __all__ = ["checked_movie", "write_movie"]
 
-_KINDS = (".gif", ".mp4")
-_GIF_RATES, _MP4_FASTEST = (1, 2, 4, 5, 10, 20, 25, 50), 120
-"""Frames a second: a GIF counts time in hundredths of a second, and browsers slow down frames shorter than two."""
+_KINDS = (".gif", ".mp4")  # endings of a film's file
 
-_KEPT, _MIXED, _NEIGHBOURS, _SAMPLED = 64, 192, 8, 8
-"""Colours of a GIF's palette that are kept exactly, the most frequent, and those mixed from all; how far apart they
-are; and from how many frames they are taken."""
+# Frames a second of a GIF, which counts hundredths of a second; browsers slow frames shorter than two of them.
+_GIF_RATES = (1, 2, 4, 5, 10, 20, 25, 50)
+_MP4_FASTEST = 120  # frames a second of an MP4, at most
 
-_QUALITY = ["-crf", "18"]
-"""Of MP4, for the encoder: the constant rate factor of H.264, 18 being visually lossless."""
+_KEPT = 64  # colours of a GIF's palette that are kept exactly, the most frequent
+_MIXED = 192  # colours of a GIF's palette that are mixed from all
+_NEIGHBOURS = 8  # levels of a channel within which two colours are one
+_SAMPLED = 8  # frames whose colours make the palette, about
+
+_QUALITY = ["-crf", "18"]  # encoder's constant rate factor for H.264: 18 is visually lossless
 
 
 def checked_movie(path: str | os.PathLike[str], fps: int) -> Path:
-    """Return the path of a film that can be written; what it needs is asked for before any work.
+    """Return the checked path of a film; missing requirements raise before any work.
 
     Parameters
     ----------
@@ -85,9 +89,9 @@ def write_movie(
     *,
     fps: int,
     dpi: float,
-    progress: Callable[[int, int], None],
+    reporter: Reporter,
 ) -> None:
-    """Write a film, frame by frame; an interrupt or an error leaves no file, and an older one as it was.
+    """Write a film, frame by frame; an interrupt or an error leaves the folder as it was.
 
     Parameters
     ----------
@@ -101,66 +105,61 @@ def write_movie(
         Frames a second.
     dpi : float
         Pixels an inch of the figure.
-    progress : callable
-        Called with the number of frames done and of all.
+    reporter : Reporter
+        Reports each frame.
     """
-    write = _write_mp4 if path.suffix.lower() == ".mp4" else _write_gif
+    film = _Film(figure, frames, fps, dpi, reporter)
     with whole_file(path) as draft:
-        write(figure, draft, frames, fps, dpi, progress)
+        film.write_mp4(draft) if path.suffix.lower() == ".mp4" else film.write_gif(draft)
 
 
-def _write_mp4(
-    figure: Figure,
-    path: Path,
-    frames: Sequence[Callable[[], None]],
-    fps: int,
-    dpi: float,
-    progress: Callable[[int, int], None],
-) -> None:
-    import matplotlib
-    from matplotlib.animation import FFMpegWriter
+@dataclass(frozen=True)
+class _Film:
+    """A film to be written, as `write_movie` takes it."""
 
-    settings: dict[Any, Any] = {"animation.ffmpeg_path": _ffmpeg(), "savefig.bbox": None}
-    with matplotlib.rc_context(settings):
-        writer = FFMpegWriter(fps=fps, codec="h264", extra_args=_QUALITY)
-        with writer.saving(figure, str(path), dpi):
-            for done, show in enumerate(frames, start=1):
-                show()
-                writer.grab_frame()
-                progress(done, len(frames))
+    figure: Figure
+    frames: Sequence[Callable[[], None]]
+    fps: int
+    dpi: float
+    reporter: Reporter
 
+    def write_mp4(self, path: Path) -> None:
+        import matplotlib
+        from matplotlib.animation import FFMpegWriter
 
-def _write_gif(
-    figure: Figure,
-    path: Path,
-    frames: Sequence[Callable[[], None]],
-    fps: int,
-    dpi: float,
-    progress: Callable[[int, int], None],
-) -> None:
-    """Write a GIF with one palette and no dithering: a third of the size, and no flicker in what does not move."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from PIL import Image
+        settings: dict[Any, Any] = {"animation.ffmpeg_path": _ffmpeg(), "savefig.bbox": None}
+        with matplotlib.rc_context(settings):
+            writer = FFMpegWriter(fps=self.fps, codec="h264", extra_args=_QUALITY)
+            with writer.saving(self.figure, str(path), self.dpi):
+                for show in self.frames:
+                    show()
+                    writer.grab_frame()
+                    self.reporter.step(1, "frames")
 
-    figure.set_dpi(dpi)
-    canvas: Any = FigureCanvasAgg(figure)
+    def write_gif(self, path: Path) -> None:
+        """Write a GIF with one palette and no dithering: a third of the size, and no flicker of still parts."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from PIL import Image
 
-    def picture(show: Callable[[], None]) -> Image.Image:
-        show()
-        canvas.draw()
-        return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+        self.figure.set_dpi(self.dpi)
+        canvas: Any = FigureCanvasAgg(self.figure)
 
-    palette = _palette([picture(show) for show in frames[:: math.ceil(len(frames) / _SAMPLED)]])
-    pictures = []
-    for done, show in enumerate(frames, start=1):
-        pictures.append(picture(show).quantize(palette=palette, dither=Image.Dither.NONE))
-        progress(done, len(frames))
-    first, *others = pictures
-    first.save(path, save_all=True, append_images=others, duration=1000 // fps, loop=0, optimize=False)
+        def picture(show: Callable[[], None]) -> Image.Image:
+            show()
+            canvas.draw()
+            return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+
+        palette = _palette([picture(show) for show in self.frames[:: math.ceil(len(self.frames) / _SAMPLED)]])
+        pictures = []
+        for show in self.frames:
+            pictures.append(picture(show).quantize(palette=palette, dither=Image.Dither.NONE))
+            self.reporter.step(1, "frames")
+        first, *others = pictures
+        first.save(path, save_all=True, append_images=others, duration=1000 // self.fps, loop=0, optimize=False)
 
 
 def _palette(frames: Sequence[Image.Image]) -> Image.Image:
-    """Return a picture whose palette serves all frames; what is frequent, like white, keeps its colour exactly."""
+    """Return a picture whose palette serves all frames; frequent colours, like white, are kept exactly."""
     from PIL import Image
 
     pixels = np.concatenate([np.asarray(frame).reshape(-1, 3) for frame in frames])

@@ -1,4 +1,4 @@
-"""The two regimes of tapping: the motion that hits the sample, and the one that the sample merely attracts."""
+"""The two regimes of tapping: repulsive motions hit the sample, attractive ones do not."""
 
 from __future__ import annotations
 
@@ -20,24 +20,22 @@ if TYPE_CHECKING:
 
 __all__ = ["Regime", "settled_orbit", "tapping_modes"]
 
-Regime = Literal["repulsive", "attractive"]
-"""With contact in every period, or without any."""
+Regime = Literal["repulsive", "attractive"]  # with contact in every period, or without any
 
-_RADII, _ANGLES = (1.2, 0.9), 8
-"""Starts of a search: amplitudes of the first mode in units of the gap, and phases of its motion for each."""
+_RADII = (1.2, 0.9)  # amplitudes of the first mode, in gaps, from which a search starts
+_ANGLES = 8  # phases of its motion for each amplitude
 
-_PATIENCE = 1000
-"""Periods of the drive that a motion has for settling; the slowest of the paper's take a few hundred."""
+_PATIENCE = 1000  # periods of the drive for settling; the slowest of the paper's motions take a few hundred
 
 
 def settled_orbit(
     system: HybridSystem, parameters: Mapping[str, float] | None = None, regime: str = "repulsive"
 ) -> PeriodicOrbit:
-    """Return a periodic orbit of a regime on which tapping settles.
+    """Return a stable periodic orbit of a regime.
 
-    Motions of the first mode of about the gap's size are simulated from several phases, and before them, for the
-    attractive regime, the one from rest; the first that settles in the regime is corrected by Newton's method. Where
-    several orbits of a regime are stable this is one of them.
+    Motions of the first mode of about the gap's size are simulated from several phases. For the attractive regime, the
+    motion from rest comes first. The first motion that settles in the regime is corrected by Newton's method. Where
+    several orbits of a regime are stable, the result is one of them.
 
     Parameters
     ----------
@@ -55,11 +53,11 @@ def settled_orbit(
     Raises
     ------
     InputError
-        The system is none of `tapping_mode`, the regime is unknown, or no motion settles in it on a periodic orbit.
+        The system is none of `tapping_mode`, the regime is unknown, or no motion settles on a periodic orbit in it.
 
     Examples
     --------
-    Both regimes at one frequency, with the gap that they leave:
+    Both regimes at one frequency, with the least gap:
 
     >>> from saltus.afm import table1, tapping_mode
     >>> system = tapping_mode(table1())
@@ -113,7 +111,7 @@ def tapping_modes(system: HybridSystem) -> int:
 
 
 def _starts(n: int, regime: str) -> Iterator[NDArray[np.float64]]:
-    """Go through initial states: rest first where the tip shall stay off the sample."""
+    """Go through initial states; rest comes first in the attractive regime."""
     if regime == "attractive":
         yield np.zeros(2 * n)
     for radius in _RADII:

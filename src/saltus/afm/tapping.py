@@ -1,4 +1,4 @@
-"""Tapping mode as a hybrid system: flight over the sample, contact with it, and the base that shakes."""
+"""Tapping mode as a hybrid system: flight over the sample and contact with it, driven by the cantilever's base."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ if TYPE_CHECKING:
 
 __all__ = ["Setup", "StaticTerm", "tapping_mode"]
 
-StaticTerm = Literal["consistent", "as-printed"]
-"""Sign of the static term: `tapping_mode` tells."""
+StaticTerm = Literal["consistent", "as-printed"]  # sign of the static term, see `tapping_mode`
 
-OMEGA, YBAR, D_ATT, D_REP = 1.0, 0.108, 0.025, 4.0
-"""Drive and damping of the paper's figures, where they say nothing else."""
+# Drive and damping of the paper's figures, where they say nothing else; units as in `tapping_mode`.
+OMEGA = 1.0  # frequency of the drive, in omega_1
+YBAR = 0.108  # amplitude of the drive, in eta
+D_ATT = 0.025  # damping without contact, in omega_1
+D_REP = 4.0  # damping in contact, in omega_1
 
-_MOST_MODES = 100
-"""Modes of the cantilever, at most: the system's functions grow with their square."""
+
+_MOST_MODES = 100  # modes of the cantilever, at most; the system's functions grow with their square
 
 
 @dataclass(frozen=True)
@@ -76,10 +78,10 @@ def tapping_mode(
     """Return tapping mode with `modes` modes of the cantilever as a hybrid system.
 
     States are the modes' displacements and velocities at the tip, ``(q1, ..., qn, v1, ..., vn)``, in units of the rest
-    gap `eta` and of time ``1 / omega_1``; the phase `theta` is the drive's. Hybrid modes are ``"flight"`` (gap above
-    `a0`) and ``"contact"``; transitions ``"touch"`` and ``"release"``; outputs ``z``, the gap in units of `eta`, ``v``,
-    the gap's rate, and ``force``, the force on the tip in units of ``k eta``, positive where it repels. Motions that
-    never touch are called ``"attractive"``, those that do ``"repulsive"``.
+    gap `eta` and of time ``1 / omega_1``. The phase `theta` is that of the drive. Hybrid modes are ``"flight"`` (gap
+    above `a0`) and ``"contact"``; transitions are ``"touch"`` and ``"release"``. Outputs are the gap ``z`` in units of
+    `eta`, and its rate ``v``. ``force`` is the force on the tip in units of ``k eta``, positive where it repels.
+    Regimes are ``"attractive"`` (no contact) and ``"repulsive"``. docs/theory/afm.md derives the equations.
 
     Parameters
     ----------
@@ -122,10 +124,9 @@ def tapping_mode(
 
     Notes
     -----
-    A measured `Q` sets ``D_att_i = 1/Q`` for every mode, not the first alone: in units of omega_1 that is a drag in
-    proportion to the beam's velocity, the same along it (Eq. (8) with one coefficient), and mode i has the quality
-    factor ``Q omega_i / omega_1``. Where more was measured, set ``D_att_2`` to ``(omega_2 / omega_1) / Q_2``, and so
-    on.
+    A measured `Q` sets ``D_att_i = 1/Q`` for every mode: a drag in proportion to the beam's velocity, uniform along it
+    (Eq. (8) with one coefficient). Mode i then has the quality factor ``Q omega_i / omega_1``. Where `Q_2` was measured
+    as well, set ``D_att_2`` to ``(omega_2 / omega_1) / Q_2``, and so on.
 
     References
     ----------
@@ -153,7 +154,7 @@ def tapping_mode(
 
 
 def _definition(setup: Setup, n: int, static_term: StaticTerm) -> dict[str, Any]:
-    """Arguments of `HybridSystem`: texts, so that a system whose code is in the cache needs no SymPy."""
+    """Return the arguments of `HybridSystem` as texts: a system whose code is in the cache then needs no SymPy."""
     numbers = coefficients(setup.cantilever, setup.sample, setup.eta, n)
     each = range(1, n + 1)
     gap = f"1 - {' - '.join(f'q{i}' for i in each)} - ybar*sin(theta)"
@@ -200,7 +201,7 @@ def _definition(setup: Setup, n: int, static_term: StaticTerm) -> dict[str, Any]
 
 
 def _field(numbers: Coefficients, forces: str, damping: str) -> dict[str, str]:
-    """Texts of Eq. (12) in one hybrid mode, whose damping is named `damping`."""
+    """Return the texts of Eq. (12) in one hybrid mode, whose damping is named `damping`."""
     positions, velocities = {}, {}
     for i, (K, B) in enumerate(zip(numbers.K.tolist(), numbers.B.tolist(), strict=True), start=1):
         drive = f"{'-' if B < 0 else '+'} {abs(B)!r}*Omega**2*ybar*sin(theta)"

@@ -1,4 +1,4 @@
-"""Tapping mode by values alone: the paper's set-up with some of them changed, as a file has them."""
+"""Tapping mode for configuration files: the paper's set-up with some values changed."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ if TYPE_CHECKING:
 
 __all__ = ["tapping_mode_with", "varied"]
 
-_GEOMETRY = ("length", "width", "thickness", "density", "young")
-_MEASURED = ("k", "f0", "Q")
-_SAMPLE = ("R", "H", "E_star", "a0")
-VALUES = ("eta", *_SAMPLE, *_GEOMETRY, *_MEASURED)
-"""What can be changed, by name."""
+_GEOMETRY = ("length", "width", "thickness", "density", "young")  # values of a cantilever by its geometry
+_MEASURED = ("k", "f0", "Q")  # values of a measured cantilever
+_SAMPLE = ("R", "H", "E_star", "a0")  # values of the sample
+VALUES = ("eta", *_SAMPLE, *_GEOMETRY, *_MEASURED)  # names of all values that can be changed
 
 
 def tapping_mode_with(modes: int = 1, static_term: StaticTerm = "consistent", **values: float) -> HybridSystem:
@@ -29,7 +28,7 @@ def tapping_mode_with(modes: int = 1, static_term: StaticTerm = "consistent", **
     Raises
     ------
     InputError
-        As they do.
+        As `tapping_mode` and `varied` do.
 
     Examples
     --------
@@ -50,7 +49,7 @@ def varied(setup: Setup, **values: float) -> Setup:
     Parameters
     ----------
     setup : Setup
-        What is changed.
+        The set-up that is changed.
     **values : float, in SI units
         ``eta``; of the sample ``R, H, E_star, a0``; of the cantilever either ``length, width, thickness, density,
         young``, or all of ``k, f0, Q``, measured, in their place.

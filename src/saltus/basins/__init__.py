@@ -1,4 +1,4 @@
-"""Floor 4: attractors, their basins, and measures of the basins' integrity."""
+"""Attractors, their basins, and measures of the basins' integrity."""
 
 from saltus.basins.attractors.attractors import Attractors
 from saltus.basins.attractors.finding import attractors_from, find_attractors
@@ -6,6 +6,7 @@ from saltus.basins.attractors.found import Search
 from saltus.basins.map.basins import Basins
 from saltus.basins.map.grid import Grid, Plane
 from saltus.basins.map.mapping import map_basins
+from saltus.basins.map.options import BasinOptions
 from saltus.basins.map.outcomes import Outcomes
 from saltus.basins.map.wrong_labels import LabelError
 from saltus.basins.measures.entropy import BasinEntropy, basin_entropy
@@ -19,7 +20,7 @@ from saltus.basins.measures.integrity import (
     local_integrity,
     minimal_fatal_perturbation,
 )
-from saltus.basins.measures.profile import erosion_profile
+from saltus.basins.measures.profile import ErosionOptions, erosion_profile
 from saltus.basins.measures.stability import Stability, basin_stability
 from saltus.basins.measures.uncertainty import UncertaintyExponent, uncertainty_by_neighbours, uncertainty_by_shifts
 from saltus.basins.measures.wada import WadaTest, wada_by_merging
@@ -28,7 +29,9 @@ __all__ = [
     "Attractors",
     "Ball",
     "BasinEntropy",
+    "BasinOptions",
     "Basins",
+    "ErosionOptions",
     "ErosionProfile",
     "FatalPerturbation",
     "Grid",

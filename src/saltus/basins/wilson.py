@@ -1,4 +1,4 @@
-"""Intervals for a share that is known from samples."""
+"""Confidence intervals for a share that is estimated from samples."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ __all__ = ["checked_confidence", "wilson"]
 
 
 def wilson(hits: int, samples: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the Wilson interval of a share of which `hits` of `samples` independent samples are.
+    """Return the Wilson interval of a share, estimated by `hits` among `samples` independent samples.
 
-    Where all samples agree, one end is 0 or 1 for certain; the other is then the exact one-sided bound: with no hit,
+    Where all samples agree, one end is 0 or 1. The other end is then the exact one-sided bound. With no hit it is
     ``1 - (1 - confidence)**(1 / samples)``, less than ``3 / samples`` at 95 %.
 
     Parameters

@@ -3,7 +3,7 @@
 Each function returns the argument as what it stands for (a float, an integer, an array, a path), or raises
 `InputError`. Its first parameter is what the message calls the argument.
 
-A *real number* is an integer, a float, a fraction, a decimal, a real number of NumPy or of SymPy, or what is
+A *real number* is an integer, a float, a fraction, a decimal, or a real number of NumPy or of SymPy. So is whatever is
 registered as `numbers.Real`. Booleans, complex numbers, texts, bytes, dates and durations are none, whatever `float`
 makes of them.
 """
@@ -12,6 +12,7 @@ from saltus.checks.numeric import (
     LARGEST_COUNT,
     LARGEST_LIST,
     array,
+    ascending,
     between,
     count,
     interval,
@@ -29,6 +30,7 @@ __all__ = [
     "LARGEST_COUNT",
     "LARGEST_LIST",
     "array",
+    "ascending",
     "between",
     "chosen",
     "count",

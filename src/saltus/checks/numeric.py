@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "array",
+    "ascending",
     "between",
     "count",
     "interval",
@@ -30,11 +31,8 @@ __all__ = [
     "size",
 ]
 
-LARGEST_COUNT = 2**53
-"""The largest count: beyond it floats are no longer exact, and no computation ends."""
-
-LARGEST_LIST = 10**7
-"""The largest count of things that are held in memory at once."""
+LARGEST_COUNT = 2**53  # largest count: larger floats are not exact, and no computation ends
+LARGEST_LIST = 10**7  # largest count of things that are held in memory at once
 
 
 def is_real(value: object) -> bool:
@@ -76,7 +74,7 @@ def number(name: str, value: object, allowed: str = "a finite number", *, finite
     name : str
         The argument.
     value : object
-        What was given.
+        The value given.
     allowed : str, optional
         What the message says is allowed.
     finite : bool, optional
@@ -182,7 +180,7 @@ def count(name: str, value: object, least: int = 1, most: int | None = None, wha
     name : str
         What is counted.
     value : object
-        What was given.
+        The value given.
     least, most : int, optional
         Bounds, included; the upper one is `LARGEST_COUNT` for None.
     what : str, optional
@@ -342,6 +340,40 @@ def _of_objects(name: str, value: object, given: NDArray[Any], allowed: str) -> 
     return found
 
 
+def ascending(name: str, value: object, hint: str = "") -> NDArray[np.float64]:
+    """Return numbers that ascend, each once, as an array of shape (value,); at least one.
+
+    Parameters
+    ----------
+    name : str
+        The argument.
+    value : object
+        What was given: a sequence of numbers.
+    hint : str, optional
+        What to do about numbers that do not ascend.
+
+    Raises
+    ------
+    InputError
+        It is no such sequence; the message has the first two numbers that do not ascend.
+
+    Examples
+    --------
+    >>> ascending("values", [0.1, 0.3, 0.2])
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: values = '0.3, 0.2': must be ascending, each once
+    """
+    allowed = "a sequence of numbers, at least one"
+    found = array(name, value, allowed)
+    if found.ndim != 1 or not found.size:
+        raise InputError(name, value, allowed)
+    if falls := np.flatnonzero(np.diff(found) <= 0.0).tolist():
+        pair = f"{found[falls[0]]:.12g}, {found[falls[0] + 1]:.12g}"
+        raise InputError(name, pair, "ascending, each once", hint)
+    return found
+
+
 def refuse(name: str, found: NDArray[np.float64], wrong: NDArray[np.bool_], allowed: str) -> None:
     """Raise `InputError` for the first entry of an array that is `wrong`; return if there is none.
 
@@ -350,7 +382,7 @@ def refuse(name: str, found: NDArray[np.float64], wrong: NDArray[np.bool_], allo
     name : str
         The argument.
     found : ndarray
-        What was given.
+        The value given.
     wrong : ndarray of bool, shape of `found`
         Which entries cannot be used.
     allowed : str

@@ -16,6 +16,7 @@ __all__ = [
 
 Kind = TypeVar("Kind")
 
+# Where an object of a kind comes from, for the message.
 _WHERE_FROM = {
     "Setup": "table1() returns the paper's",
     "PeriodicOrbit": "find_orbit and solve_orbit give one",
@@ -24,7 +25,6 @@ _WHERE_FROM = {
     "Basins": "map_basins gives one",
     "Attractors": "find_attractors and attractors_from give one",
 }
-"""Where an object of a kind comes from, for the message."""
 
 
 def instance(name: str, value: object, kind: type[Kind], hint: str = "") -> Kind:
@@ -35,7 +35,7 @@ def instance(name: str, value: object, kind: type[Kind], hint: str = "") -> Kind
     name : str
         The argument, for the message; so in all functions of this module.
     value : object
-        What was given.
+        The value given.
     kind : type
         What it must be.
     hint : str, optional

@@ -19,11 +19,8 @@ __all__ = [
     "text",
 ]
 
-MOST_ITEMS = 10**5
-"""The most items of a sequence that is gone through one by one."""
-
-_LONGEST_PART = 255
-"""Bytes in a part of a path, at most: the limit of common file systems."""
+MOST_ITEMS = 10**5  # most items of a sequence whose items are looked at one by one
+_LONGEST_PART = 255  # bytes in a part of a path, at most: the limit of common file systems
 
 
 def text(name: str, value: object, allowed: str = "text") -> str:
@@ -47,7 +44,7 @@ def chosen(name: str, value: object, known: Iterable[str], *, instead: str = "",
     name : str
         The argument.
     value : object
-        What was given.
+        The value given.
     known : iterable of str
         What it may be.
     instead : str, optional
@@ -147,7 +144,7 @@ def mapping(name: str, value: object, what: str, *, known: Iterable[str] | None 
     name : str
         The argument.
     value : object
-        What was given.
+        The value given.
     what : str
         What it maps, as in "names to numbers".
     known : iterable of str, optional

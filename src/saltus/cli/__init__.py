@@ -1,4 +1,4 @@
-"""The command ``saltus``: parse, call, print. What is heavy is imported inside the commands."""
+"""The command ``saltus``: parse arguments, call the package, print. Heavy modules are imported inside the commands."""
 
 from __future__ import annotations
 
@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = ["main"]
 
-_TOLD_ELSEWHERE = ("figure", "parameters")
-"""Entries of a figure's content that the table of its numbers leaves out."""
+_TOLD_ELSEWHERE = ("figure", "parameters")  # entries of a figure's content that the table of its numbers leaves out
 
 app = typer.Typer(
     name="saltus",
@@ -50,7 +49,7 @@ app.add_typer(basins.group, name="basins", help="Map basins of attraction into a
 def main(args: list[str] | None = None) -> None:
     """Run the command with `args` (by default those of the process) and leave with its exit code.
 
-    0: done; 2: an error, told in a line on stderr; 130: interrupted.
+    Exit codes: 0 for success, 2 for an error with one line on stderr, 130 for an interrupt.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
@@ -108,15 +107,15 @@ def reproduce(
     chosen = {"resolution": resolution, "animate": animate or None}
     options = _taken(figure, run, {name: value for name, value in chosen.items() if value is not None})
     folder = _writable_folder(out)
-    with interruptible(), status() as say:
-        found = run(folder, say, **options)
+    with interruptible(), status() as progress:
+        found = run(folder, progress, **options)
     _report(found)
     if found["interrupted"]:
         raise SystemExit(INTERRUPTED)
 
 
 def _taken(figure: str, run: Callable[..., Any], options: dict[str, Any]) -> dict[str, Any]:
-    """Return the options, all of which a figure takes; raise `InputError` if not."""
+    """Return the options; raise `InputError` for one that the figure does not take."""
     from inspect import signature
 
     for name, value in options.items():
@@ -144,20 +143,19 @@ def animate(
     from saltus.afm.movies import checked_movie
 
     checked_movie(out, fps)
-    with interruptible(), status() as say:
+    with interruptible(), status() as progress:
         from saltus.afm import animate as film, settled_orbit, table1, tapping_mode
 
         setup = table1()
         parameters = {"Omega": omega, "ybar": ybar, "D_att": d_att, "D_rep": d_rep}
         found = settled_orbit(tapping_mode(setup, modes=modes), parameters, orbit)
-        told = None if say is None else lambda done, total: say(f"frame {done} of {total}")
-        path = film(found, out, setup=setup, fps=fps, seconds=seconds, width=width, progress=told)
+        path = film(found, out, setup=setup, fps=fps, seconds=seconds, width=width, progress=progress)
     typer.echo(printable(repr(found)))
     typer.echo(f"written  {path}  ({path.stat().st_size / 1e6:.2f} MB)")
 
 
 def _writable_folder(out: Path) -> Path:
-    """Return the folder, made if it was absent; raise `InputError` where nothing can be written."""
+    """Return the folder, created if absent; raise `InputError` where nothing can be written."""
     there = next((path for path in (out, *out.absolute().parents) if path.exists()), Path("/"))
     if not there.is_dir():
         raise InputError("--out", str(out), "a folder", f"{there} is a file")
@@ -173,7 +171,7 @@ def _writable_folder(out: Path) -> Path:
 
 
 def _report(found: dict[str, Any]) -> None:
-    """Print the special points, or the numbers that the figure stands for, and which files were written."""
+    """Print the special points or the numbers of the figure, and the files written."""
     content = found["content"]
     table = _special_points(content["special_points"]) if "special_points" in content else _numbers(content)
     if table.row_count:
@@ -197,7 +195,7 @@ def _special_points(points: list[dict[str, Any]]) -> Table:
 
 
 def _numbers(content: dict[str, Any]) -> Table:
-    """Return numbers and words in the content of a figure without special points, a row for what belongs together."""
+    """Return numbers and words of a figure's content as a table, one row for each entry."""
     table = new_table({"what": "left", "value": "left"})
     for name, value in content.items():
         if name in _TOLD_ELSEWHERE:

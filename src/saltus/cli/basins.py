@@ -1,4 +1,4 @@
-"""The command ``saltus basins``: basins of attraction into a store, and what is in one."""
+"""The command ``saltus basins``: write basins of attraction to a store, or show a store's content."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from saltus.cli.console import (
     INTERRUPTED,
     add_row,
     bar,
-    duration_text,
     interruptible,
     new_table,
     show,
@@ -22,17 +21,17 @@ from saltus.cli.console import (
     status,
 )
 from saltus.errors import InputError, nearest
+from saltus.progress import duration_text
 
 if TYPE_CHECKING:
-    from saltus.basins import Basins
+    from saltus.basins import BasinOptions, Basins
     from saltus.basins.map.config import Config
     from saltus.system import HybridSystem
 
 __all__ = ["group"]
 
-_MAP = "map"
-_WORKERS = (2, 4, 16, 64, 256)
-"""Machines for which `saltus basins --estimate` tells how long a grid takes."""
+_MAP = "map"  # command that a configuration alone stands for
+_WORKERS = (2, 4, 16, 64, 256)  # machines for which `saltus basins --estimate` tells a time
 
 
 class _BasinsGroup(TyperGroup):
@@ -103,7 +102,7 @@ def map_(
 def _checked(
     out: Path | None, engine: str | None, scheduler: str | None, *, resume: bool, estimate: bool, preview: bool
 ) -> str | None:
-    """Return the engine, raising `InputError` where options do not belong together, before anything is imported."""
+    """Return the engine; raise `InputError` for options that exclude each other, before heavy imports."""
     engines = ("cpu", "cuda", "dask")
     if engine is not None and engine not in engines:
         raise InputError("--engine", engine, f"one of {', '.join(engines)}", nearest(engine, engines))
@@ -128,19 +127,23 @@ def _mapped(read: Config, system: HybridSystem, out: Path, *, engine: str, clien
     """Find the attractors, unless a store has them, and map the basins."""
     from saltus.basins import map_basins
 
+    options = _options(read, engine=engine, client=client, preview=preview)
     with bar("starting" if out.exists() else "looking for attractors") as progress:
         return map_basins(
-            system, read.parameters, read.cells, _search(read), path=out, client=client, preview=preview,
-            engine=engine, interval=read.interval, progress=progress, **_engine_options(read),
-        )  # fmt: skip
+            system, read.parameters, read.cells, _search(read), options=options, path=out, progress=progress
+        )
 
 
-def _engine_options(read: Config) -> dict[str, Any]:
-    return read.engine.model_dump(exclude={"name"}, exclude_none=True)
+def _options(read: Config, *, engine: str, client: str | None = None, preview: bool = False) -> BasinOptions:
+    """Return the options of a map, from the configuration and the command line."""
+    from saltus.basins import BasinOptions
+
+    given = read.engine.model_dump(exclude={"name"}, exclude_none=True)
+    return BasinOptions(engine=engine, client=client, preview=preview, interval=read.interval, **given)
 
 
 def _search(read: Config) -> dict[str, Any]:
-    """Return the options with which attractors are looked for."""
+    """Return the options of the search for attractors."""
     from saltus.basins import Search
     from saltus.basins.map.config import called
 
@@ -151,16 +154,12 @@ def _search(read: Config) -> dict[str, Any]:
 
 
 def _tell_cost(read: Config, system: HybridSystem, engine: str) -> None:
-    """Print what the basins of a configuration cost, measured on a sample."""
+    """Print the time and size of a configuration's basins, measured on a sample."""
     from saltus.basins.map.cost import estimate_cost
 
-    with status() as say:
-        if say is not None:
-            say("looking for attractors, then measuring a sample of the cells")
-        cost = estimate_cost(
-            system, read.parameters, read.cells, _search(read), engine=engine, interval=read.interval,
-            **_engine_options(read),
-        )  # fmt: skip
+    with status("looking for attractors, then measuring a sample of the cells"):
+        options = _options(read, engine="cuda" if engine == "cuda" else "cpu")
+        cost = estimate_cost(system, read.parameters, read.cells, _search(read), options=options)
     where = "the graphics cards here" if engine == "cuda" else "this machine"
     table = new_table({"what": "left", "value": "left"})
     add_row(table, "cells", f"{cost.cells:,}")
@@ -182,11 +181,9 @@ def info(store: Annotated[Path, typer.Argument(metavar="STORE.zarr", help="What 
 
 
 def _tell_basins(basins: Basins, *, inputs: bool = False) -> None:
-    """Print what basins hold: how the grid is, its attractors and their parts, and how much is done."""
+    """Print the content of basins: grid, attractors, shares of the cells, and how much is done."""
     grid, outcomes, given = basins.grid, basins.attractors, basins.inputs
-    with status() as say:
-        if say is not None:
-            say("counting cells")
+    with status("counting cells"):
         shares = basins.fractions()
     table = new_table({"what": "left", "value": "left"})
     if inputs:

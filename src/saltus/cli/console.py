@@ -1,18 +1,22 @@
-"""What the commands print: tables, bars, durations and sizes as people read them."""
+"""Output of the commands: tables, progress bars, and readable sizes."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import typer
 
+from saltus.progress import Report, shown
+
 if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
+
+    from saltus.progress import Progress, Report
 
 __all__ = [
     "FAILED",
@@ -20,7 +24,6 @@ __all__ = [
     "add_row",
     "bar",
     "cell",
-    "duration_text",
     "interruptible",
     "new_table",
     "printable",
@@ -30,17 +33,16 @@ __all__ = [
     "status",
 ]
 
-FAILED, INTERRUPTED = 2, 130
-"""Exit codes: an error told in a line; an interrupt."""
+FAILED = 2  # exit code of an error, which is told in a line
+INTERRUPTED = 130  # exit code of an interrupt
 
-_TABLE_WIDTH = 80
-_LONG = ("signature", "value")
-"""Columns whose text may go on in the next line, so that numbers beside them are never cut."""
+_TABLE_WIDTH = 80  # columns of a table, at least
+_LONG = ("signature", "value")  # columns whose text may wrap, so that numbers beside them are never cut
 
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Leave with its exit code where an interrupt comes before there is a result."""
+    """Exit with code `INTERRUPTED` at an interrupt before there is a result."""
     try:
         yield
     except KeyboardInterrupt:
@@ -49,15 +51,23 @@ def interruptible() -> Iterator[None]:
 
 
 @contextmanager
-def status() -> Iterator[Callable[[str], None] | None]:
-    """Show the line that is said last, with a spinner; nothing where stdout is no terminal."""
+def status(first: str = "starting") -> Iterator[bool | Report]:
+    """Show the latest progress in one line, `first` before any; nothing where stdout is no terminal."""
     if not (sys.stdout is not None and sys.stdout.isatty()):
-        yield None
+        yield False
         return
     from rich.console import Console
 
-    with Console().status("starting") as line:
-        yield lambda text: line.update(cell(text))
+    with Console().status(first) as line:
+        yield lambda progress: line.update(cell(_line(progress)))
+
+
+def _line(progress: Progress) -> str:
+    """Return the count that is done, where there is a count, and the latest report's text."""
+    done = f"{progress.done:,}" if progress.done else ""
+    if progress.total is not None:
+        done = f"{progress.done:,} of {progress.total:,}"
+    return "  ".join(part for part in (done, progress.text) if part)
 
 
 def show(table: Table) -> None:
@@ -70,24 +80,23 @@ def show(table: Table) -> None:
 
 
 @contextmanager
-def bar(first: str = "starting") -> Iterator[Callable[[int, int, float, float], None] | None]:
-    """Show a bar with orbits a second and the time left; nothing where stdout is no terminal."""
-    if not (sys.stdout is not None and sys.stdout.isatty()):
-        yield None
+def bar(first: str = "starting") -> Iterator[Report | Literal[False]]:
+    """Show a bar with the share that is done and the time left; nothing where stderr is no terminal.
+
+    Parameters
+    ----------
+    first : str, optional
+        Text before the first report.
+    """
+    if not (sys.stderr is not None and sys.stderr.isatty()):
+        yield False
         return
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    with Progress(BarColumn(), TextColumn("{task.percentage:5.1f} %  {task.fields[told]}")) as bar:
-        task = bar.add_task("", total=None, told=first)
-
-        def show(done: int, total: int, rate: float, left: float) -> None:
-            bar.update(task, completed=done, total=total, told=f"{rate:,.0f} orbits/s  {duration_text(left)} left")
-
-        yield show
+    with shown(first) as report:
+        yield report
 
 
 def add_row(table: Table, *texts: str) -> None:
-    """Add a row of texts as they are: names may come from a file, and hold markup or the codes of a terminal."""
+    """Add a row of texts without markup or terminal codes, which names from a file may hold."""
     table.add_row(*map(cell, texts))
 
 
@@ -101,20 +110,6 @@ def cell(text: str) -> Text:
 def printable(text: str) -> str:
     """Return a text with its control characters, line ends excepted, as backslash escapes."""
     return "".join(x if x.isprintable() or x == "\n" else x.encode("unicode_escape").decode() for x in text)
-
-
-def duration_text(seconds: float) -> str:
-    """Return a time in two units at most."""
-    if seconds < 59.5:
-        return f"{seconds:.2g} s"
-    if seconds < 599.5:
-        return f"{round(seconds) // 60} min {round(seconds) % 60} s"
-    minutes = round(seconds / 60.0)
-    if minutes < 60:
-        return f"{minutes} min"
-    if minutes < 24 * 60:
-        return f"{minutes // 60} h {minutes % 60} min"
-    return f"{minutes // 1440} d {minutes % 1440 // 60} h"
 
 
 def size_text(count: float) -> str:

@@ -1,18 +1,22 @@
-"""Floor 4: branches and loci of periodic orbits by pseudo-arclength continuation."""
+"""Branches and loci of periodic orbits by pseudo-arclength continuation."""
 
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.branch import Branch
+from saltus.continuation.cascade import Cascade
+from saltus.continuation.doublings import follow_cascade
 from saltus.continuation.family import Family
 from saltus.continuation.loci import continue_locus
 from saltus.continuation.locus import Locus
 from saltus.continuation.members import continue_family
+from saltus.continuation.options import BranchOptions
 from saltus.continuation.orbit_curve import OrbitCurve
 from saltus.continuation.orbits import continue_orbit
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints
-from saltus.continuation.switching import Cascade, follow_cascade, switch_branch
+from saltus.continuation.switching import grazing_orbits, switch_branch
 
 __all__ = [
     "Branch",
+    "BranchOptions",
     "Cascade",
     "Family",
     "Locus",
@@ -24,5 +28,6 @@ __all__ = [
     "continue_locus",
     "continue_orbit",
     "follow_cascade",
+    "grazing_orbits",
     "switch_branch",
 ]

@@ -1,6 +1,6 @@
-"""Pseudo-arclength continuation of a zero problem: steps and their control. No orbits here.
+"""Pseudo-arclength continuation of a zero problem: steps along the branch and their control.
 
-docs/theory/continuation.md, "Pseudo-arclength", derives it.
+The module knows nothing of orbits. docs/theory/continuation.md, "Pseudo-arclength", derives the method.
 """
 
 from __future__ import annotations
@@ -21,28 +21,40 @@ if TYPE_CHECKING:
 
 __all__ = ["RESTS", "Failure", "StepControl", "follow"]
 
-RESTS = 1e-9
-"""Slope of the parameter, in units of arclength, below which it rests: a family at one value has one of rounding."""
-
-_BENT = 2.0  # what the curvature of a monitor function is multiplied with where a zero may be overlooked
+RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it is rounding: the parameter rests
+_BENT = 2.0  # factor on the curvature of a monitor function when two zeros within a step are suspected
 
 
 @dataclass(frozen=True)
 class StepControl:
-    """How a branch is stepped along.
+    """Sizes of the steps along a branch or locus, their limits, and how a branch goes on at a grazing.
 
     Parameters
     ----------
     initial, smallest, largest : float
-        Steps in arclength, measured in units of the orbit's size and of the parameter's interval.
+        First, least and greatest step, in arclength. Its units are the states' sizes and the parameter's interval.
     deviation : float
-        Distance between predicted and corrected point at which the step is kept as it is.
+        Distance between predicted and corrected point, in arclength, at which the step keeps its length.
     angle : float
         Largest angle between the tangents at a step's two ends, in radians.
     iterations : int
-        Newton iterations after which a step is given up.
+        Most Newton iterations; a step that needs more is repeated shorter.
     most : int
-        Points after which a branch stops.
+        Most points of each direction of a branch or locus.
+    at_grazing : {"switch", "pass"}
+        How a branch of orbits goes on at a grazing: in the neighbouring signature, or in the same one. In the same one
+        solutions beyond the grazing are no motion (``admissible`` false). With ``stop_at="GR"`` a branch ends at the
+        grazing instead.
+
+    Raises
+    ------
+    InputError
+        A value that cannot be used; the message names it.
+
+    Examples
+    --------
+    >>> StepControl(largest=0.02).at_grazing
+    'switch'
     """
 
     initial: float = 0.01
@@ -52,19 +64,21 @@ class StepControl:
     angle: float = 0.5
     iterations: int = 7
     most: int = 5000
+    at_grazing: str = "switch"
 
     def __post_init__(self) -> None:
         for name in ("initial", "smallest", "largest", "deviation", "angle"):
             object.__setattr__(self, name, checks.positive(f"StepControl.{name}", getattr(self, name)))
         for name in ("iterations", "most"):
             object.__setattr__(self, name, checks.count(f"StepControl.{name}", getattr(self, name)))
+        checks.chosen("StepControl.at_grazing", self.at_grazing, ("switch", "pass"))
         if not self.smallest <= self.largest:
             raise InputError("StepControl.smallest", self.smallest, f"<= largest, {self.largest!r}")
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A step that was not taken: where, how long, why."""
+    """A rejected step: the parameter where it began, its length in arclength, the reason."""
 
     parameter: float
     step: float
@@ -79,20 +93,20 @@ def follow(
     log: list[Failure],
     first_step: float | None = None,
 ) -> Iterator[Point | Event | str]:
-    """Yield points of a branch from `start` on (itself not) and the events between them, at last why it ended.
+    """Yield the points of a branch after `start`, the events between them, and last the reason why it ended.
 
     Parameters
     ----------
     problem : ZeroProblem
-        What is continued.
+        The equations.
     start : Point
-        Where, and by its tangent in which direction; examined.
+        First point, examined; its tangent gives the direction.
     control : StepControl
-        Steps.
+        Sizes of steps and their limits.
     log : list of Failure
-        Takes each rejected step.
+        Each rejected step is appended.
     first_step : float, optional
-        Instead of `control.initial`.
+        Length of the first step in place of `control.initial`.
     """
     h = min(first_step or control.initial, control.largest)
     point, before, earlier = start, None, None
@@ -116,7 +130,7 @@ def follow(
                 continue
             yield point
         yield from step.events
-        # the next step may tell that something was passed over, so one without events is not yet final
+        # a step without events is not final yet: the next one may show that zeros were passed over
         held = not step.events
         if not held:
             yield step.point
@@ -126,7 +140,7 @@ def follow(
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """A step that can be taken: where it ends, what lies in it, by how much the next may be longer."""
+    """A step that can be taken: its end, the events in it, the factor on the length of the next step."""
 
     point: Point
     events: list[Event]
@@ -134,7 +148,7 @@ class _Step:
 
 
 def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float, control: StepControl) -> _Step | str:
-    """Return the step of length `h` from `point`, or why it is not to be taken."""
+    """Return the step of length `h` from `point`, or the reason why it is rejected."""
     problem.depart(point)
     guess = _predict(point, before, h)
     new = correct(problem, guess, point.tangent, point.weights, control.iterations)
@@ -163,7 +177,7 @@ def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float,
 
 
 def _predict(point: Point, before: Point | None, h: float) -> NDArray[np.float64]:
-    """Return the point a step on, by the cubic through the last two points and their tangents."""
+    """Return the predicted point at step length `h`, on the cubic through the last two points and their tangents."""
     apart = before is None or before.u.size != point.u.size or before.frame is not point.frame
     if before is None or apart or point.arc <= before.arc:
         return point.u + h * point.tangent
@@ -195,7 +209,7 @@ def _misstep(point: Point, new: Point, moved: float, angle: float, control: Step
 
 
 def _turns_twice(a: float, b: float, chord: float) -> bool:
-    """Whether the cubic with slopes a and b at a step's ends and `chord` between them has two turning points inside."""
+    """Return whether the cubic with end slopes `a` and `b` and mean slope `chord` turns twice within a step."""
     if a * b <= 0.0 or max(abs(a), abs(b), abs(chord)) < RESTS:
         return False
     side = math.copysign(1.0, a)
@@ -208,9 +222,10 @@ def _turns_twice(a: float, b: float, chord: float) -> bool:
 
 
 def _returns(before: Point | None, a: Point, b: Point) -> str | None:
-    """Return why the step from `a` to `b` may hold two zeros of a monitor function, of one sign at its ends, if it may.
+    """Return the reason why a monitor function may vanish twice in the step from `a` to `b`; None if none may.
 
-    The parabola through both and a third point, on the other side of `a`, tells, its curvature taken larger than it is.
+    The function has one sign at both ends. A parabola through `before`, `a` and `b`, its curvature doubled, gives its
+    least value within the step. docs/theory/continuation.md, "Special points", explains the test.
     """
     if before is None or before.arc == a.arc or abs(b.arc - a.arc) < CROWDED:
         return None

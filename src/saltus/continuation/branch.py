@@ -23,8 +23,8 @@ class Branch(OrbitCurve):
     Attributes
     ----------
     parameter : str
-        What varies; its values along the branch are in `values`, shape (point,). `OrbitCurve` tells the other
-        attributes, `special_points` being SN, PD, TR, BP, GR, HB and users' events.
+        The parameter that varies. Its values along the branch are in `values`, shape (point,). Types of
+        `special_points` are SN, PD, TR, BP, GR, HB and users' events. `OrbitCurve` lists the other attributes.
     """
 
     parameter: str

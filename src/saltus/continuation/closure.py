@@ -1,4 +1,4 @@
-"""Where a curve of orbits comes back to its start, which its orbit may pass at another phase."""
+"""Whether a step of a curve of orbits passes the curve's start, perhaps at another phase of the orbit."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 __all__ = ["alongside", "passes"]
 
-_SAMPLES = 400  # samples of an orbit among which its crossings of a plane are sought
+_SAMPLES = 400  # times over a period between which an orbit's crossings of a plane are sought
 
 
 def alongside(problem: OrbitProblem, u: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a copy of the unknowns `u` with the phase running in the same turn as that of `other`."""
+    """Return a copy of the unknowns `u`, its phase shifted by whole turns to start next to the phase of `other`."""
     moved, n = u.copy(), problem.n
     if problem.system.phase is not None:
         shift = 2.0 * math.pi * round(float(u[n - 1] - other[n - 1]) / (2.0 * math.pi))
@@ -37,9 +37,9 @@ def alongside(problem: OrbitProblem, u: NDArray[np.float64], other: NDArray[np.f
 def passes(
     branch: ZeroProblem, problem: OrbitProblem, origin: Point, last: Point, new: Point, control: StepControl
 ) -> bool:
-    """Return whether the step from `last` to `new` passes `origin`, wherever on its orbit that point starts.
+    """Return whether the step from `last` to `new` passes the orbit of `origin`, from any of its starting points.
 
-    Both are of one signature, and `problem` has the equations of the orbits of `branch`.
+    All three points have one signature. `problem` holds the equations of the orbits of `branch`.
     """
     if new.arc < 3.0 * control.initial:
         return False
@@ -53,7 +53,7 @@ def passes(
 
 
 def _phases(problem: OrbitProblem, origin: Point) -> Iterator[Point]:
-    """Yield a point of a curve with each start that its orbit may have; those after the first lack the tangent."""
+    """Yield a point of a curve with each possible start of its orbit; only the first has a tangent."""
     signature, n, size = problem.signature, problem.n, problem.size
     if problem.slides:
         found = _on_plane(problem, origin.u)
@@ -82,7 +82,10 @@ def _phases(problem: OrbitProblem, origin: Point) -> Iterator[Point]:
 
 
 def _on_plane(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Return the orbit `u` from where it crosses the plane of the phase condition, nearest to that plane's point."""
+    """Return the orbit `u` started on the plane of the phase condition; None where it does not cross the plane.
+
+    Of several crossings the one nearest to the plane's point is taken.
+    """
     n, size = problem.n, problem.size
     point, normal = problem.phase_plane[:n], problem.phase_plane[n:]
     problem.survey(np.append(u[:size], u[-len(problem.active) :]))
@@ -109,7 +112,7 @@ def _on_plane(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float
 def _meets(
     branch: ZeroProblem, problem: OrbitProblem, origin: Point, last: Point, new: Point, control: StepControl
 ) -> bool:
-    """Return whether the step from `last` to `new` passes the point `origin` as it is."""
+    """Return whether the step from `last` to `new` passes the point `origin`, its orbit's start unchanged."""
     reach = 20.0 * control.deviation
     w = last.weights
     goal = alongside(problem, origin.u, last.u)

@@ -1,4 +1,4 @@
-"""How the special points of a curve, and rows of different lengths, are held in a Dataset."""
+"""Special points of a curve, and rows of different lengths, as variables of a Dataset."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def special_variables(
     Parameters
     ----------
     points : SpecialPoints
-        What is written.
+        The points.
     varied : tuple of str
         The parameters that vary.
     multipliers : int
-        How many an orbit has.
+        Number of Floquet multipliers of an orbit.
     forms : list of Signature
-        Those of the points are among them.
+        Signatures, including the points' signatures.
     system : HybridSystem
         The orbits' system.
     """
@@ -81,9 +81,9 @@ def special_points_of(
     parameters: Mapping[str, float],
     varied: tuple[str, ...],
     forms: list[Signature],
-    tol: float,
+    tolerance: float,
 ) -> list[SpecialPoint]:
-    """Return the special points in a curve's file."""
+    """Return the special points that `special_variables` wrote to a curve's file."""
     special = ("special",)
     wide, number = len(system.all_states) + 1, held.array("special_form", special, int, least=0, most=len(forms) - 1)
     sizes = [len(forms[i]) * wide for i in number.tolist()]
@@ -116,7 +116,7 @@ def special_points_of(
             x0[i],
             lows[i],
             highs[i],
-            tol,
+            tolerance,
         )
         specials.append(
             SpecialPoint(
@@ -136,12 +136,12 @@ def special_points_of(
 
 
 def complex_table(held: Contents, name: str, dims: tuple[str, ...]) -> NDArray[np.complex128]:
-    """Return a complex variable from its two parts."""
+    """Return a complex variable from its real and imaginary parts ``<name>_re`` and ``<name>_im``."""
     return complex_of(*(held.array(f"{name}_{part}", dims, finite=False) for part in ("re", "im")))
 
 
 def ragged_rows(held: Contents, name: str, ragged: str, dim: str, sizes: list[int]) -> tuple[NDArray[np.float64], ...]:
-    """Return the parts of a ragged variable; raise `InputError` where they are not of the sizes that they must be."""
+    """Return the parts of a ragged variable; raise `InputError` where their sizes are not `sizes`."""
     counts, values = held.array(f"{name}_count", (dim,), int, least=0), held.array(name, (ragged,))
     if counts.tolist() != sizes or values.size != sum(sizes):
         told = f"those of the signatures: {sum(sizes)} numbers"

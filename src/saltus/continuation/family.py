@@ -1,4 +1,4 @@
-"""Many branches at once: one for each value of other parameters."""
+"""A family of branches as a result: one branch for each value of further parameters."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.contents import Contents, as_json
+from saltus.contents import Contents
 from saltus.continuation.branch import Branch
+from saltus.continuation.branch_files import RAGGED, branches_of, branches_together
 from saltus.errors import InputError
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
@@ -25,13 +26,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Family", "label"]
 
-_LISTED = 24
-"""Members that a `repr` lists."""
+_LISTED = 24  # most members that a `repr` lists
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Family(Result):
-    """Branches of periodic orbits along one parameter, one for each value of others.
+    """Branches of periodic orbits along one parameter, one for each value of further parameters.
 
     ``family[i]`` is the branch of member `i`, ``len(family)`` counts the members, iteration goes through `branches`.
 
@@ -40,15 +40,16 @@ class Family(Result):
     system : HybridSystem
         The system.
     parameter : str
-        What varies along each branch.
+        The parameter that varies along each branch.
     over : mapping of str to ndarray, shape (member,)
-        What varies from branch to branch, and its values.
+        Names of the parameters, or groups of them, that vary from branch to branch, and their values.
     branches : tuple of Branch or None, one for each member
         None where there is no branch.
     failures : mapping of int to str
-        Why there is none, by the member's index.
+        The reason why a member has no branch, by its index.
     options : mapping
-        What `continue_family` was asked for: bounds, steps, directions, events, stop_at, at_grazing.
+        Arguments of `continue_family`: ``bounds`` and the fields of its `BranchOptions`, ``steps`` (the fields of
+        `StepControl`, ``at_grazing`` among them), ``directions``, ``events`` and ``stop_at``.
     interrupted : bool
         Whether the computation was interrupted (Ctrl-C) before all members were done.
     """
@@ -84,38 +85,20 @@ class Family(Result):
     def to_xarray(self) -> xr.Dataset:
         """Return all branches as one Dataset, with ragged dimensions.
 
-        What `Branch.to_xarray` holds of each member stands one after the other: points along ``point``, special points
-        along ``special``. ``count`` (member) says how many points each member has, ``special_count`` how many special
-        points; by the CF conventions, section 9.3.3 (contiguous ragged arrays), the attribute ``sample_dimension`` of a
-        count names the dimension that it counts. ``point_member`` and ``special_member`` give the member of each point.
-        The values of `over` are coordinates along ``member``, ``failure`` is the reason where there is no branch, and
-        ``branch_attributes`` is JSON of each branch's own attributes.
+        The members' Datasets of `Branch.to_xarray` stand one after the other: points along ``point``, special points
+        along ``special``. ``count`` (member) is the number of points of each member, ``special_count`` that of special
+        points. The attribute ``sample_dimension`` of a count names the dimension that it counts, as section 9.3.3 of
+        the CF conventions (contiguous ragged arrays) asks. ``point_member`` and ``special_member`` give the member of
+        each point. The values of `over` are coordinates along ``member``. ``failure`` is the reason why a member has no
+        branch. ``branch_attributes`` is JSON of each branch's own attributes.
         """
         import xarray as xr
 
-        members = {i: branch.to_xarray() for i, branch in enumerate(self.branches) if branch is not None}
-        data: dict[str, Any] = {}
-        coords: dict[str, Any] = {}
-        attributes, failures = np.full(len(self), "", dtype=object), np.full(len(self), "", dtype=object)
+        data, coords = branches_together(self.branches, "member")
+        failures = np.full(len(self), "", dtype=object)
         for i, reason in self.failures.items():
             failures[i] = reason
-        for i, dataset in members.items():
-            own = {key: value for key, value in dataset.attrs.items() if key not in _SHARED}
-            attributes[i] = json.dumps(own)
-        if members:
-            first = next(iter(members.values()))
-            coords |= {str(name): variable.variable for name, variable in first.coords.items()}
-            for name, variable in first.data_vars.items():
-                values = np.concatenate([dataset[name].values for dataset in members.values()])
-                data[str(name)] = (variable.dims, values, variable.attrs)
-            for dim in dict.fromkeys(str(first[name].dims[0]) for name in data):
-                sizes = np.zeros(len(self), dtype=np.int64)
-                for i, dataset in members.items():
-                    sizes[i] = dataset.sizes[dim]
-                data["count" if dim == "point" else f"{dim}_count"] = ("member", sizes, {"sample_dimension": dim})
-                if dim in ("point", "special"):
-                    data[f"{dim}_member"] = (dim, np.repeat(np.arange(len(self)), sizes))
-        data |= {"failure": ("member", failures), "branch_attributes": ("member", attributes)}
+        data |= {"failure": ("member", failures)}
         taken = {*data, *coords, "member", *(dim for dims, *_ in data.values() for dim in np.atleast_1d(dims))}
         names = {name: f"over_{name}" if name in taken else name for name in self.over}
         coords |= {names[name]: ("member", values) for name, values in self.over.items()}
@@ -125,30 +108,17 @@ class Family(Result):
             "definition": json.dumps(self.system.definition()),
             "options": json.dumps(dict(self.options)),
             "interrupted": int(self.interrupted),
-            "ragged": "contiguous ragged arrays: a count's sample_dimension holds the members one after the other",
+            "ragged": RAGGED,
         }
         return xr.Dataset(data, coords=coords, attrs=attrs)
 
     @classmethod
     def _read(cls, held: Contents) -> Family:
         system = held_system(held)
-        members = held.size("member", least=1)
-        counts = _counts(held)
-        starts = {dim: [0, *np.cumsum(sizes).tolist()] for dim, sizes in counts.items()}
+        held.size("member", least=1)
         reasons = held.array("failure", ("member",), str).tolist()
-        attributes = held.array("branch_attributes", ("member",), str).tolist()
-        shared = {name: held.text(name) for name in _SHARED}
-        branches: list[Branch | None] = []
-        for i in range(members):
-            if reasons[i]:
-                branches.append(None)
-                continue
-            member = held.dataset.isel({dim: slice(ends[i], ends[i + 1]) for dim, ends in starts.items()})
-            member.attrs = shared | as_json(attributes[i], f"branch_attributes of member {i}", dict)
-            branches.append(Branch.from_xarray(member))
         parameter = held.text("parameter")
-        if any(branch is not None and branch.parameter != parameter for branch in branches):
-            raise InputError("attribute 'parameter'", parameter, "that of all branches")
+        branches = branches_of(held, "member", [bool(reason) for reason in reasons], parameter)
         over = held.json("over", dict)
         known = {*system.parameter_names, *system.groups}
         if not over or not set(over) <= known or not all(isinstance(name, str) for name in over.values()):
@@ -190,24 +160,6 @@ class Family(Result):
         return f"{len(branch)} orbits, {self.parameter} from {low:.6g} to {high:.6g}; {specials}"
 
 
-def _counts(held: Contents) -> dict[str, NDArray[np.int64]]:
-    """Return how much of each ragged dimension belongs to each member."""
-    counts = {}
-    for name, variable in held.dataset.data_vars.items():
-        if "sample_dimension" in variable.attrs:
-            dim = str(variable.attrs["sample_dimension"])
-            counts[dim] = held.array(str(name), ("member",), int, least=0)
-            if counts[dim].sum() != held.size(dim):
-                raise InputError(
-                    f"variable {name!r}", int(counts[dim].sum()), f"{held.size(dim)} in all, as of {dim!r}"
-                )
-    return counts
-
-
-_SHARED = ("definition",)
-"""Attributes of a branch's Dataset that are the family's as well."""
-
-
 def label(over: Mapping[str, NDArray[np.float64]], index: int) -> str:
-    """Return the values that set a member apart, in words."""
+    """Return the values of a member's own parameters as text."""
     return ", ".join(f"{name} = {values[index]:.6g}" for name, values in over.items())

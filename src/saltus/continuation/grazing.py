@@ -1,4 +1,7 @@
-"""The neighbouring signature at a grazing, as a combinatorial step on the segments."""
+"""The neighbouring signature of an orbit at a grazing: segments inserted, removed, joined or moved to another mode.
+
+docs/theory/continuation.md, "Change of signature at a grazing", says which signatures meet.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Neighbour", "neighbour", "sides_met", "touching", "turned"]
 
-_NEAR = 1e-6
+_NEAR = 1e-6  # relative difference, in sizes of states, events or the period, up to which two values are equal
+
+# Why there is no neighbouring signature where the mode of a segment is entered and left at once.
 _TURNED = "the event met without velocity changes the mode, but the motion turns back at once"
 
 
@@ -32,17 +37,18 @@ class Neighbour:
 
 
 def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> Neighbour | str:
-    """Return the grazing orbit `u` in the neighbouring signature, or in words why there is none.
+    """Return the grazing orbit `u` in the neighbouring signature, or the reason why there is none.
 
     Parameters
     ----------
     problem : OrbitProblem
-        The signature in which it was found.
+        Equations of the signature in which the orbit was found.
     monitor : Monitor
-        What vanishes: a ``margin`` (a segment touches a surface), a ``side`` (all of it lies on that surface), a
-        ``rate`` (a segment's event is met without velocity), or a ``duration`` (a segment has no length).
+        The monitor function that vanishes: a ``margin`` (a segment touches a surface), a ``side`` (a whole segment lies
+        on a surface), a ``rate`` (a segment's event is met without velocity), or a ``duration`` (a segment has no
+        length).
     u : ndarray, shape (size + 1,)
-        The orbit and the parameter.
+        Unknowns of the orbit, and the parameter.
     """
     problem, u = whole(problem, u)
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1).copy()
@@ -66,15 +72,15 @@ def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -
 
 
 def turned(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:
-    """Return whether a velocity vanishes where this is no grazing: the next segment is entered, but left at once.
+    """Return whether a vanishing velocity is no grazing: the mode changes, but the motion turns back at once.
 
-    On the way there that segment has touched its surface, so that the orbit is no motion any more.
+    The next segment has then touched its surface before, so the orbit is no motion of the system any more.
     """
     return monitor.kind == "rate" and neighbour(problem, monitor, u) == _TURNED
 
 
 def _vanishing(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Monitor:
-    """Return what vanishes where segment `i` ends without velocity: a segment beside it, or the velocity alone."""
+    """Return the monitor function behind a vanishing rate of segment `i`: a neighbour's duration, or the rate alone."""
     count = problem.segments
     period = float(np.abs(blocks[:, problem.n]).sum())
     for j in (i, (i + 1) % count):
@@ -87,7 +93,7 @@ _Found = tuple[Signature, "NDArray[np.float64]"]
 
 
 def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int, k: int) -> _Found | str:
-    """Cut segment `i` where it touches the surface of transition `k`."""
+    """Cut segment `i` where it touches the surface of transition `k`, or return the reason why it cannot be cut."""
     system, n, old = problem.system, problem.n, problem.signature
     place = problem.survey(u).places[i, k]
     duration = blocks[i, n]
@@ -121,7 +127,7 @@ def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
 
 
 def _change_modes(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], k: int) -> _Found | str:
-    """Move every segment that lies on a surface as a whole to the mode to which its transition leads."""
+    """Move every segment that lies wholly on a surface to the target mode of the surface's transition."""
     system, old, names = problem.system, problem.signature, problem.system.mode_names
     if (first := system.transitions[k]).target == first.source:
         return f"the whole orbit meets the surface of {first.name!r}, and no orbit near it does so"
@@ -151,7 +157,7 @@ def _change_modes(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray
 
 
 def _on_surfaces(problem: OrbitProblem, u: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Return the segments that lie on a surface as a whole, each with the transition."""
+    """Return (segment, transition) for each segment that lies wholly on the surface of a transition."""
     found, n = [], problem.n
     for i, k in np.argwhere(problem.survey(u).places == WHOLE).tolist():
         distance, gradient = problem.distance(u, i, k)
@@ -166,7 +172,7 @@ def sides_met(problem: OrbitProblem, u: NDArray[np.float64]) -> set[Monitor]:
 
 
 def _rests(problem: OrbitProblem, segment: int, transition: int) -> bool:
-    """Whether a reset leaves every state of a segment, as last surveyed, as it is."""
+    """Return whether a reset moves no state of a segment, sampled at seven places of the last survey."""
     after = np.empty(problem.n)
     for place in np.linspace(0.0, 1.0, 7):
         x = problem.state_on(segment, float(place))
@@ -177,7 +183,7 @@ def _rests(problem: OrbitProblem, segment: int, transition: int) -> bool:
 
 
 def _same_event(problem: OrbitProblem, transition: int, source: int, target: int, x: NDArray[np.float64]) -> int | None:
-    """Return a transition between two modes that does at a state what another one does between two others."""
+    """Return a transition between two modes with the event and reset of another transition at the state `x`."""
     system, n = problem.system, problem.n
     names, like = system.mode_names, system.transitions[transition]
     event, wanted, after = np.empty(2 + 2 * n), np.empty(n), np.empty(n)
@@ -194,7 +200,7 @@ def _same_event(problem: OrbitProblem, transition: int, source: int, target: int
 
 
 def touching(problem: OrbitProblem, u: NDArray[np.float64], i: int, k: int) -> Neighbour:
-    """Return the orbit cut where segment `i` touches the surface of transition `k`, beyond which it goes on."""
+    """Return the orbit cut where segment `i` touches the surface of transition `k`; the mode stays the same."""
     problem, u = whole(problem, u)
     n, old = problem.n, problem.signature
     blocks = u[: problem.size].reshape(problem.segments, n + 1)
@@ -218,7 +224,7 @@ def touching(problem: OrbitProblem, u: NDArray[np.float64], i: int, k: int) -> N
 
 
 def _gone(problem: OrbitProblem, mode: int) -> str:
-    """Return why no branch goes on where a motion without velocity on a surface is bent away from it in both modes."""
+    """Return the reason why no branch goes on where both modes bend the motion away from the surface."""
     return f"the motion in {problem.system.mode_names[mode]!r} does not turn back, so no orbit near it goes on"
 
 
@@ -235,7 +241,7 @@ def _way_back(problem: OrbitProblem, source: int, target: int, x: NDArray[np.flo
 
 
 def _turns_back(problem: OrbitProblem, back: int, mode: int, x: NDArray[np.float64]) -> bool:
-    """Whether the motion in a mode, without velocity on the surface of the transition `back`, is bent towards it."""
+    """Return whether a mode's field bends a motion that touches the surface of transition `back` towards it."""
     n, compiled = problem.n, problem.system.compiled
     gradient, field = np.empty(2 + 2 * n), np.empty(n)
     compiled.call("event_x", back, 0, np.ascontiguousarray(x), problem.extended, gradient)
@@ -244,7 +250,7 @@ def _turns_back(problem: OrbitProblem, back: int, mode: int, x: NDArray[np.float
 
 
 def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> _Found | str:
-    """Take out segment `i`, which has no length, and join those on its two sides."""
+    """Remove segment `i`, which has no length, and join its two neighbours."""
     old = problem.signature
     count = len(old)
     previous, following = (i - 1) % count, (i + 1) % count
@@ -261,7 +267,7 @@ def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
 
 
 def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> _Found | str:
-    """Join segment `i`, whose event is met without velocity and changes nothing, with the next one."""
+    """Join segment `i` with the next one where its event is met without velocity and changes nothing."""
     old, n = problem.signature, problem.n
     count = len(old)
     following = (i + 1) % count
@@ -285,7 +291,7 @@ def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.flo
 
 
 def _closed(problem: OrbitProblem, block: NDArray[np.float64], u: NDArray[np.float64]) -> _Found:
-    """One segment without events, from phase 0 where there is a phase."""
+    """Return a single segment without events, started at phase 0 where the system has a phase."""
     old, n = problem.signature, problem.n
     closing = CLOSED_END if problem.system.phase is None else PHASE_END
     signature = Signature((old.modes[0],), (-1,), (closing,), old.turns)

@@ -1,4 +1,7 @@
-"""What a point of a curve must show of itself before it is kept: small residuals, critical multipliers."""
+"""Checks of a point before it is kept: the residual of its equations, the critical multiplier of a bifurcation.
+
+docs/theory/continuation.md, "Special points", explains them.
+"""
 
 from __future__ import annotations
 
@@ -16,17 +19,17 @@ if TYPE_CHECKING:
 
 __all__ = ["INFINITE", "RESIDUAL", "residual_fault", "unconfirmed"]
 
-RESIDUAL = 1e-8  # residual of an orbit's equations, over the sizes of states and events, up to which it is kept
-INFINITE = 1e10  # multiplier that counts as infinite, at a grazing that leaves another one undetermined
-_CONFIRMED = 1e-5  # distance of a multiplier from 1, -1 or the circle that confirms a bifurcation, beside its error
+RESIDUAL = 1e-8  # largest residual of an orbit that is kept, over the sizes of states and events
+INFINITE = 1e10  # modulus from which on a multiplier counts as infinite: the orbit is at a grazing
+_CONFIRMED = 1e-5  # distance of a multiplier from its critical value that confirms a bifurcation, besides its error
 
 
 def unconfirmed(
     problem: OrbitProblem, kind: str, u: NDArray[np.float64], J: NDArray[np.float64], values: NDArray[np.complex128]
 ) -> bool:
-    """Return whether no multiplier is 1 (SN), -1 (PD) or one of a pair on the unit circle (TR), within its error.
+    """Return whether no multiplier is at 1 (SN), -1 (PD) or on the unit circle (TR) within its error.
 
-    Where one is infinite, next to a grazing, the others are not known well enough to contradict.
+    Next to a grazing a multiplier is infinite. The others are then too inaccurate to contradict: the result is False.
     """
     inner = nontrivial(values, autonomous=problem.system.phase is None)
     if not np.all(np.abs(inner) < INFINITE):
@@ -39,7 +42,7 @@ def unconfirmed(
 
 
 def residual_fault(problem: OrbitProblem, survey: Survey, u: NDArray[np.float64]) -> str | None:
-    """Return why a point is no orbit, where its segments miss each other, or their events, by too much."""
+    """Return the reason if segments miss each other, or their events, by more than `RESIDUAL`; else None."""
     if survey.residual <= RESIDUAL * problem.state_scale.min():
         return None
     sizes = np.maximum(problem.event_sizes(u), float(problem.state_scale.max()))

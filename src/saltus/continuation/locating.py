@@ -14,19 +14,16 @@ if TYPE_CHECKING:
 
 __all__ = ["CROWDED", "events_between", "locate"]
 
-CROWDED = 1e-5  # step below which several events may share it
-
-_ZERO, _JUMP = 1e-6, 1e-3
-"""Value of a monitor function, over those at the step's ends, that is rounding of a zero, and above which a change of
-sign is a jump."""
-
-_SETTLED, _STALLED, _EXACT = 1e-9, 1e-7, 1e-11
-"""Newton step at which a located point is taken; below which it may be where steps no longer shrink; value of a monitor
-function, over those at the step's ends, that counts as a zero."""
+CROWDED = 1e-5  # arclength of a step up to which several events may lie in it
+_ZERO = 1e-6  # monitor function at an event, over its values at the step's ends, up to which its sign is rounding
+_JUMP = 1e-3  # monitor function at a located zero, over its values at the step's ends, beyond which it is a jump
+_SETTLED = 1e-9  # largest relative Newton step of a located point
+_STALLED = 1e-7  # the same where rounding keeps Newton steps from shrinking further
+_EXACT = 1e-11  # monitor function, over its values at the step's ends, that counts as zero
 
 
 def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | str:
-    """Return the zeros of monitor functions between two examined points, or why the step is not to be taken."""
+    """Return the zeros of monitor functions between two examined points, or the reason why the step is rejected."""
     changed = {}
     before = a.examined.monitors
     for name, value in b.examined.monitors.items():
@@ -36,7 +33,7 @@ def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | st
     if not changed:
         return []
     events: list[Event] = []
-    # next to a singular point the tangent is not determined, nor what is read off it
+    # next to a singular point the tangent is undetermined, and with it other monitor functions
     for name in sorted(problem.leading(list(changed)), key=lambda name: name not in problem.singular):
         event = locate(problem, name, a, b, *changed[name])
         if event is not None and abs(event.value) <= _JUMP * max(abs(value) for value in changed[name]):
@@ -51,7 +48,7 @@ def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | st
 
 
 def _overlooked(events: list[Event], a: Point, b: Point, changed: set[Any]) -> Any | None:
-    """Return a monitor function whose sign at one of the events is not what its located zeros make it."""
+    """Return a monitor function whose sign at one of the events contradicts its located zeros; None if none does."""
     places = {event.name: event.point.arc for event in events}
     for event in events:
         for name, value in event.point.examined.monitors.items():
@@ -67,12 +64,13 @@ def _overlooked(events: list[Event], a: Point, b: Point, changed: set[Any]) -> A
 
 
 def locate(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: float) -> Event | None:
-    """Return the zero of a monitor function between two points, by Newton in the branch and interpolation along it.
+    """Return the zero of a monitor function between two points of a branch; None where there is no zero.
 
-    Each iterate is one Newton step of the equations bordered by the plane normal to the branch, at the place along the
-    step where the interpolated monitor function vanishes, kept within the bracket. The branch's departure from the
-    cubic through the step's ends is learnt on the way. Next to the zero of a `singular` monitor function, where Newton
-    would run off along another branch, its steps leave that direction out.
+    Inverse interpolation along the step, within a bracket, gives the place at which the function would vanish. There
+    one Newton step corrects the point in the plane normal to the branch. The corrections also measure how the branch
+    departs from the cubic through the step's ends. At the zero of a `singular` monitor function two branches meet. Next
+    to it Newton steps leave out the direction of the other branch. docs/theory/continuation.md, "Special points",
+    describes the method.
     """
     from saltus.flow._linear_kernels import bordered
 
@@ -140,7 +138,7 @@ def locate(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: f
 def _without_kernel(
     J: NDArray[np.float64], F: NDArray[np.float64], row: NDArray[np.float64], scale: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the Newton step in the plane without its part along the direction that the equations hardly determine."""
+    """Return the Newton step in the plane without its part along the least singular vector of the equations."""
     left, values, right = np.linalg.svd(np.vstack([J, row]) * scale)
     inverse = np.append(1.0 / values[:-1], 0.0)
     return np.asarray(scale * (right.T @ (inverse * (left.T @ np.append(-F, 0.0)))))
@@ -166,6 +164,6 @@ def _zero(known: list[tuple[float, float]], low: float, high: float) -> float:
 
 
 def _hermite_slope(a: Point, b: Point, length: float, s: float) -> NDArray[np.float64]:
-    """Return the derivative of that cubic by the fraction."""
+    """Return the derivative of the cubic `hermite` with respect to the fraction `s`."""
     left, right = (1.0 - s) * (1.0 - 3.0 * s) * length, s * (3.0 * s - 2.0) * length
     return (6.0 * s * (1.0 - s)) * (b.u - a.u) + left * a.tangent + right * b.tangent

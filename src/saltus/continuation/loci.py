@@ -1,9 +1,9 @@
-"""Loci of critical orbits along two parameters."""
+"""Continuation of loci: critical orbits along two parameters."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from saltus.continuation.locating import events_between
 from saltus.continuation.locus import Locus
 from saltus.continuation.locus_problem import LocusData, LocusZeroProblem
 from saltus.continuation.monitor import BIFURCATIONS, Monitor, at_grazing
-from saltus.continuation.options import ROUNDING, read_parameters, read_start, read_stops
+from saltus.continuation.options import ROUNDING, read_parameters, read_start, read_steps, read_stops
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.two_sided import SAME, Found, OneSide, join, traced, turned
 from saltus.continuation.zero_problem import Event, Point, start_point
@@ -26,18 +26,26 @@ from saltus.orbits.critical import Branching, Condition, Critical, Grazing, Toru
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import DIRECTION, DURATION, MEAN_END, WHOLE, Signature
+from saltus.progress import Report, Reporter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["continue_locus"]
 
-_CODIMENSION_TWO = ("CP", "GPD", "CH", "R1", "R2", "R3", "R4", "FF", "TP", *BIFURCATIONS)
+_STOPS = ("CP", "GPD", "CH", "R1", "R2", "R3", "R4", "FF", "TP", *BIFURCATIONS)  # types that `stop_at` may name
+
+# Special points at which a TR locus ends, and why.
 _ENDS = {
     "R1": "beyond it the two multipliers are real, of product 1",
     "R2": "beyond it the two multipliers are real, of product 1",
 }
-_TOUCHING, _CRITICAL, _MOVED, _REGULAR, _UNFOLDED = 1e-6, 1e-3, 1e-3, 1e-11, 1e-7
+
+_TOUCHING = 1e-6  # distance from a surface, over the event's size, or duration, over the period, that is a grazing
+_CRITICAL = 1e-3  # distance of a start from its critical condition up to which a locus starts there
+_MOVED = 1e-3  # change, over the unknowns' sizes, by which the first point of a locus may differ from the start
+_REGULAR = 1e-11  # least singular value of the extended equations, over the largest, of a regular start
+_UNFOLDED = 1e-7  # forcing from which on the branch points of a BP locus do not persist
 
 
 def continue_locus(
@@ -49,43 +57,44 @@ def continue_locus(
     steps: StepControl | None = None,
     directions: str = "both",
     stop_at: str | Iterable[str] = (),
-    progress: Callable[[int, tuple[float, float]], None] | None = None,
+    progress: bool | Report = False,
 ) -> Locus:
     """Return the locus of critical orbits through a special point, as two parameters vary.
 
-    Every point is a corrected orbit whose critical multiplier is 1 (SN), -1 (PD) or on the unit circle (TR), whose
-    contact is tangential (GR), or at which branches meet (BP). Points of codimension two are located.
+    Every point is a corrected critical orbit. A multiplier is 1 (SN), -1 (PD) or on the unit circle (TR), a contact is
+    tangential (GR), or branches meet (BP). Points of codimension two are located. docs/theory/loci.md derives the
+    equations.
 
     Parameters
     ----------
     start : SpecialPoint or PeriodicOrbit
-        Where the locus starts: a special point of a branch or of a locus, `Locus.point`, or, with `type`, an orbit.
+        Where the locus starts: a special point of a branch or of a locus, a `Locus.point`, or an orbit with `type`.
     parameters : (str, str)
-        What varies.
+        The two parameters that vary.
     bounds : mapping of str to (float, float)
-        Interval of each of the two; the start must lie in both.
+        Interval of each of the two parameters; the start must lie in both.
     type : {"SN", "PD", "TR", "BP", "GR"}, optional
-        Which locus; by default that of the start's type, or the simplest through a point of codimension two.
+        Type of the locus. By default that of the start; at a point of codimension two the simplest through it.
     steps : StepControl, optional
-        Sizes of steps and their limits.
+        Sizes of steps and their limits. A locus ends at a grazing: `StepControl.at_grazing` must have its default.
     directions : {"both", "up", "down"}
-        Which way the second of the two goes at the start.
+        Which way the second parameter goes at the start.
     stop_at : str or iterable of str, optional
-        Types of special points at the first of which the locus ends.
-    progress : callable, optional
-        Called with the count of points and the two values after each.
+        Types of special points; the locus ends at the first.
+    progress : bool or callable
+        True for a bar on stderr, or a function called with a `saltus.Progress` after each point.
 
     Returns
     -------
     Locus
-        With what was found, however it ended: `Locus.stopped` says why. An interrupt (Ctrl-C) ends it likewise. A locus
-        ends at a grazing (its orbits beyond are of another signature), and a TR locus at R1 and R2.
+        All points found, however the locus ended: `Locus.stopped` says why. An interrupt (Ctrl-C) ends it likewise. A
+        locus ends at a grazing, since orbits beyond have another signature. A TR locus also ends at R1 and R2.
 
     Raises
     ------
     InputError
-        A type of special point without a locus, names, bounds or an option that cannot be used, a start that is not
-        critical, or where these two parameters have no regular locus.
+        Names, bounds or an option that cannot be used. A start of a type without a locus, or one that is not critical.
+        A start at which the two parameters have no regular locus.
 
     References
     ----------
@@ -104,15 +113,16 @@ def continue_locus(
     >>> f"{locus['CP1'].parameters['h']:.9f}"
     '1.000000000'
     """
-    control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
-    checks.function("progress", progress, "of a count and two numbers")
+    control = read_steps(steps, "a locus")
+    reporter = Reporter(progress)
     orbit, kind = read_start(start, type)
     names, intervals = read_parameters(orbit, parameters, bounds)
     checks.chosen("directions", directions, ("both", "up", "down"))
-    stops = read_stops(stop_at, _CODIMENSION_TWO)
-    run = _Run(start, orbit, kind, names, intervals, control, stops, progress)
+    stops = read_stops(stop_at, _STOPS)
+    run = _Run(start, orbit, kind, names, intervals, control, stops, reporter)
     origin = run.begin(names.index(parameters[1]))
-    halves = traced(lambda sign: run.trace(origin, sign), directions)
+    with reporter:
+        halves = traced(lambda sign: run.trace(origin, sign), directions)
     options = {
         "bounds": {name: list(interval) for name, interval in zip(names, intervals, strict=True)},
         "steps": asdict(control),
@@ -123,7 +133,7 @@ def continue_locus(
 
 
 class _Run:
-    """One call of `continue_locus`: what both directions share."""
+    """One call of `continue_locus`: start, options and equations, which both directions share."""
 
     def __init__(
         self,
@@ -134,20 +144,19 @@ class _Run:
         intervals: tuple[tuple[float, float], tuple[float, float]],
         control: StepControl,
         stops: set[str],
-        progress: Callable[[int, tuple[float, float]], None] | None,
+        reporter: Reporter,
     ) -> None:
         self.start, self.orbit, self.kind, self.names, self.control = start, orbit, kind, names, control
-        self.stops, self.progress = stops, progress
+        self.stops, self.reporter = stops, reporter
         self.scales = np.array([high - low for low, high in intervals])
         low = [(bound / scale) for (bound, _), scale in zip(intervals, self.scales, strict=True)]
         high = [(bound / scale) for (_, bound), scale in zip(intervals, self.scales, strict=True)]
         self.bounds = ((low[0], high[0]), (low[1], high[1]))
         self.log: list[Failure] = []
-        self.count = 0
         self.branch: LocusZeroProblem
 
     def _problem(self, signature: Signature, unknowns: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]]:
-        """Return the equations of a signature with the two parameters active, started, and all unknowns."""
+        """Return the equations of a signature with the two parameters active, meshes made, and all unknowns."""
         system = self.orbit.system
         p = system.parameter_vector(self.orbit.parameters)
         active = [system.parameter_names.index(name) for name in self.names]
@@ -155,13 +164,13 @@ class _Run:
         for i, interval in enumerate(self.bounds):
             for bound in interval:
                 values[i] = bound if abs(values[i] - bound) < ROUNDING else values[i]
-        problem = OrbitProblem(system, signature, p, active, self.scales, self.orbit.tol)
+        problem = OrbitProblem(system, signature, p, active, self.scales, self.orbit.tolerance)
         u = np.append(unknowns, values)
         problem.start(u, self.start.sizes if isinstance(self.start, SpecialPoint) else None)
         return problem, u
 
     def begin(self, towards: int) -> Point:
-        """Return the start, its tangent towards growing values of one of the two parameters."""
+        """Return the first point, its tangent towards growing values of the parameter number `towards`."""
         condition: Condition
         if self.kind == "GR":
             problem, u, vanishing = self._grazing()
@@ -216,14 +225,14 @@ class _Run:
         condition = Critical(problem, mu, u, J)
         distance = min((abs(v - mu) for v in values), default=math.inf)
         on_grazing = isinstance(self.start, SpecialPoint) and self.start.locus == "GR"
-        if on_grazing or not np.all(np.isfinite(values)):  # multipliers there are not those of this signature
+        if on_grazing or not np.all(np.isfinite(values)):  # multipliers belong to another signature
             distance = condition.distance(J)
         self._check_critical(distance, f"a multiplier {mu:g}")
         return condition, np.empty(0)
 
     @staticmethod
     def _from_resonance(value: complex, values: list[complex]) -> float:
-        """Return how far a multiplier is from being one of a pair of product 1 on the circle."""
+        """Return the distance of a multiplier from the unit circle, of a real one plus that from the nearest other."""
         if value.imag > 0.0:
             return abs(abs(value) - 1.0)
         others = list(values)
@@ -244,7 +253,7 @@ class _Run:
         return self.names.index(known[0])
 
     def _grazing(self) -> tuple[OrbitProblem, NDArray[np.float64], Grazing]:
-        """Return the grazing in its larger signature: as a segment without length, or an event without velocity."""
+        """Return the grazing orbit in the larger signature, its unknowns, and the condition that vanishes."""
         problem, u = self._problem(self.orbit.form, self.orbit.unknowns)
         found = _vanishing(problem, u)
         if found is None:
@@ -269,9 +278,9 @@ class _Run:
         return problem, u, Grazing(problem, *found)
 
     def trace(self, origin: Point, sign: float) -> OneSide:
-        """Follow one direction to its end."""
+        """Return one direction of the locus, followed to its end."""
         half = OneSide()
-        # the other direction has left the meshes, and the null vectors' signs, of another place
+        # meshes and the signs of null vectors are still those of the other direction's end
         branch, start = self.branch, replace(origin, u=origin.u.copy(), tangent=origin.tangent.copy())
         branch.problem.start(branch.orbit(start.u))
         branch.evaluate(start.u)
@@ -309,17 +318,16 @@ class _Run:
                 self._close(half, last, point)
                 return "the locus is closed"
             half.points.append((self.branch, item))
-            self.count += 1
-            if self.progress is not None:
-                first, second = (item.u[-2:] * self.scales).tolist()
-                self.progress(self.count, (first, second))
+            if self.reporter.report is not None:
+                pairs = zip(self.names, item.u[-2:] * self.scales, strict=True)
+                self.reporter.step(1, ", ".join(f"{name} = {value:.6g}" for name, value in pairs))
             if len(half.points) >= self.control.most:
                 return f"{self._place(item)}: {self.control.most} points"
             last = item
         raise AssertionError("follow ends with a reason")
 
     def _close(self, half: OneSide, last: Point, start: Point) -> None:
-        """End a locus at its start; of its last step only the special points before that are kept."""
+        """End a closed locus at its start; special points of the last step beyond the start are dropped."""
         half.specials = [found for found in half.specials if found.after < len(half.points)]
         half.closed = True
         again = replace(start, u=alongside(self.branch.problem, start.u, last.u), tangent=start.tangent.copy())
@@ -332,7 +340,7 @@ class _Run:
         half.points.append((self.branch, again))
 
     def _event(self, half: OneSide, event: Event) -> str | None:
-        """Note a special point; return why the locus ends there, if it does."""
+        """Keep a special point; return the reason why the locus ends there, or None."""
         kind, at = event.name.kind, event.name.segment
         if kind in ("low", "high"):
             event.point.u[at - 2] = self.bounds[at][kind == "high"]
@@ -340,7 +348,7 @@ class _Run:
         of = ""
         on_grazing = isinstance(self.start, SpecialPoint) and self.start.locus == "GR"
         if on_grazing and event.point.arc < SAME and kind != "TP" and not at_grazing(event.name):
-            return None  # every determinant vanishes where a locus begins at a grazing
+            return None  # at a start on a grazing every determinant vanishes
         if kind == "TP":
             of = self.names[at]
         elif at_grazing(event.name):
@@ -394,7 +402,7 @@ class _Run:
                 for failure in self.log
             ),
             options=options,
-            tol=self.orbit.tol,
+            tolerance=self.orbit.tolerance,
             angle=np.array([d.angle for d in data]),
             coefficient=np.array([d.coefficient for d in data]),
             **joined.fields(),
@@ -402,7 +410,7 @@ class _Run:
 
 
 def _vanishing(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[str, int] | None:
-    """Return the segment that has no length, or whose event is met without velocity, if there is one."""
+    """Return kind and segment of the first vanishing duration, or else rate; None where none vanishes."""
     n = problem.n
     blocks = u[: problem.size].reshape(problem.segments, n + 1)
     period = float(np.abs(blocks[:, n]).sum())

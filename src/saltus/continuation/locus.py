@@ -1,4 +1,4 @@
-"""A locus: critical periodic orbits along two parameters."""
+"""A locus as a result: critical periodic orbits along two parameters."""
 
 from __future__ import annotations
 
@@ -22,12 +22,13 @@ __all__ = ["Locus"]
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Locus(OrbitCurve):
-    """Critical periodic orbits along two parameters, whose values are in `values`, shape (point, 2).
+    """Critical periodic orbits along two parameters, with the parameters' values in `values`, shape (point, 2).
 
-    `special_points` are ``CP`` (on an SN locus: cusp), ``GPD`` (on a PD locus: the normal form's coefficient vanishes),
-    ``CH`` (on a TR locus: likewise), ``R1`` to ``R4`` (strong resonances), ``FF`` (fold-flip: an SN and a PD locus
-    meet), ``GR`` (a grazing locus is met), on a GR locus ``SN``, ``PD`` and ``TR`` (such a locus is met), and ``TP``
-    (a parameter turns; `SpecialPoint.of` is its name). `OrbitCurve` tells the other attributes.
+    An SN locus has ``CP`` (cusp) among its `special_points`. A PD locus has ``GPD`` and a TR locus ``CH``, where the
+    normal form's coefficient vanishes. ``R1`` to ``R4`` are strong resonances. At ``FF`` (fold-flip) an SN and a PD
+    locus meet. At ``GR`` a grazing locus is met. A GR locus has ``SN``, ``PD`` and ``TR``, where a locus of that type
+    is met. At ``TP`` the parameter `SpecialPoint.of` turns. docs/theory/loci.md, "What is found on a locus", gives the
+    test functions. `OrbitCurve` lists the other attributes.
 
     Attributes
     ----------
@@ -38,8 +39,8 @@ class Locus(OrbitCurve):
     angle : ndarray, shape (point,)
         Angle of the critical multipliers in radians: 0 on an SN locus, pi on a PD locus; NaN on a GR or BP locus.
     coefficient : ndarray, shape (point,)
-        What vanishes at CP, GPD and CH, over its size at the start; NaN on other loci. Its zeros are those of the
-        normal form's coefficient; its sign is not, for determinants that take away poles multiply it.
+        Test function of CP, GPD and CH, over its size at the start; NaN on other loci. Its zeros are those of the
+        normal form's coefficient. Its sign is not, since a determinant that removes poles is a factor.
     """
 
     type: str
@@ -58,7 +59,7 @@ class Locus(OrbitCurve):
         return self.names
 
     def point(self, index: int) -> SpecialPoint:
-        """Return one point of the locus as a special point of the locus' type, from which another locus can start.
+        """Return one point of the locus as a special point of the locus' type; another locus can start from it.
 
         Parameters
         ----------

@@ -1,4 +1,7 @@
-"""Critical orbits in two parameters as a zero problem: extended equations, monitor functions, what may follow what."""
+"""Critical orbits in two parameters as a zero problem: extended equations, monitor functions, checks of a step.
+
+docs/theory/loci.md derives the equations and lists the monitor functions.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +17,8 @@ from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.guards import residual_fault, unconfirmed
 from saltus.continuation.monitor import Monitor, at_grazing
 from saltus.continuation.orbit_problem import grazing_monitors, shadowed_rates, side_of
-from saltus.continuation.phase_plane import astray, depart
-from saltus.continuation.zero_problem import Event, Examined, Point, correct
+from saltus.continuation.phase_plane import astray, depart, solve_again
+from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.orbits.critical import Branching, Critical, Grazing, openness
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
 from saltus.orbits.normal_forms import flip_coefficient, null_vectors, torus_coefficient
@@ -29,25 +32,40 @@ if TYPE_CHECKING:
 
 __all__ = ["LocusData", "LocusZeroProblem"]
 
-_TURNS = (Monitor("TP", 0), Monitor("TP", 1))
-_PLAIN = (Monitor("low", 0), Monitor("high", 0), Monitor("low", 1), Monitor("high", 1), *_TURNS)
-"""Monitor functions that every locus has, and that say nothing of bifurcations."""
+_TURNS = (Monitor("TP", 0), Monitor("TP", 1))  # turning points of the two parameters
+_BOUNDS = (Monitor("low", 0), Monitor("high", 0), Monitor("low", 1), Monitor("high", 1))  # ends of their intervals
+_PLAIN = (*_BOUNDS, *_TURNS)  # monitor functions of every locus, at whose zeros nothing bifurcates
+_CP = Monitor("CP")  # coefficient of the normal form of a saddle-node
+_GPD = Monitor("GPD")  # coefficient of the normal form of a period doubling
+_CH = Monitor("CH")  # coefficient of the normal form of a torus bifurcation
+_FF = Monitor("FF")  # determinant of the other condition of a fold-flip
+_OTHERS = Monitor("others")  # determinant of a multiplier 1 on a TR locus: only a factor of CH's coefficient
+_RESONANCES = {Monitor("R1"): 1.0, Monitor("R2"): -1.0, Monitor("R3"): -0.5, Monitor("R4"): 0.0}  # cosines of angles
 
-_CLOSE = 1e-6
-"""Distance in arclength within which two events of a locus may be one."""
-_INFINITE, _CONSTANT, _ROUGH, _RESONANT = 1e10, 1e-9, 1e-8, 1e-4
-"""Multiplier that counts as infinite; component of the tangent below which a parameter is constant along a locus;
-tolerance of the flow for the coefficients of normal forms, but where one vanishes; distance from R1, R2 and R3, in the
-cosine of the angle, within which that of a torus bifurcation is not determined."""
+_CLOSE = 1e-6  # distance in arclength from a grazing within which another event is its shadow
+_INFINITE = 1e10  # modulus from which on a multiplier counts as infinite
+_CONSTANT = 1e-9  # component of the tangent below which a parameter is constant along a locus
+_ROUGH = 1e-8  # least relative tolerance of the flow for the coefficients of normal forms, unless one vanishes
+_RESONANT = 1e-4  # distance from R1, R2 and R3, in the cosine, within which a torus' coefficient is undetermined
 _OPEN = 1e-10  # least singular value, over the largest, of a matrix whose determinant is rounding
-_TOUCHED = 1e-10  # margin, over the size of the events, that is a touch all along a GR locus
-_RESONANCES = {Monitor("R1"): 1.0, Monitor("R2"): -1.0, Monitor("R3"): -0.5, Monitor("R4"): 0.0}
-_CP, _GPD, _CH, _FF, _OTHERS = (Monitor(kind) for kind in ("CP", "GPD", "CH", "FF", "others"))
+_TOUCHED = 1e-10  # margin, over the size of the events, up to which a GR locus touches all along
 
 
 @dataclass(frozen=True)
 class LocusData:
-    """What a point of a locus keeps: survey, multipliers, unstable ones, their angle, the normal form's coefficient."""
+    """Data of a point of a locus.
+
+    Attributes
+    ----------
+    survey, multipliers
+        As in `OrbitData`.
+    unstable : int
+        Number of unstable multipliers, the critical ones left out.
+    angle : float
+        Angle of the critical multipliers in radians; NaN on a GR or BP locus.
+    coefficient : float
+        Test function of CP, GPD or CH, over its size at the start; NaN on other loci.
+    """
 
     survey: Survey
     multipliers: NDArray[np.complex128]
@@ -62,9 +80,9 @@ _Special = tuple[dict[Monitor, float], LocusData]
 class LocusZeroProblem:
     """Critical orbits of one signature as a `ZeroProblem` whose last two unknowns are the parameters.
 
-    The unknowns are those of the orbit, those of the condition, and the two parameters in units of `scales`. Monitor
-    functions are the bounds, the parameters' components of the tangent (``TP``), the codimension-two points
-    of the locus' type, and what vanishes at a grazing.
+    The unknowns of the orbit come first, then those of the condition, then the two parameters in units of `scales`. All
+    loci have monitor functions of bounds, of turning points (``TP``) and of grazings. Each type has further ones, of
+    its points of codimension two.
 
     Parameters
     ----------
@@ -73,7 +91,7 @@ class LocusZeroProblem:
     kind : str
         ``SN``, ``PD``, ``TR``, ``BP`` or ``GR``.
     condition : Condition
-        What is critical.
+        The critical condition.
     z : ndarray, shape (size + extra + 2,)
         A critical orbit, or one near it.
     bounds : tuple of (float, float)
@@ -81,8 +99,7 @@ class LocusZeroProblem:
     """
 
     singular: frozenset[Monitor] = frozenset()
-    odd = frozenset(_TURNS)
-    """Monitor functions that change sign with the tangent's direction."""
+    odd = frozenset(_TURNS)  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({_GPD: 1e-8, _CH: 1e-8})
 
     def __init__(
@@ -156,25 +173,19 @@ class LocusZeroProblem:
         return weights
 
     def examine(self, point: Point, before: Point | None) -> Examined:
-        """Return monitors, data and fault of a point; solve it again where its mesh passed over something."""
+        """Return monitors, data and fault of a point; solve it again where its mesh was too coarse."""
         problem = self.problem
         if isinstance(self.condition, Grazing) and self.condition.kind == "duration":
             point.u[self.condition.place] = 0.0
         u = self.orbit(point.u)
         survey = problem.survey(u)
         if survey.coarse:
-            plane = problem.phase_plane
-            problem.start(u)
-            problem.phase_plane = plane
-            better = correct(self, point.u, point.tangent, point.weights, 7)
-            if isinstance(better, str):
-                return Examined({}, better)
-            point.u, point.J, point.tangent = better.u, better.J, better.tangent
-            point.sign, point.log, point.residual = better.sign, better.log, better.residual
+            if (fault := solve_again(self, problem, point, u)) is not None:
+                return Examined({}, fault)
             u = self.orbit(point.u)
             survey = problem.survey(u)
         if before is not None:
-            forced = isinstance(self.condition, Branching)  # its unfolding is an unknown, and what is left
+            forced = isinstance(self.condition, Branching)  # its forcing is left as the residual
             doubt = astray(problem, u) or (None if forced else residual_fault(problem, survey, u))
             if doubt is not None:
                 return Examined({}, doubt)
@@ -191,7 +202,7 @@ class LocusZeroProblem:
             if abs(monitors[name]) < _CONSTANT:
                 monitors[name] = math.nan
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
-        if self.kind == "GR":  # an orbit gone round more than once touches in each round, all along the locus
+        if self.kind == "GR":  # an orbit that repeats a shorter one touches in each repetition, all along the locus
             touched = _TOUCHED * float(max(problem.event_sizes(u).max(), problem.state_scale[: len(survey.x0)].min()))
             for name, value in monitors.items():
                 if name.kind == "margin" and abs(value) < touched:
@@ -215,7 +226,7 @@ class LocusZeroProblem:
         return Examined(monitors, fault, data)
 
     def depart(self, point: Point) -> None:
-        """Lay the plane that fixes an autonomous cycle's phase anew where the flow has turned away from its normal."""
+        """Renew the phase plane of an autonomous cycle where the flow has turned away from the plane's normal."""
         if depart(self, self.problem, self.orbit(point.u), point):
             self.condition.adjust()
             monitors = dict(point.examined.monitors)
@@ -224,11 +235,11 @@ class LocusZeroProblem:
             point.examined = replace(point.examined, monitors=monitors)
 
     def recover(self, point: Point) -> bool:
-        """Shorten the steps of a stiff flow, whose stability limits them, for the orbits near a point."""
+        """Shorten the steps of a stiff flow near a point for stability; return whether they were shortened."""
         return self.problem.stabilise(self.orbit(point.u))
 
     def monitor(self, name: Monitor, point: Point) -> float:
-        """Return one monitor function at a point that need not be quite corrected."""
+        """Return one monitor function at a point that may be corrected roughly only."""
         if name.kind == "side":
             return side_of(self.problem, name, self.orbit(point.u))
         if name in self._surveyed:
@@ -247,11 +258,14 @@ class LocusZeroProblem:
         return distance if abs(distance) > 1e-12 else 0.0
 
     def _sized(self, name: Monitor, value: float) -> float:
-        """Return a value over the size that it had first."""
+        """Return a value over its size at the first call for that monitor function."""
         return value / self._sizes.setdefault(name, abs(value) or 1.0)
 
     def _special(self, point: Point, survey: Survey | None, only: Monitor | None = None) -> _Special:
-        """Return the monitors of codimension-two points, or the one wanted, and data where there is a survey."""
+        """Return the monitors of codimension-two points and the data of a point.
+
+        With `only`, monitors that are not asked for may be left out. Without a survey the data have none either.
+        """
         return getattr(self, f"_at_{self.kind}")(point, survey, only)  # type: ignore[no-any-return]
 
     def _data(
@@ -266,7 +280,7 @@ class LocusZeroProblem:
     def _determinant(
         self, name: Monitor, mu: float, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
     ) -> float:
-        """Return det(A - mu B), mu = 1 or -1, over the size that it had first and the factor of the phase condition."""
+        """Return det(A - mu B), mu = 1 or -1, over its first size and the factor of the phase condition."""
         if mu < 0.0:
             sign, log = doubling_determinant(problem, J)
         else:
@@ -294,7 +308,7 @@ class LocusZeroProblem:
         found = {Monitor("R2"): condition.twist, _FF: self._determinant(_FF, 1.0, self.problem, u, self._J)}
         coefficient = math.nan
         if only in (None, _GPD):
-            # the coefficient has a pole where another multiplier is 1, and the determinant a zero
+            # the coefficient has a pole where another multiplier is 1; the determinant has a zero there
             problem, J = self._graded(u, only)
             value = _or_infinity(flip_coefficient, problem, u, J, condition.right, condition.left)
             coefficient = self._sized(_GPD, value * found[_FF])
@@ -309,7 +323,7 @@ class LocusZeroProblem:
         coefficient = math.nan
         resonant = min(abs(kappa - value) for name, value in _RESONANCES.items() if name.kind != "R4") < _RESONANT
         if abs(kappa) < 1.0 and only in (None, _CH) and not resonant:
-            # the coefficient has a pole where another multiplier is 1, and this quotient a zero
+            # the coefficient has a pole where another multiplier is 1; the factor `others` has a zero there
             others = self._determinant(_OTHERS, 1.0, self.problem, u, self._J) / (2.0 - 2.0 * kappa)
             value = _or_infinity(_torus_coefficient, *self._graded(u, only), u, kappa)
             coefficient = self._sized(_CH, value * others)
@@ -318,7 +332,10 @@ class LocusZeroProblem:
         return found, self._data(survey, values, math.acos(min(1.0, max(-1.0, kappa))), coefficient)
 
     def _graded(self, u: NDArray[np.float64], only: Monitor | None) -> tuple[OrbitProblem, NDArray[np.float64]]:
-        """Return equations and Jacobian for third derivatives: rough on the way, fine where a coefficient vanishes."""
+        """Return equations and Jacobian for third derivatives.
+
+        They are rough along the locus, and fine while the zero `only` of a coefficient is located.
+        """
         if only is not None:
             return self.problem, self._J
         fine = self.problem
@@ -352,7 +369,7 @@ class LocusZeroProblem:
     def _critical_beside(
         self, side: str, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
     ) -> tuple[dict[Monitor, float], NDArray[np.complex128]]:
-        """Return test functions of the orbits on one side of a grazing, and their multipliers."""
+        """Return test functions and multipliers of the orbit in the signature on one side of a grazing."""
         values = multipliers(problem, u, J)
         finite = [v for v in nontrivial(values, autonomous=self._autonomous).tolist() if abs(v) < _INFINITE]
         fold, flip, torus = (Monitor(kind, side=side) for kind in ("SN", "PD", "TR"))
@@ -364,13 +381,13 @@ class LocusZeroProblem:
         return found, values
 
     def leading(self, names: list[Monitor]) -> list[Monitor]:
-        """Return the names without the velocities that vanish because a segment beside them does."""
+        """Return the names without rates that vanish only since a neighbouring segment has no length."""
         vanishing = [name.segment for name in names if name.kind == "duration"]
         shadowed = shadowed_rates(vanishing, self.problem.segments)
         return [name for name in names if name not in shadowed]
 
     def sort_out(self, events: list[Event]) -> list[Event] | str:
-        """Return the events without shadows of grazings, or why the step between the last two points is not taken."""
+        """Return the events without shadows of grazings, or the reason why the last step is rejected."""
         grazings = [event.point.arc for event in events if at_grazing(event.name)]
         if not grazings and (fault := self._lost_motion()) is not None:
             return fault
@@ -383,7 +400,7 @@ class LocusZeroProblem:
         ]
 
     def _unconfirmed(self, event: Event) -> bool:
-        """Return whether an FF is located where no multiplier but the locus' own is critical."""
+        """Return whether an event is an FF whose second multiplier is not critical within its error."""
         data = event.point.examined.data
         if event.name != _FF or data is None:
             return False
@@ -391,26 +408,26 @@ class LocusZeroProblem:
         return unconfirmed(self.problem, other, u, self.problem.evaluate(u)[1], data.multipliers)
 
     def _lost_motion(self) -> str | None:
-        """Return why the step examined last leads from motions to what is none, if it does."""
+        """Return the reason if the step examined last leads from a motion of the system to none."""
         if self._step is None:
             return None
         old, new = (point.examined.data.survey for point in self._step)
         return "not admissible: " + "; ".join(new.reasons()) if old.admissible and not new.admissible else None
 
     def crowded(self, names: list[Monitor]) -> bool:
-        """Return whether more than one codimension-two point lies in a step."""
+        """Return whether more than one codimension-two point or grazing lies in a step; False on a GR locus."""
         ours = [name for name in names if name not in _PLAIN and not at_grazing(name)]
         kinds = {name.kind for name in ours}
         return len(kinds) + any(at_grazing(name) for name in names) > 1 and self.kind != "GR"
 
 
 def _vanishing(grazing: Grazing) -> Monitor:
-    """Return what vanishes all along a GR locus."""
+    """Return the monitor function that vanishes all along a GR locus."""
     return Monitor(grazing.kind, grazing.segment, grazing.transition)
 
 
 def _undetermined(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
-    """Return whether the equations leave every multiplier open, as at the grazing of a surface that bends no motion."""
+    """Return whether det(A - B) and det(A + B) are rounding, as at a grazing where the surface bends no motion."""
     return all(openness(problem, mu, u, J) < _OPEN for mu in (1.0, -1.0))
 
 
@@ -421,12 +438,12 @@ def _torus_coefficient(problem: OrbitProblem, J: NDArray[np.float64], u: NDArray
 
 
 def _known(coefficient: float, only: Monitor | None) -> float:
-    """Return a coefficient; NaN where it is rounding, and so perhaps zero all along, but not where it is located."""
+    """Return a coefficient; NaN where it is exactly 0, perhaps all along, unless its zero is being located."""
     return math.nan if coefficient == 0.0 and only is None else coefficient
 
 
 def _or_infinity(function: Callable[..., float], *arguments: Any) -> float:
-    """Return what a function returns, or infinity at its pole."""
+    """Return the value of a function, or infinity at its pole, where a matrix is singular."""
     try:
         return function(*arguments)
     except np.linalg.LinAlgError:

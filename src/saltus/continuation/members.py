@@ -1,8 +1,8 @@
-"""The branches of a family: asked for, computed at the same time, and collected."""
+"""Continuation of a family of branches: one branch for each member, computed in parallel."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from multiprocessing import current_process
@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.arclength import StepControl
 from saltus.continuation.branch import Branch
 from saltus.continuation.family import Family, label
-from saltus.continuation.orbits import continue_orbit
+from saltus.continuation.options import BranchOptions
 from saltus.continuation.way import Task, carried, is_interrupted
 from saltus.errors import InputError, nearest
 from saltus.orbits import PeriodicOrbit
+from saltus.progress import Progress, Report, Reporter
 from saltus.system import HybridSystem
 from saltus.work import Cluster, Here, Outcome, Processes, Workers, is_stopped, processors
 
@@ -33,50 +33,46 @@ def continue_family(
     over: Mapping[str, ArrayLike],
     bounds: tuple[float, float],
     *,
-    steps: StepControl | None = None,
-    directions: str = "both",
-    events: Mapping[str, float] | None = None,
-    stop_at: str | Iterable[str] = (),
-    at_grazing: str = "switch",
+    options: BranchOptions | None = None,
     workers: int | None = None,
     client: Any = None,
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: bool | Report = False,
 ) -> Family:
-    """Return the branches of periodic orbits along one parameter, one for each value of others.
+    """Return the branches of periodic orbits along one parameter, one for each value of further parameters.
 
-    The orbit is first carried to each member's values, as a branch along what varies: from the nearest values already
-    reached, and through grazings as `at_grazing` says. From there `continue_orbit` is called. The way is gone in this
-    process, while others are at work on the branches. Where several parameters vary, it leads from the one place to the
-    other along one of them after the other; where that is blocked, in two, four or up to 16 stairs along the straight
-    line between them.
+    The orbit is first continued to each member's values, from the nearest values already reached. On this way
+    `StepControl.at_grazing` and ``"GR"`` in `BranchOptions.stop_at` hold as on the branches. At each member's values
+    `continue_orbit` traces the branch. This process continues the orbit while other processes trace branches. Where
+    several parameters vary, the way follows one after the other. Where it is blocked, it is split into two, four or up
+    to 16 stairs along the straight line.
 
     Parameters
     ----------
     orbit : PeriodicOrbit
-        Where all branches start; carried to each member's values.
+        Orbit that is continued to each member's values.
     parameter : str
-        What varies along each branch.
+        The parameter that varies along each branch.
     over : mapping of str to array_like, shape (member,)
         Parameters or groups of them, and their values: member `i` has the i-th value of each. All have equal length.
     bounds : (float, float)
         Interval of the parameter; the orbit must lie in it.
-    steps, directions, events, stop_at, at_grazing
-        As for `continue_orbit`, the same for all branches.
+    options : BranchOptions, optional
+        Steps, directions, events and where to stop, the same for all branches.
     workers : int, optional
-        Processes on this machine that compute branches; 1 starts none but uses this one. By default as many as
-        there are processors for this process, at most one for each member. To start one takes a second or two. In a
-        daemonic process, which may not start others, as a worker of Dask or of a pool, branches are computed there.
+        Processes on this machine that compute branches. With 1 this process computes them. By default as many as this
+        process has processors, at most one for each member. To start one takes a second or two. A daemonic process, as
+        a worker of Dask or of a pool, may start no others and computes the branches itself.
     client : dask.distributed.Client, optional
         A cluster that computes the branches instead.
-    progress : callable, optional
-        Called with the count of members that are done, the count of all members, and what has just been done in words.
+    progress : bool or callable
+        True for a bar on stderr, or a function called with a `saltus.Progress`, which counts the members done.
 
     Returns
     -------
     Family
-        The same, to the last digit, with any count of processes. A member that fails does not lose the others: its
-        reason is in `Family.failures`. An interrupt (Ctrl-C) keeps the members that are done, and no process stays
-        behind; what runs on a cluster goes on to the end of its branch.
+        The same, to the last digit, with any number of processes. Where a member fails, the others are kept and the
+        reason is in `Family.failures`. After an interrupt (Ctrl-C) finished members are kept and all processes end;
+        branches on a cluster are traced to their ends.
 
     Raises
     ------
@@ -96,74 +92,76 @@ def continue_family(
     >>> [round(branch["GR1"].parameters["A"], 9) for branch in family]
     [0.1, 0.2, 0.3]
     """
-    control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
-    checks.function("progress", progress, "of two counts and a text")
-    trial = continue_orbit(  # says what is wrong with any of these
-        orbit, parameter, bounds, steps=replace(control, most=1), directions=directions, events=events,
-        stop_at=stop_at, at_grazing=at_grazing,
-    )  # fmt: skip
+    options = BranchOptions() if options is None else checks.instance("options", options, BranchOptions)
+    reporter = Reporter(progress)
+    first = Task(parameter, bounds, replace(options, steps=replace(options.steps, most=1)))
+    trial = first.branch(orbit)  # raises `InputError` for an argument that cannot be used
     if is_interrupted(trial):
         raise KeyboardInterrupt
-    bounds = tuple(trial.options["bounds"])
-    options = {name: trial.options[name] for name in ("directions", "events", "stop_at", "at_grazing")}
     table = _read_over(orbit.system, parameter, over)
     places = _places(orbit.system, table)
-    task = Task(parameter, bounds, {"steps": control} | options)
+    reporter.expect(len(places))
+    task = Task(parameter, tuple(trial.options["bounds"]), options)
     pool = _pool(workers, client, len(places))
-    record = _Record(table, len(places), progress)
-    try:
-        with suppress(KeyboardInterrupt):  # what is done is kept
-            for index, start in carried(orbit, places, at_grazing):
-                if isinstance(start, str):
-                    record.keep([(index, start)])
-                else:
-                    record.tell(index, "the start is there")
-                    pool.submit(index, _traced, task, start)
-                record.keep(_results(pool.finished(waiting=False)))
-            while len(record.outcomes) < len(places):
-                record.keep(_results(pool.finished(waiting=True)))
-    finally:
-        pool.stop()
-    record.outcomes |= _results(pool.finished(waiting=False))
-    outcomes = [record.outcomes.get(i, _INTERRUPTED) for i in range(len(places))]
+    with reporter:
+        outcomes = _outcomes(task, carried(orbit, places, options), pool, _Record(table, reporter))
     return Family(
         orbit.system,
         parameter,
         table,
         tuple(outcome if isinstance(outcome, Branch) else None for outcome in outcomes),
         {i: outcome for i, outcome in enumerate(outcomes) if isinstance(outcome, str)},
-        dict(trial.options) | {"steps": asdict(control)},
+        dict(trial.options) | {"steps": asdict(options.steps)},
         _INTERRUPTED in outcomes,
     )
 
 
-_INTERRUPTED = "interrupted before it was done"
+_INTERRUPTED = "interrupted before it was done"  # reason in `Family.failures`
+
+
+def _outcomes(
+    task: Task, starts: Iterable[tuple[int, PeriodicOrbit | str]], pool: Workers, record: _Record
+) -> list[Branch | str]:
+    """Return each member's branch, or the reason why it has none."""
+    members = len(next(iter(record.table.values())))
+    try:
+        with suppress(KeyboardInterrupt):  # finished members are kept
+            for index, start in starts:
+                if isinstance(start, str):
+                    record.keep([(index, start)])
+                else:
+                    record.tell(index, "the start is there", 0)
+                    pool.submit(index, _traced, task, start)
+                record.keep(_results(pool.finished(waiting=False)))
+            while len(record.outcomes) < members:
+                record.keep(_results(pool.finished(waiting=True)))
+    finally:
+        pool.stop()
+    record.outcomes |= _results(pool.finished(waiting=False))
+    return [record.outcomes.get(i, _INTERRUPTED) for i in range(members)]
 
 
 @dataclass
 class _Record:
-    """What has come out so far: a branch or a reason for each member."""
+    """Outcomes so far: a branch or a reason for each finished member."""
 
     table: Mapping[str, NDArray[np.float64]]
-    total: int
-    progress: Callable[[int, int, str], None] | None
+    reporter: Reporter
     outcomes: dict[int, Branch | str] = field(default_factory=dict)
-    told: int = 0
 
     def keep(self, found: Sequence[tuple[int, Branch | str]]) -> None:
-        """Keep what is done, all of it before anything is told: that may be interrupted."""
+        """Keep finished members, then report them: a report may be interrupted."""
         self.outcomes |= found
         for index, outcome in found:
-            self.told += 1
             self.tell(index, outcome if isinstance(outcome, str) else f"{len(outcome)} orbits")
 
-    def tell(self, index: int, what: str) -> None:
-        if self.progress is not None:
-            self.progress(self.told, self.total, f"{label(self.table, index)}: {what}")
+    def tell(self, index: int, what: str, done: int = 1) -> None:
+        """Report a member's outcome and that `done` more members are finished."""
+        self.reporter.step(done, f"{label(self.table, index)}: {what}")
 
 
 def _read_over(system: HybridSystem, parameter: str, over: object) -> dict[str, NDArray[np.float64]]:
-    """Return the values of what varies from member to member, checked."""
+    """Return the members' own parameters or groups with their values, checked."""
     given = checks.mapping("over", over, "parameters to values, as {'d': [0.9, 1.0, 1.1]}")
     if not given:
         raise InputError("over", over, "a mapping of parameters to values, as {'d': [0.9, 1.0, 1.1]}")
@@ -193,7 +191,7 @@ def _read_over(system: HybridSystem, parameter: str, over: object) -> dict[str, 
 
 
 def _places(system: HybridSystem, table: Mapping[str, NDArray[np.float64]]) -> list[dict[str, float]]:
-    """Return the parameters that vary at each member, groups spread out, as far as the system allows them."""
+    """Return each member's own parameters with their values, groups resolved; the system checks the values."""
     places = []
     for i in range(len(next(iter(table.values())))):
         values = system.resolve({name: float(column[i]) for name, column in table.items()})
@@ -213,9 +211,9 @@ def _pool(workers: object, client: Any, members: int) -> Workers:
 
 
 def _traced(task: Task, start: PeriodicOrbit) -> Branch | str:
-    """A branch, where it is computed; an interrupt there gives it up."""
+    """Return a member's branch, in the process that computes it; an interrupt ends the continuation."""
 
-    def watch(count: int, value: float) -> None:
+    def watch(progress: Progress) -> None:
         if is_stopped():
             raise KeyboardInterrupt
 

@@ -1,4 +1,4 @@
-"""What vanishes at the special points of a curve of orbits."""
+"""Names of monitor functions, which vanish at the special points of a curve of orbits."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 __all__ = ["BIFURCATIONS", "Monitor", "at_grazing", "bifurcates"]
 
-BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")
+BIFURCATIONS = ("SN", "PD", "TR", "BP", "GR")  # types of special points that have loci
 
-_GRAZINGS = ("margin", "side", "duration", "rate")
+_GRAZINGS = ("margin", "side", "duration", "rate")  # kinds that vanish at grazings
 
 
 class Monitor(NamedTuple):
@@ -17,15 +17,17 @@ class Monitor(NamedTuple):
     Attributes
     ----------
     kind : str
-        The type of special point at its zeros, ``low`` and ``high`` for bounds, ``event`` for a user's event, or what
-        vanishes at a grazing: ``margin`` (a segment's distance from a surface), ``side`` (that of a segment equally far
-        throughout), ``duration`` (of a segment that starts on its own event), ``rate`` (the velocity at its end).
+        The type of special point at its zeros, ``low`` or ``high`` for a bound, ``event`` for a user's event. At a
+        grazing ``margin`` (least distance of a segment from a surface) or ``side`` (distance of a segment that is
+        equally far throughout). Also ``duration`` (of a segment that starts on its own event) or ``rate`` (velocity at
+        the event that ends a segment).
     segment : int
-        Which segment; of a bound or a TP which parameter, of a TR which multiplier, of an event which; -1 for none.
+        Index of the segment; for a bound or TP of the parameter, for TR of the multiplier, for a user's event of the
+        event; -1 for none.
     transition : int
-        Whose surface is meant; -1 for none.
+        Index of the transition whose surface is meant; -1 for none.
     side : str
-        On which side of a grazing the orbit bifurcates, ``larger`` or ``smaller`` signature; empty for none.
+        Signature at a grazing in which the orbit bifurcates, ``larger`` or ``smaller``; empty for none.
 
     Examples
     --------

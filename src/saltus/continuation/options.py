@@ -1,41 +1,102 @@
-"""What is asked of a continuation, checked: intervals, events, where to stop, where to start."""
+"""Arguments of continuations and how they are checked: intervals, events, stops, starts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from saltus import checks
+from saltus.continuation.arclength import StepControl
 from saltus.continuation.monitor import BIFURCATIONS
 from saltus.continuation.special_points import SpecialPoint
 from saltus.errors import InputError, nearest
 from saltus.orbits.orbit import PeriodicOrbit
 
-__all__ = ["ROUNDING", "read_events", "read_interval", "read_parameters", "read_start", "read_stops", "unit_of"]
+__all__ = [
+    "ROUNDING",
+    "BranchOptions",
+    "read_events",
+    "read_interval",
+    "read_parameters",
+    "read_start",
+    "read_steps",
+    "read_stops",
+    "unit_of",
+]
 
 ROUNDING = 1e-9  # share of a parameter's interval by which a start may miss a bound
+_DIRECTIONS = ("both", "up", "down")  # ways that the parameter may go at the start
+_TYPES = "types of special points"  # what messages ask for in `stop_at`
 
+# The locus that starts at a special point of each type, if none is named.
 _LOCI = {
     "SN": "SN", "PD": "PD", "TR": "TR", "BP": "BP", "GR": "GR", "CP": "SN", "GPD": "PD", "CH": "TR", "R1": "SN",
     "R2": "PD", "R3": "TR", "R4": "TR", "FF": "SN",
 }  # fmt: skip
-"""The locus that starts at a special point of each type, if none is named."""
+
+
+@dataclass(frozen=True)
+class BranchOptions:
+    """How each branch of a family is traced; its fields are arguments of `continue_orbit`.
+
+    Parameters
+    ----------
+    steps : StepControl
+        Sizes of steps and their limits. Its `at_grazing` also holds while the orbit is continued to each member.
+    directions : {"both", "up", "down"}
+        Which way the parameter goes at each start.
+    events : mapping of str to float
+        Users' events, recorded along each branch, as `continue_orbit` takes them.
+    stop_at : str or iterable of str
+        Types of special points; each branch ends at the first. Kept as a tuple. With ``"GR"`` the way to each member
+        ends at a grazing as well.
+
+    Raises
+    ------
+    InputError
+        A value that cannot be used. Names of events and types are checked when an orbit is at hand.
+
+    Examples
+    --------
+    >>> BranchOptions(directions="up", stop_at="PD").stop_at
+    ('PD',)
+    """
+
+    steps: StepControl = field(default_factory=StepControl)
+    directions: str = "both"
+    events: Mapping[str, float] = field(default_factory=dict)
+    stop_at: str | Iterable[str] = ()
+
+    def __post_init__(self) -> None:
+        checks.instance("BranchOptions.steps", self.steps, StepControl)
+        checks.chosen("BranchOptions.directions", self.directions, _DIRECTIONS)
+        events = checks.mapping("BranchOptions.events", self.events, "names to values, as {'gap': 0.02}")
+        object.__setattr__(self, "events", events)
+        stops = (self.stop_at,) if isinstance(self.stop_at, str) else self.stop_at
+        object.__setattr__(self, "stop_at", checks.names("BranchOptions.stop_at", stops, _TYPES))
 
 
 def read_stops(stop_at: object, known: Sequence[str]) -> set[str]:
     """Return the types of special points at which a curve ends, checked."""
     given = [stop_at] if isinstance(stop_at, str) else stop_at
-    allowed = "types of special points"
-    return {checks.chosen("stop_at", name, known) for name in checks.names("stop_at", given, allowed)}
+    return {checks.chosen("stop_at", name, known) for name in checks.names("stop_at", given, _TYPES)}
+
+
+def read_steps(steps: object, what: str) -> StepControl:
+    """Return the steps of a curve that ends at a grazing, checked; `what` is its name in messages."""
+    control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
+    if control.at_grazing != "switch":
+        raise InputError("StepControl.at_grazing", control.at_grazing, "left out", f"{what} ends at a grazing")
+    return control
 
 
 def read_interval(
-    orbit: PeriodicOrbit, parameter: str, bounds: tuple[float, float], directions: str, at_grazing: str
+    orbit: PeriodicOrbit, parameter: str, bounds: tuple[float, float], directions: str
 ) -> tuple[float, float]:
-    """Return the interval of a parameter, within what the system allows; the options are checked, too."""
+    """Return the interval of a parameter, cut to the values that the system allows; all arguments are checked."""
     checks.chosen("parameter", parameter, orbit.system.parameter_names)
-    checks.chosen("directions", directions, ("both", "up", "down"))
-    checks.chosen("at_grazing", at_grazing, ("switch", "pass", "stop"))
+    checks.chosen("directions", directions, _DIRECTIONS)
     low, high = checks.interval("bounds", bounds)
     value = orbit.parameters[parameter]
     lowest, highest = orbit.system.allowed(parameter)
@@ -51,7 +112,7 @@ def read_interval(
 
 
 def unit_of(low: float, high: float, value: float) -> float:
-    """Return the unit of a parameter: the length of its interval, or its size at the start where that has no end."""
+    """Return the unit of a parameter: the length of its interval; of an infinite one its size at the start."""
     if math.isfinite(high - low):
         return high - low
     return abs(value) or 1.0
@@ -60,7 +121,7 @@ def unit_of(low: float, high: float, value: float) -> float:
 def read_events(
     orbit: PeriodicOrbit, parameter: str, events: Mapping[str, float]
 ) -> tuple[tuple[str, str, float], ...]:
-    """Return (name, kind, value) for each event, kind being ``parameter`` or an extreme."""
+    """Return (name, kind, value) for each user's event; kind is ``parameter`` or an extreme, as ``min_gap``."""
     found = []
     quantities = [*orbit.min]
     for name, given in events.items():

@@ -1,4 +1,4 @@
-"""A curve of periodic orbits, along one parameter or two, and its special points."""
+"""A curve of periodic orbits as a result, along one parameter or two, with its special points."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = ["OrbitCurve"]
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class OrbitCurve(Result):
-    """What `Branch` and `Locus` share: orbits in their order, with what is known of each, and special points.
+    """Orbits in order along a curve, their properties, and special points: the base of `Branch` and `Locus`.
 
     Attributes
     ----------
@@ -50,13 +50,15 @@ class OrbitCurve(Result):
     multipliers : ndarray of complex, shape (point, multiplier)
         Floquet multipliers; infinite at a grazing.
     stable, admissible : ndarray of bool, shape (point,)
+        Whether the orbit is stable, and whether it is a motion of the system.
     period, residual, arclength : ndarray, shape (point,)
+        Period, residual of the equations, and arclength from the first point.
     lows, highs : ndarray, shape (point, all states + outputs)
-        Extremes over the period.
+        Extremes over the period, in the order of `quantities`.
     forms : tuple of Signature
         The signatures that occur.
     form : ndarray of int, shape (point,)
-        Which of `forms` each point has.
+        Index of each point's signature in `forms`.
     unknowns : tuple of ndarray
         States and durations of each point's segments, as `OrbitProblem` orders them.
     special_points : SpecialPoints
@@ -64,10 +66,10 @@ class OrbitCurve(Result):
     stopped : tuple of str
         Why the curve ended, at its first and at its last point.
     rejected : tuple of str
-        Steps that were not taken, with their reasons.
+        Rejected steps, with their reasons.
     options : mapping
-        What was asked for.
-    tol : float
+        Arguments of the continuation.
+    tolerance : float
         Relative tolerance of the flow.
     """
 
@@ -90,7 +92,7 @@ class OrbitCurve(Result):
     stopped: tuple[str, str]
     rejected: tuple[str, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
-    tol: float = 1e-12
+    tolerance: float = 1e-12
 
     def __post_init__(self) -> None:
         reals = ("values", "x0", "period", "residual", "arclength", "lows", "highs")
@@ -106,7 +108,7 @@ class OrbitCurve(Result):
 
     @abstractmethod
     def _own_columns(self) -> dict[str, NDArray[np.float64]]:
-        """Return what this kind of curve knows of each point beyond what all know."""
+        """Return the columns, shape (point,) each, that only this kind of curve has."""
 
     def __len__(self) -> int:
         return len(self.values)
@@ -131,8 +133,9 @@ class OrbitCurve(Result):
         Parameters
         ----------
         name : str
-            A varied parameter, ``period``, ``arclength``, a state (its value at phase 0), ``min_`` or ``max_`` and a
-            state or output, or an observable as `observe` takes it; of a locus also ``angle`` and ``coefficient``.
+            A varied parameter, ``period``, ``arclength``, a state (its value at phase 0), or an observable as `observe`
+            takes it. An extreme is ``min_`` or ``max_`` and a state or output. A locus has ``angle`` and
+            ``coefficient`` too.
 
         Returns
         -------
@@ -165,7 +168,7 @@ class OrbitCurve(Result):
     def observe(self, *names: str) -> xr.Dataset:
         """Return observables of the orbits, against ``point``.
 
-        A phase runs on along the curve, without jumps. An observable that is asked for again is not computed again.
+        A phase is continuous along the curve. Each observable is computed once.
 
         Parameters
         ----------
@@ -175,7 +178,7 @@ class OrbitCurve(Result):
         Returns
         -------
         xarray.Dataset
-            A variable for each, and the varied parameters as coordinates.
+            A variable for each observable, and the varied parameters as coordinates.
 
         Raises
         ------
@@ -198,7 +201,7 @@ class OrbitCurve(Result):
         return self._observations[name]
 
     def _observe(self, names: Sequence[str]) -> None:
-        """Compute what is not known yet."""
+        """Compute the observables that are not known yet."""
         check_observables(self.system, names)
         wanted = [name for name in dict.fromkeys(names) if name not in self._observations]
         if not wanted:
@@ -212,7 +215,7 @@ class OrbitCurve(Result):
             self._observations[name] = frozen(column)
 
     def _turn(self, name: str) -> float:
-        """Return the angle that a phase is known up to; 0.0 for what is no phase."""
+        """Return the angle up to which a phase is defined, in radians; 0.0 where the observable is no phase."""
         observable = read_observable(self.system, name)
         return 2.0 * np.pi / observable.order.denominator if observable.kind == "phase" and observable.order else 0.0
 
@@ -303,7 +306,7 @@ class OrbitCurve(Result):
         row = np.atleast_1d(self.values[index]).tolist()
         values = dict(self.parameters) | dict(zip(self.varied, row, strict=True))
         p = self.system.parameter_vector(values)
-        problem = OrbitProblem(self.system, self.forms[self.form[index]], p, tol=self.tol)
+        problem = OrbitProblem(self.system, self.forms[self.form[index]], p, tol=self.tolerance)
         u = np.array(self.unknowns[index])
         states = len(self.system.states)
         follow_from(problem, u, np.maximum(np.abs(self.lows), np.abs(self.highs))[:, :states].max(axis=0))
@@ -361,7 +364,7 @@ class OrbitCurve(Result):
             "stopped_last": self.stopped[1],
             "rejected": json.dumps(list(self.rejected)),
             "options": json.dumps(dict(self.options)),
-            "tol": self.tol,
+            "tolerance": self.tolerance,
             "ragged": "unknown: the points' segments one after the other, unknown_count numbers each: "
             f"state ({n}) and duration of each segment",
         }
@@ -370,7 +373,7 @@ class OrbitCurve(Result):
     @classmethod
     def _varied_columns(cls, held: Contents) -> list[NDArray[np.float64]]:
         """Return the values of the varied parameters, shape (point,) each, as `to_xarray` described them."""
-        columns = held.texts("columns" if "columns" in held.dataset.attrs else "varied")  # earlier files lack it
+        columns = held.texts("columns" if "columns" in held.dataset.attrs else "varied")  # absent from earlier files
         if len(columns) != len(held.texts("varied")):
             raise InputError("attribute 'columns'", columns, "one for each varied parameter")
         return [held.array(column, ("point",)) for column in columns]
@@ -397,7 +400,7 @@ class OrbitCurve(Result):
             form.check(system)
         n_forms = held.count("n_forms", most=len(forms))
         number = held.array("form", point, int, least=0, most=n_forms - 1)
-        wide, tol = len(system.all_states) + 1, held.number("tol", *TOLERANCES)
+        wide, tolerance = len(system.all_states) + 1, held.number("tolerance", *TOLERANCES)
         return cls(
             system=system,
             parameters=parameters,
@@ -413,16 +416,16 @@ class OrbitCurve(Result):
             forms=tuple(forms[:n_forms]),
             form=number,
             unknowns=ragged_rows(held, "unknown", "ragged", "point", [len(forms[i]) * wide for i in number.tolist()]),
-            special_points=SpecialPoints(special_points_of(held, system, parameters, varied, forms, tol), varied),
+            special_points=SpecialPoints(special_points_of(held, system, parameters, varied, forms, tolerance), varied),
             stopped=(held.text("stopped_first"), held.text("stopped_last")),
             rejected=tuple(held.texts("rejected")),
             options=held.json("options", dict),
-            tol=tol,
+            tolerance=tolerance,
             **cls._own_fields(held, varied),
         )
 
     def _described(self, what: str) -> str:
-        """Return a few lines: what it is, how it began and ended, its special points."""
+        """Return the text of a `repr`: kind, range, ends and special points."""
         of = self.system.name or "a hybrid system"
         lines = [f"{what} of {of}: {len(self)} orbits, {int(self.stable.sum())} stable"]
         for name, column in zip(self.varied, self.values.reshape(len(self), -1).T, strict=True):

@@ -1,4 +1,7 @@
-"""Orbits of one signature as a zero problem with a parameter: metric, monitor functions, what may follow what."""
+"""Orbits of one signature as a zero problem with a parameter: metric, monitor functions, checks of a step.
+
+docs/theory/continuation.md derives metric and monitor functions.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +17,8 @@ from saltus.continuation.arclength import RESTS
 from saltus.continuation.grazing import turned
 from saltus.continuation.guards import INFINITE, residual_fault, unconfirmed
 from saltus.continuation.monitor import Monitor, at_grazing, bifurcates
-from saltus.continuation.phase_plane import astray, depart
-from saltus.continuation.zero_problem import Event, Examined, Point, correct
+from saltus.continuation.phase_plane import astray, depart, solve_again
+from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.orbits.floquet import (
     Passage,
     doubling_determinant,
@@ -40,18 +43,22 @@ __all__ = [
     "side_of",
 ]
 
-_LOW, _HIGH, _SN, _PD, _BP = (Monitor(kind) for kind in ("low", "high", "SN", "PD", "BP"))
+_LOW = Monitor("low")  # parameter less its lower bound
+_HIGH = Monitor("high")  # parameter less its upper bound
+_SN = Monitor("SN")  # parameter's component of the tangent
+_PD = Monitor("PD")  # determinant of a multiplier -1
+_BP = Monitor("BP")  # determinant of the bordered Jacobian
 
 _FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
-_SHARPER = 1e-6  # Newton step, in sizes of the unknowns, below which a point is as good as found
-_SHORT = 1e-5  # step below which several multipliers may cross the unit circle in it
-_SLOWED = 0.05  # share of its velocity that a step leaves an event at least
-_CRITICAL = 1e-6  # height within which a multiplier is critical
+_SHARPER = 1e-6  # relative Newton step up to which a further correction of an orbit in pieces is kept
+_SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
+_SLOWED = 0.05  # least velocity of an event at a step's end, over that at its start
+_CRITICAL = 1e-6  # height of a multiplier on the Riemann sphere up to which it is critical
 
 
 @dataclass(frozen=True)
 class Interest:
-    """What is looked for along a branch.
+    """Bounds of a branch, the unit of its parameter, and users' events.
 
     Attributes
     ----------
@@ -60,7 +67,7 @@ class Interest:
     scale : float
         Unit of the parameter among the unknowns.
     events : tuple of (name, kind, value)
-        Users' events; `kind` is ``parameter``, or ``min_`` or ``max_`` and a state or output.
+        Users' events. `kind` is ``parameter``, or ``min_`` or ``max_`` and a state or output.
     """
 
     low: float
@@ -71,18 +78,18 @@ class Interest:
 
 @dataclass(frozen=True)
 class OrbitData:
-    """What a point of a branch keeps.
+    """Data of a point of a branch.
 
     Attributes
     ----------
     survey : Survey
-        What a dense look shows.
+        Dense survey of the orbit.
     multipliers : ndarray of complex, shape (states,)
-        All of them, largest first.
+        Floquet multipliers, largest first.
     unstable : int
-        How many are.
+        Number of unstable multipliers.
     followed : tuple of complex
-        Those but the trivial one, in the order of those at the point before that they come from.
+        Multipliers without the trivial one, each at the index of its predecessor at the point before.
     """
 
     survey: Survey
@@ -94,23 +101,22 @@ class OrbitData:
 class OrbitZeroProblem:
     """Orbits of one signature as a `ZeroProblem`.
 
-    Monitor functions are the bounds (``low``, ``high``), the bifurcations (``SN``, ``PD``, ``BP``, and ``TR``, the
-    height of a multiplier followed, where it is of a complex pair the one above the real axis), what vanishes at a
-    grazing, and users' events; `Monitor` tells more.
+    Monitor functions belong to the bounds (``low``, ``high``), the bifurcations ``SN``, ``PD``, ``BP`` and ``TR``, the
+    grazings, and users' events. There is one of ``TR`` for each complex pair: the height on the Riemann sphere of its
+    multiplier above the real axis. `Monitor` explains the names.
 
     Parameters
     ----------
     problem : OrbitProblem
-        The equations, started.
+        The equations, meshes made.
     u : ndarray, shape (size + 1,)
-        An orbit.
+        Unknowns of an orbit, and the parameter.
     interest : Interest
-        What is looked for.
+        Bounds and users' events.
     """
 
     singular = frozenset({_BP})
-    odd = frozenset({_SN, _BP})
-    """Monitor functions that change sign with the tangent's direction."""
+    odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
 
     def __init__(self, problem: OrbitProblem, u: NDArray[np.float64], interest: Interest) -> None:
@@ -131,10 +137,10 @@ class OrbitZeroProblem:
             _BP: lambda point: self._sized(_BP, point.sign, point.log, point),
         }
         if CUT_END in kinds:
-            # the multipliers know the flow's direction exactly, the whole determinants to the flow's tolerance only
+            # products of multipliers leave out the trivial one exactly, determinants to the flow's tolerance only
             self._simple[_SN] = lambda point: point.sign * self._product(_SN, point, 1.0)
             self._simple[_PD] = lambda point: self._product(_PD, point, -1.0)
-            self.noise = MappingProxyType({_SN: _FAINT, _PD: _FAINT})  # they run through many powers of ten in a step
+            self.noise = MappingProxyType({_SN: _FAINT, _PD: _FAINT})  # both change by many powers of ten in a step
         for name, i in self._durations.items():
             self._simple[name] = lambda point, at=i * (self.n + 1) + self.n: float(point.u[at])  # type: ignore[misc]
         self._surveyed = grazing_monitors(problem)
@@ -159,18 +165,18 @@ class OrbitZeroProblem:
         table[:, : self.n], table[:, self.n] = problem.state_scale, period
 
     def _sized(self, name: Monitor, sign: float, log: float, point: Point) -> float:
-        """Return a determinant over the size that it had first and the factor that the phase condition gives it."""
+        """Return a determinant over its first size and over the factor of the phase condition."""
         value = sign * math.exp(min(log - self._logs.setdefault(name, log), 600.0))
         return value / (self.problem.facing(point.u) or math.nan)
 
     def depart(self, point: Point) -> None:
-        """Lay the plane that fixes an autonomous cycle's phase anew where the flow has turned away from its normal."""
+        """Renew the phase plane of an autonomous cycle where the flow has turned away from the plane's normal."""
         if depart(self, self.problem, point.u, point):
             monitors = self._measured(point)
             point.examined = replace(point.examined, monitors={**point.examined.monitors, **monitors})
 
     def _product(self, name: Monitor, point: Point, mu: float) -> float:
-        """Return the product of all multipliers' distances from `mu`, over the size that it had first."""
+        """Return the product of (multiplier - `mu`) over all multipliers but the trivial one, over its first size."""
         values = nontrivial(multipliers(self.problem, point.u, point.J), autonomous=self._autonomous)
         distance = complex(np.prod(values - mu)).real
         log = math.log(max(abs(distance), 1e-300))
@@ -189,28 +195,22 @@ class OrbitZeroProblem:
         return self._scale
 
     def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return weights by the trapezoidal rule over the period, so that a segment of zero length changes nothing."""
+        """Return weights by the trapezoidal rule over the period; a segment of zero length contributes nothing."""
         problem = self.problem
         weights = np.empty(problem.size + 1)
         problem.equations.metric(u, problem.segments, self.n, self._block, weights)
         return weights
 
     def examine(self, point: Point, before: Point | None) -> Examined:
-        """Return monitors, data and fault of a point; solve it again where its mesh passed over something."""
+        """Return monitors, data and fault of a point; solve it again where its mesh was too coarse."""
         problem = self.problem
         if before is not None and (fault := astray(problem, point.u)) is not None:
             return Examined({}, fault)
         self._sharpen(point)
         survey = problem.survey(point.u)
         if survey.coarse:
-            plane = problem.phase_plane
-            problem.start(point.u)
-            problem.phase_plane = plane
-            better = correct(self, point.u, point.tangent, point.weights, 7)
-            if isinstance(better, str):
-                return Examined({}, better)
-            point.u, point.J, point.tangent = better.u, better.J, better.tangent
-            point.sign, point.log, point.residual = better.sign, better.log, better.residual
+            if (fault := solve_again(self, problem, point, point.u)) is not None:
+                return Examined({}, fault)
             survey = problem.survey(point.u)
         if before is not None and (fault := residual_fault(problem, survey, point.u)) is not None:
             return Examined({}, fault)
@@ -233,7 +233,7 @@ class OrbitZeroProblem:
         return Examined(monitors, _fault(point, before, monitors, data, way), data)
 
     def _sharpen(self, point: Point) -> None:
-        """Correct a point of a branch of orbits in pieces once more: their multipliers show the last Newton step."""
+        """Correct an orbit in pieces once more, since the error of the last Newton step shows in its multipliers."""
         if CUT_END not in self.problem.signature.kinds:
             return
         from saltus.flow._linear_kernels import bordered
@@ -247,18 +247,21 @@ class OrbitZeroProblem:
             point.sign, point.log = sign, log
 
     def _measured(self, point: Point) -> dict[Monitor, float]:
-        """Return the monitors that need no survey; that of folds is 0 where the parameter rests."""
+        """Return the monitors that need no survey; the SN monitor is 0 where the parameter rests."""
         monitors = {name: value(point) for name, value in self._simple.items()}
         if CUT_END not in self.problem.signature.kinds and abs(monitors[_SN]) < RESTS:
             monitors[_SN] = 0.0
         return monitors
 
     def recover(self, point: Point) -> bool:
-        """Shorten the steps of a stiff flow, whose stability limits them, for the orbits near a point."""
+        """Shorten the steps of a stiff flow near a point for stability; return whether they were shortened."""
         return self.problem.stabilise(point.u)
 
     def _follow(self, point: Point, before: Point | None, values: NDArray[np.complex128]) -> Passage:
-        """Return how the multipliers before a point, or at the nearer end of the step examined last, become its own."""
+        """Return how the multipliers of the point before become those of a point.
+
+        Without a point before, the nearer end of the step examined last is taken.
+        """
         own: list[complex] = nontrivial(values, autonomous=self._autonomous).tolist()
         if before is None and self._step is not None:
             first, last = self._step
@@ -270,7 +273,7 @@ class OrbitZeroProblem:
         return passage(data.followed, own)
 
     def monitor(self, name: Monitor, point: Point) -> float:
-        """Return one monitor function at a point that need not be quite corrected."""
+        """Return one monitor function at a point that may be corrected roughly only."""
         if bifurcates(name):
             self._sharpen(point)
         if name in self._simple:
@@ -284,16 +287,17 @@ class OrbitZeroProblem:
         return self._surveyed[name](self.problem.survey(point.u))
 
     def leading(self, names: list[Monitor]) -> list[Monitor]:
-        """Return the names without the velocities that vanish because a segment beside them does."""
+        """Return the names without rates that vanish only since a neighbouring segment has no length."""
         vanishing = [self._durations[name] for name in names if name in self._durations]
         shadowed = shadowed_rates(vanishing, self.problem.segments)
         return [name for name in names if name not in shadowed]
 
     def sort_out(self, events: list[Event]) -> list[Event] | str:
-        """Return the events without shadows, or why the step is not to be taken.
+        """Return the events without shadows of others, or the reason why the step is rejected.
 
-        Where the whole Jacobian loses rank there is a branch point, no fold; at a grazing without a jump of the field
-        the parameter turns like the square of the vanishing duration, and with it every determinant has a zero.
+        At a branch point the whole Jacobian loses rank, so an SN there is a shadow. At a grazing where the field does
+        not jump, the parameter turns like the square of the vanishing duration. Every determinant then has a zero,
+        which is a shadow too. docs/theory/continuation.md, "Special points", explains both.
         """
         points = [event.point.arc for event in events if event.name == _BP]
         grazings = [event.point.arc for event in events if at_grazing(event.name)]
@@ -312,10 +316,10 @@ class OrbitZeroProblem:
         return self._unexplained(first, *self._step) or kept
 
     def _unexplained(self, event: Event, before: Point, after: Point) -> str | None:
-        """Return why the first bifurcation or grazing of a step does not go with the step's ends, if it does not.
+        """Return the reason if the first bifurcation or grazing of a step does not explain the stability of its ends.
 
-        Some multipliers are critical there, and the others as stable as at the ends: so a complex pair shows that comes
-        about and crosses the circle in the same step as a real multiplier.
+        At the event some multipliers are critical. The others must be as stable as at the step's ends. They are not if,
+        in the same step, a complex pair arises and crosses the unit circle unseen.
         """
         a, here, b = (point.examined.data for point in (before, event.point, after))
         if not a.survey.admissible:
@@ -343,9 +347,9 @@ class OrbitZeroProblem:
 
 
 def grazing_monitors(problem: OrbitProblem) -> dict[Monitor, Callable[[Survey], float]]:
-    """Return what a survey tells of grazings: margins, sides and rates.
+    """Return the monitor functions of grazings that a survey gives: margins, sides and rates.
 
-    Each is positive on the admissible side, but for a side where either direction of the event counts.
+    Each is positive on the admissible side. A ``side`` of an event in both directions has no admissible side.
     """
     found: dict[Monitor, Callable[[Survey], float]] = {}
     system, signature = problem.system, problem.signature
@@ -365,27 +369,27 @@ def grazing_monitors(problem: OrbitProblem) -> dict[Monitor, Callable[[Survey], 
 
 
 def side_of(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> float:
-    """Return a monitor of kind ``side`` of an orbit that need not be quite corrected."""
+    """Return a monitor function of kind ``side`` for an orbit that may be corrected roughly only."""
     return problem.distance(u, monitor.segment, monitor.transition)[0]
 
 
 def shadowed_rates(vanishing: list[int], count: int) -> set[Monitor]:
-    """Return the velocities that vanish because a segment beside them, of `count` in all, has no length."""
+    """Return the rates that vanish since one of the segments `vanishing`, of `count` in all, has no length."""
     return {Monitor("rate", i) for j in vanishing for i in (j, (j - 1) % count)}
 
 
 def _rests(a: Point, b: Point) -> bool:
-    """Whether the parameter rests in a step: it does along a family at one value, whose multiplier 1 is rounded."""
+    """Return whether the parameter rests in a step, as along a family of orbits at one value of the parameter."""
     return max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1]))) < RESTS
 
 
 def _beyond(distance: float) -> float:
-    """Distance from a bound, zero where it is rounding."""
+    """Return the distance from a bound, or zero where it is rounding."""
     return distance if abs(distance) > 1e-12 else 0.0
 
 
 def _fault(point: Point, before: Point, monitors: Mapping[Monitor, float], data: OrbitData, way: Passage) -> str | None:
-    """Return why a point may not follow the one before, if it may not."""
+    """Return the reason why a point may not follow the point before, or None if it may."""
     old: OrbitData = before.examined.data
     known = before.examined.monitors
     changed = {

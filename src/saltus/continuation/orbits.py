@@ -1,9 +1,9 @@
-"""Branches of periodic orbits along one parameter, through grazings into the neighbouring signature."""
+"""Continuation of branches: periodic orbits along one parameter, through grazings into other signatures."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
@@ -30,16 +30,16 @@ from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import Signature, Survey
+from saltus.progress import Report, Reporter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["continue_orbit"]
 
-_NOTHING = 1e-14  # parameter, over its interval, that reads 0
-
-_TOUCHING, _NEAR = 1e-13, 1e-3
-"""What is left of a distance that vanishes; how far a branch point may lie from where its determinant vanishes."""
+_NOTHING = 1e-14  # parameter, over its interval, up to which it reads 0
+_TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
+_NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
 def continue_orbit(
@@ -51,44 +51,42 @@ def continue_orbit(
     directions: str = "both",
     events: Mapping[str, float] | None = None,
     stop_at: str | Iterable[str] = (),
-    at_grazing: str = "switch",
-    progress: Callable[[int, float], None] | None = None,
+    progress: bool | Report = False,
 ) -> Branch:
     """Return the branch of periodic orbits through an orbit, as one parameter varies.
 
     Saddle-nodes (SN), period doublings (PD), torus bifurcations (TR), branch points (BP) and grazings (GR) are located
-    by Newton's method. At a grazing the branch goes on in the neighbouring signature, once round where the orbit there
-    is a shorter one twice; where there is none, it ends. A branch of doubled period ends where the period halves, one
-    of autonomous cycles at the Hopf point (HB) to which the cycle shrinks. No point is kept of whose equations more
-    than 1e-8 of the orbit's size is left.
+    by Newton's method. At a grazing the branch goes on in the neighbouring signature, or ends where there is none. An
+    orbit that repeats a shorter one there goes on as the shorter one. `StepControl.at_grazing` and `stop_at` change
+    this. A branch of doubled period ends where the period halves. A branch of autonomous cycles ends at the Hopf point
+    (HB) to which the cycle shrinks. Points with a residual above 1e-8 of the orbit's size are rejected.
+    docs/theory/continuation.md derives the method.
 
     Parameters
     ----------
     orbit : PeriodicOrbit
         Where the branch starts.
     parameter : str
-        What varies.
+        The parameter that varies.
     bounds : (float, float)
         Interval of the parameter; the start must lie in it.
     steps : StepControl, optional
-        Sizes of steps and their limits.
+        Sizes of steps and their limits, and how the branch goes on at a grazing.
     directions : {"both", "up", "down"}
         Which way the parameter goes at the start.
     events : mapping of str to float, optional
-        Places of interest: ``{"gap": 0.02}`` records where an extreme of that output or state passes the value,
-        ``{"min_gap": ...}`` or ``{"max_gap": ...}`` one extreme only, a parameter's name where the parameter does.
+        Users' events. ``{"gap": 0.02}`` records where an extreme of that output or state passes the value. With
+        ``"min_gap"`` or ``"max_gap"`` only one extreme counts. With the parameter's name, the parameter passes the
+        value.
     stop_at : str or iterable of str, optional
-        Types of special points (``"SN"``, or a key of `events`) at the first of which the branch ends.
-    at_grazing : {"switch", "pass", "stop"}
-        Go on in the neighbouring signature, in the same one (where the equations have solutions that are no motion,
-        ``admissible`` false), or end there.
-    progress : callable, optional
-        Called with the count of points and the parameter after each.
+        Types of special points, as ``"SN"`` or a key of `events`; the branch ends at the first.
+    progress : bool or callable
+        True for a bar on stderr, or a function called with a `saltus.Progress` after each point.
 
     Returns
     -------
     Branch
-        With what was found, however it ended: `Branch.stopped` says why. An interrupt (Ctrl-C) ends it likewise.
+        All points found, however the branch ended: `Branch.stopped` says why. An interrupt (Ctrl-C) ends it likewise.
 
     Raises
     ------
@@ -110,29 +108,29 @@ def continue_orbit(
     """
     control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
     checks.instance("orbit", orbit, PeriodicOrbit)
-    checks.function("progress", progress, "of a count and a number")
-    low, high = read_interval(orbit, parameter, bounds, directions, at_grazing)
+    reporter = Reporter(progress)
+    low, high = read_interval(orbit, parameter, bounds, directions)
     events = checks.mapping("events", events, "names to values, as {'gap': 0.02}")
     wanted = read_events(orbit, parameter, events)
     stops = read_stops(stop_at, [*BIFURCATIONS, *events])
     scale = unit_of(low, high, orbit.parameters[parameter])
     interest = Interest(low / scale, high / scale, scale, wanted)
-    run = _Run(orbit, parameter, interest, control, stops, at_grazing, progress)
+    run = _Run(orbit, parameter, interest, control, stops, reporter)
     start = run.begin()
-    halves = traced(lambda sign: run.trace(start, sign), directions)
+    with reporter:
+        halves = traced(lambda sign: run.trace(start, sign), directions)
     options = {
         "bounds": [low, high],
         "steps": asdict(control),
         "directions": directions,
         "events": {name: float(value) for name, value in events.items()},
         "stop_at": sorted(stops),
-        "at_grazing": at_grazing,
     }
     return _assemble(orbit, parameter, scale, start, halves, run, options)
 
 
 class _Run:
-    """One call of `continue_orbit`: options, and what both directions share."""
+    """One call of `continue_orbit`: start and options, which both directions share."""
 
     def __init__(
         self,
@@ -141,27 +139,26 @@ class _Run:
         interest: Interest,
         control: StepControl,
         stops: set[str],
-        at_grazing: str,
-        progress: Callable[[int, float], None] | None,
+        reporter: Reporter,
     ) -> None:
         self.orbit, self.name, self.interest = orbit, parameter, interest
         self.index = orbit.system.parameter_names.index(parameter)
         self.scale = interest.scale
-        self.control, self.stops, self.at_grazing, self.progress = control, stops, at_grazing, progress
+        self.control, self.stops, self.reporter = control, stops, reporter
         self.log: list[Failure] = []
-        self.count = 0
 
     def piece(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
         """Return the zero problem of a signature near `u`."""
         p = self.orbit.system.parameter_vector(self.orbit.parameters)
-        problem = OrbitProblem(self.orbit.system, signature, p, [self.index], np.array([self.scale]), self.orbit.tol)
+        scale, tolerance = np.array([self.scale]), self.orbit.tolerance
+        problem = OrbitProblem(self.orbit.system, signature, p, [self.index], scale, tolerance)
         problem.start(u)
         return OrbitZeroProblem(problem, u, self.interest)
 
     def _cut(
         self, half: OneSide, branch: OrbitZeroProblem, item: Point
     ) -> tuple[OrbitZeroProblem, Point, float] | None:
-        """Return the branch with its orbits cut into more pieces, at a point from which on that is due."""
+        """Return the branch with its orbits cut into more pieces, a point and a step; None where no cut is due."""
         if not stretched(branch.problem, item.J):
             return None
         problem, u = cut(branch.problem, item.u, item.J)
@@ -170,7 +167,7 @@ class _Run:
             point = start_point(finer, u)
         except ValueError:
             return None
-        # the first piece starts where it did, and tells on which way the branch goes
+        # the first piece starts at the old place: its tangent gives the direction of the branch
         own = np.append(np.arange(branch.n), -1)
         along = float((item.weights[own] * item.tangent[own]) @ point.tangent[own])
         point = replace(point, tangent=math.copysign(1.0, along) * point.tangent, arc=item.arc)
@@ -180,7 +177,7 @@ class _Run:
         return finer, point, step
 
     def begin(self) -> tuple[OrbitZeroProblem, Point]:
-        """Return the start, its tangent towards growing parameter."""
+        """Return the equations and the first point, its tangent towards growing parameter."""
         value = self.orbit.parameters[self.name] / self.scale
         for bound in (self.interest.low, self.interest.high):
             value = bound if abs(value - bound) < ROUNDING else value
@@ -196,7 +193,7 @@ class _Run:
             branch = OrbitZeroProblem(problem, u, self.interest)
             point = start_point(branch, u)
         found = branch.examine(point, None)
-        # a start at a grazing lies on its admissible side, whatever the rounding
+        # a start at a grazing counts as on its admissible side, whatever the rounding
         monitors = {
             name: _TOUCHING if at_grazing(name) and abs(value) < SAME * SAME else value
             for name, value in found.monitors.items()
@@ -210,15 +207,15 @@ class _Run:
         return branch, point
 
     def _place(self, point: Point) -> str:
-        """Return where a point is, in words; what is rounding of the parameter's interval reads 0."""
+        """Return the parameter of a point as text; 0 where it is rounding of the interval."""
         value = point.parameter if abs(point.parameter) > _NOTHING else 0.0
         return f"{self.name} = {value * self.scale:.9g}"
 
     def trace(self, start: tuple[OrbitZeroProblem, Point], sign: float) -> OneSide:
-        """Follow one direction to its end."""
+        """Return one direction of the branch, followed to its end."""
         half = OneSide()
         branch, origin = start
-        branch.problem.start(origin.u)  # the other direction has left the meshes of another place
+        branch.problem.start(origin.u)  # meshes are still those of the other direction's end
         point = turned(origin, sign, OrbitZeroProblem.odd)
         outwards = math.copysign(1.0, float(point.tangent[-1]))
         if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -ROUNDING:
@@ -244,7 +241,7 @@ class _Run:
         start: tuple[OrbitZeroProblem, Point],
         first: float | None,
     ) -> str | tuple[OrbitZeroProblem, Point, float]:
-        """Follow one signature; return why the branch ended, or where it goes on."""
+        """Follow the orbits of one signature; return why the branch ended, or what `_Run.trace` goes on with."""
         last = point
         for item in follow(branch, point, self.control, log=self.log, first_step=first):
             if isinstance(item, str):
@@ -265,9 +262,8 @@ class _Run:
             half.points.append((branch, item))
             if (rest := equilibrium_ahead(branch, last, item)) is not None:
                 return self._shrunk(half, *rest)
-            self.count += 1
-            if self.progress is not None:
-                self.progress(self.count, item.parameter * self.scale)
+            if self.reporter.report is not None:
+                self.reporter.step(1, f"{self.name} = {item.parameter * self.scale:.6g}")
             if len(half.points) >= self.control.most:
                 return f"{self._place(item)}: {self.control.most} points"
             last = item
@@ -311,7 +307,7 @@ class _Run:
             return self._end_at(half, branch, event.point, name)
         if any(s.name == "GR" and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
             return None
-        if self.at_grazing == "pass":
+        if self.control.at_grazing == "pass":
             half.specials.append(_found(name, branch, event, half))
             return self._end_at(half, branch, point, name)
         found = neighbour(branch.problem, event.name, point.u)
@@ -321,7 +317,7 @@ class _Run:
             orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
             half.specials[-1] = replace(half.specials[-1], orbit=orbit)
         half.points.append((branch, point))
-        if self.at_grazing == "stop" or name in self.stops:
+        if name in self.stops:
             return f"{self._place(point)}: grazing"
         if isinstance(found, str):
             return f"{self._place(point)}: grazing, {found}"
@@ -334,7 +330,10 @@ class _Run:
         return f"{self._place(point)}: {name}"
 
     def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitZeroProblem, Point, float]:
-        """Return the neighbouring signature's branch at a grazing, its tangent towards admissible orbits."""
+        """Return equations, point and step to go on with in the neighbouring signature, or why no branch does.
+
+        The point is a first admissible orbit beyond the grazing.
+        """
         branch = self.piece(found.signature, found.u)
         if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
             found = Neighbour(*once)
@@ -360,14 +359,15 @@ class _Run:
         return f"{self._place(old)}: grazing, no admissible orbit beyond it"
 
 
+# Survey of a grazing from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
 _INADMISSIBLE = Survey(1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
 
 
 def _beyond_grazings(problem: OrbitProblem, point: Point) -> bool:
-    """Whether a point is admissible by more than rounding: some distances from a grazing grow slowly."""
+    """Return whether a point is admissible and all its monitor functions of grazings are on that side."""
     monitors, transitions = point.examined.monitors.items(), problem.system.transitions
     grazings = (
-        # an event in either direction has no side of its own
+        # an event in both directions has no admissible side
         abs(value) if name.kind == "side" and transitions[name.transition].direction == 0 else value
         for name, value in monitors
         if at_grazing(name) and not math.isnan(value)
@@ -396,13 +396,13 @@ def _assemble(
             for failure in run.log
         ),
         options=options,
-        tol=orbit.tol,
+        tolerance=orbit.tolerance,
         **joined.fields(),
     )
 
 
 def _sharpened(branch: OrbitZeroProblem, point: Point) -> Point:
-    """Return a branch point located by equations that are regular there; as it was where they have no solution."""
+    """Return a branch point located by equations that are regular there; unchanged where they have no solution."""
     u = solve_branch_point(branch.problem, point.u, branch.evaluate(point.u)[1])
     if u is None or float(point.weights @ (u - point.u) ** 2) > _NEAR**2:
         return point
@@ -427,7 +427,7 @@ def _found(name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> 
     elif name == "TR":
         value = distance_from_circle(orbit.multipliers)
     tangent = None
-    if name == "BP":  # there the equations leave it open, so the last point's tells the branch from the other one
+    if name == "BP":  # it is undetermined at the point itself: the last point's is taken
         last = half.points[-1][1] if half.points else point
         tangent = (last if last.u.size == point.u.size else point).tangent.copy()
     return Found(name, orbit, value, len(half.points), point.arc, tangent=tangent)

@@ -1,4 +1,4 @@
-"""Where a branch of doubled period ends: at a period doubling or a grazing of the orbit that it goes round twice."""
+"""The end of a branch of doubled period, at a period doubling of the orbit of the single period."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 __all__ = ["halved"]
 
-_ALIKE = 1e-2  # difference, over the size of a state, of two halves that may be one
-_NEAR = 1e-4  # distance between the parameters of a branch point and of the period doubling that it is
-_REACHES = (1e-3, 1e-2)  # steps along the shorter orbit's branch in which the period doubling is looked for
+_ALIKE = 1e-2  # difference of an orbit's two halves, over the states' sizes, up to which they may be equal
+_NEAR = 1e-4  # distance, over the parameter's interval, between a branch point and the same period doubling
+_REACHES = (1e-3, 1e-2)  # arclengths, to both sides on the shorter orbit's branch, searched for the doubling
 
 
 def halved(branch: OrbitZeroProblem, point: Point) -> Point | None:
-    """Return a branch point at which the orbit is a shorter one twice, located as that one's period doubling.
+    """Return a branch point at which the orbit repeats a shorter one, located as the shorter orbit's period doubling.
 
-    At the branch point itself the equations are singular, and as the parameter turns there, its place along the branch
-    is known to half the digits only; the shorter orbit's branch passes it regularly.
+    At the branch point the equations of the doubled orbit are singular. The parameter turns there, so its place along
+    the branch is known to half the digits only. The shorter orbit's branch passes the point regularly.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def halved(branch: OrbitZeroProblem, point: Point) -> Point | None:
     Returns
     -------
     Point or None
-        None where the orbit is not a shorter one twice, or that one does not double its period there.
+        None where the orbit repeats no shorter one, or where the shorter one does not double its period.
     """
     short = divided(branch.problem, point.u, 2, _ALIKE * branch.problem.state_scale)
     if short is None:
@@ -86,7 +86,7 @@ def _doubling(branch: OrbitZeroProblem, u: NDArray[np.float64]) -> Event | None:
 
 
 def _twice(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the unknowns of an orbit gone round twice."""
+    """Return the unknowns of an orbit over two periods."""
     n, signature = problem.n, problem.signature
     first = u[: problem.size].reshape(problem.segments, n + 1)
     if signature.kinds[0] in (PHASE_END, CLOSED_END):

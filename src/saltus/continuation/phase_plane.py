@@ -1,9 +1,14 @@
-"""The plane that fixes the phase of an autonomous cycle, moved along with the cycle."""
+"""The plane that fixes the phase of an autonomous cycle, moved along with the cycle.
+
+docs/theory/continuation.md, "Pseudo-arclength", derives it.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
+
+from saltus.continuation.zero_problem import correct
 
 if TYPE_CHECKING:
     import numpy as np
@@ -12,25 +17,26 @@ if TYPE_CHECKING:
     from saltus.continuation.zero_problem import Point, ZeroProblem
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["astray", "depart"]
+__all__ = ["astray", "depart", "solve_again"]
 
-_ASTRAY = 0.3  # cosine of the angle between the flow and the plane's normal below which a step is too long
-_RENEWED = 0.8  # the same below which the plane is laid anew before the next step
+_ASTRAY = 0.3  # least cosine of the angle between flow and plane's normal at the end of a step
+_RENEWED = 0.8  # the same cosine, up to which the plane is renewed before the next step
 
 
 def astray(problem: OrbitProblem, u: NDArray[np.float64]) -> str | None:
-    """Return why a point may not follow the one before, where the flow has nearly turned into the plane.
+    """Return the reason if the flow has nearly turned into the plane, so the step to a point is too long; else None.
 
-    A plane that is tangent to the flow makes a turning point, and zeros of all determinants, where the orbit has none.
+    Where the plane is tangent to the flow, the equations have a fold and all determinants vanish. The orbits have no
+    bifurcation there.
     """
     facing = problem.facing(u)
     return None if facing > _ASTRAY else "phase: the flow at the orbit's start turns too far within the step"
 
 
 def depart(zero: ZeroProblem, problem: OrbitProblem, u: NDArray[np.float64], point: Point) -> bool:
-    """Make the phase condition of `problem` that of a point, whose orbit is `u`; return whether it was laid anew.
+    """Give `problem` the phase plane of a point with orbit `u`; return whether the plane was renewed.
 
-    Where it was, Jacobian, tangent and determinant of the point are renewed, too.
+    With the plane, Jacobian, tangent and determinant of the point are renewed.
     """
     if not problem.slides:
         return False
@@ -47,3 +53,16 @@ def depart(zero: ZeroProblem, problem: OrbitProblem, u: NDArray[np.float64], poi
     steps, point.sign, point.log, _, _ = bordered(point.J, F, row, point.u, point.u, zero.scale())
     point.tangent = steps[:, 1] / math.sqrt(float(point.weights @ steps[:, 1] ** 2))
     return True
+
+
+def solve_again(zero: ZeroProblem, problem: OrbitProblem, point: Point, u: NDArray[np.float64]) -> str | None:
+    """Solve a point again on new meshes for its orbit `u`, in the same phase plane; return why that failed, or None."""
+    plane = problem.phase_plane
+    problem.start(u)
+    problem.phase_plane = plane
+    better = correct(zero, point.u, point.tangent, point.weights, 7)
+    if isinstance(better, str):
+        return better
+    point.u, point.J, point.tangent = better.u, better.J, better.tangent
+    point.sign, point.log, point.residual = better.sign, better.log, better.residual
+    return None

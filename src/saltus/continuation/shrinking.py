@@ -1,4 +1,7 @@
-"""Where a branch of autonomous cycles ends in a Hopf point, since the cycle shrinks to an equilibrium."""
+"""The end of a branch of autonomous cycles at a Hopf point, where the cycle shrinks to an equilibrium.
+
+docs/theory/continuation.md, "Special points", explains how the point is found.
+"""
 
 from __future__ import annotations
 
@@ -18,22 +21,22 @@ if TYPE_CHECKING:
 
 __all__ = ["equilibrium_ahead"]
 
-_WITHIN = 5.0  # steps of the last one's length within which the amplitude would vanish
-_AGREES = 0.1  # share of what is left to the Hopf point by which it may differ from the extrapolated one
-_ROUNDING = 1e-9  # differences of parameter and period, over their sizes, that are none
+_WITHIN = 5.0  # most steps, of the last one's length, to the extrapolated zero of the amplitude
+_AGREES = 0.1  # most difference of Hopf point and extrapolation, over the distance from the last cycle
+_ROUNDING = 1e-9  # relative difference of the parameter that is rounding
 
 
 def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> tuple[OrbitZeroProblem, Point] | None:
-    """Return the equations of the equilibrium to which the cycle shrinks a step or two ahead, and it as a point.
+    """Return equations and point of the Hopf equilibrium a few steps ahead to which a cycle shrinks, or None.
 
-    The amplitude of a cycle vanishes linearly in the arclength, its parameter and period differ from those of the Hopf
-    point by the square of the amplitude. The Hopf point is solved for from there, and taken where it agrees with what
-    the last two points say of parameter and period.
+    The amplitude of a cycle vanishes linearly in the arclength. Parameter and period differ from those of the Hopf
+    point by the square of the amplitude. Newton's method starts from the values extrapolated from the last two cycles.
+    The Hopf point is taken if its parameter and period agree with the extrapolation.
 
     Parameters
     ----------
     branch : OrbitZeroProblem
-        The cycles.
+        Equations of the cycles.
     before, point : Point
         The last two points, examined.
     """
@@ -69,7 +72,7 @@ def _period(problem: OrbitProblem, point: Point) -> float:
 
 
 def _at_rest(branch: OrbitZeroProblem, point: Point, found: HopfPoint) -> tuple[OrbitZeroProblem, Point]:
-    """Return a Hopf point as the last point of a branch."""
+    """Return equations and last point of a branch that ends at a Hopf point."""
     old = branch.problem
     signature = Signature((old.signature.modes[0],), (-1,), (CLOSED_END,), 0)
     problem = OrbitProblem(old.system, signature, old.p, old.active, old.scales, old.tol)
@@ -81,6 +84,6 @@ def _at_rest(branch: OrbitZeroProblem, point: Point, found: HopfPoint) -> tuple[
     end = Point(u, problem.evaluate(u)[1], np.zeros(u.size), weights, 1.0, 0.0, 0.0, arc=point.arc)
     end.arc += float(np.linalg.norm(away))
     values = found.multipliers
-    unstable = point.examined.data.unstable  # as the cycles that end there
+    unstable = point.examined.data.unstable  # stability of the cycles that shrink to the point
     end.examined = Examined({}, None, OrbitData(problem.survey(u), values, unstable, tuple(values[:-1].tolist())))
     return piece, end

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SpecialPoint", "SpecialPoints"]
 
+# What each type of special point means, in a `repr`.
 _MEANING = {
     "SN": "saddle-node (fold)",
     "PD": "period doubling (flip)",
@@ -42,34 +43,43 @@ _MEANING = {
 class SpecialPoint:
     """A special point of a branch or of a locus, located.
 
+    docs/theory/continuation.md and docs/theory/loci.md derive the test functions.
+
     Attributes
     ----------
     type : str
-        On a branch ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB`` or the name of a user's event; on a locus ``CP``,
-        ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF``, ``SN``, ``PD``, ``TR``, ``GR`` or ``BP`` (where another locus meets
-        it) and ``TP`` (where a parameter turns); `Locus` tells more.
+        On a branch ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB`` or the name of a user's event. On a locus ``CP``,
+        ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of another locus that meets it. `Locus`
+        explains them.
     label : str
         The type with its number along the curve, as in ``SN1``.
     orbit : PeriodicOrbit
-        The orbit there; its parameters are those of the point.
+        The orbit at the point; its parameters are those of the point.
     test : float
-        Test function there: the parameter's component of the tangent (SN, TP), ``mu + 1`` (PD), ``|mu|^2 - 1`` (TR),
-        the determinant over its size nearby (BP, FF), the normal velocity or the distance from the surface (GR), the
-        coefficient of the normal form over its size nearby (CP, GPD, CH), the amplitude (HB), the cosine of the
-        multipliers' angle less that of the resonance (R1 to R4), the distance from the wanted value (users' events).
+        Test function at the point, whose zero defines the type:
+
+        - SN, TP: the parameter's component of the tangent.
+        - PD: ``abs(mu + 1)`` of the nearest multiplier.
+        - TR: ``abs(mu)**2 - 1`` of the complex pair nearest to the unit circle.
+        - BP, FF: the determinant, over its size nearby.
+        - GR: the normal velocity, the duration, or the distance from the surface.
+        - HB: the amplitude of the last cycle.
+        - CP, GPD, CH: the coefficient of the normal form, over its size nearby.
+        - R1 to R4: cosine of the multipliers' angle less that of the resonance.
+        - Users' events: the quantity less the wanted value.
     position : float
-        Where among the curve's points: 3.5 lies between points 3 and 4.
+        Place among the curve's points: 3.5 lies between points 3 and 4.
     arclength : float
-        Arclength there, as the curve's `arclength` counts it.
+        Arclength at the point, as in the curve's `arclength`.
     varied : tuple of str
-        The parameters along which it was found.
+        The parameters that vary along the curve.
     of : str
-        What the type leaves open: of a turning point the parameter that turns; where a GR locus meets another, on which
-        side of the grazing (``smaller`` or ``larger`` signature).
+        Of a TP the parameter that turns. Where a GR locus meets another, the side of the grazing (``smaller`` or
+        ``larger`` signature).
     locus : str
-        The type of the locus on which it was found; empty on a branch.
+        The type of the locus that the point belongs to; empty on a branch.
     tangent : ndarray, shape (unknowns + 1,), or None
-        At a branch point the tangent of the branch on which it was found, the parameter last.
+        At a BP the tangent of its own branch, the parameter last.
     """
 
     type: str
@@ -85,12 +95,12 @@ class SpecialPoint:
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """All parameters there."""
+        """All parameters at the point."""
         return self.orbit.parameters
 
     @property
     def sizes(self) -> NDArray[np.float64] | None:
-        """Sizes of the states along the branch, by its tangent where there is one: an orbit at rest has none itself."""
+        """Sizes of the states by the branch's tangent, for an orbit at rest; None without a tangent."""
         if self.tangent is None:
             return None
         wide = len(self.orbit.system.all_states) + 1
@@ -99,7 +109,9 @@ class SpecialPoint:
 
     @cached_property
     def normal_form(self) -> NormalForm:
-        """Normal form of the Poincare map at an SN, PD or TR: computed when first asked for.
+        """Normal form of the Poincare map at an SN, PD or TR, computed on first access.
+
+        docs/theory/loci.md, "Normal forms", derives the coefficients.
 
         Raises
         ------
@@ -141,7 +153,7 @@ class SpecialPoints(Sequence[SpecialPoint]):
         return [point for point in self._points if point.type in types]
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return a table: label, type, parameters, stability, signature, x0, extremes, test function."""
+        """Return a table of label, type, parameters, x0, extremes, period, stability, signature and test function."""
         import pandas as pd
 
         rows = []

@@ -1,4 +1,4 @@
-"""The two directions of a curve from its start, what is found on each, and how they are put together."""
+"""The two directions of a curve from its start, with their special points, and how they are joined."""
 
 from __future__ import annotations
 
@@ -19,14 +19,27 @@ if TYPE_CHECKING:
 
 __all__ = ["SAME", "BothSides", "Found", "OneSide", "join", "traced", "turned"]
 
-SAME = 1e-6  # distance at which two points of a curve are the same
+SAME = 1e-6  # distance in arclength up to which two points of a curve are the same
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A special point: its type, the orbit in the signature in which it is shown, its test function, its place.
+    """A special point of one direction.
 
-    `of` and `tangent` are those of `SpecialPoint`.
+    Attributes
+    ----------
+    name : str
+        Type, or the name of a user's event.
+    orbit : PeriodicOrbit
+        The orbit, in the signature in which it is shown.
+    value : float
+        Test function.
+    after : int
+        Number of points of the direction before it.
+    arc : float
+        Arclength from the start.
+    of, tangent
+        As in `SpecialPoint`.
     """
 
     name: str
@@ -40,7 +53,7 @@ class Found:
 
 @dataclass
 class OneSide:
-    """One direction of a curve."""
+    """Points and special points of one direction of a curve, and why it ended."""
 
     points: list[Any] = field(default_factory=list)
     specials: list[Found] = field(default_factory=list)
@@ -51,18 +64,18 @@ class OneSide:
 
 @dataclass
 class BothSides:
-    """Both directions in one order.
+    """Both directions of a curve in one order.
 
     Attributes
     ----------
     rows : list of (piece, point)
-        All points.
+        Equations and point of each point of the curve.
     arcs : list of float
         Arclength of each, from the start.
     specials : list of (Found, position, arclength)
-        Special points, likewise.
+        Special points, in order along the curve.
     offset : int
-        Where among the rows the start is.
+        Index of the start among the rows.
     stopped : tuple of str
         Why the curve ended, at its first and at its last point.
     """
@@ -89,7 +102,7 @@ class BothSides:
         return SpecialPoints(points, varied)
 
     def fields(self) -> dict[str, Any]:
-        """Return those fields of a `OrbitCurve` that say the same of each point, whatever the curve."""
+        """Return the fields of `OrbitCurve` that a branch and a locus fill in the same way."""
         states = len(self.rows[0][0].problem.system.states)
         forms = list(dict.fromkeys(piece.problem.signature for piece, _ in self.rows))
         data = [point.examined.data for _, point in self.rows]
@@ -112,14 +125,14 @@ class BothSides:
 
 
 def traced(trace: Callable[[float], OneSide], directions: str) -> list[OneSide]:
-    """Return the directions of a curve that are asked for: the second not where the first is closed or interrupted.
+    """Return the wanted directions of a curve; the second is left out if the first is closed or interrupted.
 
     Parameters
     ----------
     trace : callable
-        Follows the curve one way, by the sign of the start's tangent.
+        Follows the curve in one direction, given the sign of the start's tangent.
     directions : {"both", "up", "down"}
-        Which.
+        The wanted directions.
     """
     halves: list[OneSide] = []
     for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
@@ -130,7 +143,7 @@ def traced(trace: Callable[[float], OneSide], directions: str) -> list[OneSide]:
 
 
 def turned(point: Point, sign: float, odd: Collection[Monitor]) -> Point:
-    """Return a point with its tangent reversed where `sign` < 0, and with it the monitor functions named in `odd`."""
+    """Return a point; where `sign` < 0, its tangent and the monitor functions named in `odd` are reversed."""
     if sign >= 0.0:
         return point
     monitors = {name: -value if name in odd else value for name, value in point.examined.monitors.items()}
@@ -139,7 +152,7 @@ def turned(point: Point, sign: float, odd: Collection[Monitor]) -> Point:
 
 
 def join(start: Any, halves: list[OneSide], what: str) -> BothSides:
-    """Put the two directions of `what` from the row `start` together, the second after the first turned round."""
+    """Join the directions from the row `start`: the first reversed, then the second; `what` names the curve."""
     rows, arcs, offset = [start], [0.0], 0
     specials: list[tuple[Found, float, float]] = []
     if len(halves) == 2:

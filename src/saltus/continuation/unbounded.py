@@ -1,4 +1,7 @@
-"""Where a branch ends since nothing bounds the period, towards a homoclinic orbit, or the steps of the flow."""
+"""Ends of branches whose period grows without bound, or whose flow needs too many steps.
+
+docs/theory/continuation.md, "How a branch ends", lists the cases.
+"""
 
 from __future__ import annotations
 
@@ -15,17 +18,17 @@ if TYPE_CHECKING:
 
 __all__ = ["grows_at_last", "grows_for_ever", "too_stiff"]
 
-_GROWN = 1.2  # growth of the period from its least value below which it does not count as unbounded
-_RESTS = 1e-3  # change of the parameter, over its interval and the period's growth, below which the parameter rests
-_LONGEST = 1e3  # growth of the period from the first point with which a branch is ended
-_LATE = 1.5  # growth of the period of sensitive orbits with which a branch ends if the parameter meanwhile rests
-_RESTING = 3e-6  # change of the parameter meanwhile, over its range along the branch, below which it rests
+_GROWN = 1.2  # least ratio of an unbounded period to its least value on the branch
+_RESTS = 1e-3  # change of the parameter, over its interval and the period's relative growth, up to which it rests
+_LONGEST = 1e3  # ratio of the period to that of the first point at which a branch is ended
+_LATE = 1.5  # ratio by which the period of an orbit in pieces must grow while the parameter rests
+_RESTING = 3e-6  # change of the parameter, over its range on the branch, up to which it rests during that growth
 
 
 def grows_at_last(points: list[Row]) -> str | None:
-    """Return in words that the period grows without bound where no further step succeeds; None where it does not.
+    """Return the reason, after a failed step, that the period grows without bound; None if it does not.
 
-    It has grown, and grows on while the parameter hardly moves any more.
+    Over the last four points the period grew, and at the last step the parameter hardly moved.
     """
     if len(points) < 4:
         return None
@@ -37,9 +40,10 @@ def grows_at_last(points: list[Row]) -> str | None:
 
 
 def grows_for_ever(points: list[Row]) -> str | None:
-    """Return in words that the period grows without bound, as to a homoclinic orbit, though further steps succeed.
+    """Return the reason, after a successful step, that the period grows without bound; None if it does not.
 
-    It is a thousand times the first one and grows, or that of sensitive orbits grows while the parameter rests.
+    The period is a thousand times the first one and grows, or an orbit in pieces grew by half while the parameter
+    rested. Both happen next to a homoclinic orbit.
     """
     branch, last = points[-1]
     period = _period(branch, last)
@@ -55,7 +59,7 @@ def grows_for_ever(points: list[Row]) -> str | None:
 
 
 def too_stiff(problem: OrbitProblem) -> str | None:
-    """Return in words that a segment's flow needs more steps than it is given; None where it does not."""
+    """Return the reason that a segment's flow needs more steps than allowed; None if it does not."""
     if not problem.stiff:
         return None
     return (

@@ -1,35 +1,37 @@
-"""The way of an orbit to the values of a family's member, and the branch from there."""
+"""Continuation of an orbit to the parameters of each member of a family, and the member's branch."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.branch import Branch
+from saltus.continuation.options import BranchOptions
 from saltus.continuation.orbits import continue_orbit
 from saltus.errors import SaltusError
 from saltus.orbits import PeriodicOrbit
+from saltus.progress import Report
 
 __all__ = ["Task", "carried", "is_interrupted"]
 
-_WAY = StepControl(initial=0.05, largest=0.25, most=500)
-"""Steps on the way to a member: only its end is wanted."""
-
-_HALVINGS = 4
-"""The way along several parameters has at most 2^4 stairs."""
+_WAY = StepControl(initial=0.05, largest=0.25, most=500)  # steps on the way to a member: long, only its end matters
+_HALVINGS = 4  # binary logarithm of the most stairs of a way along several parameters
 
 
 def carried(
-    orbit: PeriodicOrbit, places: Sequence[Mapping[str, float]], at_grazing: str
+    orbit: PeriodicOrbit, places: Sequence[Mapping[str, float]], options: BranchOptions
 ) -> Iterator[tuple[int, PeriodicOrbit | str]]:
-    """Yield each member's index and the orbit at its values, or why there is none, the nearest member first.
+    """Yield each member's index and the orbit at its values, or the reason why there is none; nearest member first.
 
-    Each is carried from the nearest values already reached; where that is blocked, from the given orbit.
+    A member's orbit is continued from the nearest member already reached, or, if that way is blocked, from the given
+    orbit. `StepControl.at_grazing` and ``"GR"`` in `stop_at` of the `options` hold on the way too.
     """
+    way = BranchOptions(
+        replace(_WAY, at_grazing=options.steps.at_grazing), stop_at=("GR",) if "GR" in options.stop_at else ()
+    )
     names = list(places[0])
     rows = np.array([[place[name] for name in names] for place in places])
     origin = np.array([orbit.parameters[name] for name in names])
@@ -41,9 +43,9 @@ def carried(
     while left:
         index = min(left, key=lambda i: (away[i], i))
         left.remove(index)
-        reached = _carry(sources[index], places[index], at_grazing, _HALVINGS)
+        reached = _carry(sources[index], places[index], way, _HALVINGS)
         if isinstance(reached, str) and sources[index] is not orbit:
-            again = _carry(orbit, places[index], at_grazing, _HALVINGS)
+            again = _carry(orbit, places[index], way, _HALVINGS)
             reached = again if isinstance(again, PeriodicOrbit) else reached
         if isinstance(reached, PeriodicOrbit):
             between = np.linalg.norm(rows - rows[index], axis=1)
@@ -53,12 +55,14 @@ def carried(
         yield index, reached
 
 
-def _carry(orbit: PeriodicOrbit, place: Mapping[str, float], at_grazing: str, halvings: int) -> PeriodicOrbit | str:
-    """Return the orbit at other values of parameters, along one after the other, or why the way is blocked."""
+def _carry(
+    orbit: PeriodicOrbit, place: Mapping[str, float], options: BranchOptions, halvings: int
+) -> PeriodicOrbit | str:
+    """Return the orbit at other values of parameters, varied one after the other, or why the way is blocked."""
     apart = [name for name, value in place.items() if value != orbit.parameters[name]]
     here = orbit
     for name in apart:
-        reached = _carry_along(here, name, place[name], at_grazing)
+        reached = _carry_along(here, name, place[name], options)
         if isinstance(reached, str):
             break
         here = reached
@@ -66,17 +70,17 @@ def _carry(orbit: PeriodicOrbit, place: Mapping[str, float], at_grazing: str, ha
         return here
     if len(apart) > 1 and halvings:
         half = {name: 0.5 * (orbit.parameters[name] + place[name]) for name in apart}
-        middle = _carry(orbit, half, at_grazing, halvings - 1)
+        middle = _carry(orbit, half, options, halvings - 1)
         if isinstance(middle, PeriodicOrbit):
-            return _carry(middle, place, at_grazing, halvings - 1)
+            return _carry(middle, place, options, halvings - 1)
     return reached
 
 
-def _carry_along(orbit: PeriodicOrbit, name: str, value: float, at_grazing: str) -> PeriodicOrbit | str:
+def _carry_along(orbit: PeriodicOrbit, name: str, value: float, options: BranchOptions) -> PeriodicOrbit | str:
     """Return the orbit at another value of one parameter, or why there is none."""
     begin = orbit.parameters[name]
     bounds, direction = ((begin, value), "up") if value > begin else ((value, begin), "down")
-    way = Task(name, bounds, {"steps": _WAY, "directions": direction, "at_grazing": at_grazing}).trace(orbit)
+    way = Task(name, bounds, replace(options, directions=direction)).trace(orbit)
     blocked = f"no way from {name} = {begin:.9g} to {value:.9g}: "
     if isinstance(way, str):
         return blocked + way
@@ -88,27 +92,35 @@ def _carry_along(orbit: PeriodicOrbit, name: str, value: float, at_grazing: str)
         turned = folds and abs(end - begin) <= rounding
         return blocked + (f"saddle-node at {name} = {folds[0]:.9g}" if turned else way.stopped[1])
     reached = way.orbit(-1)
-    return replace(reached, parameters=dict(reached.parameters) | {name: value})  # the bound, to its last digit
+    return replace(reached, parameters=dict(reached.parameters) | {name: value})  # exactly the member's value
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is asked for, of each member: a branch from its start."""
+    """Arguments of a member's branch: parameter, bounds and options."""
 
     parameter: str
     bounds: tuple[float, float]
-    options: Mapping[str, Any]
+    options: BranchOptions
 
-    def trace(self, start: PeriodicOrbit, watch: Callable[[int, float], None] | None = None) -> Branch | str:
-        """Return a branch, or in words why there is none."""
+    def branch(self, start: PeriodicOrbit, progress: bool | Report = False) -> Branch:
+        """Return the branch through an orbit."""
+        options = self.options
+        return continue_orbit(
+            start, self.parameter, self.bounds, steps=options.steps, directions=options.directions,
+            events=options.events, stop_at=options.stop_at, progress=progress,
+        )  # fmt: skip
+
+    def trace(self, start: PeriodicOrbit, progress: bool | Report = False) -> Branch | str:
+        """Return the branch through an orbit, or the reason why there is none."""
         try:
-            return continue_orbit(start, self.parameter, self.bounds, progress=watch, **self.options)
+            return self.branch(start, progress)
         except SaltusError as error:
             return str(error)
-        except Exception as error:  # whatever it is, the other members are not to be lost
+        except Exception as error:  # one member's failure must not lose the others
             return f"{type(error).__name__}: {error}"
 
 
 def is_interrupted(branch: Branch) -> bool:
-    """Return whether a branch was given up at Ctrl-C."""
+    """Return whether a branch was interrupted (Ctrl-C)."""
     return "interrupted" in branch.stopped

@@ -1,4 +1,7 @@
-"""A zero problem with one unknown more than equations, and the points of its branch: docs/theory/continuation.md."""
+"""A zero problem with one unknown more than equations, and the points of its branch.
+
+docs/theory/continuation.md, "Pseudo-arclength", derives predictor and corrector.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +17,21 @@ if TYPE_CHECKING:
 
 __all__ = ["Event", "Examined", "Point", "ZeroProblem", "correct", "hermite", "start_point"]
 
-_ACCEPT, _REMESHED = 2e-9, 20
-"""Newton step at which a point is taken; evaluations more in which the mesh may become fine enough for a point that is
-found."""
+_STEP_ACCEPTED = 2e-9  # largest relative Newton step of a converged point
+_REMESHED = 20  # most further Newton iterations of a converged point while its mesh is refined
 
 
 class ZeroProblem(Protocol):
     """F(u) = 0 with one unknown more than equations; the last unknown is the parameter.
 
-    Its monitor functions go by whatever can be hashed and told. `singular` names those at whose zeros the equations
-    bordered by a plane are singular, `noise` gives what rounding leaves of some at their zeros, over their size nearby.
+    Monitor functions have names that are hashable and have a text.
+
+    Attributes
+    ----------
+    singular : frozenset
+        Names of the monitor functions at whose zeros the equations bordered by a plane are singular.
+    noise : mapping of name to float
+        Rounding of some monitor functions at their zeros, over their size nearby.
     """
 
     singular: frozenset[Any]
@@ -42,33 +50,33 @@ class ZeroProblem(Protocol):
         """Return typical sizes of the unknowns, shape (m + 1,), for Newton's criterion."""
 
     def examine(self, point: Point, before: Point | None) -> Examined:
-        """Return what is to be known of a corrected point, and whether it may follow the one before."""
+        """Return monitor functions and data of a corrected point, and the fault if it may not follow `before`."""
 
     def depart(self, point: Point) -> None:
-        """Normalise the equations at a point from which a step is to go; renew what of it depends on that."""
+        """Normalise the equations at a point before a step starts there; update the point accordingly."""
 
     def recover(self, point: Point) -> bool:
-        """Make the discretisation finer where no point is found a step from `point`; return whether it is finer."""
+        """Refine the discretisation after a failed step from `point`; return whether it is finer now."""
 
     def leading(self, names: list[Any]) -> list[Any]:
-        """Return those of the monitor functions that change sign in a step which are to be located."""
+        """Return the monitor functions to be located, of those that change sign in a step."""
 
     def sort_out(self, events: list[Event]) -> list[Event] | str:
-        """Return the events of one step, in order, without those that are the shadow of another, or why not to take it.
+        """Return the events of one step, in order, without shadows of others, or the reason to reject the step.
 
-        The step is that between the two points examined last, the second as the successor of the first.
+        The step ends at the point examined last as the successor of another.
         """
 
     def crowded(self, names: list[Any]) -> bool:
-        """Return whether the events of one step are so many that a shorter one is due."""
+        """Return whether one step has too many events, so that a shorter one must be taken."""
 
     def monitor(self, name: Any, point: Point) -> float:
-        """Return one monitor function at a point that need not be quite corrected."""
+        """Return one monitor function at a point that may be corrected roughly only."""
 
 
 @dataclass(frozen=True)
 class Examined:
-    """What a problem says of a point: values of its monitor functions, a fault that forbids it, anything it keeps."""
+    """Result of examining a point: its monitor functions, a fault that forbids it, and data of the problem."""
 
     monitors: Mapping[Any, float]
     fault: str | None = None
@@ -77,9 +85,30 @@ class Examined:
 
 @dataclass(eq=False)
 class Point:
-    """A point of a branch with its tangent (unit arclength) and the sign and log of the bordered determinant.
+    """A point of a branch.
 
-    `frame` is what the problem normalised its equations by, where it does so from place to place.
+    Attributes
+    ----------
+    u : ndarray, shape (m + 1,)
+        Unknowns, the parameter last.
+    J : ndarray, shape (m, m + 1)
+        Jacobian.
+    tangent : ndarray, shape (m + 1,)
+        Tangent of unit arclength.
+    weights : ndarray, shape (m + 1,)
+        Weights of the arclength.
+    sign, log : float
+        Sign and logarithm of the determinant of the Jacobian bordered by the tangent.
+    residual : float
+        Residual of the equations.
+    iterations : int
+        Newton iterations to the point.
+    arc : float
+        Arclength from the start.
+    examined : Examined
+        Result of `ZeroProblem.examine`.
+    frame : object
+        Data of the problem that normalises its equations at the point, as a phase plane.
     """
 
     u: NDArray[np.float64]
@@ -116,7 +145,7 @@ def correct(
     weights: NDArray[np.float64],
     iterations: int,
 ) -> Point | str:
-    """Return the point of the branch in the hyperplane through `guess` normal to `tangent`, or why there is none."""
+    """Return the branch's point in the hyperplane through `guess` normal to `tangent`, or why there is none."""
     from saltus.flow._linear_kernels import bordered
 
     u = guess.copy()
@@ -130,12 +159,12 @@ def correct(
         if not size < 1e6:
             return "Newton: the flow cannot be followed there"
         u = u + steps[:, 0]
-        if problem.accurate() and size < _ACCEPT:
+        if problem.accurate() and size < _STEP_ACCEPTED:
             direction = steps[:, 1] / math.sqrt(float(weights @ steps[:, 1] ** 2))
             return Point(u, J, direction, weights, sign, log, residual, iteration)
         if size > 0.7 * previous and size > 1e-5:
             return "Newton: no contraction"
-        remeshed += size < _ACCEPT
+        remeshed += size < _STEP_ACCEPTED
         if iteration - remeshed >= iterations:
             break
         previous = size
@@ -158,7 +187,7 @@ def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float
         fine = problem.accurate()
         step = np.linalg.lstsq(J / root, -F, rcond=None)[0] / root
         u = u + step
-        if fine and np.abs(step / problem.scale()).max() < _ACCEPT:
+        if fine and np.abs(step / problem.scale()).max() < _STEP_ACCEPTED:
             break
     null = np.linalg.svd(J / root)[2][-1] / root
     null *= np.sign(orientation * null[-1]) or 1.0
@@ -170,6 +199,6 @@ def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float
 
 
 def hermite(a: Point, b: Point, length: float, s: float) -> NDArray[np.float64]:
-    """Return the cubic through both points with their tangents, at a fraction of the step."""
+    """Return the cubic through both points and their tangents at the fraction `s` of a step of arclength `length`."""
     end, off = s * s * (3.0 - 2.0 * s), s * (1.0 - s) * length
     return (1.0 - end) * a.u + end * b.u + ((1.0 - s) * off) * a.tangent - (s * off) * b.tangent

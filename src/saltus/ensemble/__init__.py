@@ -1,1 +1,1 @@
-"""Floor 3: many motions at once, by steps generated for a system and made for vector lanes side by side."""
+"""Many motions at once, side by side in vector lanes, by steps that are generated for a system."""

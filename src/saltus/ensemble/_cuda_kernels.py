@@ -1,7 +1,8 @@
-"""Many motions on a CUDA device: blocks of threads with lanes of their own, every thread at the same kind of step.
+"""Many motions on a CUDA device: a block of threads has its own lanes, and all its threads take one kind of step.
 
-`follow` is a kernel but for the functions of a system: `saltus.ensemble.cuda` makes one for each, with functions of the
-module generated for it (see `saltus.ensemble.driver`), which the device's compiler takes as they are.
+`follow` is a kernel but for the functions of a system: `saltus.ensemble.cuda` makes one for each. The device's compiler
+takes the functions of the generated module as they are, and the life of a lane (`saltus.ensemble._life_kernels`) calls
+them directly.
 
 A block keeps more lanes than it has threads, and a queue of lanes for each kind of step. All its threads take lanes from
 the longest queue, so that none waits while others make another kind of step: with ``NL / POOLS`` threads that queue is
@@ -14,41 +15,70 @@ from typing import Any
 
 from numba import cuda, float64, int32, int64
 
+from saltus.ensemble._life_kernels import COUNT, FLAG
 from saltus.ensemble.labels import DONE
 
+# Stand for functions of the generated module.
+system_begin: Any = None
+system_read: Any = None
+system_step: Any = None
+system_turned: Any = None
+
+# Stand for the life of a lane and for `make_step`, compiled.
 after_step: Any = None
 begun: Any = None
 goes_on: Any = None
-step: Any = None
-"""Stand for functions of the generated module."""
+step_made: Any = None
 
-STATES = LANES = POOLS = QUEUED = SHARED = 1
-"""Stand for its sizes: of a state, a block's lanes, kinds of steps, places in all queues; and for the numbers in shared
-memory, all that a block's lanes keep, or 0 where these are too many and lie in the device's memory."""
+# Stand for sizes of that module.
+STATES = 1  # components of a state
+LANES = 1  # lanes of a block
+POOLS = 1  # kinds of steps
+QUEUED = 1  # places in all queues of a block
+SHARED = 1  # numbers of a block's lanes in shared memory; 0 where they are too many, and lie in the device's memory
 
 
-def next_begun(R, x, p, q, motions, regions, settings, found, next_motion):
+def begin(lanes, mode, R, lane):
+    """Return the pool of a lane that begins in a mode, or HARD."""
+    return system_begin(mode, R, lane, lanes.p, lanes.q)
+
+
+def turned(lanes, k, R, lane):
+    """Return the pool in which a lane of pool k goes on after a step that was flagged, or HARD, or GONE."""
+    return system_turned(k, R, lane, lanes.p, lanes.q)
+
+
+def read(lanes, k, R, lane, x):
+    """Write the state of a lane of pool k, at phase 0, into x."""
+    system_read(k, R, lane, x, lanes.q)
+
+
+def make_step(lanes, k, R):
+    """Make a step of the first lane of R, of pool k."""
+    system_step(k, R, 1, lanes.p, lanes.q)
+
+
+def next_begun(R, x, lanes, motions, regions, settings, found, next_motion):
     """Give a lane the next motion that has steps to make: its index and its pool; a negative pool where none is left."""
     while True:
         i = cuda.atomic.add(next_motion, 0, 1)
         if i >= motions.points.shape[0]:
             return i, DONE
-        pool = begun(i, R, 0, x, p, q, motions, regions, settings, found)
+        pool = begun(i, R, 0, x, lanes, motions, regions, settings, found)
         if pool >= 0:
             return i, pool
 
 
-def follow(tables, motions, regions, boxes, settings, found, next_motion):
+def follow(lanes, arenas, motions, regions, boxes, settings, found, next_motion):
     """Follow motions until they are in a trap, or for as long as asked; see the records of `saltus.ensemble.labels`.
 
-    tables: p, q, arena (blocks, numbers of a block's lanes), which is used where `SHARED` is 0. next_motion: (1,), at
-    first 0.
+    lanes: see `saltus.ensemble.labels.Lanes`. arenas: one array, (blocks, numbers of a block's lanes), used where
+    `SHARED` is 0. next_motion: (1,), at first 0.
     """
-    p, q, arena = tables
     if SHARED > 0:
         S = cuda.shared.array(SHARED, float64)
     else:
-        S = arena[cuda.blockIdx.x]
+        S = arenas[0][cuda.blockIdx.x]
     waiting = cuda.shared.array(QUEUED, int32)
     first = cuda.shared.array(POOLS, int64)
     last = cuda.shared.array(POOLS, int64)
@@ -61,7 +91,7 @@ def follow(tables, motions, regions, boxes, settings, found, next_motion):
         last[k] = 0
     cuda.syncthreads()
     for lane in range(thread, LANES, threads):
-        i, pool = next_begun(S[lane:], x, p, q, motions, regions, settings, found, next_motion)
+        i, pool = next_begun(S[lane:], x, lanes, motions, regions, settings, found, next_motion)
         if pool >= 0:
             who[lane] = i
             visited[lane] = 0
@@ -81,11 +111,11 @@ def follow(tables, motions, regions, boxes, settings, found, next_motion):
             first[k] += taken
         if lane >= 0:
             R, i, pool = S[lane:], who[lane], k
-            step(k, R, 1, p, q)
-            if not goes_on(R, 0):
-                visited[lane], pool = after_step(i, k, R, 0, x, visited[lane], (p, q), regions, boxes, settings, found)
+            step_made(lanes, k, R)
+            if not goes_on(R[(STATES + FLAG) * LANES], R[(STATES + COUNT) * LANES]):
+                visited[lane], pool = after_step(i, k, R, 0, x, visited[lane], lanes, regions, boxes, settings, found)
             if pool < 0:
-                i, pool = next_begun(R, x, p, q, motions, regions, settings, found, next_motion)
+                i, pool = next_begun(R, x, lanes, motions, regions, settings, found, next_motion)
                 who[lane] = i
                 visited[lane] = 0
             if pool >= 0:

@@ -1,4 +1,4 @@
-"""What the generated text of lanes is made of: loads and stores, roots by bits, sines without calls, tests of traps."""
+"""Functions that the generated text of lanes calls: loads and stores, roots by bits, sines without calls, tests of traps."""
 
 from __future__ import annotations
 
@@ -10,25 +10,29 @@ from numba.extending import intrinsic
 
 from saltus.ensemble.labels import DIVERGED, DONE, FALLING, UNDECIDED
 from saltus.flow._bit_kernels import bits_of, float_of
+from saltus.flow._kernels import entries
 from saltus.system.machine_code import njit
 
-FAST = {"contract", "nsz", "arcp", "reassoc"}
+FAST = {"contract", "nsz", "arcp", "reassoc"}  # rounding may differ, infinities and NaN may not
+# Options of what is done for one lane. It makes no array; counting references to records would take longer than the
+# work itself. The code is kept with that of the generated text, whose name tells of the records too.
 SCALAR = {"nogil": True, "error_model": "numpy", "_nrt": False}
-"""Options of what is done for one lane: it makes no array, and counting references to those of its records would take
-longer than the work itself. The code is kept with that of the generated text, whose name tells of the records too."""
-
-_BIAS = float(1023 * 2**52)
+_BIAS = float(1023 * 2**52)  # bits of the float 1.0, read as an integer
 _TWO_OVER_PI = 2.0 / math.pi
-_HALF_PI, _HALF_PI_LOW = math.pi / 2.0, 6.123233995736766e-17
+_HALF_PI = math.pi / 2.0
+_HALF_PI_LOW = 6.123233995736766e-17  # what rounding has left out of it
 
 
 @intrinsic
 def ld(typingctx, lanes, field, lane):
-    """lanes[field + lane], with an index that the compiler knows not to wrap: or a loop over lanes has no vectors."""
+    """lanes[field + lane], with an index that the compiler knows not to wrap: or a loop over lanes has no vectors.
+
+    lanes: an array, or a pointer to its entries.
+    """
 
     def lower(context, builder, signature, arguments):
-        array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        row = builder.gep(array.data, [arguments[1]], inbounds=True)
+        data = entries(context, builder, signature.args[0], arguments[0])
+        row = builder.gep(data, [arguments[1]], inbounds=True)
         return builder.load(builder.gep(row, [arguments[2]], inbounds=True))
 
     return types.float64(lanes, types.int64, types.int64), lower
@@ -39,8 +43,8 @@ def st(typingctx, lanes, field, lane, value):
     """lanes[field + lane] = value; see `ld`."""
 
     def lower(context, builder, signature, arguments):
-        array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        row = builder.gep(array.data, [arguments[1]], inbounds=True)
+        data = entries(context, builder, signature.args[0], arguments[0])
+        row = builder.gep(data, [arguments[1]], inbounds=True)
         builder.store(arguments[3], builder.gep(row, [arguments[2]], inbounds=True))
         return context.get_dummy_value()
 
@@ -246,7 +250,8 @@ def box_of(x, origin, size, boxes, labels):
 def after_visit(seen, box, visits):
     """Visits of a motion so far, and its label, once it is looked at in the box of a label, UNDECIDED outside all.
 
-    seen: 256 times the count of looks in a row within one label's boxes, plus that label. visits: as many as tell.
+    seen: 256 times the count of looks in a row within one label's boxes, plus that label. visits: looks in a row
+    that make the label certain.
     """
     if box == UNDECIDED:
         return 0, UNDECIDED

@@ -6,13 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.ensemble.labels import Scratch
+from saltus.ensemble.labels import ADDRESSED, NL, Lanes, Scratch
 from saltus.system.compiled import SERIES_TEXT, callable_at, with_constants
 from saltus.system.generated import Kind, module_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from saltus.system.definition import Definition
@@ -29,27 +27,29 @@ class CompiledLanes:
     ----------
     module : module
         The generated module, from which a graphics card's kernels take the same functions.
-    run : callable
-        Follows motions until each has met its fate; see `saltus.ensemble.writer`.
     quantities : tuple of str
-        Names of the numbers that `run` reads from its argument ``q``.
+        Names of the numbers besides parameters that the functions read; see `Lanes.q`.
     """
 
     def __init__(self, module: Any) -> None:
         self.module = module
-        self.run: Callable[..., None] = module.run
         self.quantities: tuple[str, ...] = module.QUANTITIES
         self._n_constants = int(module.CONSTANTS)
+        self._functions = np.array([getattr(module, f"{name}_at").address for name in ADDRESSED])
         self._derive: Any = callable_at(module.derive)
 
     def constants(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return parameters with the constants of these functions behind them."""
         return with_constants(self._derive, p, self._n_constants)
 
+    def with_numbers(self, p: NDArray[np.float64], q: NDArray[np.float64]) -> Lanes:
+        """Return what the loop over lanes reads of the system, with parameters and constants, and other numbers."""
+        return Lanes(self._functions, np.array(self.module.MODE_OF), p, q)
+
     def scratch(self, motions: int) -> Scratch:
-        """Return the arrays that one call of `run` works in, for so many motions at most."""
+        """Return the arrays that one call of `run` works in, for at most `motions` motions."""
         m = self.module
-        pools = np.ones((m.POOLS + 1, m.NF * m.NL)), np.zeros((m.POOLS, m.NL), np.int64), np.zeros(m.POOLS, np.int64)
+        pools = np.ones((m.POOLS + 1, m.NF * NL)), np.zeros((m.POOLS, NL), np.int64), np.zeros(m.POOLS, np.int64)
         return Scratch(*pools, np.zeros(motions, np.int64), np.empty(m.N))
 
 
@@ -59,7 +59,8 @@ def _writer(symbolic: Symbolic, order: int, exact: list[tuple[int, int]], _: tup
     return LaneWriter(symbolic, order, dict(exact))
 
 
-_TEXT = ("driver", "exact_step", "labels", "lane_kinds", "lane_text", "taylor_step", "writer")
+# Modules from which the text of lanes comes, besides those of series.
+_TEXT = ("exact_step", "labels", "lane_kinds", "lane_text", "taylor_step", "writer")
 LANES = Kind("lanes", _writer, (*SERIES_TEXT, *(f"ensemble.{name}" for name in _TEXT)))
 
 
@@ -69,7 +70,7 @@ def load_lanes(system: Definition, order: int, exact: dict[int, int]) -> Compile
     Parameters
     ----------
     system : Definition
-        What moves.
+        The system.
     order : int
         Last coefficient of the Taylor series.
     exact : dict of int to int

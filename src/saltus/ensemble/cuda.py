@@ -12,29 +12,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.ensemble.ensemble import Ensemble, part_of
-from saltus.ensemble.labels import Boxes, Found, Motions, Regions, Settings
+from saltus.ensemble.labels import ADDRESSED, NL, Boxes, Found, Lanes, Motions, Regions, Settings
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from numpy.typing import ArrayLike, NDArray
-
     from saltus.system.hybrid import HybridSystem
 
 __all__ = ["CudaEnsemble", "cuda_devices"]
 
-_BLOCKS = 16
-"""Blocks for each multiprocessor, more than run at once: those that come late find nothing left to do."""
-
-_WARP = 32
-_SHARED_BYTES = 48 * 1024
-"""Shared memory that a block can have on any device."""
-
-_FEWEST, _MOST = 1 << 16, 1 << 20
-"""Motions that a device is given at once; the last ones of a piece run beside the first ones of the next."""
-
-_STREAMS = 2
+_BLOCKS = 16  # blocks for each multiprocessor: more than run at once, and late ones find nothing left to do
+_WARP = 32  # threads that run together
+_SHARED_BYTES = 48 * 1024  # shared memory that a block can have on any device
+_FEWEST = 1 << 16  # fewest motions that a device is given at once
+_MOST = 1 << 20  # most motions that a device is given at once
+_STREAMS = 2  # pieces on a device at a time: the last motions of one run beside the first ones of the next
 
 
 class CudaEnsemble(Ensemble):
@@ -43,17 +36,13 @@ class CudaEnsemble(Ensemble):
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
-    tolerance : float, optional
-        Of a step, against `scale`.
-    interval : float, optional
-        Time between two looks at a system without a phase.
-    scale : array_like, shape (n,), optional
-        Size of each state against which an error is measured; 1 by default.
     devices : sequence of int, optional
         Devices that share the motions, as CUDA numbers them; all by default.
+    **options
+        Further options of `Ensemble`: `tolerance`, `interval` and `scale`.
 
     Raises
     ------
@@ -62,10 +51,9 @@ class CudaEnsemble(Ensemble):
 
     Notes
     -----
-    A block of threads keeps 192 motions in its shared memory, in a queue for each kind of step, and its threads always
-    work on the longest queue. A motion that is done gives its place to the next at once. The steps are those that
-    `saltus.ensemble.ensemble.Ensemble` makes on the processor, from the same text; sums of products may round
-    otherwise.
+    A block of threads keeps 320 motions, in shared memory where they fit, with a queue for each kind of step. All its
+    threads work on the longest queue. A motion that is done gives its place to the next at once. The steps come from
+    the same text as those of `saltus.ensemble.ensemble.Ensemble`; sums of products may round otherwise.
 
     Examples
     --------
@@ -83,12 +71,10 @@ class CudaEnsemble(Ensemble):
         system: HybridSystem,
         parameters: Mapping[str, float] | None = None,
         *,
-        tolerance: float = 1e-8,
-        interval: float | None = None,
-        scale: ArrayLike | None = None,
         devices: Sequence[int] | None = None,
+        **options: Any,
     ) -> None:
-        super().__init__(system, parameters, tolerance=tolerance, interval=interval, scale=scale)
+        super().__init__(system, parameters, **options)
         self.devices = _chosen(devices)
 
     def _run(
@@ -100,7 +86,8 @@ class CudaEnsemble(Ensemble):
         found: Found,
     ) -> None:
         assert self._lanes is not None
-        module, tables, count = self._lanes.module, (self._constants, self._quantities), len(motions.points)
+        module, count = self._lanes.module, len(motions.points)
+        lanes = self._lanes.with_numbers(self._constants, self._quantities)
         slots = self.devices if _is_simulated() else self.devices * _STREAMS  # the simulator runs one kernel at a time
         free: SimpleQueue[int] = SimpleQueue()
         for device in slots:
@@ -110,7 +97,7 @@ class CudaEnsemble(Ensemble):
             piece, into = (part_of(record, start, start + size) for record in (motions, found))
             device = free.get()
             try:
-                _follow(device, module, tables, piece, regions, boxes, settings, into)
+                _follow(device, module, lanes, piece, regions, boxes, settings, into)
             finally:
                 free.put(device)
 
@@ -157,7 +144,7 @@ def _is_simulated() -> bool:
 def _follow(
     device: int,
     module: ModuleType,
-    tables: tuple[NDArray[np.float64], ...],
+    lanes: Lanes,
     motions: Motions,
     regions: Regions,
     boxes: Boxes,
@@ -168,25 +155,25 @@ def _follow(
     from numba import cuda
 
     kernel, arena_size = _kernel(module)
-    threads = max(_WARP, module.NL // module.POOLS // _WARP * _WARP)
+    threads = max(_WARP, NL // module.POOLS // _WARP * _WARP)
     with cuda.gpus[device]:
         stream = cuda.stream()
         # the simulator's device says nothing of itself
         blocks = _BLOCKS * getattr(cuda.get_current_device(), "MULTIPROCESSOR_COUNT", 1)
         next_motion = cuda.to_device(np.zeros(1, np.int64), stream=stream)
         if _is_simulated():  # items of tuples reach its kernels as they are
-            tables = (*tables, np.empty((blocks, arena_size)))
-            kernel[blocks, threads, stream](tables, motions, regions, boxes, settings, found, next_motion)
+            arenas: Any = (np.empty((blocks, arena_size)),)
+            kernel[blocks, threads, stream](lanes, arenas, motions, regions, boxes, settings, found, next_motion)
             return
 
         def lent(record: Any) -> list[Any]:
             return [cuda.to_device(array, stream=stream) for array in record]
 
-        arena: Any = cuda.device_array((blocks, arena_size), np.float64, stream=stream)
+        arenas = (cuda.device_array((blocks, arena_size), np.float64, stream=stream),)
         results: Any = Found(*lent(found))
         kernel[blocks, threads, stream](
-            (*lent(tables), arena), Motions(*lent(motions)), Regions(*lent(regions)), Boxes(*lent(boxes)), settings,
-            results, next_motion,
+            Lanes(*lent(lanes)), arenas, Motions(*lent(motions)), Regions(*lent(regions)), Boxes(*lent(boxes)),
+            settings, results, next_motion,
         )  # fmt: skip
         for result, array in zip(results, found, strict=True):
             result.copy_to_host(array, stream=stream)
@@ -198,26 +185,26 @@ def _kernel(module: ModuleType) -> tuple[Any, int]:
     """The kernel for a generated module, and how many numbers each block keeps in the device's memory."""
     from numba import cuda
 
-    from saltus.ensemble import _cuda_kernels
+    from saltus.ensemble import _cuda_kernels, _life_kernels
     from saltus.system.machine_code import keep_checked
 
-    numbers, queued = module.NF * module.NL, module.POOLS * module.NL
-    fits = 8 * numbers + 4 * queued + 16 * (module.NL + module.POOLS) <= _SHARED_BYTES
-    names = {
-        **vars(_cuda_kernels),
-        "STATES": module.N,
-        "LANES": module.NL,
-        "POOLS": module.POOLS,
-        "QUEUED": queued,
-        "SHARED": numbers if fits else 0,
-        **{name: getattr(module, name) for name in ("after_step", "begun", "goes_on", "step")},
-    }
+    numbers, queued = module.NF * NL, module.POOLS * NL
+    fits = 8 * numbers + 4 * queued + 16 * (NL + module.POOLS) <= _SHARED_BYTES
+    sizes = {"STATES": module.N, "LANES": NL, "POOLS": module.POOLS, "QUEUED": queued, "SHARED": numbers if fits else 0}
+    names = {**vars(_cuda_kernels), **sizes, **{f"system_{name}": getattr(module, name) for name in ADDRESSED}}
 
-    def bound(name: str) -> FunctionType:
-        function = FunctionType(getattr(_cuda_kernels, name).__code__, names, name)
+    def bound(source: ModuleType, name: str, names: dict[str, Any]) -> FunctionType:
+        function = getattr(source, name)
+        function = FunctionType(getattr(function, "py_func", function).__code__, names, name)
         function.__qualname__ = f"{name}_{module.__name__}"  # a file of its own in Numba's cache
         return function
 
-    names["next_begun"] = cuda.jit(device=True)(bound("next_begun"))
-    follow = bound("follow")
+    life = dict(vars(_life_kernels))
+    for name in ("begin", "read", "turned"):
+        life[name] = _life_kernels.part(bound(_cuda_kernels, name, names))
+    for name in _life_kernels.LIFE:
+        names[name] = life[name] = _life_kernels.part(bound(_life_kernels, name, life))
+    names["step_made"] = _life_kernels.part(bound(_cuda_kernels, "make_step", names))
+    names["next_begun"] = cuda.jit(device=True)(bound(_cuda_kernels, "next_begun", names))
+    follow = bound(_cuda_kernels, "follow", names)
     return keep_checked(cuda.jit(follow), follow), 1 if fits else numbers

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
+from saltus.ensemble._life_kernels import run
 from saltus.ensemble.fallback import follow_alone
 from saltus.ensemble.labels import DIVERGED, LEFT_OVER, NOT_DONE, Boxes, Found, Motions, Regions, Settings
 from saltus.ensemble.modal import LinearPart, linear_parts
@@ -27,23 +28,15 @@ if TYPE_CHECKING:
 
 __all__ = ["Ensemble", "part_of"]
 
-_ORDER = 10
-_GROWTH, _LARGEST_TOLERANCE = 4.5, 1e-4
-"""A motion's tolerance grows by this a period, since a late error equals a smaller one at the start, up to that."""
-
-_OF_A_TRAP = 1e-3
-"""Largest tolerance, in units of the narrowest trap's half width."""
-
-_ALIVE = 256
-"""Motions that a thread has under way."""
-
-_PIECE = 8000
-_LONGEST_STEP = 0.25
-_BOUND = 1e8
-"""A state beyond it, in units of the largest scale if that is above 1, has diverged."""
-
-_LEAST_TERM = 1e-30
-"""Least size of a step's last terms, in units of the tolerance, for a step as long as it may be."""
+_ORDER = 10  # last coefficient of the Taylor series
+_GROWTH = 4.5  # growth of a motion's tolerance a period: a late error equals a smaller one at the start
+_LARGEST_TOLERANCE = 1e-4  # tolerance, against `scale`, up to which it grows
+_OF_A_TRAP = 1e-3  # largest tolerance, in units of the narrowest trap's half width
+_ALIVE = 256  # motions that a thread has under way
+_PIECE = 8000  # motions that a thread is given at once
+_LONGEST_STEP = 0.25  # longest Taylor step, in periods
+_BOUND = 1e8  # size of a diverged state, in units of the largest scale or of 1, whichever is larger
+_LEAST_TERM = 1e-30  # least size of a step's last terms, in tolerances, that lets a step be as long as it may
 
 
 class Ensemble:
@@ -55,11 +48,11 @@ class Ensemble:
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
     tolerance : float, optional
-        Of a step, against `scale`.
+        Tolerance of a step, against `scale`.
     interval : float, optional
         Time between two looks at a system without a phase.
     scale : array_like, shape (n,), optional
@@ -194,16 +187,12 @@ class Ensemble:
     def arrivals(
         self, points: ArrayLike, traps: Traps, longest: int = 200
     ) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int64]]:
-        """Return the label of the trap that each motion falls into, as `settle` does, and where it is told.
+        """Return the label of the trap that each motion falls into, and where the motion is then.
 
         Parameters
         ----------
-        points : array_like, shape (m, n)
-            States at phase 0, in the order of `system.states`.
-        traps : Traps
-            Trapping regions.
-        longest : int, optional
-            Periods after which a motion is undecided.
+        points, traps, longest
+            As in `settle`.
 
         Returns
         -------
@@ -275,16 +264,16 @@ class Ensemble:
         found: Found,
     ) -> None:
         """Follow motions by lanes; `found` is written."""
-        lanes = self._lanes
-        assert lanes is not None
-        p, q, count = self._constants, self._quantities, len(motions.points)
+        compiled, count = self._lanes, len(motions.points)
+        assert compiled is not None
+        lanes = compiled.with_numbers(self._constants, self._quantities)
         piece = min(_PIECE, max(-(-count // self.threads), _ALIVE))
 
         def follow(start: int) -> NDArray[np.int64]:
             work, end = np.zeros_like(self.work), start + piece
-            lanes.run(
-                part_of(motions, start, end), p, q, regions, boxes, settings,
-                part_of(found, start, end), _ALIVE, work, lanes.scratch(piece),
+            run(
+                lanes, part_of(motions, start, end), regions, boxes, settings, part_of(found, start, end), _ALIVE, work,
+                compiled.scratch(piece),
             )  # fmt: skip
             return work
 

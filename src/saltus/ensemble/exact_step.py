@@ -20,17 +20,15 @@ if TYPE_CHECKING:
 
 __all__ = ["exact_step"]
 
-_KEPT = 0.3
-"""Part of an event function's value that is left at the end of a step, at the least: the nodes see no nearer pole."""
+_KEPT = 0.3  # least part of an event function's value that a step leaves: the nodes see no nearer pole
+_WAIT = 40.0  # Taylor steps of a motion, where the rest was too strong, before exact steps are tried again
 
-_WAIT = 40.0
-"""Taylor steps that a motion makes, where the rest was too strong, before this is tried again."""
-
-_QUADRATURE, _FIRST, _ROTATION = 0.0054, 0.375, 1.0 / 2016000.0
-"""The error of Gauss's rule for 1/(1 - r s)^2 on [-1, 1] is so many times v^3/(1 - v)^2, within a fifth for r from 0.4
-to 0.8, v being the second difference at its nodes over the largest value there, or this part of the first's square. And
-from the sixth power of the angle by which a modal coordinate turns (M. Abramowitz, I. Stegun, Handbook of
-Mathematical Functions, 25.4.29). The sixth roots of both add up."""
+# Error of Gauss's rule for 1/(1 - r s)^2 on [-1, 1]: _QUADRATURE v^3/(1 - v)^2, within a fifth for r from 0.4 to 0.8.
+# v is the second difference at the nodes over the largest value there. The sixth roots of this error and of that by
+# turning add up (M. Abramowitz, I. Stegun, Handbook of Mathematical Functions, 25.4.29).
+_QUADRATURE = 0.0054
+_FIRST = 0.375  # part of the first difference's square that v is at least
+_ROTATION = 1.0 / 2016000.0  # error by turning, over the sixth power of the angle by which a modal coordinate turns
 
 
 def exact_step(lane: LaneText, pool: Pool) -> tuple[list[str], list[str]]:

@@ -1,4 +1,4 @@
-"""One motion until it has met its fate, by the event-driven flow: for those that lanes cannot follow."""
+"""One motion by the event-driven flow until its fate is certain: for motions that lanes cannot follow."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["follow_alone"]
 
-_TOLERANCE = 1e-11
+_TOLERANCE = 1e-11  # of a step, relative and absolute
 
 
 def follow_alone(
@@ -41,7 +41,7 @@ def follow_alone(
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameters : mapping of str to float
         Parameters that differ from the system's defaults.
     x : ndarray, shape (n,)
@@ -58,7 +58,7 @@ def follow_alone(
     Raises
     ------
     StickingError
-        The field jumps where the motion comes to be held: no fate of such a motion can be told.
+        The motion is held where the field jumps; its fate is not defined.
     """
     strobe, seen = 0, 0
     try:
@@ -87,7 +87,7 @@ def _after_period(
 ) -> tuple[NDArray[np.float64], int]:
     if system.phase is not None:
         p, full = system.parameter_vector(parameters), system.full_state(x)
-        found = iterate(system, p, full, mode, discard=0, keep=1, rtol=_TOLERANCE, atol=_TOLERANCE)
+        found = iterate(system, p, full, mode, discard=0, keep=1, tolerance=(_TOLERANCE, _TOLERANCE))
         return found.states[0, : x.size], int(found.modes[0])
     name = system.mode_names[mode]
     motion = simulate(system, parameters, x, mode=name, t_end=period, tolerance=(_TOLERANCE, _TOLERANCE))

@@ -1,4 +1,4 @@
-"""What a lane reports after a step, labels of motions besides those of attractors, and records of many motions."""
+"""Flags of a lane after a step, labels of motions that reach no attractor, and records of many motions."""
 
 from __future__ import annotations
 
@@ -9,49 +9,90 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
+    "ADDRESSED",
     "AT_STROBE",
     "CHANGES",
     "DIVERGED",
     "DONE",
     "EVENT",
     "FALLING",
+    "FIELDS",
     "GOES_ON",
     "GONE",
     "HARD",
     "HUGE",
     "LEFT_OVER",
     "MOST_STEPS",
+    "NL",
     "NOT_DONE",
     "STUCK",
     "UNDECIDED",
     "Boxes",
     "Found",
+    "Lanes",
     "Motions",
     "Regions",
     "Scratch",
     "Settings",
 ]
 
-GOES_ON, AT_STROBE, STUCK, CHANGES, EVENT = 0.0, 1.0, 2.0, 3.0, 4.0
-"""Flags of a lane after a step: nothing to do; at phase 0; no step; another kind of step; event j of its mode is
-``EVENT + j``."""
+# Flags of a lane after a step.
+GOES_ON = 0.0  # nothing to do
+AT_STROBE = 1.0  # at phase 0
+STUCK = 2.0  # no step could be taken
+CHANGES = 3.0  # goes on with another kind of step
+EVENT = 4.0  # EVENT + j: event j of the lane's mode
 
-HARD, GONE, DONE = -1, -2, -3
-"""Instead of a pool: a motion that steps without branches cannot follow, one beyond all bounds, one with a label."""
+# Instead of a pool.
+HARD = -1  # steps without branches cannot follow the motion
+GONE = -2  # the motion is beyond all bounds
+DONE = -3  # the motion has its label
 
-LEFT_OVER, DIVERGED, UNDECIDED, NOT_DONE = 252, 253, 254, 255
-"""Labels besides those of attractors: of a hard motion until another engine has followed it, of one that has grown
-beyond all bounds, of one not settled in time, and of one not followed yet."""
+# Labels besides those of attractors.
+LEFT_OVER = 252  # a hard motion that no other engine has followed yet
+DIVERGED = 253  # grown beyond all bounds
+UNDECIDED = 254  # not settled in time
+NOT_DONE = 255  # not followed yet
 
-MOST_STEPS = 3000.0
-"""Steps between two looks after which a motion is hard."""
+MOST_STEPS = 3000.0  # steps between two looks, beyond which a motion is hard
+FALLING = 48  # looks up to which a motion's tolerance may grow: one that is slow after them no longer falls into a trap
+HUGE = "1e300"  # text of a step's largest length where nothing limits it
 
-FALLING = 48
-"""Looks up to which a motion's tolerance may grow: one that has not met its fate by then is on a slow way, or on one of
-its own, and no longer falls into a trap."""
 
-HUGE = "1e300"
-"""Text of a step's largest length where nothing limits it."""
+NL = 320  # lanes for which a pool has room
+
+# What a lane keeps behind its state, and at which place.
+FIELDS = {
+    "w": 0,  # square root of the event function, where the mode is regularised
+    "t": 1,  # time since phase 0
+    "cap": 2,  # longest next step
+    "itol": 3,  # inverse tolerance
+    "count": 4,  # steps since phase 0
+    "flag": 5,  # flag of the last step
+    "wait": 6,  # steps for which a step by the exact flow is not tried
+}
+
+
+ADDRESSED = (
+    "begin",
+    "move",
+    "read",
+    "step",
+    "turned",
+)  # functions called by address, in this order
+
+
+class Lanes(NamedTuple):
+    """What the loop over lanes has of a system: its functions, modes of its pools, parameters, and other numbers.
+
+    functions: addresses in the order of `ADDRESSED`. mode_of: (pools,). p: parameters and the
+    constants behind them. q: numbers as `CompiledLanes.quantities` names them.
+    """
+
+    functions: NDArray[np.int64]
+    mode_of: NDArray[np.int64]
+    p: NDArray[np.float64]
+    q: NDArray[np.float64]
 
 
 class Motions(NamedTuple):

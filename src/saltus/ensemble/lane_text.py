@@ -1,9 +1,10 @@
-"""Fields of a lane and numbers of a run, as text: what the writers of steps share."""
+"""Text that reads and writes the fields of a lane and the numbers of a run, for all writers of steps."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from saltus.ensemble.labels import FIELDS
 from saltus.ensemble.lane_kinds import pools_of
 from saltus.system.writer import Writer
 
@@ -38,19 +39,18 @@ class LaneText(Writer):
             [k for k, source in enumerate(system.source) if source == mode] for mode in range(len(system.field))
         ]
         self.n_events = max((len(events) for events in self.events), default=0)
-        n = self.n_states
-        self.fields = {"w": n, "t": n + 1, "cap": n + 2, "itol": n + 3, "count": n + 4, "flag": n + 5, "wait": n + 6}
-        self.n_fields = n + 7 + 2 * self.n_events
+        self.fields = {name: self.n_states + place for name, place in FIELDS.items()}
+        self.n_fields = self.n_states + len(FIELDS) + 2 * self.n_events
         self.lane_numbers: dict[str, int] = {}
         self._hoisted: dict[str, str] = {}
 
     def on(self, j: int) -> int:
-        """Field that tells whether a motion starts on the surface of event j of its mode."""
-        return self.n_states + 7 + j
+        """Field that is 1 where a motion starts on the surface of event j of its mode."""
+        return self.n_states + len(FIELDS) + j
 
     def side(self, j: int) -> int:
         """Field with the side of the surface of event j, where it has no direction."""
-        return self.n_states + 7 + self.n_events + j
+        return self.n_states + len(FIELDS) + self.n_events + j
 
     def side_of(self, j: int, transition: int) -> str:
         """Sign of an event function in its mode: against its direction, or as the motion began."""

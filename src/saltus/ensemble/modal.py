@@ -14,13 +14,15 @@ if TYPE_CHECKING:
 
 __all__ = ["LinearPart", "linear_parts"]
 
-_WORST_BASIS = 1e6
-_LONGEST, _SHORTEST, _CLOSE, _AHEAD = 1.0 / 4.0, 1.0 / 160.0, 1.0 / 50.0, 1.0 / 20.0
-_NEAREST, _FROM = 0.05, 0.1
-_LARGEST_DECAY = 3.0
-_LARGEST_TURN = 2.0 * np.pi
-"""Largest exponent of a step, and largest angle where there is a rest: the text's functions are right to 1e-15 for half
-of them."""
+_WORST_BASIS = 1e6  # condition number of eigenvectors, up to which they are a basis
+_LONGEST = 1.0 / 4.0  # longest step, in periods
+_SHORTEST = 1.0 / 160.0  # step, in periods, below which exact steps are not worth their cost
+_CLOSE = 1.0 / 50.0  # step, in periods, below which a surface is near
+_AHEAD = 1.0 / 20.0  # time, in periods, for which no surface may be near where exact steps begin
+_NEAREST = 0.05  # event function, over its response's amplitude, below which a lane leaves exact steps
+_FROM = 0.1  # event function, over its response's amplitude, from which a lane takes exact steps
+_LARGEST_DECAY = 3.0  # largest exponent of a step: the text's functions are right to 1e-15 for half of it
+_LARGEST_TURN = 2.0 * np.pi  # largest angle of a step where there is a rest, in radians, for the same reason
 
 
 @dataclass(frozen=True)
@@ -31,11 +33,11 @@ class LinearPart:
     ----------
     matrix : ndarray, shape (n, n)
     eigenvalues : ndarray of complex128, shape (n,)
-        One of each pair of complex ones (with positive imaginary part) and its conjugate behind, then the real ones.
+        Complex pairs first, each with the positive imaginary part before its conjugate, then the real ones.
     basis : ndarray of complex128, shape (n, n)
         Eigenvectors in columns.
     rate, period : float
-        Of the phase; of a look.
+        Rate of the phase; time between two looks.
     harmonics : tuple of int
     cosines, sines : ndarray, shape (harmonics, n)
         Response ``constant + sum_j cosines[j] cos(j theta) + sines[j] sin(j theta)``.
@@ -74,7 +76,7 @@ class LinearPart:
         return int((self.eigenvalues.imag > 0.0).sum())
 
     def slots(self, row: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Coefficients, in the real modal coordinates, of a function with the given ones in the complex ones."""
+        """Coefficients of a linear function in the real modal coordinates, from those in the complex ones."""
         m = self.pairs
         real = np.empty(self.n)
         real[0 : 2 * m : 2], real[1 : 2 * m : 2] = 2.0 * row[0 : 2 * m : 2].real, -2.0 * row[0 : 2 * m : 2].imag

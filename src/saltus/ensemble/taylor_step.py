@@ -19,27 +19,15 @@ if TYPE_CHECKING:
 
 __all__ = ["taylor_step"]
 
-_HALLEY = 2
-_LANDED = 1e-4
-"""Halley's iterations of a landing, and how small their last change is relative to the step: its cube is the error."""
-
-_AT_PHASE_ZERO = 1e-13
-"""Time left to phase 0, in periods, that is none."""
-
-_RATIO, _TAIL = 0.9, 12.0
-"""Largest ratio of a step's last two terms; and how many times the geometric series behind them is left out."""
-
-_APPROACH = 0.75
-"""Part of the way to a surface, at the present speed, that a step goes where a weak rest may grow near the surface: the
-last terms of the series do not show it from afar."""
-
-_SIGMA_WEIGHT = 0.3
-"""Share of a step's error in sigma that counts: with the whole, labels and period maps are no better (measured)."""
-
-_SIGMA_STEP = 4.0
-
-_MORE_IN_SIGMA = 2
-"""How many more coefficients the series in sigma have."""
+_HALLEY = 2  # Halley's iterations of a landing
+_LANDED = 1e-4  # last change of a landing, over the step, up to which it has converged: its cube is the error
+_AT_PHASE_ZERO = 1e-13  # time left to phase 0, in periods, that is none
+_RATIO = 0.9  # largest ratio of a step's last two terms
+_TAIL = 12.0  # weight of the geometric series behind the last term, which is left out, in a step's error
+_APPROACH = 0.75  # part of the way to a surface that a step goes at most, where a weak rest may grow near the surface
+_SIGMA_WEIGHT = 0.3  # share of a step's error in sigma that counts: the whole makes labels and maps no better
+_SIGMA_STEP = 4.0  # longest step in sigma
+_MORE_IN_SIGMA = 2  # further coefficients of the series in sigma
 
 
 def taylor_step(lane: LaneText, pool: Pool) -> tuple[list[str], list[str]]:
@@ -121,7 +109,7 @@ def taylor_step(lane: LaneText, pool: Pool) -> tuple[list[str], list[str]]:
 def _without_series(
     lane: LaneText, order: int, series: Series, form: Regularised, states: list[int], i: int, value: sympy.Expr
 ) -> list[str]:
-    """State i at the end of a step, where the others, w and the phase tell it."""
+    """State i at the end of a step, where it follows from the other states, w and the phase."""
     names: dict[sympy.Expr, str] = {form.w: "nw", **{lane.system.x[j]: f"n{j}" for j in states}}
     lines, waves = [], {}
     for j, (wave, name) in enumerate(series.phasors.items()):

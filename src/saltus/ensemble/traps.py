@@ -1,4 +1,4 @@
-"""Regions of state space, looked at once a period, from which the fate of a motion is certain: plain arrays."""
+"""Trapping regions as plain arrays: a motion seen there, at a look once a period, has a certain fate."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Ellipsoids:
     offsets : ndarray, shape (count, planes), optional
         All > 0. A plane that an ellipsoid lacks has the normal 0 and the offset 1.
     modes : ndarray of int64, shape (count,), optional
-        Of the motions that it holds; -1 for all.
+        Mode of the motions that it holds; -1 for all modes.
     """
 
     centres: NDArray[np.float64]
@@ -63,7 +63,7 @@ class Ellipsoids:
         return cls(centres, shapes, labels, np.concatenate(normals), np.concatenate(offsets), modes)
 
     def smaller(self, times: float) -> Ellipsoids:
-        """Return the ellipsoids so many times smaller, planes included."""
+        """Return the ellipsoids and their planes, `times` times smaller."""
         return replace(self, shapes=times * self.shapes, offsets=self.offsets / times)
 
     def narrowest(self) -> float:

@@ -1,10 +1,10 @@
-"""Many motions at once, as generated text: straight-line steps of one lane, which a loop or a GPU runs side by side.
+"""The generated text that follows many motions at once: the steps of one lane, which a loop or a GPU runs side by side.
 
 A lane is a motion under way: its state, the time since phase 0, and what its next step needs. Lanes that take the same
-kind of step stand together in a pool: a pool for each mode, with Taylor steps in time, or in sigma where the mode is
-regularised (see `saltus.system.regularise`), and another where steps by the exact flow of the mode's linear part serve
-(see `saltus.system.linear_split`). Steps have no branches; what happens seldom (an event, phase 0, another kind of
-step) is flagged and done one lane at a time.
+kind of step stand together in a pool. Each mode has a pool with Taylor steps: in time, or in sigma where the mode is
+regularised (`saltus.system.regularise`). A mode with a linear part has a second pool, with steps by the exact flow of
+that part (`saltus.system.linear_split`). Steps have no branches. Events, phase 0 and a change of pool are flagged by
+the step, and done one lane at a time. See docs/theory/lanes.md.
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING
 
 import sympy
 
-from saltus.ensemble.driver import DRIVER, HEAD, LIFE
 from saltus.ensemble.exact_step import exact_step
-from saltus.ensemble.labels import CHANGES, EVENT, GONE, HARD, HUGE, STUCK
+from saltus.ensemble.labels import ADDRESSED, CHANGES, EVENT, GONE, HARD, HUGE, STUCK
 from saltus.ensemble.lane_kinds import Pool
 from saltus.ensemble.lane_text import LaneText
 from saltus.ensemble.taylor_step import taylor_step
@@ -28,6 +27,18 @@ if TYPE_CHECKING:
     from saltus.system.linear_split import Split
 
 __all__ = ["LaneWriter"]
+
+_HEAD = """
+from saltus.ensemble._kernels import FAST, SCALAR, circular_cos, circular_sin, grown, ld, products, root
+from saltus.ensemble._kernels import short_cos, short_sin, st
+from saltus.ensemble.labels import NL
+from saltus.system.machine_code import njit
+
+inner = dict(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+lane = njit(nogil=True, error_model="numpy", fastmath=FAST, _nrt=False, **inner)
+scalar = njit(**SCALAR, **inner)
+CALL = int64(int64, P, int64, P, P)
+"""
 
 
 class LaneWriter(LaneText):
@@ -42,13 +53,11 @@ class LaneWriter(LaneText):
             "NF": self.n_fields,
             "POOLS": len(self.pools),
             "MODE_OF": tuple(pool.mode for pool in self.pools),
-            "T_, ITOL, COUNT, FLAG, WAIT": tuple(self.fields[f] for f in ("t", "itol", "count", "flag", "wait")),
             "QUANTITIES": tuple(self.lane_numbers),
         }
-        yield HEAD
+        yield _HEAD
         yield from texts
-        yield LIFE
-        yield DRIVER.replace("MAKE_STEP", self._chosen("step_{}(R, n, p, q)", 12))
+        yield from map(self._addressed, ADDRESSED)
 
     def _step(self, k: int, pool: Pool) -> str:
         """The text of a pool's steps: a loop over lanes around statements without branches."""
@@ -69,22 +78,22 @@ class LaneWriter(LaneText):
             ]
         )
 
+    @staticmethod
+    def _addressed(name: str) -> str:
+        """Text of a function that can be called by its address."""
+        return f"\n\n@cfunc(CALL, **OPTIONS)\ndef {name}_at(k, S, l, x, q):\n    return {name}(k, S, l, x, q)\n"
+
     # ---- one lane at a time ----
 
     def _steps(self) -> str:
-        return f"\n\n@scalar\ndef step(k, S, n, p, q):\n    {self._chosen('step_{}(S, n, p, q)', 4)}\n"
+        """The function that makes the step of pool k."""
+        cases = [f"    {'elif' if k else 'if'} k == {k}:\n        step_{k}(S, n, p, q)" for k in range(len(self.pools))]
+        return "\n".join(["\n\n@scalar", "def step(k, S, n, p, q):", *cases, "    return 0"]) + "\n"
 
     def _move(self) -> str:
-        """A lane's fields, into a lane of another pool."""
+        """A lane's fields, into lane m of Q: in a loop the compiler would gather and scatter them, which is slower."""
         lines = [f"    st(Q, {i}*NL, m, ld(S, {i}*NL, l))" for i in range(self.n_fields)]
-        return "\n".join(["\n\n@scalar", "def move(S, l, Q, m):", *lines]) + "\n"
-
-    def _chosen(self, call: str, indent: int) -> str:
-        """Statements that make the call of pool k."""
-        cases = [
-            f"{'elif' if k else 'if'} k == {k}:\n{' ' * (indent + 4)}{call.format(k)}" for k in range(len(self.pools))
-        ]
-        return f"\n{' ' * indent}".join(cases)
+        return "\n".join(["\n\n@scalar", "def move(m, S, l, Q, q):", *lines, "    return 0"]) + "\n"
 
     def _state_names(self) -> dict[sympy.Expr, str]:
         return {symbol: ("theta" if i == self.n_states else f"x{i}") for i, symbol in enumerate(self.system.x)}
@@ -130,7 +139,7 @@ class LaneWriter(LaneText):
     def _begin(self) -> str:
         """The pool of a motion at phase 0: its mode's, by default the first that its state allows.
 
-        What starts on a surface is left to `saltus.flow.motion.starting_mode`.
+        A motion that starts on a surface is left to `saltus.flow.motion.starting_mode`.
         """
         s, names = self.system, self._state_names()
         lines = ["\n\n@scalar", "def begin(mode, S, l, p, q):", *(f"    {x}" for x in self._state_lines())]
@@ -156,7 +165,7 @@ class LaneWriter(LaneText):
         return "\n".join([*lines, f"    return {HARD}"]) + "\n"
 
     def _turned(self) -> str:
-        """What follows a flagged step: the pool in which a lane goes on, or HARD, or GONE."""
+        """The function called after a flagged step; it returns the pool in which the lane goes on, HARD or GONE."""
         lines = [
             "\n\n@scalar",
             "def turned(k, S, l, p, q):",
@@ -235,6 +244,6 @@ class LaneWriter(LaneText):
         lines = ["\n\n@scalar", "def read(k, S, l, x, q):"]
         for k, pool in enumerate(self.pools):
             if pool.split is not None:
-                body = ["theta = 0.0", *self._from_modal(k, pool.split, "x[{}] = {}"), "return"]
+                body = ["theta = 0.0", *self._from_modal(k, pool.split, "x[{}] = {}"), "return 0"]
                 lines += [f"    if k == {k}:", *(f"        {line}" for line in body)]
-        return "\n".join([*lines, "    for i in range(N):", "        x[i] = ld(S, i*NL, l)"]) + "\n"
+        return "\n".join([*lines, "    for i in range(N):", "        x[i] = ld(S, i*NL, l)", "    return 0"]) + "\n"

@@ -13,17 +13,10 @@ from saltus.flow._polynomial_kernels import ROOTS, bernstein_roots, variations
 from saltus.flow._state_kernels import EPSILON
 from saltus.system.machine_code import njit
 
-LONGEST_STEP = 4.0
-"""A step goes no farther than so many sizes of the state, and 1, at the speed of its start."""
-
-ONE_BITS = 1023.0 * 2.0**52
-"""The bits of 1.0, read as an integer."""
-
-SQUARE_ROOT = 1e-8
-"""A correction below this is the last of Newton's method, which doubles the digits."""
-
-SUMS: dict[str, Any] = {**INNER, "fastmath": {"contract", "reassoc", "nsz", "arcp"}}
-"""Options of functions whose sums may be taken in any order."""
+LONGEST_STEP = 4.0  # longest way of a step at its start's speed, in units of 1 + the state's size
+ONE_BITS = 1023.0 * 2.0**52  # bits of the float 1.0, read as an integer
+SQUARE_ROOT = 1e-8  # relative Newton correction after which the root has all digits, as each step doubles them
+SUMS: dict[str, Any] = {**INNER, "fastmath": {"contract", "reassoc", "nsz", "arcp"}}  # sums in any order
 
 
 class Columns(NamedTuple):
@@ -60,8 +53,8 @@ def _root(value, n):
 def step_length(c, order, stride, m, first_event, last_event, rtol, atol):
     """Length at which neither of the last two terms of a column is above its tolerance; nan: none.
 
-    The first m columns count, each by its own size, and the event columns by the size of the state. A motion whose last
-    terms vanish is stopped before it goes far beyond its size.
+    The first m columns are measured by their own sizes, the event columns by the size of the state. Where the last terms
+    vanish, the step is limited by `LONGEST_STEP`.
     """
     outlined()
     last = last_but_one = size = slope = total = 0.0
@@ -132,8 +125,8 @@ def reached(c, order, stride, column, target, low, high, guess):
 def _terms(c, order, stride, column, h, first, b):
     """Write the coefficients of a column over h^first into b, in fractions of h.
 
-    Returns the sums of sizes from 1 on and from 4 on, the sum of sizes times orders from 2 on, and the value at 1
-    without the coefficient 0.
+    Returns four sums: of the coefficients' sizes from order 1 on; of sizes from order 4 on; of sizes times orders from
+    order 2 on; of all coefficients but that of order 0.
     """
     power = h if first == 1 else 1.0
     size = tail = weighted = end = 0.0
@@ -168,9 +161,9 @@ def roots(columns, column, h, on, side, direction, found):
     """Roots of an event column in (0, h], as fractions of h, in order: (count, side before the first).
 
     on: the column is zero at 0, and that root is divided out. side: sign of the function before, 0 where it is not
-    known. The count is -1 where the motion cannot be told from one that stays on the surface, or there are too many.
-    Where the first root is an event by its direction and easily told, the others are not sought, and the last place in
-    `found` is 1.
+    known. The count is -1 where the motion may stay on the surface, or has too many roots.
+    Where the first root is an event by its direction and easily found, no other is sought; the last place in `found` is
+    then 1.
     """
     outlined()
     c, order, stride = columns.c, columns.order, columns.stride

@@ -1,9 +1,9 @@
 """Compiled zeros of event functions in a Runge-Kutta step, along its dense output.
 
-Each function is fitted by a Bernstein polynomial of degree 8 on pieces of the step, pieces being halved until two more
-points agree, and its zeros are isolated by sign variations, so that two crossings inside a step are both seen. A function
-that is zero where a segment starts has that zero divided out, and the side to which the motion leaves is read from its
-rate, or from the second derivative where the rate vanishes: docs/theory/flow.md.
+Each function is fitted by a Bernstein polynomial of degree 8 on pieces of the step. A piece is halved until the
+polynomial agrees with the function at two more points. Sign variations isolate the zeros, so that two crossings inside
+a step are both seen. Where a segment starts on a surface, this zero is divided out. The side to which the motion leaves
+follows from the rate there, or from the second derivative where the rate vanishes. See docs/theory/flow.md.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from saltus.flow._step_kernels import ROUNDING, size_of_terms
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
-EVENT, EVENT_X = FUNCTIONS.index("event"), FUNCTIONS.index("event_x")
-
-DEGREE = 8
-PIECE = DEGREE + 3  # a polynomial's coefficients and ends on the stack
+EVENT = FUNCTIONS.index("event")
+EVENT_X = FUNCTIONS.index("event_x")
+DEGREE = 8  # of the polynomial that is fitted to an event function
+PIECE = DEGREE + 3  # numbers of one piece on the stack: the polynomial's coefficients and the piece's ends
 
 
 def _bernstein_fit():
@@ -45,8 +45,7 @@ def _bernstein_fit():
 
 
 FIT_NODES, FIT = _bernstein_fit()
-CHECKS = np.array([0.2213, 0.7841])
-"""Fractions of a piece at which the fitted polynomial is compared with the event function, between the nodes."""
+CHECKS = np.array([0.2213, 0.7841])  # fractions of a piece, between the nodes, at which its polynomial is compared
 
 
 class Surface(NamedTuple):
@@ -61,17 +60,17 @@ class Surface(NamedTuple):
     on : bool
         The step starts on its surface, so that this zero is divided out.
     rounding : float
-        Of the function; a step from the surface that stays within it shows nothing but its rate.
+        Rounding of the function. A step that stays within it of the surface shows only the function's rate.
     rate_h : float
         Its rate at the start, times the step.
     rate_counts : bool
-        Whether that is more than rounding.
+        Whether `rate_h` is more than rounding.
     consumed : bool
-        Whether it has just happened.
+        Whether the event has just happened.
     side : int
         The side of the motion before, or 0.
     direction : int
-        In which it is an event.
+        Direction in which a crossing is an event; 0 for both.
     """
 
     k: int
@@ -185,7 +184,7 @@ def _scan(system, surface, x, dense, tolerances, y, event, fit, found):
     """All zeros of an event function in the step, in order.
 
     Returns the count of zeros (-1: too many for one step), the side before the first of them (0: not known yet), and
-    whether the motion is still on the surface at the end.
+    whether the motion ends on the surface.
     """
     outlined()
     count = 0

@@ -73,17 +73,16 @@ from saltus.flow._step_kernels import (
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
-EVENT, EVENT_X, RESET, GUARD = (FUNCTIONS.index(name) for name in ("event", "event_x", "reset", "guard"))
-
-HOP_RUN_MOST = 3
-"""Chattering too: more hops than these in a row, from an event to the same one, each lower than rounding."""
-
-SHORTEST = 1e-250
-"""No step is shorter, nor below four roundings of the time."""
+EVENT = FUNCTIONS.index("event")
+EVENT_X = FUNCTIONS.index("event_x")
+RESET = FUNCTIONS.index("reset")
+GUARD = FUNCTIONS.index("guard")
+HOP_RUN_MOST = 3  # hops in a row, each lower than rounding, from one event to itself: more are chattering
+SHORTEST = 1e-250  # shortest step, in the system's time; no step is below four roundings of the time either
 
 
 class Stride(NamedTuple):
-    """A step about to be taken: its length, whether it ends at the time wanted or a wrap, and whether at which of them."""
+    """A step about to be taken: its length, whether it ends at `t_end` or a wrap, whether at a wrap, whether at `t_end`."""
 
     h: float
     ends: bool
@@ -95,7 +94,7 @@ class Stride(NamedTuple):
 def _begin(system, tolerances, state, mode, room):
     """Begin a segment: its first slope and step, and on which side of every event it starts; a status.
 
-    Where a motion begins, `side` tells of those on whose surface it starts what is known of them; see `EventDrivenMotion`.
+    Where a motion begins on the surface of an event, `side` holds what is known of its side; see `EventDrivenMotion`.
     """
     outlined()
     addresses, n, p, x, event = system.addresses, system.n, system.p, state.x, room.event
@@ -143,7 +142,7 @@ def _begin(system, tolerances, state, mode, room):
 
 @njit(**PART)
 def _stride(system, state, left):
-    """How far to step: to the tolerance, the time left, or the phase's wrap, whichever is first."""
+    """The next step: as long as the tolerance allows, but not beyond the time wanted or the phase's wrap."""
     phase = system.phase
     wraps, last = False, True
     if phase > 0.0:
@@ -181,7 +180,7 @@ def _try(system, tolerances, state, mode, stride, x_end, y):
 def _shorten(system, state, mode, h, factor, event):
     """Set the next step after one that was not accepted.
 
-    The field may have a kink on the surface ahead: end just past it, and the landing is near.
+    The field may have a kink on a surface ahead. A step that ends just past it makes the landing exact.
     """
     outlined()
     numbers = state.numbers
@@ -224,7 +223,7 @@ def _go_on(system, state, mode, stride, t_end, crossings, ends, room):
 
 @njit(**INNER)
 def _wrap(system, state, mode, events, room):
-    """Take the phase, which is at its wrap, back to 0, and tell of it."""
+    """Set the phase, which is at its wrap, back to 0, and record the wrap."""
     outlined()
     n, x, event = system.n, state.x, room.event
     for e in range(n):

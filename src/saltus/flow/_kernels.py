@@ -13,16 +13,13 @@ from numba.extending import intrinsic
 from saltus.flow import tableaux
 from saltus.system.machine_code import njit
 
+# Options of functions that only other kernels call; a function is cached with all that it calls.
 INNER: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""Options of functions that only other kernels call: those are what is cached, with all that they call."""
-
-PART: dict[str, Any] = {**INNER, "inline": "always"}
-"""Options of functions that are parts of others, apart for the reader: compiling one more function takes long."""
-
-E3 = tuple(tableaux.ERROR_3.tolist())
-E5 = tuple(tableaux.ERROR_5.tolist())
-A = tableaux.COEFFICIENTS.ravel()
-D = tableaux.INTERPOLATION.ravel()
+PART: dict[str, Any] = {**INNER, "inline": "always"}  # of functions pasted into their callers: that compiles faster
+E3 = tuple(tableaux.ERROR_3.tolist())  # weights of the stages in the error estimate of order 3
+E5 = tuple(tableaux.ERROR_5.tolist())  # weights of the stages in the error estimate of order 5
+A = tableaux.COEFFICIENTS.ravel()  # weights of earlier stages in each stage, (16 * 16,)
+D = tableaux.INTERPOLATION.ravel()  # weights of all stages in the dense output's last coefficients, (4 * 16,)
 
 
 @intrinsic
@@ -49,7 +46,7 @@ def outlined(typingctx):
     return types.void(), lower
 
 
-def _address(context, builder, type_, value):
+def entries(context, builder, type_, value):
     """Where the entries of a contiguous array begin; a pointer is one already."""
     return value if isinstance(type_, types.CPointer) else context.make_array(type_)(context, builder, value).data
 
@@ -66,7 +63,7 @@ def pointer(typingctx, array, at):
     signature = types.CPointer(array.dtype)(array, types.int64)
 
     def lower(context, builder, signature, arguments):
-        return builder.gep(_address(context, builder, signature.args[0], arguments[0]), [arguments[1]])
+        return builder.gep(entries(context, builder, signature.args[0], arguments[0]), [arguments[1]])
 
     return signature, lower
 
@@ -107,7 +104,7 @@ def call(typingctx, address, k, m, x, x_at, p, out, out_at):
             (p, signature.args[5], None),
             (out, signature.args[6], out_at),
         ):
-            data = _address(context, builder, type_, value)
+            data = entries(context, builder, type_, value)
             pointers.append(data if at is None else builder.gep(data, [at]))
         builder.call(builder.inttoptr(address, kind.as_pointer()), [k, m, *pointers])
         return context.get_dummy_value()

@@ -15,10 +15,9 @@ from saltus.flow._step_kernels import FIELD, ROUNDING, full_step, size_of_terms
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
-EVENT_X, GUARD = FUNCTIONS.index("event_x"), FUNCTIONS.index("guard")
-
-AT_ONCE = 1e-6
-"""Events within this part of a step may be at the same time."""
+EVENT_X = FUNCTIONS.index("event_x")
+GUARD = FUNCTIONS.index("guard")
+AT_ONCE = 1e-6  # fraction of a step within which two events may be at the same time
 
 
 class Room(NamedTuple):
@@ -61,9 +60,10 @@ class Bracket(NamedTuple):
 def _land(system, k, mode, h, bracket, x, slopes, room):
     """Step from x that ends on event k: (dt, relative residual).
 
-    Newton's method in the step; a correction below 1e-9 h is applied along the field, which is exact to rounding. Where
-    no step lands (a dip lost in the tolerance), the best one is taken. Leaves the slopes in `trial`, that at the end
-    included, the state in `landing`, its sizes in `landing_size`, and the event with its gradient in `event`.
+    Newton's method in the step. A correction below 1e-9 h is applied along the field, which is exact to rounding. Where
+    no step lands (a dip lost in the tolerance), the best one is taken. Leaves the slopes in `trial`, with that at the
+    end, and the event with its gradient in `event`. The state is in `landing`, the sizes of its components in
+    `landing_size`.
     """
     outlined()
     addresses, n, p, before = system.addresses, system.n, system.p, bracket.sign

@@ -22,7 +22,7 @@ def solve(matrix, rhs):
 
 @njit(**INNER)
 def solve_flat(matrix, rhs, m, k):
-    """Do what `solve` does, on pointers."""
+    """Solve as `solve` does, on pointers."""
     sign, log = 1.0, 0.0
     for i in range(m):
         pivot, best = i, abs(matrix[i * m + i])

@@ -8,8 +8,7 @@ from saltus.flow._kernels import PART
 from saltus.flow._polynomial_kernels import ROOTS
 from saltus.system.machine_code import njit
 
-NEVER = 2.0
-"""Fraction of a step at which what does not happen happens."""
+NEVER = 2.0  # fraction of a step that stands for an event outside it
 
 
 @njit(**PART)

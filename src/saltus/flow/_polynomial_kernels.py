@@ -7,11 +7,8 @@ import math
 from saltus.flow._kernels import INNER, outlined, pointer
 from saltus.system.machine_code import njit
 
-ROOTS = 16
-"""Most roots that are sought."""
-
-DEPTH = 64
-"""Most pieces of the interval that wait at a time."""
+ROOTS = 16  # most roots of one polynomial that are kept
+DEPTH = 64  # most pieces of the interval that wait at a time
 
 
 @njit(**INNER)

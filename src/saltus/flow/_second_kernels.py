@@ -1,9 +1,9 @@
 """Compiled flow of one segment with second derivatives along a direction, in clustered time.
 
-A direction is a change of the segment's initial state, of its duration and of the active parameters. The variation along
-it is taken at fixed clustered time, not at fixed time: on an orbit it is then tangential to the surfaces at which the
-segment begins and ends, and the poles that half-integer powers of an event function have there cancel:
-docs/theory/loci.md.
+A direction is a change of the segment's initial state, of its duration and of the active parameters. The variation
+along it is taken at fixed clustered time, not at fixed time. On an orbit it is then tangential to the surfaces at which
+the segment begins and ends. There half-integer powers of an event function have poles, which cancel in tangential
+directions: docs/theory/loci.md.
 
 References
 ----------
@@ -23,7 +23,8 @@ from saltus.flow.tableaux import NODES as C
 from saltus.system.compiled import SECOND
 from saltus.system.machine_code import njit
 
-FIELD_2, EVENT_2 = (SECOND.index(name) for name in ("field_2", "event_2"))
+FIELD_2 = SECOND.index("field_2")
+EVENT_2 = SECOND.index("event_2")
 
 
 class Bent(NamedTuple):
@@ -124,9 +125,9 @@ def along(row, v, n, n_active):
 def _quadrature(segment, sensitive, bent, weight, share, trial, out, point, scratch):
     """Write the slopes of the mean rate of an event function with its derivatives, and of these along the direction.
 
-    They lie in `out` behind those of the sensitivities, twice (1 + n + active + 1,), the last along the duration, with
-    which the state changes by share times the field and the variation by share times its slope. scratch: (6 n + 4 +
-    2 (n + active),).
+    They lie in `out` behind those of the sensitivities, twice (1 + n + active + 1,); the last is that along the
+    duration. With the duration the state changes by share times the field, and the variation by share times its slope.
+    scratch: (6 n + 4 + 2 (n + active),).
     """
     outlined()
     functions, mode, _, p, n = segment

@@ -1,8 +1,8 @@
 """Compiled flow of one segment of given duration, in clustered time, with sensitivities.
 
-Time is mapped by t = T s^2 (3 - 2 s), s from 0 to 1, so that a field which is only C^1 at a segment's two ends is smooth
-in s. A mesh in s carries the steps: `adapt` makes one under error control, `flow` runs on it, `redistribute` moves it.
-docs/theory/flow.md derives it.
+Time is mapped by t = T s^2 (3 - 2 s), s from 0 to 1. A field that is only C^1 at a segment's two ends is then smooth in
+s. A mesh in s holds the ends of the steps: `adapt` makes it under error control, `flow` runs on it, `redistribute`
+moves it. The page docs/theory/flow.md derives the mapping.
 """
 
 from __future__ import annotations
@@ -30,10 +30,12 @@ from saltus.flow.tableaux import NODES as C
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
-VARY, FIELD, FIELD_P, EVENT_X, EVENT_P = (
-    FUNCTIONS.index(name) for name in ("vary", "field", "field_p", "event_x", "event_p")
-)
-MOST_STEPS = 400_000  # of a segment: a stiff one needs as many as its stability allows
+VARY = FUNCTIONS.index("vary")
+FIELD = FUNCTIONS.index("field")
+FIELD_P = FUNCTIONS.index("field_p")
+EVENT_X = FUNCTIONS.index("event_x")
+EVENT_P = FUNCTIONS.index("event_p")
+MOST_STEPS = 400_000  # steps of one segment at most: a stiff one needs as many as its stability allows
 
 
 class Segment(NamedTuple):
@@ -44,7 +46,7 @@ class Segment(NamedTuple):
     functions : pointer to int64
         Addresses of the generated functions.
     mode : int
-        Whose field it is.
+        Index of the mode.
     duration : float
         How long the segment lasts.
     p : pointer to float64
@@ -61,7 +63,7 @@ class Segment(NamedTuple):
 
 
 class Sensitive(NamedTuple):
-    """What a segment's sensitivities are taken by, and where it ends.
+    """The variables of a segment's sensitivities, and its end.
 
     Attributes
     ----------
@@ -123,12 +125,12 @@ def dense_step(segment, s, h, x, slopes, y, x_end, coefficients):
     dense_coefficients(slopes, segment.n, h, x, x_end, coefficients)
 
 
-EXTRAPOLATION = (5.0, -10.0, 10.0, -5.0, 1.0)  # to 0, from values at 1, 2, 3, 4, 5
-NEARBY = 1e-4  # time, over the segment's, of the first of them from a surface on which a root vanishes
-ALIKE = 0.75  # least ratio of neighbouring steps
+EXTRAPOLATION = (5.0, -10.0, 10.0, -5.0, 1.0)  # weights of values at 1, 2, 3, 4, 5 in the value at 0
+NEARBY = 1e-4  # distance of the nearest such value from the surface, as a share of the segment's duration
+ALIKE = 0.75  # least ratio of neighbouring steps of a mesh
 VARIED = 1e2  # tolerance of the sensitivities, which vary faster, over that of the state
-PROBES = (0.46, 0.75)
-MISSED = 1e4
+PROBES = (0.46, 0.75)  # fractions of a step, between its stages, at which its dense output is checked
+MISSED = 1e4  # defect there, in tolerances, beyond which the step passed over something
 
 
 @njit(**INNER)
@@ -235,9 +237,10 @@ def redistribute(mesh, count, errors, target, out, room):
 def _surface_slopes(segment, sensitive, sign, y, work, slopes):
     """Add to the slopes of sensitivities, (n + n columns,), at a segment's start (sign 1) or end (-1) what roots make of them.
 
-    A root of what vanishes there makes first derivatives of the field grow like 1 / sqrt(t), and their product with the
-    rate 6 T s (1 - s) of clustered time, t = 3 T s^2, tends to 2 sqrt(3 T) times the limit of sqrt(t) times them. That is
-    extrapolated along the field from five points in sqrt(t). At its end a segment meets the surface of its transition.
+    Where an argument of a root vanishes, first derivatives of the field grow like 1 / sqrt(t), with t = 3 T s^2. Their
+    product with the rate of clustered time, 6 T s (1 - s), tends to 2 sqrt(3 T) lim sqrt(t) f'. This limit is
+    extrapolated along the field from five points in sqrt(t): docs/theory/orbits.md. At its end a segment meets the
+    surface of its transition.
     """
     outlined()
     functions, mode, duration, p, n = segment
@@ -317,7 +320,8 @@ def _made_step(at_surface):
     return step_kernel
 
 
-_step, _step_to_surface = _made_step(False), _made_step(True)
+_step = _made_step(at_surface=False)
+_step_to_surface = _made_step(at_surface=True)
 
 
 @njit(**INNER)

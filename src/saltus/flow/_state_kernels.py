@@ -1,4 +1,4 @@
-"""What kernels of a motion are handed: records of arrays that travel together, and what stands where in them.
+"""Records of arrays that the kernels of a motion take, and the places of numbers in these arrays.
 
 From Python a record holds arrays and numbers; in a kernel it holds pointers instead of the arrays.
 """
@@ -18,46 +18,61 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
     Integers = NDArray[np.int64]
 
-(
-    DONE, AGAIN, CHATTERING, UNBOUNDED, STEP_UNDERFLOW, LEFT_DOMAIN, FIELD_NOT_FINITE, RESET_NOT_FINITE,
-    EVENT_NOT_FINITE,
-) = range(9)  # fmt: skip
-"""What a motion by Runge-Kutta steps ends with; AGAIN when a buffer is full or the budget of steps is spent."""
+# What a motion by Runge-Kutta steps ends with.
+DONE = 0  # the goal is reached
+AGAIN = 1  # a buffer is full, or the budget of steps is spent
+CHATTERING = 2  # events accumulate
+UNBOUNDED = 3  # a state is larger than `BOUND`
+STEP_UNDERFLOW = 4  # the step falls to nothing
+LEFT_DOMAIN = 5
+FIELD_NOT_FINITE = 6
+RESET_NOT_FINITE = 7
+EVENT_NOT_FINITE = 8
 
-(
-    T, T_LOW, STEP, DURATION, LONGEST, LAST, LAST_BUT_ONE, FIRST_STEP, RESIDUAL, STEP_BEFORE, ERROR_BEFORE, RATE_AFTER,
-    N_NUMBERS,
-) = range(13)  # fmt: skip
-"""Places in `State.numbers`: time and its rounding, next step, time since the last event, the longest such time, the last
-two, the first step of this segment, residual of the last landing relative to its scale, the last step accepted in this
-segment and its error (0: none), the rate of the last event's function just after it."""
+# Places in `State.numbers`.
+T = 0  # time
+T_LOW = 1  # rounding of the time, which added to it gives the exact time
+STEP = 2  # length of the next step
+DURATION = 3  # time since the last event
+LONGEST = 4  # longest time between two events
+LAST = 5  # duration of the last segment
+LAST_BUT_ONE = 6  # duration of the segment before
+FIRST_STEP = 7  # first step of the present segment
+RESIDUAL = 8  # event function at the last landing, over the size of its terms
+STEP_BEFORE = 9  # last accepted step of the present segment; 0 for none
+ERROR_BEFORE = 10  # error of that step, over the tolerance
+RATE_AFTER = 11  # rate of the last event's function just after the event
+N_NUMBERS = 12
 
-(
-    MODE, STARTING, FIRED, MODE_BEFORE, WRAPS, EVENTS, SMALL_RUN, SHRINKING_RUN, STILL_RUN, HOP_RUN, N_STEPS, N_EVENTS,
-    TRIES, UNCHANGED, N_COUNTS,
-) = range(15)  # fmt: skip
-"""Places in `State.counts`: TRIES are steps tried so far; UNCHANGED tells that the last event changed nothing."""
+# Places in `State.counts`.
+MODE = 0
+STARTING = 1  # 1 where a segment is about to begin
+FIRED = 2  # transition of the last event; -1 for none
+MODE_BEFORE = 3  # mode before the last event
+WRAPS = 4  # wraps of the phase so far
+EVENTS = 5  # transitions so far
+SMALL_RUN = 6  # segments in a row shorter than `CHATTERING_DURATION`
+SHRINKING_RUN = 7  # segments in a row, each shorter than the last but one
+STILL_RUN = 8  # segments in a row whose duration is rounding of the time
+HOP_RUN = 9  # hops in a row that are lower than rounding
+N_STEPS = 10  # steps in the buffer
+N_EVENTS = 11  # events in the buffer
+TRIES = 12  # steps tried so far
+UNCHANGED = 13  # 1 where the last event changed neither state nor mode
+N_COUNTS = 14
 
-PASSES = 2
-"""A side, beside -1, 0 (not known) and 1: the start on a surface is no event, to whatever side the motion leaves."""
+PASSES = 2  # a side besides -1, 0 (unknown) and 1: a start on the surface is no event, whichever way the motion leaves
+AT_WRAP = 1e-9  # radians before the phase's wrap within which an event comes after it, so that the strobe precedes it
+CHATTERING_RUN = 50  # events in a row, each after a short time, that are not yet chattering
+CHATTERING_DURATION = 1e-10  # such a short time, as a part of the time scale
+BOUND = 1e12  # size of a state, in its unit, beyond which it has diverged
 
-AT_WRAP = 1e-9
-"""An event at most so far before the phase's wrap, as an angle, comes after it: the strobe looks before the jump."""
-
-CHATTERING_RUN = 50
-CHATTERING_DURATION = 1e-10
-"""Chattering: more than so many events in a row, each following after less than this part of the time scale."""
-
-BOUND = 1e12
-"""A state larger than this has diverged."""
-
-
-EPSILON = 2.220446049250313e-16
+EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 TWO_PI = 2.0 * math.pi
 
 
 class System(NamedTuple):
-    """What moves.
+    """The system that moves.
 
     Parameters
     ----------
@@ -91,7 +106,7 @@ class Tolerances(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """How far a motion is followed: a time, a number of the phase's wraps, of events, of steps tried from now on."""
+    """Where a motion ends, whichever is first: a time, counts of the phase's wraps and of events, steps from now on."""
 
     t_end: float
     wraps: int
@@ -109,7 +124,7 @@ class State(NamedTuple):
     slopes : ndarray, shape (16 * n,)
         Slopes at the stages of the step; the first is that at x.
     size : ndarray, shape (n,)
-        Sizes of the states, by which rounding is told.
+        Sizes of the states, from which the rounding of event functions follows.
     numbers, counts : ndarray
         See the places above.
     side, on : ndarray of int64, shape (transition,)

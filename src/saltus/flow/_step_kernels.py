@@ -11,7 +11,7 @@ from saltus.system.machine_code import njit
 
 FIELD = FUNCTIONS.index("field")
 
-ROUNDING = 64.0 * EPSILON
+ROUNDING = 64.0 * EPSILON  # rounding of a sum, over the size of its terms
 
 
 @njit(**INNER)
@@ -45,7 +45,7 @@ def size_of_terms(gradient, n, size):
 
 @njit(**INNER)
 def first_step(addresses, mode, n, used, p, x, slopes, rtol, atol, y, x_end):
-    """A first step (Hairer, Norsett & Wanner 1993, section II.4): an Euler step tells the second derivative."""
+    """A first step (Hairer, Norsett & Wanner 1993, section II.4): an Euler step gives the second derivative."""
     outlined()
     d0 = d1 = 0.0
     for e in range(used):

@@ -59,7 +59,10 @@ from saltus.flow._taylor_step_kernels import (
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
-FIELD, EVENT_X, RESET, GUARD = (FUNCTIONS.index(name) for name in ("field", "event_x", "reset", "guard"))
+FIELD = FUNCTIONS.index("field")
+EVENT_X = FUNCTIONS.index("event_x")
+RESET = FUNCTIONS.index("reset")
+GUARD = FUNCTIONS.index("guard")
 
 
 @njit(**INNER)
@@ -74,8 +77,8 @@ def _scale(gradient, n, x, phase):
 def _begin(system, forms, motion, mode, residual, dt, event):
     """Begin a segment: on which side of every event it starts, and w behind the state; whether it is a plain start.
 
-    residual: what the event function was at the landing; dt: the step that led there, 0 without one. Both tell what
-    rounding is.
+    residual: the event function's value at the landing; dt: the step that led there, 0 without one. Rounding follows
+    from both.
     """
     outlined()
     n, transitions, x, counts, side, on = system.n, system.transitions, motion.x, motion.counts, motion.side, motion.on

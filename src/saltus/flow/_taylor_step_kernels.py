@@ -21,55 +21,51 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
     Integers = NDArray[np.int64]
 
-FIELD, EVENT, GUARD = (FUNCTIONS.index(name) for name in ("field", "event", "guard"))
+FIELD = FUNCTIONS.index("field")
+EVENT = FUNCTIONS.index("event")
+GUARD = FUNCTIONS.index("guard")
 
-DONE, AGAIN, HELP, GOES_ON = range(4)
-"""What `follow_kernel` returns, AGAIN when the budget of steps is spent; GOES_ON is what a step returns."""
+# What `follow_kernel` returns.
+DONE = 0  # all returns are there, or none came in the longest time
+AGAIN = 1  # the budget of steps is spent
+HELP = 2  # the next step is one for the Runge-Kutta flow
+GOES_ON = 3  # what a step returns after which the motion goes on
 
-RETURNED, STEP, SIGMA_STEP, N_NUMBERS = range(DURATION + 1, DURATION + 5)
-"""Places in `numbers`, after those of the event-driven flow that `advance` fills: time of the last return to the section,
-the last step in time, the last step in sigma, in time."""
+# Places in `numbers`, behind those up to `DURATION`, which `advance` fills.
+RETURNED = DURATION + 1  # time of the last return to the section
+STEP = DURATION + 2  # length of the last step in time
+SIGMA_STEP = DURATION + 3  # length, in time, of the last step in sigma
+N_NUMBERS = DURATION + 4
 
-MODE, STARTING, FIRED, MODE_BEFORE, RETURNS, SMALL_RUN, STEPS, SHORTER, SIGMA_STEPS, APPROACHES, N_COUNTS = range(11)
-"""Places in `counts`."""
+# Places in `counts`.
+MODE = 0
+STARTING = 1  # 1 where a segment is about to begin
+FIRED = 2  # transition of the last event; -1 for none
+MODE_BEFORE = 3  # mode before the last event
+RETURNS = 4  # returns to the section so far
+SMALL_RUN = 5  # events in a row, each after less than `SMALL_DURATION`
+STEPS = 6  # steps so far
+SHORTER = 7  # halvings in a row of a step in sigma
+SIGMA_STEPS = 8  # steps in sigma until series in time are tried again
+APPROACHES = 9  # steps in a row that went a part of the way only
+N_COUNTS = 10
 
-SMALL_DURATION = 1e-6
-SMALL_RUN_MOST = 5
-"""HELP is asked for after so many events in a row, each of which follows after less than this part of the period."""
-
-CROWD = 1e-3
-"""Help goes on while events follow each other after less than this part of the period."""
-
-FROM_SURFACE = 3e-5
-"""Part of w that is left at the end of a step without an event, at the least: a step that ended within rounding before
-the surface would leave a motion that seems to start on it."""
-
-TIME_WORTH = 0.75
-PAUSE = 2
-"""Where a mode is regularised, series in time, which cost less, are tried after so many steps in sigma, and are taken
-where they reach this part of the last of those, at the least."""
-
-SHORTER_MOST = 40
-"""Most halvings in a row of a step in sigma at whose end time runs back."""
-
-LANDING = 1e3
-"""HELP is asked for where an event function is farther from zero than so many tolerances at its landing."""
-
-GROWTH, MOST_GROWTH = 1.6, 4.0
-"""A step more than so many times longer than the last is checked; and how many times longer it may be."""
-
-DEFECT = 100.0
-CUTS = 40
-"""A step that is checked solves the equations to so many tolerances, or is cut to a quarter; so many times at the
-most."""
-
-APPROACH, MOST_APPROACHES = 0.6, 40
-"""A step in time whose series do not solve the equations to the tolerance where it lands goes this part of the way: a
-weak part of a field may grow fast next to a surface, which the last terms of a series do not show from afar. HELP is
-asked for after so many such steps in a row."""
-
-SAME = 1e-6
-"""HELP is asked for where two events are closer than this part of a step, or one is as close to the step's ends."""
+SMALL_DURATION = 1e-6  # time between two events, in periods, that is short
+SMALL_RUN_MOST = 5  # most events in a row after short times, before HELP is asked for
+CROWD = 1e-3  # time without an event, in periods, after which help ends
+FROM_SURFACE = 3e-5  # least part of w left by a step without an event: a start within rounding would lie on the surface
+TIME_WORTH = 0.75  # length of a step in time, over the last one in sigma, from which the cheaper one in time is taken
+PAUSE = 2  # steps in sigma between two trials of series in time
+SHORTER_MOST = 40  # most halvings in a row of a step in sigma at whose end time runs back
+LANDING = 1e3  # event function at its landing, in tolerances, beyond which HELP is asked for
+GROWTH = 1.6  # length of a step, over the last one, beyond which it is checked
+MOST_GROWTH = 4.0  # length of a step, over the last one, at most
+DEFECT = 100.0  # defect of the equations, in tolerances, up to which a checked step holds
+CUTS = 40  # most times that a checked step is cut to a quarter
+# A weak part of a field may grow fast next to a surface, which the last terms of a series do not show from afar.
+APPROACH = 0.6  # part of the way that a step goes whose series do not solve the equations where it lands
+MOST_APPROACHES = 40  # such steps in a row before HELP is asked for
+SAME = 1e-6  # distance of an event from the next one or from a step's ends, in steps, below which HELP is asked for
 
 
 class Series(NamedTuple):
@@ -98,22 +94,22 @@ class Series(NamedTuple):
 
 
 class Returns(NamedTuple):
-    """What a return is, and which are kept.
+    """The returns to a section, and room for those that are kept.
 
     Parameters
     ----------
     at_wrap : bool
         Whether the wraps of the phase are returns.
     section : ndarray of int64, shape (transition,)
-        Which transitions are.
+        1 for a transition that is a return, else 0.
     skip : int
-        How many are dropped.
+        Returns that are dropped first.
     longest : float
         Time without a return after which the motion ends.
     room : int
-        How many are kept at the most.
+        Most returns that are kept.
     states, modes, times : ndarray, shape (room, n), (room,) and (room,)
-        Those that are kept.
+        The returns kept.
     """
 
     at_wrap: bool
@@ -127,7 +123,7 @@ class Returns(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Where a motion is, changed in place: full state and w, (n + 1,); what stands at the places above; sides of events."""
+    """Where a motion is, changed in place: full state and w, (n + 1,); numbers and counts as above; sides of events."""
 
     x: Floats
     numbers: Floats
@@ -156,7 +152,7 @@ class Landing(NamedTuple):
 
 @njit(**INNER)
 def defect(system, mode, columns, at, h, tolerances, y, slopes):
-    """By how many tolerances, over a time h, the slopes of the series differ from the field in the state y there."""
+    """Difference of the series' slopes from the field in the state y there, times h, in tolerances."""
     call(system.addresses[FIELD], mode, 0, y, 0, system.p, slopes, 0)
     worst = 0.0
     for e in range(system.n_states):
@@ -168,9 +164,9 @@ def defect(system, mode, columns, at, h, tolerances, y, slopes):
 
 @njit(**INNER)
 def _checked(system, mode, columns, h, tolerances, x, room):
-    """Shorten a step until its series solve the equations inside and at its end, and tell the event functions there.
+    """Shorten a step until its series solve the equations, and are right for event functions, inside and at its end.
 
-    The last two terms say little of a series whose terms come and go: a pulse lies ahead, or most terms vanish here.
+    The last two terms do not bound the error where a pulse lies ahead, or where most terms vanish.
     """
     outlined()
     n_states, y, event = system.n_states, room.y, room.event

@@ -1,9 +1,9 @@
 """Compiled variational equations of a hybrid motion: its steps taken again with a frame, saltation, orthonormalisation.
 
-`run_kernel` follows the motion and leaves its steps and events; each step is taken again, the columns of a frame beside
-the state: whole, so that the stages of the state are those of the motion, or in parts where that is too far for the
-frame, as it is where the motion rests. At an event the frame passes through the saltation matrix. After every part and
-event it is made orthonormal, and the logarithms of the lengths that it had are summed.
+`run_kernel` follows the motion and leaves its steps and events. Each step is taken again with the columns of a frame
+beside the state. A whole step has the same stages of the state as the motion; a step too long for the frame, as where
+the motion rests, is taken in parts. At an event the frame passes through the saltation matrix. After every part and
+event the frame is made orthonormal, and the logarithms of its columns' lengths are summed. See docs/theory/lyapunov.md.
 """
 
 from __future__ import annotations
@@ -34,25 +34,22 @@ from saltus.system.machine_code import njit
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-FIELD, VARY, EVENT_X, RESET_X = (FUNCTIONS.index(name) for name in ("field", "vary", "event_x", "reset_x"))
+FIELD = FUNCTIONS.index("field")
+VARY = FUNCTIONS.index("vary")
+EVENT_X = FUNCTIONS.index("event_x")
+RESET_X = FUNCTIONS.index("reset_x")
 
-ROW, LIVE, GRAZED, N_PLACES = range(4)
-"""Places in `places`: the row under way, columns that have not collapsed, events that were grazed."""
-
-GRAZING = 1e-14
-"""A normal velocity below this part of its terms is zero: there is no saltation matrix."""
-
-COLLAPSED = 64.0 * EPSILON
-"""Part of the terms below which a column after an event is rounding: the reset, or the field behind it, lost its rank."""
-
-LOOSER, LOOSEST = 1e3, 1e-4
-"""Tolerance of the frame: so many times that of the motion, but not above the second."""
-
-SHORTEST = 1e-12
-"""Part of a step of the motion below which the frame's error does not fall: the field's Jacobian is not finite."""
-
-CLEAR = 1e-4
-"""Part of its terms above which a normal velocity is clear of a grazing, so that small columns are not made by it."""
+# Places in `places`.
+ROW = 0  # the row under way
+LIVE = 1  # columns that have not collapsed
+GRAZED = 2  # events that were grazed
+N_PLACES = 3
+GRAZING = 1e-14  # normal velocity, over its terms, below which it is zero and there is no saltation matrix
+COLLAPSED = 64.0 * EPSILON  # length of a column after an event, over its terms, that is rounding: its direction is lost
+LOOSER = 1e3  # tolerance of the frame, over that of the motion
+LOOSEST = 1e-4  # largest tolerance of the frame, relative
+SHORTEST = 1e-12  # part of a step at which the frame still errs where the field's Jacobian is not finite
+CLEAR = 1e-4  # normal velocity, over its terms, above which no grazing makes columns small
 
 
 class Rows(NamedTuple):
@@ -77,7 +74,7 @@ class Rows(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """Perturbations of a motion, and room for what is told of each: pointers.
+    """Perturbations of a motion, and room for their sizes and growth: pointers.
 
     Parameters
     ----------
@@ -86,7 +83,7 @@ class Frame(NamedTuple):
     vectors : float64 pointer, (n, columns)
         The perturbations.
     terms : float64 pointer, (columns,)
-        The size of what each was summed up from.
+        Size of the terms of each perturbation.
     gains : float64 pointer, (columns,)
         Logarithms of growth in a part of a step.
     """
@@ -122,8 +119,8 @@ def _take(addresses, mode, n, columns, h, p, slopes, y, trial):
 def _carry(system, mode, x, h, frame, live, longest, tolerance, growth, room):
     """Carry a frame over a step of the state from x, orthonormal at its end; how many columns live, and `longest`.
 
-    The step is taken in parts not longer than `longest`, and shorter until the frame's error is below `tolerance` of
-    the least that an orthonormal column shrinks to.
+    The step is taken in parts not longer than `longest`. They become shorter until the frame's error is below
+    `tolerance` times the shortest length to which an orthonormal column shrinks.
     """
     outlined()
     n, columns, terms, gains, y, trial = system.n, frame.columns, frame.terms, frame.gains, room.y, room.trial
@@ -171,8 +168,8 @@ def _carry(system, mode, x, h, frame, live, longest, tolerance, growth, room):
 def _saltate(addresses, k, mode, target, n, columns, before, after, p, frame, terms, work):
     """Carry a frame over an event; whether there is a saltation matrix, the event not being grazed.
 
-    terms: (columns,), the size of what each column was summed up from, 0 where the event is not clear of a grazing, in
-    which case small columns are no rounding. work: (n^2 + 5 n + 2 + 2 columns,).
+    terms: (columns,), the size of the terms of each column; 0 where the event is not clear of a grazing, as small
+    columns are then no rounding. work: (n^2 + 5 n + 2 + 2 columns,).
     """
     outlined()
     event, f1, f2, column = work, pointer(work, 2 + 2 * n), pointer(work, 2 + 3 * n), pointer(work, 2 + 4 * n)

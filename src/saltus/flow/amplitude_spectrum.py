@@ -19,11 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Window", "spectrum"]
 
-Window = Literal["none", "hann"]
-"""What samples are multiplied by before the transform."""
-
-_EACH_PERIOD, _EACH_STEP = 256, 8
-"""Samples in a period of the phase, or in a step of a motion without one."""
+Window = Literal["none", "hann"]  # what samples are multiplied by before the transform
+_EACH_PERIOD = 256  # samples in a period of the phase
+_EACH_STEP = 8  # samples in a step of a motion without a phase
 
 
 def spectrum(
@@ -36,9 +34,9 @@ def spectrum(
 ) -> xr.DataArray:
     """Return the one-sided amplitude spectrum of an expression along a motion; `Trajectory.spectrum` tells more.
 
-    Samples at equidistant times go through a fast Fourier transform. What has higher frequencies than half the rate of
-    the samples is folded back: the amplitudes of a quantity that jumps at impacts, as a velocity does, are true at
-    orders far below ``samples / (2 periods)`` only, while ``Trajectory.observe`` takes any order from integrals.
+    Samples at equidistant times go through a fast Fourier transform. Frequencies above half the rate of the samples are
+    folded back. Amplitudes of a quantity that jumps at impacts, as a velocity does, are true only at orders far below
+    ``samples / (2 periods)``. ``Trajectory.observe`` takes amplitudes of any order from integrals.
 
     Parameters
     ----------

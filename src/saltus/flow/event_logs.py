@@ -1,4 +1,4 @@
-"""Motions of which only the end is kept, or the events."""
+"""The events of a motion, without its dense output."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["EventLog", "event_log", "events_after", "settle"]
+__all__ = ["EventLog", "event_log", "events_after"]
 
 
 @dataclass(frozen=True)
@@ -54,45 +54,6 @@ class EventLog:
     mode_end: int
 
 
-def settle(
-    system: HybridSystem,
-    p: NDArray[np.float64],
-    x: ArrayLike,
-    mode: int,
-    *,
-    periods: int | None = None,
-    t_end: float | None = None,
-    rtol: float = 1e-10,
-    atol: float = 1e-12,
-) -> tuple[NDArray[np.float64], int]:
-    """Return the full state and the index of the mode after some periods or a time, and keep nothing else.
-
-    Parameters
-    ----------
-    system : HybridSystem
-        What moves.
-    p : ndarray, shape (parameters,)
-        `HybridSystem.parameter_vector`.
-    x : array_like, shape (states,) or (all states,)
-        Start; it may lie on the boundary of the mode's domain.
-    mode : int
-        Index of the mode there.
-    periods, t_end : int, float
-        How long; exactly one of the two.
-    rtol, atol : float, optional
-        Tolerances of a step.
-
-    Raises
-    ------
-    InputError, ChatteringError, DivergenceError
-        As `simulate`.
-    """
-    check_tolerances(rtol, atol)
-    run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol)
-    run.follow(*how_long(system, periods, t_end), None, keep=False)
-    return run.x.copy(), run.mode
-
-
 def events_after(
     system: HybridSystem,
     p: NDArray[np.float64],
@@ -102,27 +63,34 @@ def events_after(
     periods: int | None = None,
     t_end: float | None = None,
     n_events: int | None = None,
-    rtol: float = 1e-10,
-    atol: float = 1e-12,
+    tolerance: tuple[float, float] = (1e-10, 1e-12),
 ) -> EventLog:
     """Return all events of a motion, without its dense output.
 
     Parameters
     ----------
-    system, p, x, mode, rtol, atol
-        As in `settle`.
+    system : HybridSystem
+        The system.
+    p : ndarray, shape (parameters,)
+        `HybridSystem.parameter_vector`.
+    x : array_like, shape (states,) or (all states,)
+        Start; it may lie on the boundary of the mode's domain.
+    mode : int
+        Index of the mode there.
     periods, t_end : int, float
         How long; exactly one of the two.
     n_events : int, optional
-        The motion ends early after so many transitions.
+        Transitions after which the motion ends early.
+    tolerance : (float, float), optional
+        Relative and absolute tolerance of a step.
 
     Raises
     ------
     InputError, ChatteringError, DivergenceError
         As `simulate`.
     """
-    check_tolerances(rtol, atol)
-    run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol)
+    check_tolerances(tolerance)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, *tolerance)
     run.follow(*how_long(system, periods, t_end), n_events)
     return event_log(run)
 

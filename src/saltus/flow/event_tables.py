@@ -13,8 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ["GRAZING_SPEED", "code_of", "event_table", "indices_of"]
 
-GRAZING_SPEED = 1e-6
-"""An event at which the event function changes more slowly than this, in its units per time, is marked as grazing."""
+GRAZING_SPEED = 1e-6  # rate of an event function, in its unit per time, below which its event is marked as grazing
 
 
 def event_table(

@@ -31,13 +31,13 @@ class Landing:
     time : float
         When.
     transition : str
-        What led there.
+        The transition.
     mode : str
         The target mode.
     event : str
         The transition from that mode whose event is passed already.
     value : float
-        Of its event function after the landing.
+        Value of this event's function after the landing.
     """
 
     time: float
@@ -61,13 +61,13 @@ def landings_beyond(
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameters : mapping of str to float
         All its parameters.
     events : structured ndarray, shape (event,)
         With the fields `time`, `name`, `mode_before`, `mode_after`, `before` and `after` of `Trajectory.events`.
     sizes : ndarray, shape (all states,)
-        Of the states along the motion.
+        Sizes of the states along the motion.
     """
     found = []
     for transition in system.transitions:

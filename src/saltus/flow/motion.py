@@ -24,13 +24,13 @@ __all__ = ["EventDrivenMotion", "allowed_modes", "check_tolerances", "domain_val
            "start_state", "starting_mode", "tolerances_of"]  # fmt: skip
 
 _TWO_PI = 2.0 * math.pi
-_EVENTS_KEPT = 1024
-_BUDGET = 1 << 16
-_MOST = np.iinfo(np.int64).max
+_EVENTS_KEPT = 1024  # events between two clearances of their buffer
+_BUDGET = 1 << 16  # steps of one call of the kernel
+_MOST = np.iinfo(np.int64).max  # a count that is never reached
 _WATCHED = 2048  # steps tried between two looks at whether a motion sticks
-_HUGE = 1e250  # event functions beyond this are not finite: sums of some of their values overflow
-_LOOKS = 3  # looks in a row at which it must
-_NAME = re.compile(r"[^\W\d]\w*")
+_HUGE = 1e250  # value beyond which an event function is not finite: sums of some of its values overflow
+_LOOKS = 3  # looks in a row at which a motion that sticks is held
+_NAME = re.compile(r"[^\W\d]\w*")  # a name in an expression
 
 
 class EventDrivenMotion:
@@ -39,7 +39,7 @@ class EventDrivenMotion:
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     p : ndarray, shape (parameters,)
         `HybridSystem.parameter_vector`.
     x : ndarray, shape (all states,)
@@ -57,9 +57,9 @@ class EventDrivenMotion:
 
     Notes
     -----
-    On which side of an event a motion is that starts on its surface, `side` tells before the first step: of an event
-    function of the phase alone, where the phase comes from; a transition that changes nothing (a section, a counter)
-    does not happen there; of the others nothing is known.
+    A motion may start on the surface of an event. Before the first step, `side` then holds what is known of its side.
+    For an event function of the phase alone it is the side from which the phase comes. A transition that changes
+    nothing (a section, a counter) does not happen there. The side of other events is not known.
 
     Raises
     ------
@@ -135,7 +135,7 @@ class EventDrivenMotion:
         )  # fmt: skip
 
     def _start_sides(self, mode: int) -> NDArray[np.int64]:
-        """What is known of the side of each event, should the motion start on its surface.
+        """Known side of each event, which counts if the motion starts on its surface.
 
         A start at phase 0 comes before the events of the phase alone that lie there to rounding, as the strobe does.
         """
@@ -171,7 +171,7 @@ class EventDrivenMotion:
         return int(self.counts[self.kernels.WRAPS])
 
     def went_round(self, periods: int) -> bool:
-        """Whether so many periods are over since the start."""
+        """Whether `periods` periods are over since the start."""
         at_phase = float(self.x[-1]) > self.offset - self.kernels.AT_WRAP
         return self.wraps > periods or (self.wraps == periods and at_phase)
 
@@ -193,7 +193,7 @@ class EventDrivenMotion:
             )
 
     def follow_for(self, tries: int, n_events: int, *, t_end: float = math.inf, keep: bool = True) -> None:
-        """Go on until so many steps have been tried, or so many transitions passed, or a time.
+        """Go on until `tries` further steps, `n_events` further transitions, or a time, whichever comes first.
 
         `keep` False forgets the events.
         """
@@ -275,7 +275,7 @@ class EventDrivenMotion:
         return tuple(np.concatenate(parts) for parts in zip(nothing, *self.kept_events, strict=True))
 
     def error(self, status: int) -> SaltusError:
-        """Return what a status of the kernel that is not DONE says."""
+        """Return the error that a status of the kernel other than DONE stands for."""
         kernels = self.kernels
         t, mode = self.time, self.system.mode_names[self.mode]
         if status == kernels.CHATTERING:
@@ -303,7 +303,7 @@ def _is_of_phase(system: HybridSystem, transition: int) -> bool:
 
 
 def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:
-    """Return whether an event of the phase alone happens at phase 0, to what the strobe can tell."""
+    """Return whether an event of the phase alone happens at phase 0, as far as the strobe resolves it."""
     from saltus.flow._state_kernels import AT_WRAP
 
     out, extended = np.empty(2), system.compiled.extended(p)
@@ -320,7 +320,7 @@ def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:
 def start_state(system: HybridSystem, x0: ArrayLike) -> NDArray[np.float64]:
     """Return a full state at which a motion may be started, its phase on [0, 2 pi).
 
-    One that ended at phase 0 to rounding begins there, before the events at that phase.
+    A phase that is 2 pi but for rounding becomes one just below 0, before the events at phase 0.
     """
     from saltus.flow._state_kernels import AT_WRAP
 
@@ -332,19 +332,21 @@ def start_state(system: HybridSystem, x0: ArrayLike) -> NDArray[np.float64]:
     return x
 
 
-def check_tolerances(rtol: object, atol: object) -> None:
-    """Raise `InputError` where a tolerance cannot be used."""
-    checks.between("rtol", rtol, 1e-14, 0.1)
-    checks.positive("atol", atol)
+def check_tolerances(tolerance: tuple[float, float]) -> None:
+    """Raise `InputError` where a relative or an absolute tolerance cannot be used."""
+    checks.between("tolerance[0]", tolerance[0], 1e-14, 0.1)
+    checks.positive("tolerance[1]", tolerance[1])
 
 
-def tolerances_of(tolerance: object) -> tuple[float, float | None]:
+def tolerances_of(tolerance: object, name: str = "tolerance") -> tuple[float, float | None]:
     """Return the relative tolerance of a step and the absolute one, None where it is to fit the states.
 
     Parameters
     ----------
     tolerance : float or (float, float)
         The relative one, between 1e-14 and 0.1; or both.
+    name : str, optional
+        What a message calls them.
 
     Raises
     ------
@@ -357,11 +359,11 @@ def tolerances_of(tolerance: object) -> tuple[float, float | None]:
     ((1e-08, None), (1e-08, 1e-20))
     """
     if not isinstance(tolerance, tuple | list):
-        return checks.between("tolerance", tolerance, 1e-14, 0.1), None
+        return checks.between(name, tolerance, 1e-14, 0.1), None
     if len(tolerance) != 2:
-        raise InputError("tolerance", tolerance, "a number, or a relative and an absolute one")
+        raise InputError(name, tolerance, "a number, or a relative and an absolute one")
     relative, absolute = tolerance
-    return checks.between("tolerance[0]", relative, 1e-14, 0.1), checks.positive("tolerance[1]", absolute)
+    return checks.between(f"{name}[0]", relative, 1e-14, 0.1), checks.positive(f"{name}[1]", absolute)
 
 
 def how_long(system: HybridSystem, periods: int | None, t_end: float | None) -> tuple[float, int | None]:

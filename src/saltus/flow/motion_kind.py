@@ -1,25 +1,25 @@
-"""What a motion is, from its returns to a section and its leading Lyapunov exponent.
+"""The kind of a motion, from its returns to a section and its leading Lyapunov exponent.
 
 In this order, thresholds being those of `Criteria`:
 
 1. ``diverged``: the motion leaves every bound or the domain of its mode, or chatters.
 2. ``no return``: it stays away from the section, a transition that no longer happens.
-3. ``period-N``: it recurs after N returns, the fewest that do: in the second half of those looked at, no state differs
-   from that N returns later by more than `recurrence` of its size, or by more than rounding, as `noise` has it. Or it
-   is on its way there: the leading exponent is negative, and from the first half to the second the differences shrink
-   at least half as fast as it says. For N > 1 they do so by a tenth, too, and are below `settling` of the points'
-   extent; for N = 1 this extent shrinks with them, and they do so by a tenth, or in each return. Or, if the exponent is
-   not above `exponent` and the points do not lie on a closed curve, they are below `settling` of the extent, however
-   they go. N is at most a quarter of the returns looked at, so that it is seen four times.
+3. ``period-N``: it recurs after N returns, the fewest that do. The second half of the returns looked at decides: no
+   state there differs from the one N returns later by more than `recurrence` of its size, or than `noise`. Or it is on
+   its way there: the leading exponent is negative, and from the first half to the second the differences shrink at
+   least half as fast as it says. For N > 1 they do so by a tenth, too, and are below `settling` of the points' extent;
+   for N = 1 this extent shrinks with them, and they do so by a tenth, or in each return. A third way is for an exponent
+   not above `exponent` and points that do not lie on a closed curve. The differences are then below `settling` of the
+   extent, whether they shrink or not. N is at most a quarter of the returns looked at, so that it is seen four times.
 4. ``chaotic``: the leading exponent is above `exponent` by more than its error; or it may be, and the points do not lie
    on a closed curve.
 5. ``quasi-periodic``: none of these. Where a torus attracts, the motion on it locks to a long period in many small
-   windows of a parameter, which no experiment resolves. A motion that recurs is therefore named so, too, if the points
-   lie round a closed curve and are more than `longest`, and not by doubling, when they lie in pairs; its period is
-   recorded all the same.
+   windows of a parameter, which no experiment resolves. A motion that recurs is therefore named so, too, if its points
+   lie round a closed curve and are more than `longest`. Points in pairs, as after a period doubling, are excepted. The
+   period is recorded all the same.
 
-Points lie on a closed curve where, seen from their middle in the plane in which they spread most, no gap between
-neighbours is wider than `gap`, and the map keeps their order round it, but for a part of `disorder` of the way that
+Points on a closed curve are recognised from their middle, in the plane in which they spread most. No gap between
+neighbours is wider than `gap`. The map keeps their order round the curve, but for a part `disorder` of the way that
 their images go.
 """
 
@@ -38,20 +38,14 @@ if TYPE_CHECKING:
 
 __all__ = ["CHAOTIC", "DIVERGED", "NO_RETURN", "QUASI_PERIODIC", "Criteria", "Kind", "classify", "rotation_number"]
 
-CHAOTIC, DIVERGED, NO_RETURN, QUASI_PERIODIC = "chaotic", "diverged", "no return", "quasi-periodic"
-
-_SMALLEST = 1e-3
-"""Size of a state that is nearly zero throughout, as a part of the largest one's."""
-
-_ENOUGH = 16
-"""Points from which on their order round a curve is looked at: fewer are too far apart, and show no curve at all unless
-they recur."""
-
-_SHRUNK = 0.9
-"""Differences that are to shrink do so at least by this from the first half of the returns to the second."""
-
-_FRACTION = 1e-4
-"""A rotation number so near to a fraction belongs to points that may lie on several curves."""
+CHAOTIC = "chaotic"
+DIVERGED = "diverged"
+NO_RETURN = "no return"
+QUASI_PERIODIC = "quasi-periodic"
+_SMALLEST = 1e-3  # size of a state, over the largest one's, below which the state is nearly zero throughout
+_ENOUGH = 16  # fewest points whose order round a curve is looked at: fewer lie too far apart, unless they recur
+_SHRUNK = 0.9  # ratio of differences in the later half of the returns to the earlier, up to which they shrink
+_FRACTION = 1e-4  # distance of a rotation number from a fraction below which points may lie on several curves
 
 
 @dataclass(frozen=True)
@@ -63,8 +57,8 @@ class Criteria:
     recurrence : float
         Part of a state's size within which it recurs.
     noise : float
-        A state that differs by less than so many tolerances of a step does not: ``atol`` and ``rtol`` of its size along
-        the motion. So a motion that rests where all states are 0 is seen to do so.
+        Tolerances of a step below which a difference of a state is none: ``atol``, and ``rtol`` of its size along the
+        motion. So a motion that rests where all states are 0 is seen to rest.
     settling : float
         Part of the points' extent within which a motion recurs that is still settling.
     exponent : float
@@ -80,11 +74,11 @@ class Criteria:
     fewest : int
         Returns that are looked at, at the least, however few are kept; four times `longest` if those are more.
     patience : int
-        A motion whose exponent is nearer to `exponent` than its error, or that has not settled, is followed this many
-        times as long, at most.
+        A motion that has not settled is followed up to this many times as long. So is one whose exponent differs from
+        `exponent` by less than its error.
     absence : float
-        A motion that has been away from a section for so many of its mean returns, or of the phase's periods if they
-        are longer, is taken not to return. Before returns are known, periods alone, or 5000 steps a return.
+        Time without a return after which a motion is taken not to return. Its unit is the longer of the mean return and
+        the phase's period. Before returns are known, periods alone, or 5000 steps a return.
     push : float
         Part of the size of its state by which a motion that rests on an unstable orbit is pushed.
     """

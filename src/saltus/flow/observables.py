@@ -14,14 +14,14 @@ parameters and outputs:
 ==================  ==================================================================================================
 
 Harmonics refer to the system's phase, theta, over whole periods of it: e ~ mean + sum_j a_j sin(j theta + phi_j). So
-``-phase(e, 1)`` is the lag behind ``sin(theta)``. A rational order makes a subharmonic, as in ``amplitude(z, 1/2)``; it
-is taken over whole multiples of its own period, and its phase is known up to multiples of 2 pi over the denominator,
-since the system's phase does not tell its periods apart. Of an orbit with another period it is 0, and its phase NaN.
+``-phase(e, 1)`` is the lag behind ``sin(theta)``. A rational order makes a subharmonic, as in ``amplitude(z, 1/2)``,
+taken over whole multiples of its own period. The system's phase does not tell its periods apart, so its phase is known
+up to multiples of 2 pi over the denominator. In an orbit with another period its amplitude is 0, and its phase NaN.
 Without a phase, the motion's length is the period of order 1, and its start is where the angle is 0.
 
-Integrals are sums of Gauss and Legendre over each step of the dense output, in a time that stands still at both ends of
-a step: where an expression is smooth between events, or like a half-integer power of the distance from one, they are
-as accurate as the dense output.
+Integrals are Gauss-Legendre sums over each step of the dense output, in clustered time. Let an expression be smooth
+between events, or like a half-integer power of the distance from one. Its integrals are then as accurate as the dense
+output.
 """
 
 from __future__ import annotations
@@ -58,20 +58,12 @@ _FORMS = {
     "velocity": "velocity(transition)",
 }
 
-_NODES = 16
-"""Nodes in a step, for an integrand of low order in the angle; more where it turns further within a step."""
-
-_NEAR = 0.05
-"""Share of the range by which a sampled extreme may miss the true one, and be refined."""
-
-_ZOOMS, _PLACES = 7, 17
-"""How often the neighbourhood of an extreme is divided, and into how many places: to 1e-7 of a step."""
-
-_BLOCK = 1 << 16
-"""States that are computed at once, each from all coefficients of its step."""
-
-_WHOLE = 1e-9
-"""Part of a period by which a stretch may miss a whole number of them."""
+_NODES = 16  # fewest nodes in a step; a step through a wide angle has more
+_NEAR = 0.05  # share of the range by which a sampled extreme that is refined may miss the true one
+_ZOOMS = 7  # divisions of an extreme's neighbourhood, which lead to 1e-7 of a step
+_PLACES = 17  # places in each division
+_BLOCK = 1 << 16  # states computed at once, each from all coefficients of its step
+_WHOLE = 1e-9  # part of a period by which a stretch may miss a whole number of periods
 
 
 @dataclass(frozen=True)
@@ -83,7 +75,7 @@ class Motion:
     Attributes
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameters : mapping of str to float
         All its parameters.
     modes : ndarray of int, shape (step,)
@@ -165,7 +157,7 @@ class Observable(NamedTuple):
     kind : str
         What is observed, as in ``amplitude``.
     of : str
-        Of what: an expression, a mode or a transition.
+        The expression, mode or transition that is observed.
     order : Fraction or None
         Order of the harmonic.
     """

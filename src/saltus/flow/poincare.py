@@ -1,4 +1,4 @@
-"""The Poincare map of a hybrid flow: returns to a section, those at first dropped in bounded memory."""
+"""The Poincare map of a hybrid flow: returns of a motion to a section, after some that are dropped."""
 
 from __future__ import annotations
 
@@ -18,10 +18,25 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["Iterates", "admits", "iterate"]
+__all__ = ["EventSection", "Iterates", "admits", "iterate"]
 
-_BATCH = 1024
-"""Returns between two clearances of what the engine keeps."""
+_BATCH = 1024  # returns between two clearances of what the engine keeps
+
+
+@dataclass(frozen=True)
+class EventSection:
+    """A section that a motion passes where one of some transitions happens.
+
+    Parameters
+    ----------
+    transitions : tuple of int
+        Their indices.
+    longest : float, optional
+        Time without a return after which the motion is taken not to return; fewer returns are kept then.
+    """
+
+    transitions: tuple[int, ...]
+    longest: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -57,31 +72,21 @@ def iterate(
     *,
     discard: int,
     keep: int,
-    section: tuple[int, ...] | None = None,
-    longest: float = math.inf,
-    rtol: float = 1e-10,
-    atol: float = 1e-12,
+    section: EventSection | None = None,
+    tolerance: tuple[float, float] = (1e-10, 1e-12),
 ) -> Iterates:
     """Return the returns of a motion to a section after the first `discard` of them.
 
     Parameters
     ----------
-    system : HybridSystem
-        What moves.
-    p : ndarray, shape (parameters,)
-        `HybridSystem.parameter_vector`.
-    x : array_like, shape (states,) or (all states,)
-        Start.
-    mode : int
-        Index of the mode there.
+    system, p, x, mode
+        As in `saltus.flow.event_logs.events_after`.
     discard, keep : int
         Returns that are dropped, then kept; what is dropped takes no memory.
-    section : tuple of int, optional
-        Indices of the transitions at which the motion returns; by default it does at phase 0.
-    longest : float, optional
-        Time without a return to a transition after which the motion is taken not to return; fewer are kept then.
-    rtol, atol : float, optional
-        Tolerances of a step.
+    section : EventSection, optional
+        The transitions at which the motion returns; by default it does at phase 0.
+    tolerance : (float, float), optional
+        Relative and absolute tolerance of a step.
 
     Raises
     ------
@@ -100,18 +105,19 @@ def iterate(
     >>> (found.times / (2 * np.pi)).round(12).tolist()
     [2.0, 3.0]
     """
-    check_tolerances(rtol, atol)
+    check_tolerances(tolerance)
     if section is None and system.phase is None:
         raise InputError("section", section, "a transition for a system without a phase")
+    transitions, longest = (None, math.inf) if section is None else (section.transitions, section.longest)
     series = system.series(ORDER)
     if series is not None:
-        motion = TaylorRun(system, series, p, start_state(system, x), mode, section, rtol, atol)
+        motion = TaylorRun(system, series, p, start_state(system, x), mode, transitions, *tolerance)
         states, modes, times = motion.follow(discard, keep, longest)
         x_end = frozen(motion.x[:-1])
         return Iterates(frozen(states), frozen(modes, np.int64), frozen(times), x_end, motion.mode)
     most = STEPS_A_RETURN * max(discard + keep, 1)
-    run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol, most_steps=most)
-    log = _to_phase_zero(run, discard, keep) if section is None else _to_events(run, section, discard, keep, longest)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, *tolerance, most_steps=most)
+    log = _to_phase_zero(run, discard, keep) if section is None else _to_events(run, section, discard, keep)
     times, which, ends, _ = log
     states = ends[:, 1] if section is None else ends[:, 0]
     return Iterates(frozen(states), frozen(which[:, 1], np.int64), frozen(times), frozen(run.x), run.mode)
@@ -122,8 +128,8 @@ def admits(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64],
     return domain_value(system, mode, x, p) > 0.0 and not passed_event(system, mode, x, p)
 
 
+# Times, transitions with modes, states on both sides, and rates of events.
 _Log = tuple["NDArray[np.float64]", "NDArray[np.int64]", "NDArray[np.float64]", "NDArray[np.float64]"]
-"""Times, transitions with modes, states on both sides, and rates of events."""
 
 
 def _to_phase_zero(run: EventDrivenMotion, discard: int, keep: int) -> _Log:
@@ -136,15 +142,15 @@ def _to_phase_zero(run: EventDrivenMotion, discard: int, keep: int) -> _Log:
     return _joined(kept, run)
 
 
-def _to_events(run: EventDrivenMotion, section: tuple[int, ...], discard: int, keep: int, longest: float) -> _Log:
+def _to_events(run: EventDrivenMotion, section: EventSection, discard: int, keep: int) -> _Log:
     """Follow as many events as there are returns missing: so the motion ends at the last return, never past it."""
     kept: list[_Log] = []
     seen, last = 0, 0.0
     while (missing := discard + keep - seen) > 0:
         before = run.events_passed
         most = min(missing, _BATCH)
-        run.follow(last + longest, None, before + most)
-        found = _take(run, section)
+        run.follow(last + section.longest, None, before + most)
+        found = _take(run, section.transitions)
         count = found[0].size
         if count:
             last = float(found[0][-1])

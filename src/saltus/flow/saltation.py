@@ -35,7 +35,7 @@ def saltation_matrix(
     Parameters
     ----------
     system : HybridSystem
-        Whose event it is.
+        The system of the transition.
     parameters : mapping of str to float, or None
         Values that differ from the defaults.
     transition : str

@@ -1,29 +1,34 @@
-"""Event-driven simulation: follow a hybrid system from a state, through every transition, to a time or phase.
+"""Event-driven simulation: one motion from a state, through every transition, to a time or phase.
+
+docs/theory/flow.md, "Event-driven simulation", explains the method.
 
 Rules
 -----
 * A transition happens where its event function changes sign in its direction and its condition `when` is positive.
-* Where several happen at the same time, the first in the definition comes first; another follows at once if, after the
-  reset, the mode is still its source and its event function still passes zero there.
-* A motion that starts on an event surface leaves it to one side. If that is the side of the event's direction, the
-  event happens at once; an event of direction 0 does not. A transition that changes nothing (a counter on a section)
-  does not happen at a start, whatever its direction, nor a second time where it has just happened, tangentially or not.
-* A start at phase 0 comes before the events there of functions of the phase alone: these happen at once, of whatever
+* Where several happen at the same time, the first in the definition comes first. Another follows at once if, after the
+  reset, the mode is still its source and its event function still passes zero.
+* A motion that starts on an event surface leaves it to one side. If this is the side of the event's direction, the
+  event happens at once; an event of direction 0 does not.
+* A transition that changes nothing (a counter on a section) does not happen at a start, whatever its direction. It also
+  does not happen a second time at the same place, tangentially or not.
+* Events at phase 0 of functions of the phase alone happen at once in a motion that starts at phase 0, in either
   direction.
-* Chattering is told where more than 50 events in a row each follow after less than 1e-10 of the time scale (the period
-  of the phase, or else the longest time between events so far) and these times shrink, where time stands still for
-  50 events, or where the motion hops from an event to the same one below rounding four times in a row.
-* A transition that lands beyond an event of its target mode is told by a `RuntimeWarning` and by
-  `Trajectory.landings_beyond`; the motion goes on in that mode.
-* A field that jumps, as by ``sign(v)`` at v = 0, may be passed but must not hold the motion: that ends it with the
-  place where it is held.
-* The phase runs on [0, 2 pi); its wrap is landed on exactly and recorded as an event of kind ``"phase"``.
-* The strobe looks before the jump: a wrap comes before the events at phase 0, and before those up to 1e-9 earlier (as
-  an angle), which rounding may put on either side. A motion of whole periods ends before the events at phase 0.
+* A `ChatteringError` is raised in three cases. More than 50 events in a row each follow after less than 1e-10 of the
+  time scale, and these times shrink. Time stands still for 50 events. The motion hops from an event to the same event,
+  by less than rounding, four times in a row. The time scale is the period of the phase; without a phase it is the
+  longest time between events so far.
+* A transition may land beyond an event of its target mode. `RuntimeWarning` and `Trajectory.landings_beyond` report it,
+  and the motion goes on in the target mode.
+* A field that jumps, as ``sign(v)`` at v = 0, may be passed. Where it would hold the motion, a `StickingError` names
+  the place.
+* The phase runs on [0, 2 pi). Its wrap is landed on exactly and recorded as an event of kind ``"phase"``.
+* A wrap comes before the events at phase 0, and before events up to 1e-9 (as an angle) earlier, which rounding may put
+  on either side. A motion of whole periods ends before the events at phase 0.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,10 +47,41 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-__all__ = ["simulate"]
+__all__ = ["Limits", "simulate"]
 
-_STEPS_KEPT = 1024
-_MEMORY = 1 << 29  # bytes of dense output at the most
+_STEPS_KEPT = 1024  # steps for which a motion has room at first; the room grows with the motion
+_MEMORY = 1 << 29  # most memory of dense output, in bytes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Numbers of events and steps after which `simulate` ends a motion early; `Trajectory.stopped` says so.
+
+    Parameters
+    ----------
+    events : int
+        Most transitions.
+    steps : int, optional
+        Most steps; by default as many as fit into 512 MiB, some 3 million for two states.
+
+    Raises
+    ------
+    InputError
+        A limit is no count.
+
+    Examples
+    --------
+    >>> Limits(events=4)
+    Limits(events=4, steps=None)
+    """
+
+    events: int = 100_000
+    steps: int | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "events", checks.count("Limits.events", self.events))
+        if self.steps is not None:
+            object.__setattr__(self, "steps", checks.count("Limits.steps", self.steps))
 
 
 def simulate(
@@ -57,48 +93,45 @@ def simulate(
     t_end: float | None = None,
     periods: int | None = None,
     tolerance: float | tuple[float, float] = RTOL,
-    max_events: int = 100_000,
-    max_steps: int | None = None,
+    limits: Limits | None = None,
 ) -> Trajectory:
     """Return the motion of a hybrid system from a state.
 
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameters : mapping of str to float, optional
         Values that differ from the defaults.
     x0 : array_like, shape (states,) or (all states,)
-        State at time 0; without the phase it starts at phase 0.
+        State at time 0. Without a value for the phase, the motion starts at phase 0.
     mode : str, optional
-        Mode at time 0; by default the first whose domain holds and none of whose events that lead to another mode is
-        passed already.
+        Mode at time 0. By default the first mode whose domain holds the state and whose events to other modes are all
+        still to come.
     t_end : float
-        How long; or
+        End of the motion as a time.
     periods : int
-        for how many periods of the phase. Exactly one of the two.
+        End of the motion as a number of periods of the phase. Exactly one of `t_end` and `periods` is given.
     tolerance : float or (float, float), optional
-        Relative tolerance of a step, between 1e-14 and 0.1, or the relative and the absolute one. By default the
-        absolute one is 1e-12, or so much smaller as the smallest state where that stays below 1e-2 all along the
-        motion.
-    max_events : int, optional
-        The motion ends early after so many transitions; `stopped` says so.
-    max_steps : int, optional
-        The motion ends early after so many steps; `stopped` says so. By default as many as fit into 512 MiB, some
-        3 million for two states.
+        Relative tolerance of a step, between 1e-14 and 0.1, or a pair of relative and absolute tolerance. By default
+        the absolute tolerance is 1e-12. Where a state stays below 1e-2 all along the motion, 1e-12 is
+        multiplied by the size of the smallest state.
+    limits : Limits, optional
+        Numbers of transitions and steps after which the motion ends early; by default 100 000 transitions.
 
     Returns
     -------
     Trajectory
+        The motion with its events; `Trajectory.stopped` says why it ended.
 
     Raises
     ------
     InputError
-        An argument that cannot be used; a start outside the mode's domain.
+        An argument cannot be used, or the start lies outside the mode's domain.
     ChatteringError
-        Events accumulate; as a `StickingError`, the field jumps where the motion is and holds it there.
+        Events accumulate. As a `StickingError`: the field jumps and holds the motion at a place.
     DivergenceError
-        The state leaves every bound, or the domain of its mode; an event function is not finite.
+        The state grows beyond all bounds or leaves the domain of its mode, or an event function is not finite.
 
     Warns
     -----
@@ -131,9 +164,8 @@ def simulate(
     end, periods = how_long(system, periods, t_end)
     if periods is not None:
         periods = checks.count("periods", periods)
-    max_events = checks.count("max_events", max_events)
-    room = _MEMORY // (8 * (8 * x.size + 4))
-    most_steps = room if max_steps is None else checks.count("max_steps", max_steps)
+    limits = Limits() if limits is None else checks.instance("limits", limits, Limits)
+    most_steps = _MEMORY // (8 * (8 * x.size + 4)) if limits.steps is None else limits.steps
     start = starting_mode(system, x, p, mode)
 
     def begun(atol: float) -> EventDrivenMotion:
@@ -142,14 +174,14 @@ def simulate(
         )
 
     if atol is None:
-        run = followed_in_size(begun, lambda run: run.follow(end, periods, max_events))
+        run = followed_in_size(begun, lambda run: run.follow(end, periods, limits.events))
     else:
         run = begun(atol)
-        run.follow(end, periods, max_events)
+        run.follow(end, periods, limits.events)
     full = run.time
     short = ""
     if full < end and (periods is None or not run.went_round(periods)):
-        short = f"max_events = {max_events}" if run.events_passed >= max_events else f"max_steps = {most_steps}"
+        short = f"{limits.events} events" if run.events_passed >= limits.events else f"{most_steps} steps"
     stopped = f"t_end = {end:.12g} reached" if periods is None else f"{periods} periods reached"
     stopped = f"{short} reached at t = {full:.12g}" if short else stopped
     times, modes, starts, dense = run.steps()
@@ -166,8 +198,7 @@ def simulate(
         step_modes=frozen(modes, np.int64),
         step_starts=frozen(starts),
         step_dense=frozen(dense),
-        rtol=run.rtol,
-        atol=run.atol,
+        tolerance=(run.rtol, run.atol),
     )
     warn_of(motion.landings_beyond)
     return motion

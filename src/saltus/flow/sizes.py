@@ -1,4 +1,4 @@
-"""How large states are along a motion, and the absolute tolerance of its steps that fits them."""
+"""Sizes of the states along a motion, and the absolute tolerance of steps that fits them."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ if TYPE_CHECKING:
 __all__ = ["ATOL", "EPSILON", "MOST_KEPT", "RTOL", "STEPS_KEPT", "Sizes", "fitting_atol", "followed_in_size",
            "sizes_along", "sizes_from", "sizes_on_the_way"]  # fmt: skip
 
-RTOL, ATOL = 1e-10, 1e-12  # tolerances of a motion's steps; the second for states of size 1 or more
-SMALL = 1e-2  # size of a state, over that for which an absolute tolerance was chosen, below which another one is needed
-STEPS_KEPT = 1024
-MOST_KEPT = 200_000  # steps of dense output: some 60 bytes each and state
-_LEAST = 1e-150  # size of the largest state below which no tolerance can be told from 0
+RTOL = 1e-10  # relative tolerance of a motion's steps
+ATOL = 1e-12  # absolute tolerance of a motion's steps, for states of size 1 or more
+SMALL = 1e-2  # size of a state, over the one an absolute tolerance is for, below which it needs a finer tolerance
+STEPS_KEPT = 1024  # steps of dense output between two clearances of the buffer
+MOST_KEPT = 200_000  # steps of dense output in all, some 60 bytes for each step and state
+_LEAST = 1e-150  # size of the largest state below which no tolerance differs from 0
 _TRIED = 3  # finer tolerances that are tried
-_DEARER, _FEW = 20, 10_000  # times as many steps, and so many more, that a finer tolerance may take
+_DEARER = 20  # steps that a finer tolerance may take, over those of the coarser one
+_FEW = 10_000  # further steps that a finer tolerance may take
 _LOOKED_AT = 2000  # steps along which states are looked at before a tolerance is chosen
-EPSILON = 2.220446049250313e-16
-_TOLD = 1e4  # a size has to be so many times what rounding makes of the state for differences of it to be told
+EPSILON = 2.220446049250313e-16  # spacing of floats at 1
+_TOLD = 1e4  # least size of a state, over its rounding, at which differences of the state can be told
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Sizes:
     of_states : ndarray
         Largest sizes, where they are more than rounding.
     of_gaps : ndarray
-        Against which differences of states are measured: no less than what can be told from rounding.
+        Sizes against which differences of states are measured; none is so small that rounding matters.
     """
 
     of_states: NDArray[np.float64]
@@ -120,7 +122,7 @@ def followed_in_size(
         again = begun(needed * ATOL)
         again.most_steps = _DEARER * run.tries + _FEW
         finer, its_error = _followed(again, follow)
-        if isinstance(its_error, StiffnessError):  # what is so small is rounding
+        if isinstance(its_error, StiffnessError):  # such a small state is rounding
             break
         run, error = finer, its_error
     if error is not None:
@@ -156,7 +158,7 @@ def fitting_atol(
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     p : ndarray, shape (parameters,)
         `HybridSystem.parameter_vector`.
     x : ndarray, shape (states,) or (all states,)
@@ -172,6 +174,6 @@ def fitting_atol(
 
     try:
         run = followed_in_size(begun, lambda run: run.follow_for(_LOOKED_AT, _LOOKED_AT))
-    except SaltusError:  # of which the motion itself will tell
+    except SaltusError:  # the motion itself will raise it
         return usual
     return usual * run.atol / ATOL

@@ -1,4 +1,4 @@
-"""Fields that jump, as by ``sign(v)`` at v = 0: motions that are held there, told apart from those that pass."""
+"""Fields that jump, as by ``sign(v)`` at v = 0: motions that are held at the jump, told from motions that pass it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def sticking_surface(
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     mode : int
         Index of the mode.
     x : ndarray, shape (all states,)
@@ -71,7 +71,7 @@ def check_continuous(
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     modes : ndarray of int, shape (time,)
         Indices of the modes at some times of the motion.
     states : ndarray, shape (time, all states)

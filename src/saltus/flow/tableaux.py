@@ -9,18 +9,16 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["COEFFICIENTS", "ERROR_3", "ERROR_5", "INTERPOLATION", "NODES", "WEIGHTS"]
+__all__ = ["COEFFICIENTS", "ERROR_3", "ERROR_5", "INTERPOLATION", "NODES"]
 
+# Times of the stages, the thirteenth and the three extra ones included, in steps.
 NODES = np.array(
     [
         0.0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274, 0.2816496580927726, 0.3333333333333333, 0.25,
         0.3076923076923077, 0.6512820512820513, 0.6, 0.8571428571428571, 1.0, 1.0, 0.1, 0.2, 0.7777777777777778,
     ]
 )  # fmt: skip
-"""Times of the stages, the thirteenth and the three extra ones included, in steps."""
-
-COEFFICIENTS = np.zeros((16, 16))
-"""Weights of earlier stages in each stage; row 12 is the end of the step, rows 13 to 15 the extra stages."""
+COEFFICIENTS = np.zeros((16, 16))  # weights of earlier stages in each; row 12: the step's end, 13 to 15: extra stages
 
 COEFFICIENTS[1, [0]] = [
     0.05260015195876773,
@@ -135,22 +133,7 @@ COEFFICIENTS[15, [0, 5, 6, 7, 8, 12, 13, 14]] = [
     -9.15095847217987,
 ]
 
-WEIGHTS = np.zeros(12)
-"""Weights of the stages in the solution of order 8."""
-
-WEIGHTS[[0, 5, 6, 7, 8, 9, 10, 11]] = [
-    0.054293734116568765,
-    4.450312892752409,
-    1.8915178993145003,
-    -5.801203960010585,
-    0.3111643669578199,
-    -0.1521609496625161,
-    0.20136540080403034,
-    0.04471061572777259,
-]
-
-ERROR_3 = np.zeros(13)
-"""Weights of the stages in the error estimate of order 3."""
+ERROR_3 = np.zeros(13)  # weights of the stages in the error estimate of order 3
 
 ERROR_3[[0, 5, 6, 7, 8, 9, 10, 11]] = [
     -0.18980075407240762,
@@ -163,8 +146,7 @@ ERROR_3[[0, 5, 6, 7, 8, 9, 10, 11]] = [
     0.02265179219836082,
 ]
 
-ERROR_5 = np.zeros(13)
-"""Weights of the stages in the error estimate of order 5."""
+ERROR_5 = np.zeros(13)  # weights of the stages in the error estimate of order 5
 
 ERROR_5[[0, 5, 6, 7, 8, 9, 10, 11]] = [
     0.01312004499419488,
@@ -177,8 +159,7 @@ ERROR_5[[0, 5, 6, 7, 8, 9, 10, 11]] = [
     -0.022355307863886294,
 ]
 
-INTERPOLATION = np.zeros((4, 16))
-"""Weights of all stages in the last four coefficients of the dense output."""
+INTERPOLATION = np.zeros((4, 16))  # weights of all stages in the last four coefficients of the dense output
 
 INTERPOLATION[0, [0, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]] = [
     -8.428938276109013,

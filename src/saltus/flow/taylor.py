@@ -19,13 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["ORDER", "STEPS_A_RETURN", "TaylorRun"]
 
-ORDER = 16
-"""Order of the series: for tolerances from 1e-6 to 1e-13 within a fifth of the best (docs/decisions)."""
-
-STEPS_A_RETURN = 5000
-"""Steps that a motion may take for each return to a section, before it counts as stiff."""
-
-_BUDGET = 1 << 16
+ORDER = 16  # of the series: from 1e-6 to 1e-13 within a fifth of the best order's time (docs/decisions)
+STEPS_A_RETURN = 5000  # steps for each return to a section, beyond which a motion is stiff
+_BUDGET = 1 << 16  # steps of one call of the kernel
 
 
 @cache
@@ -48,7 +44,7 @@ class TaylorRun:
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     series : CompiledSeries
         Its series.
     p : ndarray, shape (parameters,)

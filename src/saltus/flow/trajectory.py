@@ -1,4 +1,4 @@
-"""A motion of a hybrid system with its dense output and its events: its values at any time, its files."""
+"""A motion of a hybrid system as a result: its dense output, its events, its values at any time."""
 
 from __future__ import annotations
 
@@ -30,33 +30,34 @@ if TYPE_CHECKING:
 
 __all__ = ["Trajectory"]
 
-_COEFFICIENTS = 7  # of the dense output in a step
+_COEFFICIENTS = 7  # coefficients of the dense output in a step
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Result):
     """A motion of a hybrid system, known at every time from 0 to `t_end`.
 
-    Call it with times; at an event it has the state after. `simulate` makes it.
+    `trajectory(t)` is the state at times `t`; at an event the state after the event. `simulate` returns trajectories.
 
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameters : mapping of str to float
-        All its parameters.
+        All parameters.
     t_end : float
         Last time.
     x_end : ndarray, shape (all states,)
-        Full state then, after any event at that time.
+        Full state at `t_end`, after any event at that time.
     mode_end : str
-        Mode then.
+        Mode at `t_end`.
     events : structured ndarray, shape (event,)
         Fields `time`, `kind` ("event", or "phase" for a wrap of the phase), `name` (of the transition or the phase),
-        `mode_before`, `mode_after`, `before` and `after` (full states), `normal_velocity` (rate of the event function
-        along the motion before) and `grazing` (its size is below `GRAZING_SPEED`).
+        `mode_before`, `mode_after`, `before` and `after` (full states). `normal_velocity` is the rate of the event
+        function along the motion before the event. `grazing` is true where its size is below
+        `saltus.flow.event_tables.GRAZING_SPEED`.
     stopped : str
-        Why it ended, in words.
+        Why the motion ended.
     step_times, step_lengths : ndarray, shape (step,)
         Start and length of each step.
     step_modes : ndarray of int, shape (step,)
@@ -65,8 +66,8 @@ class Trajectory(Result):
         State at the start of each step.
     step_dense : ndarray, shape (step, 7, all states)
         Coefficients of the dense output, of order 7.
-    rtol, atol : float
-        Tolerances it was computed with.
+    tolerance : (float, float)
+        Relative and absolute tolerance of a step.
     """
 
     system: HybridSystem
@@ -81,8 +82,7 @@ class Trajectory(Result):
     step_modes: NDArray[np.int64] = field(repr=False)
     step_starts: NDArray[np.float64] = field(repr=False)
     step_dense: NDArray[np.float64] = field(repr=False)
-    rtol: float = 1e-10
-    atol: float = 1e-12
+    tolerance: tuple[float, float] = (1e-10, 1e-12)
 
     def __call__(self, t: ArrayLike) -> NDArray[np.float64]:
         """Return the full state at times `t`, shape (all states,) for a number, (time, all states) for an array.
@@ -101,7 +101,7 @@ class Trajectory(Result):
         return states if times.ndim else states[0]
 
     def mode_at(self, t: ArrayLike) -> Any:
-        """Return the name of the mode at times; at an event it is the mode after it.
+        """Return the name of the mode at times; at an event the mode after the event.
 
         Parameters
         ----------
@@ -128,9 +128,9 @@ class Trajectory(Result):
         Parameters
         ----------
         expression : str
-            In the states, the phase, the parameters and the outputs, as `saltus.system.evaluate.evaluate` reads it.
+            Expression in the states, the phase, the parameters and the outputs, as for `saltus.system.evaluate`.
         t : array_like
-            Times; at an event the value is that after it.
+            Times; at an event the value is that after the event.
 
         Returns
         -------
@@ -140,7 +140,7 @@ class Trajectory(Result):
         Raises
         ------
         InputError
-            The text is no expression or uses a name that is not there, or a time is out of range.
+            The text is no expression, a name in it is unknown, or a time is out of range.
         """
         times = self._times(t)
         flat = np.atleast_1d(times)
@@ -151,20 +151,20 @@ class Trajectory(Result):
     def landings_beyond(self) -> tuple[Landing, ...]:
         """Transitions that led beyond an event of their target mode, in order of time.
 
-        Such a motion goes on in the mode as if the event were still to come: the definition lacks a transition, or a
-        reset goes too far.
+        The motion goes on in the target mode as if the event were still to come. The definition lacks a transition, or
+        a reset goes too far.
         """
         log = self.events[self.events["kind"] == "event"]
         sizes = np.abs(self.step_starts).max(axis=0, initial=0.0)
         return landings_beyond(self.system, self.parameters, log, sizes)
 
     def motion(self, t_start: float | None = None, t_end: float | None = None) -> Motion:
-        """Return a stretch of the trajectory as `saltus.flow.observables` takes it; by default all of it.
+        """Return a stretch of the trajectory as a `Motion`, from which observables are computed.
 
         Parameters
         ----------
         t_start, t_end : float, optional
-            Where it begins and ends.
+            Begin and end of the stretch; by default the whole trajectory.
 
         Returns
         -------
@@ -174,7 +174,7 @@ class Trajectory(Result):
         Raises
         ------
         InputError
-            A time out of range, or no time between the two.
+            A time is out of range, or the stretch is empty.
         """
         begin, end = self._stretch(t_start, t_end)
         first = int(self._steps_at(np.array([begin]))[0])
@@ -207,15 +207,15 @@ class Trajectory(Result):
         )
 
     def observe(self, *names: str, t_start: float | None = None, t_end: float | None = None) -> dict[str, float]:
-        """Return observables of a stretch, by default of the whole trajectory, by name.
+        """Return observables of a stretch of the trajectory by name.
 
         Parameters
         ----------
         *names : str
-            As in ``"max(force)"`` or ``"amplitude(z, 1)"``; `saltus.flow.observables` lists them. A harmonic is taken
+            As ``"max(force)"`` or ``"amplitude(z, 1)"``; `saltus.flow.observables` lists them. A harmonic is taken
             over the last whole periods of the phase within the stretch.
         t_start, t_end : float, optional
-            The stretch.
+            Begin and end of the stretch; by default the whole trajectory.
 
         Returns
         -------
@@ -225,7 +225,7 @@ class Trajectory(Result):
         Raises
         ------
         InputError
-            A name that is no observable, a time out of range, or a harmonic of less than its period.
+            A name is no observable, a time is out of range, or the stretch is shorter than a harmonic's period.
         """
         return observe(self.motion(t_start, t_end), names)
 
@@ -245,21 +245,21 @@ class Trajectory(Result):
         expression : str
             As `output` takes it.
         t_start, t_end : float, optional
-            The stretch; by default the last whole periods of the phase, or everything where there is no phase or
-            not a whole period of it.
+            Begin and end of the stretch. By default the last whole periods of the phase; the whole trajectory without a
+            phase or a whole period.
         samples : int, optional
-            Count of equidistant times, 2 or more; by default 256 a period of the phase, or 8 a step without a phase.
+            Number of equidistant times, 2 or more; by default 256 a period of the phase, or 8 a step without a phase.
         window : {"none", "hann"}, optional
-            What the samples are multiplied by. By default none where the stretch is a whole number of periods, else
-            Hann's, by which a line is spread over three frequencies, and what is far from it loses its leakage.
+            Window that multiplies the samples. By default none where the stretch is a whole number of periods, else
+            Hann's. Hann's window spreads a line over three frequencies and removes its leakage far away.
 
         Returns
         -------
         xarray.DataArray
-            Amplitudes: of a line, that of its sine; the mean at frequency 0. Against ``order``, the frequency over the
-            rate of the phase, with ``frequency``, the angular frequency, beside it; without a phase against
-            ``frequency``. Attributes tell the stretch, the window and the count of samples.
-            ``motion.spectrum("z").plot(yscale="log")`` draws it.
+            Amplitudes: of a line that of its sine, at frequency 0 the mean. They are against ``order``, the frequency
+            over the rate of the phase; ``frequency`` is the angular frequency. Without a phase they are against
+            ``frequency``. Attributes give the stretch, the window and the number of samples.
+            ``motion.spectrum("z").plot(yscale="log")`` draws the spectrum.
 
         Raises
         ------
@@ -320,8 +320,8 @@ class Trajectory(Result):
             "t_end": self.t_end,
             "mode_end": self.mode_end,
             "stopped": self.stopped,
-            "rtol": self.rtol,
-            "atol": self.atol,
+            "rtol": self.tolerance[0],
+            "atol": self.tolerance[1],
         }
         return xr.Dataset(variables, coords={"state": list(self.system.all_states)}, attrs=attrs)
 
@@ -358,8 +358,7 @@ class Trajectory(Result):
             step_modes=frozen(held.array("step_mode", step, int, least=0, most=last), np.int64),
             step_starts=frozen(held.array("step_start", ("step", "state"))),
             step_dense=frozen(held.array("step_dense", ("step", "coefficient", "state"))),
-            rtol=held.number("rtol", least=0.0),
-            atol=held.number("atol", least=0.0),
+            tolerance=(held.number("rtol", least=0.0), held.number("atol", least=0.0)),
         )
 
     def _times(self, t: ArrayLike) -> NDArray[np.float64]:
@@ -394,5 +393,5 @@ class Trajectory(Result):
 
 
 def _flags(values: Any, names: tuple[str, ...]) -> dict[str, str]:
-    """How the numbers of a variable are named."""
+    """Return the attribute that names the values of a variable."""
     return {"meaning": json.dumps({str(value): name for value, name in zip(values, names, strict=True)})}

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.errors import StiffnessError
-from saltus.flow.motion import EventDrivenMotion, check_tolerances, how_long, start_state
+from saltus.errors import InputError, StiffnessError
+from saltus.flow.motion import EventDrivenMotion, check_tolerances, start_state
 from saltus.flow.sticking import check_continuous
 from saltus.results import frozen
 
@@ -19,18 +19,59 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["BATCHES", "CONFIDENCE", "Growth", "growth_along"]
+__all__ = ["BATCHES", "CONFIDENCE", "Average", "Growth", "growth_along"]
 
-BATCHES = 20
-"""Into how many batches a stretch is cut for the errors of its exponents."""
+BATCHES = 20  # batches into which a stretch is cut for the errors of its exponents
+CONFIDENCE = 0.95  # probability that an exponent lies within its error, were the batches independent and normal
+_ROWS = 25 * BATCHES  # stretches of which the growth is kept, at most
+_STEPS_KEPT = 256  # steps of dense output between two clearances of the buffer
+_STEPS_A_PERIOD = 50_000  # steps of a period, beyond which a motion is stiff
+_SHRUNK = 100.0  # factor by which the steps of a stiff motion without a period are shorter than before
+_STIFF_STEPS = 1_000_000  # such short steps, beyond which the motion is stiff
 
-CONFIDENCE = 0.95
-"""Probability with which an exponent lies within its error, were the batches independent and normal."""
 
-_ROWS = 25 * BATCHES
-_STEPS_KEPT = 256
-_STEPS_A_PERIOD = 50_000  # a motion that takes more is stiff
-_SHRUNK, _STIFF_STEPS = 100.0, 1_000_000  # without a period: one whose steps are so much shorter, for so many of them
+@dataclass(frozen=True, kw_only=True)
+class Average:
+    """Over how long Lyapunov exponents are averaged; exactly one of `periods` and `t_end`.
+
+    Parameters
+    ----------
+    periods : int, optional
+        Periods of the phase, at least 2, counted from phase 0 on.
+    t_end : float, optional
+        A time.
+    discard : int or float, optional
+        How long before, in the same unit, the motion settles and the frame turns into the directions that grow; by
+        default half of what is measured.
+
+    Raises
+    ------
+    InputError
+        Both of them are given, or none; one of them is no such number.
+
+    Examples
+    --------
+    >>> Average(periods=500, discard=100)
+    Average(periods=500, t_end=None, discard=100)
+    """
+
+    periods: int | None = None
+    t_end: float | None = None
+    discard: float | None = None
+
+    def __post_init__(self) -> None:
+        if (self.periods is None) == (self.t_end is None):
+            given = {"periods": self.periods, "t_end": self.t_end}
+            raise InputError("Average.periods, Average.t_end", given, "exactly one of the two given")
+        discard = self.discard
+        if self.periods is None:
+            object.__setattr__(self, "t_end", checks.positive("Average.t_end", self.t_end))
+            discard = None if discard is None else checks.non_negative("Average.discard", discard)
+        else:
+            object.__setattr__(self, "periods", checks.count("Average.periods", self.periods, 2))
+            if discard is not None:
+                discard = checks.count("Average.discard", discard, 0, what="a number of periods")
+        object.__setattr__(self, "discard", discard)
 
 
 @dataclass(frozen=True)
@@ -71,8 +112,8 @@ class Growth:
         """Half widths of the exponents' confidence intervals, from the spread of batch means, shape (exponent,).
 
         The rows are gathered into at most `BATCHES` batches of nearly equal length. With the standard deviation s of
-        their B means, the half width is ``t s / sqrt(B)``, t being the quantile of Student's distribution with B - 1
-        degrees of freedom for `CONFIDENCE`. 0 for an exponent of ``-inf``.
+        their B means, the half width is ``t s / sqrt(B)``. There t is the quantile of Student's distribution with B - 1
+        degrees of freedom for `CONFIDENCE`. The half width of an exponent of ``-inf`` is 0.
 
         References
         ----------
@@ -97,38 +138,33 @@ def growth_along(
     x: ArrayLike,
     mode: int,
     *,
-    periods: int | None = None,
-    t_end: float | None = None,
+    average: Average,
     exponents: int | None = None,
-    discard: float | None = None,
-    rtol: float = 1e-10,
-    atol: float = 1e-12,
+    tolerance: tuple[float, float] = (1e-10, 1e-12),
 ) -> Growth:
     """Return the growth of perturbations along a motion, from which its Lyapunov exponents follow.
 
-    An orthonormal frame is carried by the variational equations in the steps of the motion, or in parts of a step that
-    is too long for it, and by the saltation matrix over events, and made orthonormal after each of them. The system's
-    phase is not perturbed. No more than some hundred steps are in memory at a time.
+    An orthonormal frame is carried by the variational equations along the steps of the motion, and by the saltation
+    matrix over events. A step that is too long for the frame is taken in parts. After each part and event the frame is
+    made orthonormal. The system's phase is not perturbed. No more than some hundred steps are in memory at a time.
 
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     p : ndarray, shape (parameters,)
         `HybridSystem.parameter_vector`.
     x : array_like, shape (states,) or (all states,)
         Start, best on the attractor.
     mode : int
         Index of the mode there.
-    periods, t_end : int, float
-        How long it is measured; exactly one of the two. Periods are counted from phase 0 on.
+    average : Average
+        How long it is measured.
     exponents : int, optional
         How many, the largest; by default as many as there are states without the phase.
-    discard : int or float, optional
-        How long before, in the same unit, the motion settles and the frame turns into the directions that grow; by
-        default half of what is measured.
-    rtol, atol : float, optional
-        Tolerances of a step of the motion; that of the frame is ``1000 rtol``, at most 1e-4, relative.
+    tolerance : (float, float), optional
+        Relative and absolute tolerance of a step of the motion; that of the frame is 1000 times the relative one, at
+        most 1e-4.
 
     Returns
     -------
@@ -152,19 +188,20 @@ def growth_along(
     systems and for Hamiltonian systems, Meccanica 15 (1980) 9-30; P. C. Müller, Calculation of Lyapunov exponents for
     dynamic systems with discontinuities, Chaos, Solitons & Fractals 5 (1995) 1671-1681.
     """
-    check_tolerances(rtol, atol)
+    check_tolerances(tolerance)
     system.compiled.check_powers(system, range(len(system.modes)))
-    length = how_long(system, periods, t_end)[0]
+    if average.periods is not None and system.phase is None:
+        raise InputError("Average.periods", average.periods, "left out for a system without a phase", "give t_end")
+    periods, length = average.periods, math.inf if average.t_end is None else average.t_end
     n, most = len(system.states), np.iinfo(np.int64).max
     columns = n if exponents is None else checks.count("exponents", exponents, 1, n, "the number of states")
-    run = EventDrivenMotion(system, p, start_state(system, x), mode, rtol, atol, steps_kept=_STEPS_KEPT)
+    run = EventDrivenMotion(system, p, start_state(system, x), mode, *tolerance, steps_kept=_STEPS_KEPT)
     if periods is None:
-        first_time = 0.5 * length if discard is None else checks.non_negative("discard", discard)
+        first_time = 0.5 * length if average.discard is None else average.discard
         row_times = first_time + np.linspace(0.0, length, _ROWS + 1)
         row_wraps = np.full(row_times.size, most)
     else:
-        periods = checks.count("periods", periods, 2)
-        dropped = periods // 2 if discard is None else checks.count("discard", discard, 0, what="a number of periods")
+        dropped = periods // 2 if average.discard is None else int(average.discard)
         first = max(dropped, 1 if run.offset > 0.0 else 0)
         row_wraps = first + np.round(np.linspace(0, periods, min(_ROWS, periods) + 1)).astype(np.int64)
         row_times = np.full(row_wraps.size, math.inf)

@@ -1,4 +1,4 @@
-"""Floor 3: periodic orbits of hybrid systems."""
+"""Periodic orbits of hybrid systems."""
 
 from saltus.orbits.find import find_orbit
 from saltus.orbits.orbit import PeriodicOrbit, Segment

@@ -9,21 +9,23 @@ from saltus.orbits.records import Dense, Mesh
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
-EVENT, OUTPUTS, GUARD = (FUNCTIONS.index(name) for name in ("event", "outputs", "guard"))
+EVENT = FUNCTIONS.index("event")
+OUTPUTS = FUNCTIONS.index("outputs")
+GUARD = FUNCTIONS.index("guard")
 FINE = 3  # samples of a step in the survey
 
 
 class View(NamedTuple):
-    """What a survey looks at orbits with, on pointers.
+    """The system and the events, as a survey needs them, on pointers.
 
     Attributes
     ----------
     functions, p : pointer
         Addresses of the generated functions; extended parameters.
     n, modes, outputs, transitions : int
-        Components of the full state, and how many of these there are.
+        Components of the full state; counts of modes, outputs and transitions.
     sources, directions, surfaces : pointer to int64
-        Of the transitions, as in `saltus.orbits.records.Events`.
+        As in `saltus.orbits.records.Events`.
     sizes : pointer to float64, (n,)
         Typical sizes of the states.
     period : float
@@ -49,9 +51,9 @@ class Curve(NamedTuple):
     Attributes
     ----------
     mode : int
-        Where it runs.
+        Index of the mode.
     duration : float
-        Of the segment, or of the last piece of one that is cut.
+        Duration of the segment, or of its last piece where it is cut.
     mesh : pointer to float64, (count + 1,)
         Clustered times.
     count : int
@@ -74,7 +76,7 @@ class Room(NamedTuple):
     Attributes
     ----------
     x, probe, field, slope, one, out : pointer to float64
-        Of sizes n, n, n, 2 n + 2, 2 and that of the outputs, at least 2.
+        Sizes n, n, n, 2 n + 2, 2 and max(outputs, 2).
     values : pointer to float64, (n + outputs, samples)
         States and outputs at the fine samples of a segment.
     heights : pointer to float64, (transitions, samples)

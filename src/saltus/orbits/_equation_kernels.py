@@ -14,12 +14,15 @@ from saltus.orbits.signature import CUT_END, EVENT_END, MEAN_END, PHASE_END, TOU
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
-DERIVE, RESET, RESET_X, RESET_P = (FUNCTIONS.index(name) for name in ("derive", "reset", "reset_x", "reset_p"))
-SHORT = 0.01  # share of the period below which a mean rate is integrated rather than taken from its ends
+DERIVE = FUNCTIONS.index("derive")
+RESET = FUNCTIONS.index("reset")
+RESET_X = FUNCTIONS.index("reset_x")
+RESET_P = FUNCTIONS.index("reset_p")
+SHORT = 0.01  # share of the period below which a segment's mean rate is integrated, not taken from its ends
 
 
 class System(NamedTuple):
-    """An orbit's signature and its system, on pointers; `saltus.orbits.records.Orbit` tells of each."""
+    """An orbit's signature and its system, on pointers; see `saltus.orbits.records.Orbit`."""
 
     functions: object
     p: object

@@ -14,7 +14,7 @@ from saltus.system.machine_code import njit
 
 LEVEL = 1e-8  # share of an event function's variation within which a segment is as a whole equally far from its surface
 ZERO = 1e-13  # share of an event function's variation below which it is rounding
-BRIEF = 1e-4  # share of the period below which a segment is too short to tell that of it
+BRIEF = 1e-4  # share of the period below which a segment is too short to show such a distance
 
 
 class Surface(NamedTuple):
@@ -27,11 +27,11 @@ class Surface(NamedTuple):
     at : int
         Where in margins and places the segment's entry for it is.
     sign : float
-        What the event function is multiplied with so that it is positive before the event.
+        Sign by which the event function is multiplied, so that it is positive before the event.
     height : pointer to float64
-        That product at the samples.
+        Event function times `sign` at the samples.
     small : float
-        Height that is rounding of 0.
+        Height below which a height is rounding of 0.
     """
 
     transition: int

@@ -8,7 +8,9 @@ from saltus.flow._kernels import pointer
 from saltus.flow._segment_kernels import redistribute
 from saltus.system.machine_code import njit
 
-FINEST, COARSEST, AIM = 5.0, 5e-3, 0.2  # errors of a step, in tolerances: most, least, aimed at
+FINEST = 5.0  # error of a step, in tolerances, up to which a mesh is fine enough
+COARSEST = 5e-3  # largest error in a segment, in tolerances, below which its mesh is finer than needed
+AIM = 0.2  # error of each step of a new mesh, in tolerances
 
 
 @njit(cache=True, error_model="numpy")

@@ -20,11 +20,11 @@ from saltus.system.machine_code import njit
 def pencil(J, kinds, n, vector, sizes, period, P, R):
     """Write the (n, n) pencil P v = mu R v of the linearised return map at the first segment's start.
 
-    Durations are eliminated by reflections and segments joined by orthogonal null spaces, so nothing is divided by the
-    normal velocity: where it vanishes (grazing) R is singular and a multiplier infinite. Unless the segment closes without
-    an event, the flow `vector` is an eigenvector (of multiplier 0, since the event waits for it), and the quotient by it
-    is left in P[1:, 1:] and R[1:, 1:]; it is first improved to the eigenvector of the discrete equations. States are
-    taken in units of `sizes`, (n,), and durations of `period`, `vector` with them, so that units do not matter.
+    Durations are eliminated by reflections and segments joined by orthogonal null spaces. No normal velocity is divided
+    by: where it vanishes (grazing), R is singular and a multiplier infinite. Where the orbit has an event, the flow
+    `vector` is an eigenvector of multiplier 0. It is improved to the eigenvector of the discrete equations, and the
+    quotient by it is left in P[1:, 1:] and R[1:, 1:]. States are taken in units of `sizes`, (n,), and durations of
+    `period`, `vector` with them, so that units do not matter.
     """
     segments, wide, width = kinds.size, n + 1, J.shape[1]
     block = np.empty(2 * wide * n + wide + 7 * n * n + 6 * n)

@@ -15,7 +15,9 @@ from saltus.orbits.signature import EVENT_END, MEAN_END, TOUCH_END
 from saltus.system.compiled import SECOND
 from saltus.system.machine_code import njit
 
-DERIVE, EVENT_2, RESET_2 = (SECOND.index(name) for name in ("derive", "event_2", "reset_2"))
+DERIVE = SECOND.index("derive")
+EVENT_2 = SECOND.index("event_2")
+RESET_2 = SECOND.index("reset_2")
 
 
 class Room(NamedTuple):

@@ -1,10 +1,10 @@
 """Conditions that make a periodic orbit critical: scalar equations with exact gradients, beside those of the orbit.
 
 Each condition is a few scalars that vanish at a saddle-node, a period doubling, a torus bifurcation, a branch point or
-a grazing. Those on multipliers come from bordered matrices of the linearised segment equations, durations not
-eliminated: with A the derivative of all equations in this period's unknowns and B that of the closing ones in the next
-period's start, a multiplier mu makes A - mu B singular, and the scalar vanishes with it. Its gradient needs the second
-derivatives of the equations along the null vector alone.
+a grazing. Conditions on multipliers come from bordered matrices of the linearised segment equations, durations not
+eliminated. Let A be the derivative of all equations in this period's unknowns, and B that of the closing equations in
+the next period's start. A multiplier mu makes A - mu B singular, and the scalar vanishes. Its gradient needs the second
+derivatives of the equations along the null vector alone. See docs/theory/loci.md.
 
 References
 ----------
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 __all__ = ["Branching", "Condition", "Critical", "Grazing", "TorusCondition", "closing", "openness", "scaling",
            "solve_branch_point"]  # fmt: skip
 
-_ITERATIONS, _CONVERGED, _UNFORCED = 12, 1e-9, 1e-9
+_ITERATIONS = 12  # Newton steps to a branch point, at most
+_CONVERGED = 1e-9  # largest relative Newton step of a converged branch point
+_UNFORCED = 1e-9  # forcing of the equations, in their units, up to which a branch point persists
 
 
 class Condition(Protocol):
@@ -222,7 +224,7 @@ class Branching:
     problem : OrbitProblem
         The equations.
     active : int
-        Which of the active parameters the branches are parametrised by.
+        Index of the active parameter along which the branches run.
     u, J : ndarray
         An orbit near the branch point, and the Jacobian there.
 
@@ -283,9 +285,9 @@ class Grazing:
     problem : OrbitProblem
         The equations.
     kind : {"duration", "side", "rate"}
-        What vanishes.
+        The quantity that vanishes.
     segment : int
-        Of which segment.
+        Index of its segment.
     transition : int, optional
         On whose surface the segment lies.
     """
@@ -310,7 +312,7 @@ class Grazing:
         return np.array([value]), gradient[None, :], np.empty((1, 0))
 
     def left(self, survey: Survey) -> bool:
-        """Whether an orbit that was on a surface as a whole is so no more."""
+        """Whether an orbit that was on a surface as a whole has left it."""
         return self.kind == "side" and survey.places[self.segment, self.transition] != WHOLE
 
     def adjust(self) -> None:

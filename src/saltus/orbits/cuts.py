@@ -1,4 +1,4 @@
-"""Long smooth orbits cut into pieces, so that no piece magnifies what moves its start by more than a little.
+"""Long smooth orbits cut into pieces, each of which magnifies a change of its start by little.
 
 The sensitivities of a smooth orbit in one piece grow with its period, and equations, multipliers and determinants lose
 as many digits. In pieces, each with its own initial state among the unknowns, they lose those of one piece only

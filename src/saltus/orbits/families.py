@@ -19,15 +19,16 @@ _SINGULAR = 0.3  # least singular value, over the next one, above which an orbit
 _OPEN = 1e-9  # singular value, over the largest, along whose direction the equations tell nothing
 _AWAY = 1e-2  # distance between the two orbits that are compared, in units of the states
 _FORCED = 1e-8  # forcing of the equations, in their units, up to which an orbit solves them
-_CONVERGED, _ITERATIONS = 1e-9, 10
+_CONVERGED = 1e-9  # largest relative Newton step of a converged orbit
+_ITERATIONS = 10  # Newton steps to an orbit, at most
 
 
 def of_a_family(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
     """Return whether the orbit near a guess has neighbours at the same parameters.
 
-    Where the equations are singular, another orbit is sought a hundredth of the states' sizes away along the direction
-    that they leave open, under an artificial forcing by their left null vector. It needs none if there is a family; at
-    a saddle-node it needs one that grows with the square of the distance.
+    Where the equations are singular, another orbit is sought along their null vector, a hundredth of the states' sizes
+    away. The equations are forced by their left null vector. In a family this orbit needs no forcing; at a saddle-node
+    the forcing grows with the square of the distance. See docs/theory/orbits.md.
 
     Parameters
     ----------

@@ -26,12 +26,13 @@ if TYPE_CHECKING:
 
 __all__ = ["find_orbit"]
 
-_LONGEST = 16
-_NEAR = 1e-3
+_LONGEST = 16  # periods, or cycles of events, of the longest orbit that is looked for
+_NEAR = 1e-3  # distance of two returns, in the states' sizes, within which a motion recurs
 _STEPS = 1000  # steps allowed for each period or return
 _MOST_EVENTS = 100_000  # transitions that are kept at the most
-_BATCH, _EVENTS = 1000, 40  # steps, and transitions of each kind, after which an autonomous motion is first looked at
-_FAR = 0.1
+_BATCH = 1000  # steps after which an autonomous motion is first looked at
+_EVENTS = 40  # transitions of each kind after which it is first looked at
+_FAR = 0.1  # largest distance of a motion from the orbit on which it settles, in the states' sizes
 _NOTHING = 1e-15  # size of a state, over the largest that the search has seen, below which it is at rest
 
 
@@ -197,7 +198,7 @@ def _once_round(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float6
     problem, u = orbit.problem(), orbit.unknowns
     count = rounds_of(problem, u)
     once = divided(problem, u, count) if count > 1 else None
-    return orbit if once is None else converge(system, *once, p, orbit.tol)
+    return orbit if once is None else converge(system, *once, p, orbit.tolerance)
 
 
 def _read_forced(log: EventLog, wraps: NDArray[np.intp], turns: int) -> tuple[Signature, NDArray[np.float64]]:

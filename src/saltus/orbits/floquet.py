@@ -33,22 +33,21 @@ __all__ = [
 _ERROR = 10.0  # change of the Jacobian's entries, in tolerances of the flow, by which errors are estimated
 _LOST = 100.0  # size of a multiplier, in tolerances of the flow and beside the trivial one, below which it is error
 _RESTING = 1e-9  # way of a state in a period, over its size, below which it rests
-_ON_CIRCLE, _REAL, _CLEARLY = 1e-9, 1e-12, 2.0
-"""Height within which a multiplier is on neither side of the circle; share of its size below which an imaginary part is
-rounding; how many times nearer the multipliers paired must be than others."""
-
-_ROUNDS = 60  # of orthogonal iteration at most: what has not parted by then is of sizes within a factor of two
-_PARTED = 1e-13  # what couples multipliers that count as parted
+_ON_CIRCLE = 1e-9  # height on the Riemann sphere within which a multiplier is on neither side of the unit circle
+_REAL = 1e-12  # imaginary part, over the modulus, that is rounding
+_CLEARLY = 2.0  # least ratio of the distances of an exchanged pairing to those of a sure one
+_ROUNDS = 60  # most rounds of orthogonal iteration: what has not parted by then has sizes within a factor of two
+_PARTED = 1e-13  # coupling of multipliers below which they count as parted
 
 
 def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the Floquet multipliers of an orbit, largest modulus first.
 
-    They are the generalised eigenvalues of P v = mu R v, in which the durations have been eliminated by reflections,
-    not by dividing by normal velocities, so they can be followed through a grazing. There one is infinite (in floating
-    point: beyond 1e10), and the others are not determined. The direction of the flow is taken out by its vector. It is
-    no multiplier of a forced system's stroboscopic map; for an autonomous system its multiplier 1 is put back, last.
-    Of a smooth cycle, multipliers below the error of its linearised flow are 0.
+    They are the generalised eigenvalues of P v = mu R v (docs/theory/orbits.md). Durations have been eliminated by
+    reflections, not by dividing by normal velocities, so multipliers can be followed through a grazing. There one is
+    infinite (in floating point: beyond 1e10), and the others are not determined. The direction of the flow is taken out
+    by its vector. A forced system's stroboscopic map has no such multiplier; for an autonomous system its multiplier 1
+    is put back, last. Multipliers of a smooth cycle that are below the error of its linearised flow are 0.
 
     Parameters
     ----------
@@ -260,11 +259,11 @@ class Passage(NamedTuple):
     Attributes
     ----------
     followed : tuple of complex
-        Those at the second point, in the order of those that they come from.
+        Multipliers at the second point, in the order of the multipliers at the first that they come from.
     real, pairs : int
-        How many real ones and how many complex pairs cross the unit circle.
+        Counts of real multipliers and of complex pairs that cross the unit circle.
     sure : bool
-        False where two could be exchanged that lie less than twice as far away, and other numbers would cross.
+        False where exchanging two multipliers that lie less than twice as far away changes these counts.
     """
 
     followed: tuple[complex, ...]
@@ -282,7 +281,7 @@ def passage(before: Sequence[complex], values: Sequence[complex]) -> Passage:
     Parameters
     ----------
     before, values : sequences of complex, of the same length
-        Those at the first point and those at the second.
+        Multipliers at the first point and at the second.
     """
     every = range(len(values))
     old, new = [_spot(value) for value in before], [_spot(value) for value in values]

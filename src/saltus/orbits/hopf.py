@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["HopfPoint", "solve_hopf"]
 
-_ITERATIONS = 25
+_ITERATIONS = 25  # Newton steps, at most
 _CONVERGED = 1e-12  # Newton step, over the unknowns' sizes, at which the point is taken
 _DIFFERENCE = 1e-6  # step of the differences for Newton's matrix, over the unknowns' sizes
 

@@ -1,4 +1,4 @@
-"""Meshes of an orbit's segments: made for its states, cut in half, or too fine because the flow is stiff."""
+"""Meshes of an orbit's segments: made for its states, halved, and whether stability limits their steps."""
 
 from __future__ import annotations
 

@@ -22,12 +22,10 @@ if TYPE_CHECKING:
 
 __all__ = ["NORMAL_FORMS", "NormalForm", "flip_coefficient", "fold_coefficient", "normal_form", "torus_coefficient"]
 
-NORMAL_FORMS = ("SN", "PD", "TR")
-"""Types of special points that have a normal form here."""
-
-_STEP, _FAR, _NOISE = 2e-3, 1e-3, 1e-10
-"""Length, in sizes of the orbit, of the arcs along which third derivatives are taken; distance of a multiplier from the
-critical one above which an orbit is not critical; share of its terms below which a coefficient is rounding."""
+NORMAL_FORMS = ("SN", "PD", "TR")  # types of special points that have a normal form here
+_STEP = 2e-3  # length of the arcs along which third derivatives are taken, in sizes of the orbit
+_FAR = 1e-3  # distance of a multiplier from the critical one above which an orbit is not critical
+_NOISE = 1e-10  # size of a coefficient, over its terms, below which it is rounding
 
 
 @dataclass(frozen=True)
@@ -39,8 +37,8 @@ class NormalForm:
     type : str
         ``SN``: x -> x + a x^2; ``PD``: x -> -x + c x^3; ``TR``: z -> exp(i angle) z (1 + d abs(z)^2).
     coefficient : float
-        a, c, or the real part of d, for a critical eigenvector that is, at the first segment's start, of unit length in
-        the states (and the phase). The sign does not depend on that, but for a, whose sign is that of the eigenvector.
+        a, c, or the real part of d. The critical eigenvector has unit length in the states (and the phase) at the first
+        segment's start. Another length keeps the signs of c and d; a changes sign with the eigenvector.
     angle : float
         Angle of the critical multipliers, in radians.
     """
@@ -78,7 +76,7 @@ def normal_form(orbit: PeriodicOrbit, kind: str) -> NormalForm:
     orbit : PeriodicOrbit
         A saddle-node, a period doubling or a torus bifurcation, located.
     kind : {"SN", "PD", "TR"}
-        Which of them.
+        Type of the orbit.
 
     Raises
     ------
@@ -189,8 +187,8 @@ def torus_coefficient(
 ) -> complex:
     """Return the coefficient d of a torus bifurcation, z -> mu z (1 + d abs(z)^2).
 
-    The cubic terms of a real curve through the orbit, at an angle in the critical plane, are a trigonometric polynomial
-    in it, whose first harmonic is wanted: four angles tell it from the third.
+    Take a real curve through the orbit at an angle in the critical plane. Its cubic terms are a trigonometric
+    polynomial in the angle. The first harmonic is wanted; four angles separate it from the third.
     """
     wide = problem.size
     x, y = q.real, q.imag
@@ -238,7 +236,7 @@ def _third(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the third derivative of the equations along u + s straight + s^2 bent / 2, and sizes of its terms.
 
-    Both are of shape (size,). The curve keeps to the surfaces at which segments begin and end, to order s^3, so
+    Both are of shape (size,). To order s^3 the curve keeps to the surfaces at which segments begin and end. So
     half-integer powers of their event functions do no harm.
     """
     columns, _ = scaling(problem, np.ones((problem.size, problem.size)), u)

@@ -1,4 +1,4 @@
-"""A periodic orbit: segments, period, multipliers, stability, extremes."""
+"""A periodic orbit as a result: segments, period, Floquet multipliers, stability, extremes."""
 
 from __future__ import annotations
 
@@ -34,8 +34,9 @@ if TYPE_CHECKING:
 __all__ = ["PeriodicOrbit", "Segment", "complex_of", "follow_from", "orbit_at", "signature_from"]
 
 MOST_FAULTS = sum(bit for bit, _ in FAULTS)  # all bits of `PeriodicOrbit.faults`
-_COUNTED, _SHOWN = 4, 12  # of a signature: segments alike in a row that are counted; parts that are shown
-TOLERANCES = (1e-16, 1.0)  # between which the relative tolerance of a flow lies
+TOLERANCES = (1e-16, 1.0)  # least and greatest relative tolerance of a flow in a file
+_COUNTED = 4  # equal segments in a row from which on a signature's text counts them
+_SHOWN = 12  # most parts of a signature's text
 
 
 class Segment(NamedTuple):
@@ -44,11 +45,11 @@ class Segment(NamedTuple):
     Attributes
     ----------
     mode, transition : str
-        Where it runs and how it ends; the phase's name, or nothing, where it ends with the period.
+        Mode, and transition at the end. A segment that ends with the period has the phase's name, or an empty text.
     state : ndarray, shape (all states,)
-        Full state at its start, phase last (running on over the period).
+        Full state at its start, phase last; the phase runs on over the period.
     duration : float
-        How long it lasts.
+        Duration in the system's time.
     """
 
     mode: str
@@ -70,20 +71,20 @@ class PeriodicOrbit(Result):
     form : Signature
         Modes, transitions and ends as indices.
     states : ndarray, shape (pieces, all states)
-        Full state at the start of each piece: a segment, or a part of one that is cut where it is sensitive.
+        Full state at the start of each piece. A piece is a segment, or a part of a sensitive segment.
     durations : ndarray, shape (pieces,)
         Durations of the pieces.
     multipliers : ndarray of complex, shape (states,)
         Floquet multipliers, largest first; an autonomous system's trivial one is last.
     residual : float
-        Largest gap between a segment's end and the next one's start, or its event.
+        Largest residual of the equations: gap between two segments, or distance of a segment's end from its event.
     faults : int
-        Bits of what makes the orbit not admissible; see `reasons`.
+        Bits of the reasons why the orbit is not admissible; see `reasons`.
     x0 : ndarray, shape (states,)
         State at phase 0; without a phase, the start of the first segment.
     lows, highs : ndarray, shape (all states + outputs,)
         Extremes over the period.
-    tol : float
+    tolerance : float
         Relative tolerance of the flow.
     """
 
@@ -98,7 +99,7 @@ class PeriodicOrbit(Result):
     x0: NDArray[np.float64]
     lows: NDArray[np.float64]
     highs: NDArray[np.float64]
-    tol: float
+    tolerance: float
 
     def __post_init__(self) -> None:
         for name in ("states", "durations", "x0", "lows", "highs"):
@@ -109,7 +110,7 @@ class PeriodicOrbit(Result):
         self._check_shapes()
 
     def _check_shapes(self) -> None:
-        """Raise `InputError` where an array does not belong to the system: compiled functions trust shapes."""
+        """Raise `InputError` where an array has a wrong shape: compiled functions do not check shapes."""
         segments, full, own = len(self.form), len(self.system.all_states), len(self.system.states)
         wanted = {
             "states": (segments, full),
@@ -131,7 +132,7 @@ class PeriodicOrbit(Result):
 
     @property
     def signature(self) -> tuple[tuple[str, str], ...]:
-        """The cyclic list of (mode, transition) names."""
+        """Names (mode, transition) of each segment, in cyclic order."""
         return self.form.names(self.system)
 
     @property
@@ -146,27 +147,30 @@ class PeriodicOrbit(Result):
 
     @property
     def stable(self) -> bool:
-        """Whether every multiplier but the trivial one lies inside the unit circle."""
+        """Whether all multipliers but the trivial one lie inside the unit circle."""
         return unstable_count(nontrivial(self.multipliers, autonomous=self.system.phase is None)) == 0
 
     @property
     def admissible(self) -> bool:
-        """Whether the orbit is a motion: no other event in a segment, events crossed the right way, domains kept."""
+        """Whether the orbit is a motion of the system; `reasons` says why it is not."""
         return self.faults == 0
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the orbit is not admissible, in words."""
+        """Why the orbit is not admissible.
+
+        docs/theory/orbits.md, "Admissibility", lists the conditions.
+        """
         return tuple(text for bit, text in FAULTS if self.faults & bit)
 
     @cached_property
     def rounds(self) -> int:
-        """How many times the orbit goes round the shortest one that it repeats; 1 for what `find_orbit` returns."""
+        """How many times the orbit repeats a shorter one; 1 for an orbit that `find_orbit` returns."""
         return rounds_of(self.problem(), self.unknowns)
 
     @cached_property
     def landings_beyond(self) -> tuple[Landing, ...]:
-        """Transitions that lead beyond an event of their target mode, as `Trajectory.landings_beyond` tells them."""
+        """Transitions that lead beyond an event of their target mode; see `Trajectory.landings_beyond`."""
         segments = self.segments
         ends = np.cumsum([segment.duration for segment in segments])
         names, modes = np.array(self.system.transition_names), np.array(self.system.mode_names)
@@ -198,23 +202,23 @@ class PeriodicOrbit(Result):
 
     @property
     def unknowns(self) -> NDArray[np.float64]:
-        """States and durations as the vector that `OrbitProblem` solves for."""
+        """States and durations as the vector of unknowns of `OrbitProblem`."""
         return np.column_stack([self.states, self.durations]).ravel()
 
     def problem(self, active: str | None = None, scale: float = 1.0) -> OrbitProblem:
-        """Return the orbit's equations, meshes made.
+        """Return the orbit's equations, with meshes that fit the orbit.
 
         Parameters
         ----------
         active : str, optional
-            The parameter.
+            A parameter that becomes an unknown.
         scale : float, optional
-            Unit in which the parameter is measured.
+            Unit of this parameter.
 
         Returns
         -------
         OrbitProblem
-            With a parameter among the unknowns if one is named.
+            The equations; docs/theory/orbits.md derives them.
 
         Raises
         ------
@@ -225,7 +229,7 @@ class PeriodicOrbit(Result):
         known = self.system.parameter_names
         index = [] if active is None else [known.index(checks.chosen("active", active, known))]
         scale = checks.positive("scale", scale)
-        problem = OrbitProblem(self.system, self.form, p, index, np.full(len(index), scale), self.tol)
+        problem = OrbitProblem(self.system, self.form, p, index, np.full(len(index), scale), self.tolerance)
         u = self.unknowns if active is None else np.append(self.unknowns, p[index] / scale)
         follow_from(problem, u)
         return problem
@@ -236,12 +240,12 @@ class PeriodicOrbit(Result):
         Parameters
         ----------
         points : int, optional
-            About how many times; every segment's two ends are among them.
+            Number of times, about; both ends of every segment are among them.
 
         Returns
         -------
         xarray.Dataset
-            States, outputs and the mode's number against ``t``, which begins at the first segment's start.
+            States, outputs and the mode's index against ``t``, which is 0 at the first segment's start.
 
         Raises
         ------
@@ -251,7 +255,7 @@ class PeriodicOrbit(Result):
         return sample_orbit(self.problem(), self.unknowns, points)
 
     def motion(self) -> Motion:
-        """Return the orbit over one period, as `saltus.flow.observables` takes it."""
+        """Return the orbit over one period as a `Motion`, from which observables are computed."""
         return motion_of(self.problem(), self.unknowns)
 
     def observe(self, *names: str) -> dict[str, float]:
@@ -260,8 +264,8 @@ class PeriodicOrbit(Result):
         Parameters
         ----------
         *names : str
-            As in ``"amplitude(z, 1)"`` or ``"fraction(contact)"``; `saltus.flow.observables` lists them. Without a
-            phase, the angle of harmonics is 0 at the first segment's start and turns once in the period.
+            As ``"amplitude(z, 1)"`` or ``"fraction(contact)"``; `saltus.flow.observables` lists them. Without a phase,
+            the angle of harmonics is 0 at the first segment's start and turns once in the period.
 
         Returns
         -------
@@ -271,7 +275,7 @@ class PeriodicOrbit(Result):
         Raises
         ------
         InputError
-            A name that is no observable.
+            A name is no observable.
 
         Examples
         --------
@@ -311,7 +315,7 @@ class PeriodicOrbit(Result):
             "faults": self.faults,
             "stable": int(self.stable),
             "admissible": int(self.admissible),
-            "tol": self.tol,
+            "tolerance": self.tolerance,
         }
         return dataset
 
@@ -338,7 +342,7 @@ class PeriodicOrbit(Result):
             held.array("x0", ("own_state",), finite=False),
             held.array("minimum", ("quantity",), finite=False),
             held.array("maximum", ("quantity",), finite=False),
-            held.number("tol", *TOLERANCES),
+            held.number("tolerance", *TOLERANCES),
         )
 
     def __repr__(self) -> str:
@@ -361,7 +365,7 @@ class PeriodicOrbit(Result):
 
 
 def signature_from(parts: Any) -> Signature:
-    """Return the signature that a file describes by four lists."""
+    """Return the signature of a file: lists of modes, transitions and ends, and the number of turns."""
     if not isinstance(parts, list) or len(parts) != 4 or not all(isinstance(part, list) for part in parts[:3]):
         raise InputError("signature", parts, "lists of modes, transitions and ends, and a number of turns")
     modes, transitions, kinds = map(tuple, parts[:3])
@@ -369,7 +373,7 @@ def signature_from(parts: Any) -> Signature:
 
 
 def follow_from(problem: OrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None) -> None:
-    """Make meshes fit an orbit, as `OrbitProblem.start`; raise `ConvergenceError` where it cannot be followed."""
+    """Call `OrbitProblem.start`; raise `ConvergenceError` where the flow of a segment cannot be followed."""
     blocked = problem.start(u, sizes)
     if blocked is not None:
         hint = "the field is singular or the state diverges there"
@@ -407,14 +411,14 @@ def orbit_at(
 
 
 def complex_of(re: NDArray[np.float64], im: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return re + i im, exactly for infinite parts, too."""
+    """Return re + i im, exact also for infinite parts."""
     out = np.empty(re.shape, dtype=np.complex128)
     out.real, out.imag = re, im
     return out
 
 
 def _path(signature: tuple[tuple[str, str], ...]) -> str:
-    """Return a signature as text: many of the same in a row are counted, and the end of a long one is left out."""
+    """Return a signature as text; equal segments in a row are counted, the end of a long text is left out."""
     shown: list[str] = []
     for (mode, transition), group in itertools.groupby(signature):
         step, count = f"{mode}:{transition}" if transition else mode, len(list(group))

@@ -23,20 +23,14 @@ if TYPE_CHECKING:
 __all__ = ["OrbitProblem"]
 
 _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jacobians
-_RESTING = 1e-9
-"""Size of a state that no other moves, over the largest one, below which it counts as resting at zero."""
+_RESTING = 1e-9  # size of a state that no other moves, over the largest one, below which it rests at zero
 
 _FEW = 500  # steps of a segment below which stability does not limit them
-_EPSILON = 2.220446049250313e-16
-
+_EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
-
-_NEARBY, _NOTHING = 1e-6, 1e-13
-"""Size of an orbit at rest, over that of those on its branch, below which it tells nothing; size above which it is no
-rounding of 0."""
-
-_REMESHED = 12
-"""Times that meshes are moved for one orbit."""
+_NEARBY = 1e-6  # size of an orbit at rest, over those on its branch, below which it tells nothing
+_NOTHING = 1e-13  # size of an orbit above which it is no rounding of 0
+_REMESHED = 12  # most times that the meshes of one orbit are moved
 
 
 @dataclass
@@ -255,8 +249,8 @@ class OrbitProblem:
     def _find_least(self, blocks: NDArray[np.float64]) -> None:
         """Find the sizes below which states are not resolved, and which states others move.
 
-        The terms that a state's rate sums up leave their rounding, over the period, in the state; of a size at which
-        this is no more than the tolerance, errors can be told.
+        The terms of a state's rate leave their rounding, over the period, in the state. A state is resolved if its size
+        makes this rounding no more than the tolerance.
         """
         period, n = float(np.abs(blocks[:, self.n]).sum()), self.n
         terms = np.empty((n, n))
@@ -353,7 +347,7 @@ class OrbitProblem:
     def resolve(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return what `evaluate` does, on meshes moved until they are fine enough for the sensitivities, too.
 
-        Those that `start` makes fit the state alone, which tells nothing of them at rest.
+        Meshes that `start` makes fit the state alone; at rest they say nothing of the sensitivities.
         """
         F, J = self.evaluate(u)
         for _ in range(_REMESHED):

@@ -1,4 +1,4 @@
-"""Arrays that travel together to the compiled functions of an orbit.
+"""Records of arrays that the compiled functions of an orbit take.
 
 Python hands them over as plain tuples in the order of these fields, which Numba converts several times faster than
 named tuples; the compiled functions name the fields again.
@@ -21,7 +21,7 @@ __all__ = ["Dense", "Events", "Found", "Mesh", "Orbit", "Phase", "events_of"]
 
 
 class Orbit(NamedTuple):
-    """What an orbit's equations are made of, for one signature.
+    """The equations of an orbit of one signature.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Mesh(NamedTuple):
 
 
 class Phase(NamedTuple):
-    """What fixes where on an orbit its segments start.
+    """The phase conditions: where on an orbit its segments start.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Dense(NamedTuple):
     nodes : ndarray, shape (node * n,)
         States.
     coefficients : ndarray, shape (node * 7 n,)
-        Those of the interpolants.
+        Coefficients of the interpolants.
     """
 
     nodes: NDArray[np.float64]
@@ -101,16 +101,16 @@ class Dense(NamedTuple):
 
 
 class Events(NamedTuple):
-    """What a survey knows of the system beyond the orbit's equations.
+    """The events of the system, as a survey needs them.
 
     Attributes
     ----------
     sources, directions, surfaces : ndarray of int64, shape (transitions,)
         Mode, direction and kind (BOUNDARY, STOP or SECTION) of each transition.
     modes, outputs : int
-        How many there are.
+        Counts of modes and of outputs.
     phase : bool
-        Whether there is one.
+        Whether the system has a phase.
     """
 
     sources: NDArray[np.int64]
@@ -122,7 +122,7 @@ class Events(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What a survey writes.
+    """The results of a survey.
 
     Attributes
     ----------
@@ -147,7 +147,7 @@ class Found(NamedTuple):
 
 
 def events_of(system: HybridSystem) -> Events:
-    """Return what a survey knows of a system beyond the orbit's equations."""
+    """Return the events of a system, as a survey needs them."""
     return Events(
         sources=np.array([system.mode_index(t.source) for t in system.transitions], dtype=np.int64),
         directions=np.array([t.direction for t in system.transitions], dtype=np.int64),

@@ -1,4 +1,4 @@
-"""How many times an orbit goes round a shorter one, and that shorter one."""
+"""Orbits that go round a shorter one several times: how many times, and the shorter orbit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["divided", "rounds_of"]
 
 _ALIKE = 1e-6  # difference between two rounds, over the range of a state, up to which they are the same
 _ROUNDING = 1e-12  # difference between two rounds, over the size of a state, that is rounding
-_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)
+_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)  # factors of a count of rounds
 
 
 def rounds_of(problem: OrbitProblem, u: NDArray[np.float64]) -> int:

@@ -20,15 +20,14 @@ if TYPE_CHECKING:
 
 __all__ = ["column_of", "motion_of", "sample_orbit"]
 
-_FEWEST = 16
-"""Steps in a segment at the least, so that a short one is still a curve."""
+_FEWEST = 16  # fewest steps in a segment, so that a short one is still a curve
 
 
+# Names that datasets of orbits use themselves.
 _TAKEN = (
     "t", "mode", "state", "own_state", "quantity", "segment", "segment_state", "segment_duration", "segment_mode",
     "segment_transition", "multiplier", "multiplier_re", "multiplier_im", "x0", "minimum", "maximum",
 )  # fmt: skip
-"""What datasets of orbits name themselves."""
 
 
 def column_of(name: str) -> str:
@@ -58,7 +57,7 @@ def sample_orbit(problem: OrbitProblem, u: NDArray[np.float64], points: int = 40
     -------
     xarray.Dataset
         Against the dimension ``t``, which starts at 0 with the first segment: every state (the phase modulo 2 pi),
-        every output, and ``mode``, the index of the mode; `column_of` tells the names of the variables. Both ends of
+        every output, and ``mode``, the index of the mode; `column_of` returns the names of the variables. Both ends of
         every segment are among the times, so that the time of an event occurs twice: before the reset, then after it.
         Times are closer near a segment's ends.
 

@@ -23,7 +23,7 @@ __all__ = ["Stretch", "event_log", "follow", "rest_of", "sizes_of"]
 _SAMPLES = 8  # of a step
 _STILL = 1e-9  # change of a state over a stretch, relative to its size, that is none
 _NEARER = 1e-2  # share of its distance from an equilibrium that a motion keeps, at the most, where it comes to rest
-_NEWTON = 30
+_NEWTON = 30  # Newton steps to an equilibrium, at most
 _FOR_EVER = 1e200  # time to which the steps of a motion at rest soon grow
 
 
@@ -73,7 +73,7 @@ def follow(
     *,
     sampled: bool,
 ) -> Stretch:
-    """Follow a motion for so many steps or transitions, whichever comes first; at most 200 000 steps are kept."""
+    """Follow a motion for `tries` steps or `n_events` transitions, whichever is first; keep at most 200 000 steps."""
     run = EventDrivenMotion(
         system, p, start_state(system, x), mode, RTOL, atol, steps_kept=STEPS_KEPT if sampled else 0
     )

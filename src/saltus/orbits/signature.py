@@ -1,4 +1,4 @@
-"""What a periodic orbit is made of, its signature, and what a dense look at it shows."""
+"""The signature of a periodic orbit, and the result of a dense survey of an orbit."""
 
 from __future__ import annotations
 
@@ -19,24 +19,34 @@ __all__ = [
     "FAULTS", "MEAN_END", "PHASE_END", "SECTION", "STOP", "TOUCH_END", "VALUE", "WHEN", "WHOLE", "Signature", "Survey",
 ]  # fmt: skip
 
-EVENT_END, MEAN_END, PHASE_END, CLOSED_END, TOUCH_END, CUT_END = 0, 1, 2, 3, 4, 5
-"""Ways in which a segment ends: its event vanishes; the mean rate of its event function vanishes (for a segment that
-starts on the surface on which it ends: the trivial one of zero length is divided out); a whole number of forcing
-periods; a closed curve of an autonomous mode; a surface is touched, and the motion goes on in the same mode; a smooth
-orbit is cut where this piece of it begins, the ratio of its duration to that of the piece before being fixed."""
+# Ways in which a segment ends: docs/theory/orbits.md.
+EVENT_END = 0  # its event function vanishes
+MEAN_END = 1  # its event function's mean rate vanishes: for a segment that starts on the surface on which it ends
+PHASE_END = 2  # a whole number of forcing periods
+CLOSED_END = 3  # a closed curve of an autonomous mode
+TOUCH_END = 4  # a surface is touched, and the motion goes on in the same mode
+CUT_END = 5  # a smooth orbit is cut where this piece begins; its duration over that of the piece before is fixed
 
 _MOST_TURNS = 2**31  # forcing periods in an orbit's period: kernels count them
-_WITH_EVENT, _WITHOUT_EVENT = {EVENT_END, MEAN_END, TOUCH_END}, {PHASE_END, CLOSED_END, CUT_END}
+_WITH_EVENT = {EVENT_END, MEAN_END, TOUCH_END}
+_WITHOUT_EVENT = {PHASE_END, CLOSED_END, CUT_END}
 
-DURATION, DIRECTION, EARLY, WHEN, DOMAIN, VALUE, COARSE, BEYOND = 1, 2, 4, 8, 16, 32, 64, 128
-"""Bits of what a survey finds; all but COARSE make an orbit inadmissible."""
+# Bits of what a survey finds; all but COARSE make an orbit inadmissible, for the reasons in `FAULTS`.
+DURATION = 1
+DIRECTION = 2
+EARLY = 4
+WHEN = 8
+DOMAIN = 16
+VALUE = 32
+COARSE = 64  # a step of the mesh passed over something
+BEYOND = 128
 
-BOUNDARY, STOP, SECTION = 0, 1, 2
-"""What an event does to motions that meet its surface: it leads to another mode, so that the mode's motions are on one
-side; it moves the state; neither, and they pass freely."""
+# What an event does to motions that meet its surface.
+BOUNDARY = 0  # leads to another mode, so that the mode's motions are on one side
+STOP = 1  # moves the state within the mode
+SECTION = 2  # neither: motions pass freely
 
-WHOLE = -1.0
-"""In place of the clustered time of a least distance: the whole segment is equally far from the surface."""
+WHOLE = -1.0  # in place of the clustered time of a least distance, where the whole segment is equally far
 
 FAULTS = (
     (DURATION, "a segment's duration is not positive"),
@@ -90,7 +100,7 @@ class Signature:
                 allowed = f"between 0 and {len(system.transitions) - 1}" if system.transitions else "of the system"
                 raise InputError("signature's transition", transition, allowed)
             if kind == PHASE_END and system.phase is None:
-                raise InputError("signature's end", kind, "another for a system without a phase")
+                raise InputError("signature's end", kind, "one without a phase", "the system has none")
         if not 0 <= self.turns < _MOST_TURNS:
             raise InputError("signature's turns", self.turns, f"between 0 and {_MOST_TURNS}")
 

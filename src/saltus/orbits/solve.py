@@ -24,13 +24,14 @@ if TYPE_CHECKING:
 
 __all__ = ["check_tol", "converge", "in_pieces", "settle_signature", "solve_orbit", "solve_unknowns"]
 
-_MOST_UNKNOWNS = 4000  # of an orbit's equations, whose Jacobian is dense: 128 MB
-_ITERATIONS = 40
-_SMALL, _SHORT, _ROUNDING, _VANISHED, _ROUNDED = 1e-11, 1e-6, 1e-13, 1e-3, 1e-11
-"""Newton step at which an orbit is taken; step at which it is where the residual is rounding; what counts as that;
-share of the guessed period below which an orbit is none, and the square root of that of its extent; residual that no
-nearer guess makes smaller."""
-_REMESHED = 12
+_MOST_UNKNOWNS = 4000  # unknowns of an orbit's equations, whose Jacobian is dense: 128 MB
+_ITERATIONS = 40  # Newton steps, at most
+_STEP_ACCEPTED = 1e-11  # largest Newton step, over the unknowns' sizes, of a converged orbit
+_STEP_AT_ROUNDING = 1e-6  # the same where the residual is rounding
+_RESIDUAL_ROUNDING = 1e-13  # residual, over the largest state's size, that is rounding
+_VANISHED = 1e-3  # share of the guess's period below which an orbit has vanished; its square, of the guess's extent
+_RESIDUAL_LEAST = 1e-11  # residual, over the largest state's size, that no nearer guess makes smaller
+_REMESHED = 12  # most times that the meshes of one orbit are moved
 _PERHAPS_ONE = 1e-2  # distance of a multiplier from 1 below which an orbit may be one of a family
 _FAMILY = (
     "orbits form a family there at fixed parameters, as in a conservative system: add damping and a drive, or simulate"
@@ -142,7 +143,7 @@ def in_pieces(orbit: PeriodicOrbit) -> PeriodicOrbit:
         F, J = problem.evaluate(u)
         step = np.linalg.solve(J, -F)
         u = u + step
-        if np.max(np.abs(step) / scale) < _SMALL and problem.refine():
+        if np.max(np.abs(step) / scale) < _STEP_ACCEPTED and problem.refine():
             return orbit_at(problem, u, problem.evaluate(u)[1])
     raise ConvergenceError("periodic orbit in pieces", float(np.abs(F).max()), _ITERATIONS, "start from a nearer guess")
 
@@ -181,8 +182,8 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
                 raise ConvergenceError("periodic orbit", size, iteration, _why(problem, u, size, extent))
         u, F, J, size = trial, F_new, J_new, new
         # next to a grazing the equations are so badly conditioned that rounding alone makes longer steps
-        rounding = size < _ROUNDING * float(problem.state_scale.max()) and length < _SHORT
-        if factor == 1.0 and (length < _SMALL or rounding):
+        rounding = size < _RESIDUAL_ROUNDING * float(problem.state_scale.max()) and length < _STEP_AT_ROUNDING
+        if factor == 1.0 and (length < _STEP_ACCEPTED or rounding):
             fine = problem.refine()
             coarse = fine and problem.survey(u).coarse
             if problem.signature.kinds[0] == CLOSED_END and u[problem.n] < 0.2 * given[problem.n]:
@@ -195,7 +196,7 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
                 return u, J
             if remeshed >= _REMESHED:
                 raise ConvergenceError(
-                    "periodic orbit", size, iteration, "its flow needs finer steps than are to be had"
+                    "periodic orbit", size, iteration, "its flow needs finer steps than a mesh can have"
                 )
             if coarse:
                 problem.start(u)
@@ -223,7 +224,7 @@ def _why(problem: OrbitProblem, u: NDArray[np.float64], size: float, extent: flo
     """Return why Newton's steps lead no further than `u`, with that residual, from an orbit of that extent."""
     if _extent(problem, u) < _VANISHED**2 * extent:
         return f"it shrinks to a rest at [{', '.join(f'{value:.6g}' for value in u[: problem.n])}]"
-    if size < _ROUNDED * float(problem.state_scale.max()):
+    if size < _RESIDUAL_LEAST * float(problem.state_scale.max()):
         return "the equations are singular there, as at a saddle-node or a branch point"
     return "start from a nearer guess"
 
@@ -243,8 +244,8 @@ def _within_reach(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.f
 def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Signature, NDArray[np.float64]]:
     """Return signature and unknowns, the longest segment first, with mean-rate ends where one starts on its event.
 
-    A segment that starts on the surface on which it ends has the trivial solution of zero length, which would make the
-    equations singular at a grazing; the longest segment keeps its event as its end.
+    A segment that starts on the surface on which it ends has the trivial solution of zero length. That would make the
+    equations singular at a grazing (docs/theory/orbits.md). The longest segment keeps its event as its end.
     """
     signature, n = problem.signature, problem.n
     blocks = u[: problem.size].reshape(problem.segments, n + 1).copy()

@@ -1,7 +1,7 @@
-"""Floor 5: matplotlib pictures of results, one module for each kind; `result.plot()` comes here.
+"""Pictures of results by matplotlib, one module for each kind of result.
 
-`plot` dispatches on the kind of result. The module that draws a kind, and matplotlib with it, is imported when the
-first result of that kind is drawn.
+`result.plot()` calls `plot`, which dispatches on the kind of result. The module that draws a kind is imported when the
+first result of that kind is drawn; so is matplotlib. docs/theory/plotting.md says what each picture shows.
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ from saltus.plotting.style import check_matplotlib
 
 __all__ = ["plot"]
 
+# The module that draws each kind of result, by the kind's full name.
 _HOMES = {
     "saltus.continuation.branch.Branch": "saltus.plotting.branch",
     "saltus.orbits.orbit.PeriodicOrbit": "saltus.plotting.orbit",
     "saltus.flow.trajectory.Trajectory": "saltus.plotting.trajectory",
     "saltus.continuation.family.Family": "saltus.plotting.family",
+    "saltus.continuation.cascade.Cascade": "saltus.plotting.cascade",
     "saltus.continuation.locus.Locus": "saltus.plotting.locus",
     "saltus.sweeps.sweep.Sweep": "saltus.plotting.sweep",
     "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
@@ -34,9 +36,9 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
 
     Parameters
     ----------
-    result : Branch, Locus, Family, PeriodicOrbit, Trajectory, Sweep, LyapunovSpectrum, Basins or ErosionProfile
-        What is drawn; `saltus.plotting.branch`, `.locus`, `.family`, `.orbit`, `.trajectory`, `.sweep`, `.lyapunov`,
-        `.basin` and `.erosion` say how, and with which options.
+    result : Branch, Cascade, Locus, Family, PeriodicOrbit, Trajectory, Sweep, LyapunovSpectrum, Basins, ErosionProfile
+        The result. Functions `plot_...` in `saltus.plotting.branch`, `.cascade`, `.locus`, `.family`, `.orbit`,
+        `.trajectory`, `.sweep`, `.lyapunov`, `.basin` and `.erosion` list the options of each kind.
     *args, **options
         Names of the quantities on the axes, and ``ax``, the Axes to draw into; by default in a new figure.
 

@@ -1,4 +1,4 @@
-"""Pictures of basins of attraction in a plane or along a line: each cell in the colour of where its motion ends."""
+"""Pictures of basins of attraction in a plane or along a line: each cell has the colour of its label."""
 
 from __future__ import annotations
 
@@ -19,19 +19,17 @@ if TYPE_CHECKING:
 
 __all__ = ["colours_of", "draw_attractors", "labelled_image", "mark_of", "percent", "places_of", "plot_basins"]
 
+# Colours of basins: the scheme "light" of P. Tol (SRON/EPS/TN/09-002), made for areas that carry dark marks.
 _LIGHT = ("#77aadd", "#ee8866", "#eedd88", "#ffaabb", "#44bb99", "#bbcc33", "#99ddff", "#aaaa00")
-"""Colours of basins, the scheme "light" of P. Tol (SRON/EPS/TN/09-002), made for areas that carry dark marks."""
 
+# Colours of cells without a basin; "not done" are those that a store lacks still.
 _OUTCOMES: Mapping[str, str] = MappingProxyType({"diverged": "#dddddd", "undecided": "#aa3377", "not done": "#ffffff"})
-"""Colours of cells without a basin: the last is that of a store in the making."""
 
-_SIZE, _EDGE = 5.0, 1.1
-"""Of an attractor's mark, in points."""
-
-_CLOUD, _CLOUD_SIZE = 12, 1.5
-"""An attractor of more points is drawn with smaller ones."""
-
-_DARK = "#1b1b1e"
+_SIZE = 5.0  # diameter of an attractor's mark, in points
+_EDGE = 1.1  # width of the mark's edge, in points
+_CLOUD = 12  # points of an attractor up to which marks have their full size
+_CLOUD_SIZE = 1.5  # diameter of the marks of an attractor of more points, in points
+_DARK = "#1b1b1e"  # colour of the marks
 
 
 @plot.register(Basins)
@@ -47,25 +45,24 @@ def plot_basins(
 ) -> Axes:
     """Draw basins with one or two free coordinates and return the matplotlib Axes.
 
-    Each cell has its true extent and the colour of its label; the legend gives each label's part of the cells. Dots
-    are the attractors at phase 0: filled where they lie in the plane, to half a cell, open where they lie elsewhere
-    and are projected onto it. With one free coordinate the cells are a band. The title of
-    a new figure has the values at which the other coordinates are frozen.
+    Each cell has its true extent and the colour of its label. The legend gives each label's part of the cells. Dots are
+    the attractors' points at phase 0. They are filled within half a cell of the plane, else open and projected onto it.
+    With one free coordinate the cells are a band. The title of a new figure gives the values of the frozen coordinates.
 
     Parameters
     ----------
     basins : Basins
-        What is drawn.
+        The basins.
     x, y : str, optional
-        Which free coordinate goes to the right and which upwards; by default in the order of the grid.
+        Free coordinates that go to the right and upwards; by default in the order of the grid.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     colours : mapping of str to colour, optional
         Colours of labels by name, in place of the usual ones.
     marks : mapping of str to colour, optional
-        Colours of the attractors' dots by name; by default they are dark.
+        Colours of the attractors' dots by name; by default dark.
     legend : bool, optional
-        Whether the labels are named.
+        Whether a legend names the labels.
 
     Raises
     ------
@@ -112,7 +109,7 @@ def plot_basins(
 
 
 def _order(basins: Basins, x: str | None, y: str | None) -> tuple[str, ...]:
-    """Return the free coordinates as they go to the right and upwards."""
+    """Return the free coordinates: the one to the right, then the one upwards."""
     names = basins.grid.names
     if len(names) > 2:
         sections = ", ".join(f"{name}=..." for name in names[2:])
@@ -128,7 +125,7 @@ def _order(basins: Basins, x: str | None, y: str | None) -> tuple[str, ...]:
 
 
 def colours_of(basins: Basins, chosen: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Return the colour of each label by name, those in `chosen` in place of the usual ones.
+    """Return the colour of each label by name; `chosen` replaces the usual colours.
 
     Raises
     ------
@@ -141,14 +138,14 @@ def colours_of(basins: Basins, chosen: Mapping[str, Any] | None = None) -> dict[
 
 
 def labelled_image(labels: NDArray[np.uint8], basins: Basins, colours: Mapping[str, Any]) -> NDArray[np.uint8]:
-    """Return the picture, shape (row, column, 3), in which each cell has the colour of its label.
+    """Return the picture, shape (row, column, 3), of cells in the colours of their labels.
 
     Parameters
     ----------
     labels : ndarray of uint8, shape (row, column)
         Labels of cells.
     basins : Basins
-        Whose labels they are.
+        The basins that the labels belong to.
     colours : mapping of str to colour
         As `colours_of` returns them.
     """
@@ -161,15 +158,15 @@ def labelled_image(labels: NDArray[np.uint8], basins: Basins, colours: Mapping[s
 
 
 def places_of(basins: Basins, name: str) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return an attractor's points in the free coordinates, and which of them lie in the grid's plane or space.
+    """Return an attractor's points in the free coordinates, and whether each lies in the plane of the grid.
 
-    A point beside the plane is projected along the frozen coordinates, for an oblique plane at right angles.
+    A point off the plane is projected along the frozen coordinates, onto an oblique plane at right angles.
 
     Returns
     -------
     places : ndarray, shape (point, free coordinate)
     within : ndarray of bool, shape (point,)
-        Whether no state differs by more than half a cell's largest side.
+        Whether no state is farther from the plane than half a cell's largest side.
     """
     grid = basins.grid
     points = np.atleast_2d(np.asarray(basins.attractors.points[name], dtype=np.float64)) - grid.origin
@@ -179,7 +176,7 @@ def places_of(basins: Basins, name: str) -> tuple[NDArray[np.float64], NDArray[n
 
 
 def draw_attractors(ax: Axes, basins: Basins, names: tuple[str, ...], marks: Mapping[str, Any]) -> tuple[bool, bool]:
-    """Mark the attractors' points; return whether there are filled ones and open ones."""
+    """Mark the attractors' points; return whether any mark is filled, and whether any is open."""
     columns = [basins.grid.names.index(name) for name in names]
     met = [False, False]
     for name in basins.attractors.points:
@@ -195,7 +192,7 @@ def draw_attractors(ax: Axes, basins: Basins, names: tuple[str, ...], marks: Map
 
 
 def mark_of(colour: Any, *, filled: bool) -> dict[str, Any]:
-    """Return how an attractor's points are drawn: options of `Axes.plot`. The marks are seen on any basin.
+    """Return options of `Axes.plot` for an attractor's points, as marks that are visible on every basin.
 
     Examples
     --------
@@ -222,7 +219,7 @@ def _edges(basins: Basins, name: str) -> tuple[float, float]:
 
 
 def _counts(labels: NDArray[np.uint8], basins: Basins) -> dict[str, float]:
-    """Return the part of the cells that each label has, without outcomes that no cell has."""
+    """Return each label's part of the cells, without outcomes that no cell has."""
     found = np.bincount(labels.ravel(), minlength=256) / labels.size
     known = dict(basins.attractors.labels)
     parts = {name: float(found[byte]) for name, byte in known.items() if name not in _OUTCOMES or found[byte] > 0.0}

@@ -1,4 +1,4 @@
-"""Picture of a branch: solid where stable, dashed where not, special points as dots."""
+"""Picture of a branch: solid where stable, dashed where unstable, with special points as markers."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from saltus.continuation.special_points import SpecialPoint
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-__all__ = ["Piece", "pieces_of", "plot_branch"]
+    from saltus.system import HybridSystem
 
-_SPLITS = ("SN", "PD", "TR", "BP")
-"""Special points at which stability may change."""
+__all__ = ["Piece", "default_axes", "draw_pieces", "pieces_of", "plot_branch"]
 
-_NEAREST = 1e-9
-"""A point of the branch nearer than this to a grazing point is that point itself."""
-
-_VERTICES = 4000
+_SPLITS = ("SN", "PD", "TR", "BP")  # special points at which stability may change
+_NEAREST = 1e-9  # relative distance up to which a point of the branch is the grazing point next to it
+_VERTICES = 4000  # vertices of a branch, about
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Piece:
     kind : str
         ``stable``, ``unstable`` or ``not admissible``.
     x, y : ndarray, shape (vertex,)
-        The curve: all points of the branch on it, and interpolated ones between them.
+        Vertices of the curve: points of the branch, and interpolated ones between them.
     """
 
     kind: str
@@ -57,19 +57,20 @@ def plot_branch(
     """Draw a branch and return the matplotlib Axes.
 
     Stable orbits are solid, unstable ones dashed, those that are no motion of the system dotted in grey. The curve
-    passes through every point and every special point; between them it is interpolated in arclength, without overshoot.
+    passes through every point and every special point. Between them it is interpolated in arclength without overshoot.
+    docs/theory/plotting.md describes the interpolation.
 
     Parameters
     ----------
     branch : Branch
-        What is drawn.
+        The branch.
     x, y : str, optional
-        Quantities that `Branch.column` knows, observables as ``"amplitude(z, 1)"`` among them; by default the
-        parameter, and ``min_`` of the first output or ``max_`` of the first state.
+        Quantities that `Branch.column` knows, also observables, as ``"amplitude(z, 1)"``. By default the parameter, and
+        ``min_`` of the first output or ``max_`` of the first state.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     special, legend : bool, optional
-        Whether special points are drawn, and whether line kinds and special points are named.
+        Whether special points are drawn, and whether a legend names line kinds and special points.
 
     Raises
     ------
@@ -77,17 +78,10 @@ def plot_branch(
         A quantity of another name.
     """
     style.check_options(ax, x, y, special=special, legend=legend)
-    x = branch.parameter if x is None else x
-    if y is None:
-        outputs = branch.system.output_names
-        y = f"min_{outputs[0]}" if outputs else f"max_{branch.system.states[0]}"
+    x, y = default_axes(branch.system, branch.parameter, x, y)
     pieces = pieces_of(branch, x, y)
     ax = style.axes(ax)
-    named: set[str] = set()
-    for piece in sorted(pieces, key=lambda piece: [*style.LINES].index(piece.kind)):
-        label = "_" if piece.kind in named else piece.kind
-        ax.plot(piece.x, piece.y, label=label, **style.LINES[piece.kind])
-        named.add(piece.kind)
+    draw_pieces(ax, pieces)
     if special:
         _draw_special(ax, branch, x, y)
     ax.set_xlabel(style.label_of(x))
@@ -95,6 +89,22 @@ def plot_branch(
     if legend and (pieces or len(branch.special_points)):
         ax.legend()
     return ax
+
+
+def default_axes(system: HybridSystem, parameter: str, x: str | None, y: str | None) -> tuple[str, str]:
+    """Return the quantities on the axes; by default the parameter and an extreme of an output or a state."""
+    if y is None:
+        y = f"min_{system.output_names[0]}" if system.output_names else f"max_{system.states[0]}"
+    return parameter if x is None else x, y
+
+
+def draw_pieces(ax: Axes, pieces: Iterable[Piece]) -> None:
+    """Draw pieces in the line styles of their kinds; each kind has one label for the legend."""
+    named: set[str] = set()
+    for piece in sorted(pieces, key=lambda piece: [*style.LINES].index(piece.kind)):
+        label = "_" if piece.kind in named else piece.kind
+        ax.plot(piece.x, piece.y, label=label, **style.LINES[piece.kind])
+        named.add(piece.kind)
 
 
 def _draw_special(ax: Axes, branch: Branch, x: str, y: str) -> None:
@@ -111,7 +121,7 @@ def _draw_special(ax: Axes, branch: Branch, x: str, y: str) -> None:
 
 
 def pieces_of(branch: Branch, x: str, y: str) -> list[Piece]:
-    """Return a branch as curves, each of one kind; where one ends the next begins."""
+    """Return a branch as connected curves, each of one kind."""
     nodes = _nodes(branch, x, y)
     if len(nodes.x) < 2:
         return []
@@ -133,7 +143,7 @@ def pieces_of(branch: Branch, x: str, y: str) -> list[Piece]:
 
 @dataclass(frozen=True)
 class _Nodes:
-    """Points and special points in order: arclength, place, whether a corner may be there, kind of each interval."""
+    """Nodes of a branch's curve: arclength, coordinates, whether the curve may have a corner, kinds of intervals."""
 
     s: NDArray[np.float64]
     x: NDArray[np.float64]
@@ -163,13 +173,13 @@ def _nodes(branch: Branch, x: str, y: str) -> _Nodes:
 
 
 def _growing(s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return `s` with the least steps that keep it strictly increasing."""
+    """Return `s`, its steps enlarged where needed to make it strictly increasing."""
     least = 1e-14 * max(float(np.ptp(s)), 1e-300) if len(s) > 1 else 0.0
     return np.append(s[:1], s[0] + np.cumsum(np.maximum(np.diff(s), least)))
 
 
 def _twins(branch: Branch, specials: list[SpecialPoint]) -> dict[int, int]:
-    """Return the grazing points, by number, that are points of the branch as well: in the other signature."""
+    """Return, by index, the grazing points that are also points of the branch, in the other signature."""
     twins: dict[int, int] = {}
     width = float(np.ptp(branch.values)) or 1.0
     for i, point in enumerate(specials):
@@ -183,7 +193,7 @@ def _twins(branch: Branch, specials: list[SpecialPoint]) -> dict[int, int]:
 
 
 def _kinds(branch: Branch, row: int, after: int, between: list[SpecialPoint]) -> list[str]:
-    """Return the kind of each interval from a point to the next, over the special points between them."""
+    """Return the kinds of the intervals between two points, divided by the special points between them."""
     first, last = _kind(branch, row), _kind(branch, after)
     if not between:
         if first == last:
@@ -206,7 +216,7 @@ def _kind(branch: Branch, row: int) -> str:
 
 
 def _beyond(kind: str, point: SpecialPoint) -> str:
-    """Return the kind on the other side of a special point: stability changes if no other multiplier is unstable."""
+    """Return the kind beyond a special point: stability changes if no other multiplier is unstable."""
     if kind == "not admissible" or point.type not in _SPLITS:
         return kind
     if kind == "stable":
@@ -218,10 +228,10 @@ def _beyond(kind: str, point: SpecialPoint) -> str:
 def _smooth(
     s: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], each: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a cubic Hermite curve through all nodes, `each` vertices an interval.
+    """Return a cubic Hermite curve through all nodes, with `each` vertices an interval.
 
-    It is monotone between neighbouring nodes, in x and in y. Where both turn at one node (a fold next to an extreme of
-    y), the one that is less at rest keeps a slope, or the curve would have a cusp there.
+    The curve is monotone between neighbouring nodes, in x and in y. Both may turn at one node, as at a fold next to an
+    extreme of y. The coordinate with the larger relative slope then keeps it, to avoid a cusp.
 
     References
     ----------
@@ -253,7 +263,7 @@ def _smooth(
 
 
 def _parabolic_slopes(h: NDArray[np.float64], secant: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return slopes at nodes, of parabolas through three of them, from the intervals' lengths and secants."""
+    """Return slopes at nodes by parabolas through three nodes; `h` are lengths of intervals, `secant` their slopes."""
     if len(h) == 1:
         return np.array([secant[0], secant[0]])
     slope = np.empty(len(h) + 1)

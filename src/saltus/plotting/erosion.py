@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_erosion"]
 
-_LINES = ("-", "--", ":", "-.")
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "h")
+_LINES = ("-", "--", ":", "-.")  # line styles of the measures
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "h")  # markers of the measures
 
 
 @plot.register(ErosionProfile)
@@ -27,25 +27,25 @@ def plot_erosion(
 ) -> Axes:
     """Draw measures against the parameter and return the matplotlib Axes.
 
-    One measure is drawn as it is, with a band for its error. Several are each divided by the largest value that the
-    attractor has of it. Colours tell the attractors apart, markers and line kinds the measures; an open marker is a
-    value that the window's edge clipped, a bound only.
+    A single measure is drawn in its own unit, with a band for its error. Of several measures each is divided by its
+    largest value for the attractor. Colours distinguish the attractors, markers and line styles the measures. An open
+    marker is a bound: the window's edge clipped the value.
 
     Parameters
     ----------
     profile : ErosionProfile
-        What is drawn.
+        The profile.
     measure : str, optional
-        The one measure; by default all.
+        The measure to draw; by default all.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     legend : bool, optional
-        Whether the lines are named.
+        Whether a legend names the lines.
 
     Raises
     ------
     InputError
-        It was not measured.
+        The profile lacks the measure.
     """
     style.check_options(ax, legend=legend)
     shown = profile.measures if measure is None else (checks.chosen("measure", measure, profile.measures),)
@@ -79,7 +79,7 @@ def plot_erosion(
 
 
 def _legend(ax: Axes, attractors: Sequence[str], measures: Sequence[str]) -> None:
-    """What the colours mean, and beside it the line kinds."""
+    """Draw the legend: colours of the attractors, then line styles of the measures."""
     for i, name in enumerate(attractors):
         ax.plot([], [], "-", color=style.colour_of_mode(i), linewidth=1.6, label=style.plain(name))
     for k, measure in enumerate(measures):

@@ -1,4 +1,4 @@
-"""Picture of a family of branches: a waterfall in space, or all of them in one plane; a colour for each member."""
+"""Picture of a family of branches, a colour for each member: a waterfall in space, or one plane."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from saltus.continuation.branch import Branch
 from saltus.continuation.family import Family
 from saltus.errors import InputError
 from saltus.plotting import plot, style
-from saltus.plotting.branch import pieces_of
+from saltus.plotting.branch import default_axes, pieces_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,23 +21,12 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_family"]
 
-_COLOURS = ("viridis", 0.0, 0.86)
-"""Colour map of the members, and the part of it that is taken: its yellow is too pale for lines on white."""
-
-_VIEW = {"elev": 24.0, "azim": -58.0}
-"""Direction from which a waterfall is seen, in degrees."""
-
-_ZOOM = 1.1
-"""How much of its square a waterfall fills; labels included it then fills a figure of matplotlib's usual shape."""
-
-_GAP = 0.5
-"""Between a waterfall and its bar, in inches; the height's label stands there."""
-
-_FRONT = 10.0
-"""Order of drawing of the member in front; those behind it come before."""
-
-_TICKS = 9
-"""Values that the colour bar names at most."""
+_COLOURS = ("viridis", 0.0, 0.86)  # colour map of the members and its used part, without yellow: too pale on white
+_VIEW = {"elev": 24.0, "azim": -58.0}  # direction from which a waterfall is seen, in degrees
+_ZOOM = 1.1  # part of its square that a waterfall fills; with labels it fills a figure of matplotlib's usual shape
+_GAP = 0.5  # distance between a waterfall and its bar, in inches, with room for the height's label
+_FRONT = 10.0  # zorder of the member in front; members behind it have lower ones
+_TICKS = 9  # most values beside the colour bar
 
 
 @plot.register(Family)
@@ -54,24 +43,24 @@ def plot_family(
 ) -> Axes:
     """Draw all branches of a family and return the matplotlib Axes.
 
-    Stable orbits are solid, unstable ones dashed, those that are no motion of the system dotted in grey, as for a
-    branch. Each member has its colour; a bar beside the picture names the values.
+    Lines are those of a branch: solid where stable, dashed where unstable, dotted in grey where orbits are no motion of
+    the system. Each member has its colour; a bar beside the picture gives the members' values.
 
     Parameters
     ----------
     family : Family
-        What is drawn; members without a branch are left out.
+        The family; members without a branch are left out.
     x, y : str, optional
-        Quantities that `Branch.column` knows; by default the parameter, and ``min_`` of the first output or ``max_`` of
-        the first state. In space, `y` is the height.
+        Quantities that `Branch.column` knows. By default the parameter, and ``min_`` of the first output or ``max_`` of
+        the first state. In space `y` is the height.
     over : str, optional
-        Which of the parameters that vary from branch to branch is the depth and colours; by default the first.
+        The members' parameter that gives depth and colour; by default the first.
     projection : {"3d", "2d"}, optional
         A waterfall, or all branches in one plane; by default that of `ax`, else ``"3d"``.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     special, legend : bool, optional
-        Whether special points are drawn, and whether line kinds, special points and members are named.
+        Whether special points are drawn, and whether a legend and a bar name line kinds, special points and members.
 
     Raises
     ------
@@ -84,10 +73,7 @@ def plot_family(
         hint = next(iter(family.failures.values()), "")
         raise InputError("family", f"{len(family)} members without a branch", "a family with a branch to draw", hint)
     over = next(iter(family.over)) if over is None else checks.chosen("over", over, family.over)
-    x = family.parameter if x is None else x
-    if y is None:
-        outputs = family.system.output_names
-        y = f"min_{outputs[0]}" if outputs else f"max_{family.system.states[0]}"
+    x, y = default_axes(family.system, family.parameter, x, y)
     members.sort(key=lambda member: family.over[over][member[0]])
     values = np.array([family.over[over][i] for i, _ in members])
     branches = [branch for _, branch in members]
@@ -119,7 +105,7 @@ def plot_family(
 
 
 def _axes(ax: Axes | None, projection: str | None) -> tuple[Axes, bool]:
-    """Return the axes, those of a new figure unless given, and whether they are in space."""
+    """Return the axes, by default of a new figure, and whether they are in space."""
     if projection is not None:
         checks.chosen("projection", projection, ("2d", "3d"))
     if ax is not None:
@@ -136,7 +122,7 @@ def _axes(ax: Axes | None, projection: str | None) -> tuple[Axes, bool]:
 
 
 def _colours(count: int) -> ListedColormap:
-    """Return one colour for each member, the least value first."""
+    """Return one colour for each member, by ascending values."""
     import matplotlib
     from matplotlib.colors import ListedColormap
 
@@ -166,7 +152,7 @@ def _marker(kind: str) -> style.Marker:
 
 
 def _draw_legend(ax: Axes, kinds: list[str], branches: list[Branch], alone: bool) -> None:
-    """Name line kinds and special points; where the axes are alone in their figure, above them."""
+    """Draw the legend of line kinds and special points; above the axes if these are alone in their figure."""
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], label=kind, **style.LINES[kind]) for kind in kinds]
@@ -181,7 +167,7 @@ def _draw_legend(ax: Axes, kinds: list[str], branches: list[Branch], alone: bool
 
 
 def _draw_bar(ax: Axes, colours: ListedColormap, values: NDArray[np.float64], over: str, deep: bool) -> None:
-    """Draw a bar with a cell for each member, its value beside it; of many members some are named."""
+    """Draw a bar with a cell for each member and at most `_TICKS` values beside it."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm
 

@@ -1,4 +1,4 @@
-"""Picture of a locus: in the colour of its bifurcation, special points marked, in the plane or in space."""
+"""Picture of a locus in the plane or in space: a curve in the colour of its type, with special points."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def plot_locus(
 ) -> Axes:
     """Draw a locus and return the matplotlib Axes.
 
-    Its colour is that of its type's special points. It is solid where the orbits are stable but for the critical
-    multipliers, dashed where they are not, and dotted in grey where they are no motion of the system; a GR locus, with
-    its infinite multipliers, is solid. Between its points the curve is interpolated in arclength.
+    The curve has the colour of its type's special points. It is solid where all multipliers but the critical ones are
+    stable, else dashed. It is dotted in grey where the orbits are no motion of the system. A GR locus, whose
+    multipliers are infinite, is solid. Between its points the curve is interpolated in arclength.
 
     Parameters
     ----------
     locus : Locus
-        What is drawn.
+        The locus.
     x, y : str, optional
         Quantities that `Locus.column` knows; by default the two parameters.
     z : str, optional
@@ -45,7 +45,7 @@ def plot_locus(
     ax : matplotlib.axes.Axes, optional
         Where to draw, in space if `z` is given; by default in a new figure.
     special, legend : bool, optional
-        Whether special points are drawn, and whether the locus and its special points are named.
+        Whether special points are drawn, and whether a legend names the locus and its special points.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Picture of Lyapunov exponents: how their estimates converge."""
+"""Picture of Lyapunov exponents: their running estimates against time."""
 
 from __future__ import annotations
 
@@ -15,24 +15,23 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_lyapunov"]
 
-_SETTLED = 10
-"""The vertical axis shows the estimates from this part of the rows on, one in so many; before, they may be far off."""
+_SETTLED = 10  # the first tenth of the rows, where estimates may be far off, does not set the vertical axis
 
 
 @plot.register(LyapunovSpectrum)
 def plot_lyapunov(spectrum: LyapunovSpectrum, *, ax: Axes | None = None, legend: bool = True) -> Axes:
     """Draw the running estimates of the exponents against time, and return the matplotlib Axes.
 
-    A band is the final estimate with its error, a thin line zero. Exponents of ``-inf`` are in the legend only.
+    A band is the final estimate with its error, a thin line marks zero. Exponents of ``-inf`` are in the legend only.
 
     Parameters
     ----------
     spectrum : LyapunovSpectrum
-        What is drawn.
+        The exponents.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     legend : bool, optional
-        Whether the values are given.
+        Whether a legend gives the values.
     """
     style.check_options(ax, legend=legend)
     ax = style.axes(ax)
@@ -61,7 +60,7 @@ def plot_lyapunov(spectrum: LyapunovSpectrum, *, ax: Axes | None = None, legend:
 
 
 def _label(i: int, value: float, error: float) -> str:
-    """The exponent to the second digit of its error, which is left out where the exponent is exact to 6 digits."""
+    """Return an exponent to the second digit of its error; without the error where it is exact to 6 digits."""
     symbol = rf"\lambda_{{{i + 1}}}"
     if error <= 1e-6 * abs(value):
         return f"${symbol} = {value:.6g}$"

@@ -1,4 +1,4 @@
-"""Picture of a periodic orbit: a closed curve, each mode in its colour."""
+"""Picture of a periodic orbit: a closed curve in the colours of its modes."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from saltus.plotting import plot, style
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-__all__ = ["draw_curve", "draw_jump", "plot_orbit"]
+    from saltus.system import HybridSystem
+
+__all__ = ["draw_curves", "draw_jump", "plot_orbit"]
 
 
 @plot.register(PeriodicOrbit)
@@ -27,24 +29,24 @@ def plot_orbit(
 ) -> Axes:
     """Draw a periodic orbit and return the matplotlib Axes.
 
-    The curve has the colour of the mode; dots mark where segments end, and dotted lines join the two sides of a reset.
+    The curve has the colour of the mode. Dots mark the ends of segments. Dotted lines join the two sides of a reset.
 
     Parameters
     ----------
     orbit : PeriodicOrbit
-        What is drawn.
+        The orbit.
     x, y : str, optional
-        ``t``, a state, the phase, an output, or any expression in these and the parameters; by default the first two
+        ``t``, a state, the phase, an output, or any expression in these and the parameters. By default the first two
         states.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     legend : bool, optional
-        Whether the modes are named.
+        Whether a legend names the modes.
 
     Raises
     ------
     InputError
-        No expression, or a name in it that is not there.
+        A text that is no expression, or an unknown name in it.
     """
     style.check_options(ax, x, y, legend=legend)
     system = orbit.system
@@ -55,18 +57,11 @@ def plot_orbit(
     states = np.column_stack([sample[column_of(name)].values for name in system.all_states])
     columns = [times if name == "t" else evaluate(system, name, states, modes_at, orbit.parameters) for name in (x, y)]
     ax = style.axes(ax)
-    phase = None if system.phase is None else system.phase[0]
     ends = np.flatnonzero(np.diff(times) <= 0.0) + 1
     parts = np.split(np.column_stack(columns), ends)
     modes = [int(part[0]) for part in np.split(modes_at, ends)]
-    wrapped = tuple(name == phase for name in (x, y))
-    named: set[int] = set()
-    for part, mode in zip(parts, modes, strict=True):
-        draw_curve(ax, part, wrapped, mode, "_" if mode in named else system.mode_names[mode])
-        named.add(mode)
+    wrapped = draw_curves(ax, system, (x, y), parts, modes)
     _draw_ends(ax, orbit, parts, closed=x != "t" and y != "t", wrapped=wrapped)
-    ax.set_xlabel(style.label_of(x))
-    ax.set_ylabel(style.label_of(y))
     if legend:
         ax.legend()
     return ax
@@ -84,22 +79,40 @@ def _draw_ends(
         draw_jump(ax, part[-1], after[0], wrapped)
 
 
-def draw_curve(ax: Axes, curve: NDArray[np.float64], wrapped: Iterable[bool], mode: int, label: str) -> None:
-    """Draw a curve (vertex, 2) in the colour of a mode, cut where a coordinate that is an angle passes 2 pi."""
+def draw_curves(
+    ax: Axes, system: HybridSystem, names: tuple[str, str], curves: Sequence[NDArray[np.float64]], modes: Sequence[int]
+) -> tuple[bool, ...]:
+    """Draw curves in the colours of their modes, and name both axes; return whether each coordinate is an angle.
+
+    Each mode has one label for the legend.
+    """
+    phase = None if system.phase is None else system.phase[0]
+    wrapped = tuple(name == phase for name in names)
+    named: set[int] = set()
+    for curve, mode in zip(curves, modes, strict=True):
+        _draw_curve(ax, curve, wrapped, mode, "_" if mode in named else system.mode_names[mode])
+        named.add(mode)
+    ax.set_xlabel(style.label_of(names[0]))
+    ax.set_ylabel(style.label_of(names[1]))
+    return wrapped
+
+
+def _draw_curve(ax: Axes, curve: NDArray[np.float64], wrapped: Iterable[bool], mode: int, label: str) -> None:
+    """Draw a curve, shape (vertex, 2), in the colour of a mode, cut where an angle passes 2 pi."""
     for part in _unwrapped_parts(curve, wrapped):
         ax.plot(part[:, 0], part[:, 1], color=style.colour_of_mode(mode), label=style.plain(label))
         label = "_"
 
 
 def draw_jump(ax: Axes, before: NDArray[np.float64], after: NDArray[np.float64], wrapped: Iterable[bool]) -> None:
-    """Join the two sides of a reset by a dotted line, unless they are one point or only the phase's wrap parts them."""
+    """Join the two sides of a reset by a dotted line, unless they are equal but for a wrapped angle."""
     apart = np.abs(after - before) > 1e-9 * (1.0 + np.abs(before))
     if any(moved and not angle for moved, angle in zip(apart, wrapped, strict=True)):
         ax.plot([before[0], after[0]], [before[1], after[1]], ":", color="0.5", linewidth=0.9, label="_", zorder=1)
 
 
 def _unwrapped_parts(curve: NDArray[np.float64], wrapped: Iterable[bool]) -> list[NDArray[np.float64]]:
-    """Return a curve (vertex, 2) cut where a coordinate that is an angle passes 2 pi, each part reaching its end."""
+    """Return a curve, shape (vertex, 2), cut where an angle passes 2 pi; parts are extended to 2 pi and 0."""
     breaks: set[int] = set()
     for column, angle in enumerate(wrapped):
         if angle:

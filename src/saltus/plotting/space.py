@@ -1,4 +1,4 @@
-"""Branches and loci as curves over any quantities, and pictures of them in space."""
+"""Branches and loci as curves in any two or more quantities, and pictures of these curves in space."""
 
 from __future__ import annotations
 
@@ -24,14 +24,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Stretch", "axes_in_space", "coordinates_of", "draw_in_space", "draw_level", "stretches_of"]
 
-_VERTICES = 2000
-_COINCIDENT = 1e-3
-"""Nodes of a locus nearer than this part of a mean step are one: between them there is no direction."""
-
-_VIEW = {"elev": 24.0, "azim": -58.0}
-"""Direction from which space is seen, in degrees."""
-
-_ZOOM, _LABEL_PAD, _TICK_PAD, _TICKS = 0.93, 14.0, 6.0, 5
+_VERTICES = 2000  # vertices of a locus, about
+_COINCIDENT = 1e-3  # distance in arclength, over a mean step, up to which two nodes of a locus are one
+_VIEW = {"elev": 24.0, "azim": -58.0}  # direction from which space is seen, in degrees
+_ZOOM = 0.93  # part of its square that the box fills, with room for the height's label
+_LABEL_PAD = 14.0  # distance of the height's label from its axis, in points
+_TICK_PAD = 6.0  # distance of the height's tick labels from its axis, in points
+_TICKS = 5  # most intervals between ticks on an axis
 
 
 @dataclass(frozen=True)
@@ -41,9 +40,9 @@ class Stretch:
     Attributes
     ----------
     kind : str
-        ``stable``, ``unstable`` or ``not admissible``; on a locus, of the orbits but for their critical multipliers.
+        ``stable``, ``unstable`` or ``not admissible``. On a locus critical multipliers do not count.
     places : ndarray, shape (quantity, vertex)
-        The curve.
+        Vertices of the curve.
     """
 
     kind: str
@@ -51,14 +50,14 @@ class Stretch:
 
 
 def stretches_of(curve: OrbitCurve, names: Sequence[str]) -> list[Stretch]:
-    """Return a branch or a locus as smooth curves, each of one kind; where one ends the next begins.
+    """Return a branch or a locus as connected smooth curves, each of one kind.
 
     Parameters
     ----------
     curve : Branch or Locus
-        What is drawn.
+        The curve.
     names : sequence of str
-        Two quantities or more: what `OrbitCurve.column` knows, or a parameter that is constant along the curve.
+        Two quantities or more that `OrbitCurve.column` knows, or parameters that are constant along the curve.
 
     Raises
     ------
@@ -82,7 +81,7 @@ def stretches_of(curve: OrbitCurve, names: Sequence[str]) -> list[Stretch]:
 
 
 def coordinates_of(curve: OrbitCurve, point: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return quantities, as `stretches_of` takes them, at a special point of a curve; shape (quantity,)."""
+    """Return quantities of `stretches_of` at a special point of a curve; shape (quantity,)."""
     return np.array([point.parameters[n] if _is_constant(curve, n) else curve.at(point, n) for n in names])
 
 
@@ -91,7 +90,7 @@ def _is_constant(curve: OrbitCurve, name: str) -> bool:
 
 
 def _stretches_of_locus(locus: Locus, names: Sequence[str]) -> list[Stretch]:
-    """Interpolate in arclength through points and special points by modified Akima splines, which hardly overshoot."""
+    """Return a locus as curves, interpolated in arclength by modified Akima splines, which hardly overshoot."""
     points = np.array([_column(locus, name) for name in names]).T
     nodes = [(s, points[i], _kind(locus, i)) for i, s in enumerate(locus.arclength.tolist())]
     nodes += [(point.arclength, coordinates_of(locus, point, names), "") for point in locus.special_points]
@@ -121,14 +120,14 @@ def _column(locus: Locus, name: str) -> NDArray[np.float64]:
 
 
 def _kind(locus: Locus, index: int) -> str:
-    """Return the kind of a point; on a GR locus stability is not asked for, for multipliers are infinite there."""
+    """Return the kind of a point; a GR locus, whose multipliers are infinite, counts as stable."""
     if not locus.admissible[index]:
         return "not admissible"
     return "stable" if locus.stable[index] or locus.type == "GR" else "unstable"
 
 
 def _kinds_between(nodes: list[str]) -> list[str]:
-    """Return the kind of each interval; a special point (no kind) is where it may change."""
+    """Return the kind of each interval between nodes; special points have no kind of their own (empty)."""
     kinds = []
     for before, after in pairwise(nodes):
         met = {before, after} - {""}
@@ -140,7 +139,7 @@ def _kinds_between(nodes: list[str]) -> list[str]:
 
 
 def _smooth(s: NDArray[np.float64], places: NDArray[np.float64], each: int) -> NDArray[np.float64]:
-    """Return a curve through all places, `each` vertices an interval; shape (quantity, vertex)."""
+    """Return a curve through all places with `each` vertices an interval, shape (quantity, vertex)."""
     from scipy.interpolate import Akima1DInterpolator
 
     fine = np.append((s[:-1, None] + np.diff(s)[:, None] * np.arange(each) / each).ravel(), s[-1])
@@ -170,23 +169,23 @@ def draw_in_space(
 ) -> list[Line3D]:
     """Draw a branch or a locus into Axes in space and return the lines, one for each stretch.
 
-    Solid where stable, dashed where not, dotted where the orbits are no motion of the system, as in the plane. What
-    lies outside of the limits of the axes is left out.
+    As in the plane, lines are solid where stable, dashed where unstable, dotted where the orbits are no motion of the
+    system. Parts outside the limits of the axes are left out.
 
     Parameters
     ----------
     ax : mpl_toolkits.mplot3d.Axes3D
         Where to draw.
     curve : Branch or Locus
-        What is drawn.
+        The curve.
     names : (str, str, str)
         Quantities, as `stretches_of` takes them.
     kinds : collection of {"stable", "unstable", "not admissible"}, optional
-        What is drawn of it; by default all.
+        Kinds that are drawn; by default all.
     origin : (float, float, float), optional
-        What is subtracted from each quantity.
+        Value that is subtracted from each quantity.
     **line
-        Options of the lines that replace those of `style.LINES`; a ``label`` goes to the first line.
+        Options of the lines in place of those of `style.LINES`; a ``label`` goes to the first line.
 
     Raises
     ------
@@ -211,9 +210,9 @@ def draw_level(ax: Axes3D, height: float, **surface: Any) -> Poly3DCollection:
     ax : mpl_toolkits.mplot3d.Axes3D
         Where to draw; the plane spans its present limits.
     height : float
-        Where the plane is.
+        Height of the plane.
     **surface
-        Options of the polygon that replace those of `style.PLANE`.
+        Options of the polygon in place of those of `style.PLANE`.
     """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 

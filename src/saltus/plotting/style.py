@@ -1,4 +1,4 @@
-"""Colours, markers and line kinds of all pictures, and the sizes for print."""
+"""Colours, markers and line styles of all pictures, and sizes for print."""
 
 from __future__ import annotations
 
@@ -35,12 +35,10 @@ __all__ = [
     "values_of",
 ]
 
-CURVE = "#1b1b1e"
-"""Colour of a branch."""
+CURVE = "#1b1b1e"  # colour of a branch
+SURFACE = "#e8820c"  # colour of an event surface, drawn as a dotted line: the paper's orange
 
-SURFACE = "#e8820c"
-"""Colour of an event surface, drawn as a dotted line: the paper's orange."""
-
+# Line styles by the kind of orbits.
 LINES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "stable": {"color": CURVE, "linestyle": "-", "linewidth": 1.4},
@@ -48,18 +46,16 @@ LINES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "not admissible": {"color": "0.6", "linestyle": (0, (1.0, 1.5)), "linewidth": 1.1},
     }
 )
-"""Line kinds by what the orbits are."""
 
-
+# How an event surface is drawn in space: the paper's pink.
 PLANE: Mapping[str, Any] = MappingProxyType(
     {"facecolor": "#f28ab2", "alpha": 0.25, "edgecolor": "#c85a87", "linewidth": 0.5}
 )
-"""How an event surface is drawn in space: the paper's pink."""
 
 
 @dataclass(frozen=True)
 class Marker:
-    """How a kind of special point is drawn, and what it is called."""
+    """Marker of a type of special point, and the type's name in a legend."""
 
     meaning: str
     marker: str
@@ -79,6 +75,8 @@ class Marker:
         }
 
 
+# Markers of special points, those of codimension two last. Red, green and purple are the paper's; the green is much
+# lighter than the red, so that they differ without colour too.
 SPECIAL: Mapping[str, Marker] = MappingProxyType(
     {
         "SN": Marker("saddle-node", "o", "#b8101f"),
@@ -98,21 +96,20 @@ SPECIAL: Mapping[str, Marker] = MappingProxyType(
         "TP": Marker("turning point", "o", "#5c5c66", filled=False, size=4.0),
     }
 )
-"""Markers of special points, those of codimension two last. Red, green and purple are the paper's; the green is much
-lighter than the red, so that they differ without colour too."""
 
-EVENT = Marker("event", "o", "#8a6d00", filled=False)
-"""Marker of a user's event."""
+EVENT = Marker("event", "o", "#8a6d00", filled=False)  # marker of a user's event
 
+# Colours of modes, after M. Okabe and K. Ito, distinguishable by the colour-blind.
 _MODES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555")
-"""Colours of modes, after M. Okabe and K. Ito, distinguishable by the colour-blind."""
 
+# Names that an axis shows as Greek letters.
 _GREEK = (
     *("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "kappa", "lambda", "mu", "nu", "xi"),
     *("rho", "sigma", "tau", "phi", "chi", "psi", "omega"),
     *("Gamma", "Delta", "Theta", "Lambda", "Xi", "Sigma", "Phi", "Psi", "Omega"),
 )
 
+# Settings of matplotlib for print, sizes in points.
 _PRINT: dict[Any, Any] = {
     "font.size": 8.0,
     "axes.labelsize": 8.5,
@@ -136,7 +133,7 @@ _PRINT: dict[Any, Any] = {
 
 @contextmanager
 def publication() -> Iterator[None]:
-    """Run a block with font sizes and line widths for a figure printed at its own size (8 pt text, 300 dpi).
+    """Run a block with font sizes and line widths for a figure printed at its true size (8 pt text, 300 dpi).
 
     Examples
     --------
@@ -152,7 +149,7 @@ def publication() -> Iterator[None]:
 
 
 def check_options(ax: object, *names: object, **flags: object) -> None:
-    """Raise `InputError` where `ax` is no Axes, a name of a quantity no text (or None), or a flag no truth value."""
+    """Raise `InputError` unless `ax` is Axes or None, each name a text or None, each flag a truth value."""
     if ax is not None:
         from matplotlib.axes import Axes
 
@@ -165,12 +162,12 @@ def check_options(ax: object, *names: object, **flags: object) -> None:
 
 
 def axes(ax: Axes | None) -> Axes:
-    """Return `ax`, or the axes of a new figure."""
+    """Return `ax`, or the Axes of a new figure."""
     return new_figure().add_subplot() if ax is None else ax
 
 
 def new_figure(**options: Any) -> Figure:
-    """Return a new figure of pyplot's; options are those of `matplotlib.pyplot.figure`.
+    """Return a new figure of pyplot; options are those of `matplotlib.pyplot.figure`.
 
     Raises
     ------
@@ -188,7 +185,7 @@ def new_figure(**options: Any) -> Figure:
 
 
 def check_matplotlib() -> None:
-    """Raise `InputError` where matplotlib refuses to be imported, as it does where MPLBACKEND is no backend's name."""
+    """Raise `InputError` where matplotlib cannot be imported, as with an unknown backend in MPLBACKEND."""
     try:
         import matplotlib  # noqa: F401
     except ValueError as error:
@@ -197,7 +194,7 @@ def check_matplotlib() -> None:
 
 
 def values_of(values: Mapping[str, float], labels: Mapping[str, str] | None = None) -> str:
-    r"""Return quantities with their values as a title tells them.
+    r"""Return quantities with their values as text of a title.
 
     Examples
     --------
@@ -214,7 +211,7 @@ def colour_of_mode(index: int) -> str:
 
 
 def plain(name: str) -> str:
-    r"""Return a name that may hold anything, as one from a file may, so that no part of it is read as mathematics.
+    r"""Return any name, as from a file, with dollar signs escaped: no part is read as mathematics.
 
     Examples
     --------
@@ -225,7 +222,7 @@ def plain(name: str) -> str:
 
 
 def label_of(name: str) -> str:
-    r"""Return a quantity's name as an axis shows it, Greek letters and indices set as such.
+    r"""Return a quantity's name for an axis, with Greek letters and subscripts.
 
     Examples
     --------

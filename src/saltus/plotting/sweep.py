@@ -1,4 +1,4 @@
-"""Picture of a sweep: the brute-force diagram, a strip of what the motion is, and its leading exponent."""
+"""Picture of a sweep: the brute-force diagram, a strip of labels, and the leading Lyapunov exponent."""
 
 from __future__ import annotations
 
@@ -20,12 +20,10 @@ if TYPE_CHECKING:
 
 __all__ = ["PANELS", "plot_sweep"]
 
-PANELS = ("labels", "exponent")
-"""What can stand under the diagram."""
+PANELS = ("labels", "exponent")  # panels that can stand under the diagram
+_DIRECTIONS = {"up": "#0a3d7a", "down": "#d55e00", "restart": "#1b1b1e"}  # colours of the passes
 
-_DIRECTIONS = {"up": "#0a3d7a", "down": "#d55e00", "restart": "#1b1b1e"}
-"""Colours of the passes."""
-
+# Colours of labels in the strip.
 _KINDS = {
     "period-1": "#d9e6f2",
     "period-2": "#a9c8e2",
@@ -37,14 +35,10 @@ _KINDS = {
     NO_RETURN: "#dddddd",
     DIVERGED: "#555555",
 }
-"""Colours of labels in the strip."""
 
-_STRIP = 0.16
-"""Height of a pass in the strip, in inches."""
-
-_SIZE = (6.4, 4.8)
-_HEIGHTS = {"labels": 0.0, "exponent": 1.15}
-"""Inches that a panel adds to the figure, the strip's own aside."""
+_STRIP = 0.16  # height of a pass in the strip, in inches
+_SIZE = (6.4, 4.8)  # width and height of a figure without panels, in inches
+_HEIGHTS = {"labels": 0.0, "exponent": 1.15}  # height that a panel adds to the figure, strips aside, in inches
 
 
 @plot.register(Sweep)
@@ -61,17 +55,16 @@ def plot_sweep(
     Parameters
     ----------
     sweep : Sweep
-        What is drawn.
+        The sweep.
     y : str, optional
         A quantity or an observable of the sweep; by default the first quantity.
     panels : iterable of str, optional
-        What stands under the diagram: ``"labels"``, a strip with what the motion is, a row for each pass, and
-        ``"exponent"``, the leading Lyapunov exponent per return with its error. By default both, and none in given
-        Axes.
+        Panels under the diagram. ``"labels"`` is a strip of the motions' labels, a row for each pass. ``"exponent"`` is
+        the leading Lyapunov exponent per return with its error. By default both, and none in given Axes.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     legend : bool, optional
-        Whether passes and labels are named.
+        Whether a legend names passes and labels.
 
     Raises
     ------
@@ -101,7 +94,7 @@ def plot_sweep(
 
 
 def _new_axes(sweep: Sweep, panels: tuple[str, ...]) -> list[Axes]:
-    """Return the Axes of the diagram, then of the panels, one below the other."""
+    """Return the Axes of the diagram and, below it, of the panels, in a new figure."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     strip = _STRIP * len(sweep.directions)
@@ -117,7 +110,7 @@ def _new_axes(sweep: Sweep, panels: tuple[str, ...]) -> list[Axes]:
 
 
 def _draw_points(ax: Axes, sweep: Sweep, column: NDArray[np.float64]) -> None:
-    """Small points, fewer and larger where there are few; a pass on top of the one before."""
+    """Draw the points of each pass over those of the pass before; the fewer points, the larger they are."""
     share = max(float(np.sum(np.isfinite(column))) / len(sweep.directions), 1.0)
     size = float(np.clip(3.0 - 0.42 * np.log10(share), 0.5, 2.2))
     for row, direction in enumerate(sweep.directions):
@@ -142,7 +135,7 @@ def _name_directions(ax: Axes, sweep: Sweep) -> None:
 
 
 def _draw_strip(ax: Axes, sweep: Sweep, legend: bool) -> None:
-    """A row of coloured cells for each pass, the first on top."""
+    """Draw a row of coloured cells for each pass, the first pass on top."""
     from matplotlib.colors import ListedColormap
 
     count, names = len(sweep.directions), list(_KINDS)
@@ -173,7 +166,7 @@ def _figure(ax: Axes) -> Figure | SubFigure:
 
 
 def _kind(label: str) -> str:
-    """Return the entry of `_KINDS` that a label belongs to."""
+    """Return the key of `_KINDS` to which a label belongs."""
     if not label.startswith("period-"):
         return label
     period = int(label.removeprefix("period-"))
@@ -183,7 +176,7 @@ def _kind(label: str) -> str:
 
 
 def _edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the borders half way between values."""
+    """Return the edges of cells around values: half way between neighbours."""
     if values.size == 1:
         return np.array([values[0] - 0.5, values[0] + 0.5])
     middle = 0.5 * (values[1:] + values[:-1])
@@ -191,7 +184,7 @@ def _edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _draw_exponent(ax: Axes, sweep: Sweep) -> None:
-    """The leading exponent per return, its error as a band."""
+    """Draw the leading exponent per return, with its error as a band."""
     ax.axhline(0.0, color="0.6", linewidth=0.7)
     for row, direction in enumerate(sweep.directions):
         leading = sweep.exponents[row, :, 0] * sweep.return_times[row]

@@ -1,4 +1,4 @@
-"""Picture of a trajectory: quantities against time or each other, each mode in its colour."""
+"""Picture of a trajectory: quantities against time or each other, in the colours of the modes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus.flow.trajectory import Trajectory
 from saltus.plotting import plot, style
-from saltus.plotting.orbit import draw_curve, draw_jump
+from saltus.plotting.orbit import draw_curves, draw_jump
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_trajectory"]
 
-_VERTICES_PER_STEP = 6
+_VERTICES_PER_STEP = 6  # vertices of the curve in each step of the motion
 
 
 @plot.register(Trajectory)
@@ -27,24 +27,24 @@ def plot_trajectory(
 ) -> Axes:
     """Draw a trajectory and return the matplotlib Axes.
 
-    The curve has the colour of the mode; dotted lines join the two sides of a reset, and dots mark events that graze.
+    The curve has the colour of the mode. Dotted lines join the two sides of a reset. Dots mark events that graze.
 
     Parameters
     ----------
     trajectory : Trajectory
-        What is drawn.
+        The trajectory.
     x, y : str, optional
-        ``t``, a state, the phase, an output, or any expression in these and the parameters; by default the first state
+        ``t``, a state, the phase, an output, or any expression in these and the parameters. By default the first state
         against time.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     legend : bool, optional
-        Whether the modes are named.
+        Whether a legend names the modes.
 
     Raises
     ------
     InputError
-        No expression, or a name in it that is not there.
+        A text that is no expression, or an unknown name in it.
     """
     style.check_options(ax, x, y, legend=legend)
     system = trajectory.system
@@ -53,24 +53,17 @@ def plot_trajectory(
     columns = [_column(trajectory, name, stretches) for name in (x, y)]
     curves = [np.column_stack(pair) for pair in zip(*columns, strict=True)]
     ax = style.axes(ax)
-    phase = None if system.phase is None else system.phase[0]
-    wrapped = tuple(name == phase for name in (x, y))
-    named: set[int] = set()
-    for i, (curve, (mode, _, _)) in enumerate(zip(curves, stretches, strict=True)):
-        draw_curve(ax, curve, wrapped, mode, "_" if mode in named else system.mode_names[mode])
-        named.add(mode)
-        if i:
-            draw_jump(ax, curves[i - 1][-1], curve[0], wrapped)
+    wrapped = draw_curves(ax, system, (x, y), curves, [mode for mode, _, _ in stretches])
+    for before, after in pairwise(curves):
+        draw_jump(ax, before[-1], after[0], wrapped)
     _draw_grazings(ax, trajectory, stretches, curves)
-    ax.set_xlabel(style.label_of(x))
-    ax.set_ylabel(style.label_of(y))
-    if legend and named:
+    if legend and curves:
         ax.legend()
     return ax
 
 
 def _stretches(trajectory: Trajectory) -> list[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
-    """Return (mode, times, states) between one event and the next, the state before an event at each end."""
+    """Return (mode, times, states) of each stretch between two events; its last state is that before the event."""
     events = trajectory.events
     times, before = events["time"], events["before"]
     found = []

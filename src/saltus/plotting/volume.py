@@ -1,4 +1,4 @@
-"""Pictures of basins in space: one basin as a solid body in its box, rendered by PyVista, with axes by matplotlib."""
+"""Pictures of basins in space: one basin as a solid body, rendered by PyVista, with axes by matplotlib."""
 
 from __future__ import annotations
 
@@ -25,48 +25,30 @@ if TYPE_CHECKING:
 
 __all__ = ["Volume", "check_renderer"]
 
-_BLOCKS = 200
-"""Blocks along an axis at most; a finer grid is drawn by the means over blocks of its cells."""
+_BLOCKS = 200  # most blocks along an axis; the body of a finer grid is made of means over blocks of cells
+_SMOOTHING = 0.7  # standard deviation of the Gaussian that smooths the body, in blocks
+_CREASE = 40.0  # angle of an edge of the body, in degrees, from which on the edge is drawn sharp
+_SLAB = 64  # cells along the first axis that are in memory at once
 
-_SMOOTHING = 0.7
-"""Width of the Gaussian that smooths the body, in blocks."""
+# Lengths in the units of the box [-1, 1]^3, or of the picture [-1, 1]^2.
+_DISTANCE = 9.0  # distance of the camera from the middle of the box
+_VIEW_ANGLE = 21.5  # opening angle of the camera, in degrees
+_SPHERE = 0.045  # radius of the spheres at an attractor's points
+_IN_FRONT = -1e7  # offset of a sphere's depth, in the renderer's least steps: in front of everything
+_DARKER = 0.6  # share of the brightness of a basin's colour that its attractor keeps
+_EDGE = 1.002  # half the side of the box whose edges are drawn, just outside the body's faces
+_TICK = 0.045  # length of a tick outside the box
+_TICK_LABEL = 0.16  # distance of a tick's label from the box
+_NAME = 0.42  # distance of a coordinate's name from the box
+_SHORT = 0.4  # length in the picture up to which an edge, seen nearly end on, has no ticks
+_MARGIN = 0.06  # white margin of the picture
 
-_CREASE = 40.0
-"""Angle, in degrees, from which on an edge of the body is sharp."""
-
-_SLAB = 64
-"""Cells along the first axis that are in memory at once."""
-
-_DISTANCE, _VIEW_ANGLE = 9.0, 21.5
-"""Of the camera from the middle of the box, whose side is 2, and its angle in degrees."""
-
-_SPHERE = 0.045
-"""Radius of an attractor's points."""
-
-_IN_FRONT = -1e7
-"""Offset of a sphere's depth, in the least steps that the renderer knows."""
-
-_DARKER = 0.6
-"""How much of a basin's colour its attractor keeps."""
-
-_EDGE = 1.002
-"""Half the side of the box whose edges are drawn, not to lie within the body's faces."""
-
-_TICK, _TICK_LABEL, _NAME = 0.045, 0.16, 0.42
-"""How far outside of the box ticks, their labels and the coordinates' names reach."""
-
-_SHORT = 0.4
-"""Length in the picture, whose width is 2, below which an edge has no ticks: it is seen nearly end on."""
-
-_MARGIN = 0.06
-"""White around what is drawn."""
-
+# Places of the lights as seen by the camera at azimuth 0 (to the right, away, upwards), each with its intensity.
 _LIGHTS = (((0.3, -1.0, 2.0), 0.65), ((2.0, -1.0, 0.3), 0.25), ((-1.5, -2.0, 0.5), 0.5))
-"""Where light comes from, as the camera sees it at azimuth 0 (to the right, away, upwards), and how much."""
 
 
 def check_renderer() -> None:
-    """Raise an error where there is nothing to render with; to be called before long work.
+    """Raise an error where pictures in space cannot be rendered; call it before long work.
 
     Raises
     ------
@@ -92,25 +74,25 @@ def _pyvista() -> Any:
 
 
 class Volume:
-    """One basin of three free coordinates as a solid body, with the attractors, and a section that is highlighted.
+    """One basin of three free coordinates as a solid body, with the attractors and perhaps a section of all labels.
 
-    The body's surface is where half of the cells around belong to the basin: the means over blocks of cells, smoothed.
-    Threads and grains of the basin thinner than a block are lost; the section shows every cell as it is.
+    The basin's share of the cells is averaged over blocks of cells and smoothed. The body's surface is where the share
+    is a half. Threads and grains of the basin thinner than a block are lost. The section shows every cell.
 
     Parameters
     ----------
     basins : Basins
-        Three free coordinates.
+        Basins with three free coordinates.
     name : str
-        The basin that is drawn.
+        Label of the basin that is drawn.
     cut : (str, float), optional
-        A coordinate and a value: the body is cut off there, and the section that is seen from above shows all labels.
+        A coordinate and a value at which the body is cut off. The section there shows all labels.
     hollow : bool, optional
         Whether the body is open at the sides of the box.
     colours : mapping of str to colour, optional
         Colours of labels by name, in place of the usual ones.
     marks : mapping of str to colour, optional
-        Colours of the spheres at the attractors' points, by name; by default those of the basins, darker. They are
+        Colours of the spheres at the attractors' points, by name; by default those of the basins, darker. Spheres are
         drawn in front of everything.
 
     Raises
@@ -118,7 +100,7 @@ class Volume:
     InputError
         Not three free coordinates, no label of the name, or no free coordinate and value to cut at.
     SaltusError
-        There is nothing to render with: see `check_renderer`.
+        Pictures in space cannot be rendered: see `check_renderer`.
     """
 
     def __init__(
@@ -145,7 +127,7 @@ class Volume:
 
     @cached_property
     def body(self) -> Any:
-        """The body as a mesh of PyVista, its box being [-1, 1] along each axis."""
+        """The body as a mesh of PyVista in the box [-1, 1]."""
         from scipy.ndimage import gaussian_filter
 
         part = gaussian_filter(self._means(), _SMOOTHING, mode="nearest")
@@ -163,7 +145,7 @@ class Volume:
         return mesh.compute_normals(feature_angle=_CREASE, split_vertices=True) if mesh.n_cells else mesh
 
     def _means(self) -> NDArray[np.float32]:
-        """Return which part of the cells of each block belongs to the basin, reading the labels slab by slab."""
+        """Return the basin's share of the cells of each block; labels are read slab by slab."""
         labels, byte = self.basins.labels, self.basins.attractors.labels[self.name]
         shape = self.basins.grid.shape
         side = self._side
@@ -184,14 +166,14 @@ class Volume:
         return -(-max(self.basins.grid.shape) // _BLOCKS)
 
     def _nodes(self, axis: int) -> NDArray[np.float64]:
-        """Return the middles of the blocks along an axis of the box, with one more as far beyond either side."""
+        """Return the middles of the blocks along an axis, with one mirrored at each end of the box."""
         count = self.basins.grid.shape[axis]
         edges = np.append(np.arange(0, count, self._side), count) * (2.0 / count) - 1.0
         middles = 0.5 * (edges[1:] + edges[:-1])
         return np.array([-2.0 - middles[0], *middles, 2.0 - middles[-1]])
 
     def _scaled(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return places, shape (place, 3), in the box [-1, 1]."""
+        """Return places, shape (place, 3), in coordinates of the box [-1, 1]."""
         low, high, _ = np.array(self.basins.grid.ranges).T
         scaled: NDArray[np.float64] = 2.0 * (places - low) / (high - low) - 1.0
         return scaled
@@ -202,7 +184,7 @@ class Volume:
 
     @property
     def _height(self) -> float:
-        """Where the section is in the box [-1, 1]: at the middle of its cells."""
+        """Coordinate of the section in the box [-1, 1], at the middle of its cells."""
         if self.cut is None:
             return 1.0
         count = self.basins.grid.shape[self._cut_axis]
@@ -260,7 +242,7 @@ class Volume:
         Parameters
         ----------
         azimuth, elevation : float, in degrees
-            Where the camera is.
+            Direction of the camera.
         pixels : int
             Width and height of the picture.
         """
@@ -294,15 +276,15 @@ class Volume:
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; what it showed is removed. By default in a new figure.
+            Where to draw; its previous content is removed. By default in a new figure.
         azimuth, elevation : float, in degrees
-            Where the camera is.
+            Direction of the camera.
         pixels : int, optional
             Width and height of the rendered picture.
         turning : bool, optional
-            Whether the window has room for the box at every azimuth, as a film needs it.
+            Whether the picture has room for the box at every azimuth, as a film needs.
         names : mapping of str to str, optional
-            What the coordinates are called.
+            Texts for the coordinates' names.
         """
         ax = style.axes(ax)
         ax.clear()
@@ -340,13 +322,13 @@ def _camera(azimuth: float, elevation: float) -> tuple[NDArray[np.float64], ...]
 
 @dataclass(frozen=True)
 class _View:
-    """Where points of the box [-1, 1] are in the picture, and which of its edges have ticks."""
+    """Places in the picture of points of the box [-1, 1], and the edges of the box that have ticks."""
 
     azimuth: float
     elevation: float
 
     def of(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return places in the picture, which is [-1, 1] upwards and to the right, shape (point, 2)."""
+        """Return places of points in the picture [-1, 1], to the right and upwards, shape (point, 2)."""
         right, up, towards = _camera(self.azimuth, self.elevation)
         depth = (_DISTANCE - points @ towards) * np.tan(np.radians(0.5 * _VIEW_ANGLE))
         places: NDArray[np.float64] = np.column_stack([points @ right, points @ up]) / depth[:, None]
@@ -355,7 +337,7 @@ class _View:
     def edge(self, axis: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the middle of the edge that has an axis' ticks, and the direction out of the box there.
 
-        Those are the two lower edges next to the camera, and the upright one that is farthest to the left.
+        Ticks are on the two lower edges next to the camera and on the leftmost upright edge.
         """
         near = np.where(_camera(self.azimuth, self.elevation)[2][:2] >= 0.0, 1.0, -1.0)
         if axis == 0:
@@ -368,14 +350,14 @@ class _View:
         return upright, ways[np.argmin(self.of(upright + ways)[:, 0])]
 
     def reach(self) -> NDArray[np.float64]:
-        """Return places in the picture between which everything lies that is drawn."""
+        """Return places in the picture whose bounding rectangle holds the whole drawing."""
         places = [np.array(list(product((-1.0, 1.0), repeat=3)))]
         places += [(edge + _NAME * outward)[None] for edge, outward in map(self.edge, range(3))]
         return self.of(np.concatenate(places))
 
 
 def _draw_ticks(ax: Axes, view: _View, axis: int, span: tuple[float, float], name: str) -> None:
-    """Draw ticks along an edge of the box, if it is long enough, their values and the coordinate's name."""
+    """Draw a coordinate's name at an edge of the box and, if the edge is long enough, ticks with their values."""
     from matplotlib.ticker import MaxNLocator
 
     low, high = span

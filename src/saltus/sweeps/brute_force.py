@@ -1,49 +1,45 @@
-"""Brute-force diagrams: follow an attractor by simulation along a parameter, and say at each value what it is.
+"""Brute-force diagrams: an attractor followed by simulation along a parameter, and labelled at each value.
 
 Rules
 -----
-* At each value the motion goes on from the state where it ended at the value before. Where it cannot (its mode has
-  ended at the new value) it starts in the mode that the state allows; where there was no motion to go on from, at `x0`.
-* A value at which the motion leaves every bound, chatters, sticks where a field jumps, takes more than 5000 steps a
-  return, or cannot start, is labelled ``diverged``, with the reason; the others go on, from `x0`.
-* What a motion is follows from `Criteria.looked_at` returns, of which the last are kept.
-* A motion that recurs although its leading exponent is positive rests on an unstable orbit, as one does that started
-  there: it is pushed by `Criteria.push` of its size, and settles once more.
-* A motion is taken not to return to a section after `Criteria.absence` of its mean returns, measured over the first of
-  those that are dropped.
-* A motion that is neither chaotic by its exponent, nor periodic, nor on a closed curve has not settled: it is followed
+* At each value the motion starts from the end of the motion at the value before. If its mode has ended at the new
+  value, it starts in the mode that the state allows. If there was no motion at the value before, it starts at `x0`.
+* The label ``diverged`` comes with a reason: the motion leaves every bound, chatters, sticks where a field jumps, takes
+  more than 5000 steps a return, or cannot start. The next value then starts from `x0`.
+* The label of a motion follows from `Criteria.looked_at` returns, of which the last are kept.
+* A motion that recurs with a positive leading exponent is on an unstable orbit. It is pushed by `Criteria.push` of its
+  size, and settles once more.
+* A motion without a return for `Criteria.absence` mean return times is taken not to return to the section. The mean
+  return time is measured over the first of the dropped returns.
+* A motion that is neither chaotic by its exponent, nor periodic, nor on a closed curve has not settled. It is followed
   as long again, `Criteria.patience` times at most.
-* The exponents are measured after the returns looked at, over as many again; of a motion that does not recur, over
-  `Criteria.patience` times as many where their error leaves it open whether it is chaotic.
-* The observables are those of a periodic motion's period, or else of as much time as the returns kept take.
+* The exponents are measured over as many returns again, after those of the label. Where their error leaves open whether
+  a motion without recurrence is chaotic, `Criteria.patience` times as many returns follow.
+* The observables are taken over the period of a periodic motion, else over the time of the returns kept.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing, suppress
-from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus import checks
-from saltus.errors import InputError
-from saltus.flow.motion_kind import Criteria
+from saltus.progress import Report, Reporter
+from saltus.sweeps.options import PASSES, SweepOptions
 from saltus.sweeps.record import Record
-from saltus.sweeps.section import Section
 from saltus.sweeps.sweep import Sweep
 from saltus.sweeps.task import Task
 from saltus.sweeps.workers import Piece, rows_of
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
 __all__ = ["run_sweep"]
-
-_FOLLOW = {"up": ("up",), "down": ("down",), "both": ("up", "down"), "restart": ("restart",)}
 
 
 def run_sweep(
@@ -53,78 +49,41 @@ def run_sweep(
     *,
     parameters: Mapping[str, float] | None = None,
     x0: ArrayLike | None = None,
-    mode: str | None = None,
-    discard: int = 600,
-    keep: int = 100,
-    follow: str = "up",
-    chunks: int = 1,
-    section: str | Section | None = None,
-    quantities: Sequence[str] | None = None,
-    observables: Sequence[str] = (),
-    exponents: int = 1,
-    criteria: Criteria | None = None,
-    tolerance: float | tuple[float, float] = 1e-8,
-    workers: int | None = None,
-    client: Any = None,
+    options: SweepOptions | None = None,
     path: str | os.PathLike[str] | None = None,
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: bool | Report = False,
 ) -> Sweep:
     """Return the attractors along a parameter, found by simulation: a brute-force diagram.
 
-    At each value the motion is followed until it has returned `discard` times to a section, then as many times more as
-    are needed to say what it is; the last `keep` points are kept. What has been dropped takes no memory.
+    At each value the motion first returns `SweepOptions.discard` times to a section; these returns take no memory. Then
+    it returns as often as its label needs, and the last `SweepOptions.keep` points are kept.
 
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameter : str
-        What is swept, a parameter or a group of them.
+        The swept parameter, or a group of parameters.
     values : array_like, shape (value,)
         Its values, ascending.
     parameters : mapping of str to float, optional
         Other values that differ from the defaults.
     x0 : array_like, shape (states,) or (all states,), optional
-        Where the motion starts; by default all states are 0, at phase 0. An orbit that rests there is found only if it
-        is an attractor. A value at which no motion can start there is labelled ``diverged``.
-    mode : str, optional
-        Mode there; by default the first that the state allows.
-    discard, keep : int, optional
-        Returns to the section that are dropped at the least, and those that are kept. What the motion is follows from
-        `keep` returns, but no fewer than ``Criteria.looked_at``.
-    follow : {"up", "down", "both", "restart"}, optional
-        Whether the attractor is followed from the first value to the last, from the last to the first, or both, each on
-        its own from `x0`; or whether every value starts at `x0`.
-    chunks : int, optional
-        Stretches into which the values are cut, each followed on its own from `x0`, so that they can be computed at the
-        same time. More than 1 may change which attractor is found.
-    section : str or Section, optional
-        Where points are taken: before a transition, or on a surface of one's own; by default at phase 0.
-    quantities : sequence of str, optional
-        What is kept of each point, expressions in states, phase, parameters and outputs; by default the states.
-    observables : sequence of str, optional
-        What is observed at each value, as ``"amplitude(z, 1)"``; see `saltus.flow.observables`.
-    exponents : int, optional
-        How many Lyapunov exponents, the largest first.
-    criteria : Criteria, optional
-        Thresholds of the labels.
-    tolerance : float or (float, float), optional
-        Relative tolerance of a step, or the relative and the absolute one. By default the absolute one is 1e-10, or so
-        much smaller as the smallest state where that is below 1e-2 at the first value.
-    workers : int, optional
-        Threads that compute; by default as many as there are processors for this process. The result is the same.
-    client : dask.distributed.Client, optional
-        A cluster that computes instead.
+        State at which the motion starts; by default all states are 0, at phase 0. An equilibrium or orbit there is
+        found only if it is an attractor. A value at which no motion can start there is labelled ``diverged``.
+    options : SweepOptions, optional
+        Which returns are kept, in which direction the values are followed, and what is measured and observed.
     path : path-like, optional
-        A file in which what is done is saved every few seconds. Where it exists, the sweep goes on from it, and ends
-        with the same result as one that was not interrupted.
-    progress : callable, optional
-        Called with the count of values that are done, the count of all, and what has just been done in words.
+        A file in which the finished values are saved every few seconds. Where the file exists, the sweep resumes from
+        it, with the same result as a sweep without interruption.
+    progress : bool or callable, optional
+        True for a bar on stderr, or a function called with a `saltus.Progress`. It counts values, those of both
+        directions.
 
     Returns
     -------
     Sweep
-        An interrupt (Ctrl-C) keeps what is done; `Sweep.stopped` says so.
+        An interrupt (Ctrl-C) keeps the finished values; `Sweep.stopped` says so.
 
     Raises
     ------
@@ -133,7 +92,7 @@ def run_sweep(
 
     Notes
     -----
-    Whatever ends a sweep early, what is done is saved where `path` is given.
+    With `path`, the finished values are saved whatever ends a sweep early.
 
     Examples
     --------
@@ -144,26 +103,27 @@ def run_sweep(
     ...     ("x", "s"), {"r": 3.2}, {"carry": Mode({"x": "0", "s": "1"})},
     ...     [Transition("carry", "carry", "s - 1", 1, {"x": "r*x*(1 - x)", "s": "0"}, name="map")],
     ... )
-    >>> sweep = run_sweep(carried, "r", [3.2, 3.5, 3.7], x0=[0.3, 0.0], section="map", quantities=["x"])
+    >>> sweep = run_sweep(carried, "r", [3.2, 3.5, 3.7], x0=[0.3, 0.0], options=SweepOptions(section="map"))
     >>> sweep.labels.tolist()
     [['period-2', 'period-4', 'chaotic']]
     """
-    grid = _ascending(values)
-    task = Task.checked(
-        system, parameter, grid, parameters, x0, mode, discard=discard, keep=keep, section=section,
-        quantities=quantities, observables=observables, exponents=exponents, criteria=criteria, tolerance=tolerance,
-    )  # fmt: skip
-    directions = _directions(follow)
-    most, what = (1, "as every value starts anew") if follow == "restart" else (grid.size, "the number of values")
-    chunks = checks.count("chunks", chunks, 1, most, what)
-    checks.function("progress", progress, "of two counts and a text")
+    grid = checks.ascending("values", values, "SweepOptions(follow='down') goes from the last to the first")
+    chosen = SweepOptions() if options is None else checks.instance("options", options, SweepOptions)
+    task = Task.checked(system, parameter, grid, parameters, x0, chosen)
+    anew = chosen.follow == "restart"
+    most, what = (1, "as every value starts anew") if anew else (grid.size, "the number of values")
+    checks.count("SweepOptions.chunks", chosen.chunks, 1, most, what)
+    reporter = Reporter(progress)
     task.load(float(grid[0]))
-    settings = {**task.settings, "follow": follow, "chunks": chunks}
-    record = Record.begun(task, grid, directions, settings, path, progress)
-    pieces = record.left(_pieces(directions, grid.size, grid.size if follow == "restart" else chunks))
+    directions = PASSES[chosen.follow]
+    record = Record.begun(task, grid, directions, path, reporter)
+    pieces = record.left(_pieces(directions, grid.size, grid.size if anew else chosen.chunks))
     try:
-        with suppress(KeyboardInterrupt), closing(rows_of(task.row, grid, pieces, workers, client)) as rows:
-            record.started = monotonic()
+        with (
+            suppress(KeyboardInterrupt),
+            closing(rows_of(task.row, grid, pieces, chosen.workers, chosen.client)) as rows,
+            reporter,
+        ):
             for place, row in rows:
                 record.keep(place, row)
     finally:
@@ -172,28 +132,11 @@ def run_sweep(
     return record.as_sweep()
 
 
-# input
-
-
-def _ascending(values: ArrayLike) -> NDArray[np.float64]:
-    grid = checks.array("values", values, "a sequence of numbers, at least one")
-    if grid.ndim != 1 or not grid.size:
-        raise InputError("values", values, "a sequence of numbers, at least one")
-    if falls := np.flatnonzero(np.diff(grid) <= 0.0).tolist():
-        pair = f"{grid[falls[0]]:.12g}, {grid[falls[0] + 1]:.12g}"
-        raise InputError("values", pair, "ascending, each once", "follow='down' goes from the last to the first")
-    return grid
-
-
-def _directions(follow: object) -> tuple[str, ...]:
-    return _FOLLOW[checks.chosen("follow", follow, _FOLLOW)]
-
-
 # the values, in the order in which they are computed
 
 
 def _pieces(directions: Sequence[str], count: int, chunks: int) -> list[Piece]:
-    """Stretches of values that are followed one value after the other."""
+    """Return stretches of values; within a stretch each value starts from the one before."""
     pieces = []
     for row, direction in enumerate(directions):
         parts = [part.tolist() for part in np.array_split(np.arange(count), chunks)]

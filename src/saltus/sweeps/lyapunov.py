@@ -1,4 +1,4 @@
-"""Lyapunov exponents of the motion that a hybrid system settles on."""
+"""Lyapunov exponents of a motion of a hybrid system: docs/theory/lyapunov.md derives the formulas."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.flow.motion import starting_mode, tolerances_of
 from saltus.flow.sizes import ATOL, fitting_atol
-from saltus.flow.variational import BATCHES, CONFIDENCE, growth_along
+from saltus.flow.variational import BATCHES, CONFIDENCE, Average, growth_along
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 __all__ = ["LyapunovSpectrum", "lyapunov_spectrum"]
 
-_SHOWN = 8
+_SHOWN = 8  # exponents that a `repr` lists
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LyapunovSpectrum(Result):
-    """Lyapunov exponents of a motion, per unit of time, with what they were measured from.
+    """Lyapunov exponents of a motion, per unit of time, and the logarithms of growth behind them.
 
     A forced system has one for each state without the phase. An autonomous one has 0 among them, for the direction of
     its flow, unless it rests.
@@ -45,12 +45,12 @@ class LyapunovSpectrum(Result):
     parameters : mapping of str to float
         All its parameters.
     exponents : ndarray, shape (exponent,)
-        Largest first; ``-inf`` where a reset of lower rank, or a sliding motion, takes a direction away, and ``nan``
-        where a Jacobian is not finite.
+        Largest first. ``-inf``: a reset of lower rank or a sliding motion removes a direction. ``nan``: a Jacobian is
+        not finite.
     errors : ndarray, shape (exponent,)
         Half widths of their 95 % confidence intervals, from the spread of batch means.
     times : ndarray, shape (row,)
-        Ends of the stretches the motion was cut into, counted from the end of what was discarded.
+        Ends of the stretches of the motion, from the end of the discarded time.
     logs : ndarray, shape (row, exponent)
         Logarithms of the growth in each stretch.
     discarded : float
@@ -60,9 +60,9 @@ class LyapunovSpectrum(Result):
     mode_end : str
         Mode there.
     grazed : int
-        Events that were grazed, where no saltation matrix exists and none was applied.
-    rtol, atol : float
-        Tolerances of the motion.
+        Events that were grazed: no saltation matrix exists there, and none was applied.
+    tolerance : (float, float)
+        Relative and absolute tolerance of a step of the motion.
     """
 
     system: HybridSystem
@@ -75,8 +75,7 @@ class LyapunovSpectrum(Result):
     x_end: NDArray[np.float64]
     mode_end: str
     grazed: int
-    rtol: float
-    atol: float
+    tolerance: tuple[float, float]
 
     def __post_init__(self) -> None:
         for name in ("exponents", "errors", "times", "logs", "x_end"):
@@ -115,9 +114,9 @@ class LyapunovSpectrum(Result):
     def kaplan_yorke(self) -> float:
         """Kaplan-Yorke dimension, ``k + (l_1 + ... + l_k) / |l_(k+1)|`` with the largest k whose sum is not negative.
 
-        That of the attractor in the space of the states, for a forced system of its section at a phase. A sum within
-        its error of zero counts as zero, such as that of an autonomous limit cycle. ``nan`` where the exponents
-        measured are too few to tell.
+        The dimension belongs to the attractor in the space of the states; for a forced system, to its section at a
+        phase. A sum within its error of zero counts as zero, as on a limit cycle. ``nan``: too few exponents were
+        measured. See docs/theory/lyapunov.md, "Dimension".
 
         References
         ----------
@@ -170,8 +169,8 @@ class LyapunovSpectrum(Result):
                 "discarded": self.discarded,
                 "mode_end": self.mode_end,
                 "grazed": self.grazed,
-                "rtol": self.rtol,
-                "atol": self.atol,
+                "rtol": self.tolerance[0],
+                "atol": self.tolerance[1],
             },
         )
 
@@ -193,8 +192,7 @@ class LyapunovSpectrum(Result):
             held.array("x_end", ("state",)),
             system.mode_names[system.mode_index(held.text("mode_end"))],
             held.count("grazed"),
-            held.number("rtol", least=0.0),
-            held.number("atol", least=0.0),
+            (held.number("rtol", least=0.0), held.number("atol", least=0.0)),
         )
 
 
@@ -203,43 +201,40 @@ def lyapunov_spectrum(
     parameters: Mapping[str, float] | None = None,
     x0: ArrayLike = (),
     *,
+    average: Average,
     mode: str | None = None,
-    periods: int | None = None,
-    t_end: float | None = None,
-    discard: float | None = None,
     exponents: int | None = None,
     tolerance: float | tuple[float, float] = 1e-10,
 ) -> LyapunovSpectrum:
     """Return the Lyapunov exponents of the motion from a state, once it has settled.
 
-    The variational equations carry an orthonormal frame along the motion, the saltation matrix takes it over each
-    event, and after every step and event it is made orthonormal again; an exponent is the mean rate of the logarithm
-    of its direction's growth. The phase is not perturbed.
+    The variational equations carry an orthonormal frame along the motion, and the saltation matrix carries it over each
+    event. After every step and event the frame is made orthonormal again. An exponent is the mean rate at which the
+    logarithm of a direction's length grows. The phase is not perturbed.
 
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameters : mapping of str to float, optional
         Values that differ from the defaults.
     x0 : array_like, shape (states,) or (all states,)
         State at time 0; without the phase it starts at phase 0.
+    average : Average
+        How long the exponents are measured, and how long motion and frame settle before.
     mode : str, optional
         Mode at time 0; chosen as in `simulate`.
-    periods, t_end : int, float
-        How long the exponents are measured: periods of the phase, at least 2, or a time. Exactly one of the two.
-    discard : int or float, optional
-        How long before, in the same unit, motion and frame settle; by default half of what is measured.
     exponents : int, optional
-        How many, the largest; by default all.
+        How many exponents, the largest ones; by default all.
     tolerance : float or (float, float), optional
-        Relative tolerance of a step of the motion, or the relative and the absolute one; that of the frame is 1000
-        times the relative one, at most 1e-4. By default the absolute one is 1e-12, or so much smaller as the smallest
-        state where that is below 1e-2.
+        Relative tolerance of a step of the motion, or the relative and the absolute one. The frame's tolerance is 1000
+        times the relative one, at most 1e-4. The default absolute tolerance is 1e-12, and smaller in proportion to the
+        smallest state where this is below 1e-2.
 
     Returns
     -------
     LyapunovSpectrum
+        The exponents with their errors.
 
     Raises
     ------
@@ -252,8 +247,8 @@ def lyapunov_spectrum(
 
     Notes
     -----
-    Each logarithm of growth carries an error that does not grow with time, so that estimates for a periodic motion
-    approach ``log|mu| / T`` like 1/time; for a chaotic one the spread of batch means, 1/sqrt(time), is what counts.
+    The error of a logarithm of growth does not grow with time. Estimates for a periodic motion therefore approach
+    ``log|mu| / T`` like 1/time. For a chaotic motion the spread of batch means falls like 1/sqrt(time).
 
     References
     ----------
@@ -275,19 +270,18 @@ def lyapunov_spectrum(
     ...     transitions=[Transition(f"fill_{i}", f"fill_{j}", j, -1) for i in tanks for j in tanks if i != j],
     ...     name="three tanks",
     ... )
-    >>> found = lyapunov_spectrum(server, None, [0.2, 0.3, 0.5], mode="fill_a", t_end=2000.0)
+    >>> found = lyapunov_spectrum(server, None, [0.2, 0.3, 0.5], mode="fill_a", average=Average(t_end=2000.0))
     >>> print(round(found.exponents[0], 2))
     0.92
     """
     checks.instance("system", system, HybridSystem)
+    checks.instance("average", average, Average)
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)
     start = starting_mode(system, x, p, mode)
     rtol, absolute = tolerances_of(tolerance)
     atol = absolute if absolute is not None else fitting_atol(system, p, x, start, ATOL)
-    growth = growth_along(
-        system, p, x, start, periods=periods, t_end=t_end, exponents=exponents, discard=discard, rtol=rtol, atol=atol
-    )
+    growth = growth_along(system, p, x, start, average=average, exponents=exponents, tolerance=(rtol, atol))
     return LyapunovSpectrum(
         system=system,
         parameters=system.resolve(parameters),
@@ -299,6 +293,5 @@ def lyapunov_spectrum(
         x_end=growth.x_end,
         mode_end=system.mode_names[growth.mode_end],
         grazed=growth.grazed,
-        rtol=rtol,
-        atol=atol,
+        tolerance=(rtol, atol),
     )

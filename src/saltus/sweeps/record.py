@@ -1,9 +1,9 @@
-"""What is done of a sweep so far: kept, saved to a file now and then, and told."""
+"""Record of the finished values of a sweep: kept, saved to a file at intervals, and reported."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -13,6 +13,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import InputError
+from saltus.progress import Reporter, ended
 from saltus.sweeps.sweep import Sweep
 from saltus.sweeps.task import Row, Task
 from saltus.sweeps.workers import Piece
@@ -22,19 +23,17 @@ if TYPE_CHECKING:
 
 __all__ = ["Record"]
 
-_SAVED_EVERY = 3.0
-"""Seconds between two savings, or more where one takes long."""
+_SAVED_EVERY = 3.0  # seconds between two savings, more where a saving takes long
 
 
 @dataclass
 class Record:
-    """What is done so far."""
+    """Record of the finished values of a sweep."""
 
     task: Task
     sweep: dict[str, Any]
     path: Path | None
-    progress: Callable[[int, int, str], None] | None
-    started: float = field(default_factory=monotonic)
+    reporter: Reporter
     saved: float = field(default_factory=monotonic)
     pause: float = _SAVED_EVERY
     fresh: int = 0
@@ -45,9 +44,8 @@ class Record:
         task: Task,
         values: NDArray[np.float64],
         directions: Sequence[str],
-        settings: Mapping[str, Any],
         path: str | os.PathLike[str] | None,
-        progress: Callable[[int, int, str], None] | None,
+        reporter: Reporter,
     ) -> Record:
         """Return the record of a new sweep, or of one whose file exists."""
         shape = (len(directions), values.size)
@@ -71,27 +69,29 @@ class Record:
             "reasons": np.full(shape, "", dtype=object),
             "states": np.full((*shape, len(task.system.all_states)), np.nan),
             "modes": np.full(shape, -1, np.int64),
-            "settings": dict(settings),
+            "settings": dict(task.settings),
         }
         file = None if path is None else checks.path("path", path)
         if file is not None and file.exists():
             _resume(sweep, Sweep.load(file), file)
         elif file is not None and not (file.parent.is_dir() and os.access(file.parent, os.W_OK)):
             raise InputError("path", str(path), "in a folder that exists and can be written")
-        return cls(task, sweep, file, progress)
+        record = cls(task, sweep, file, reporter)
+        reporter.expect(record.total, record.done)
+        return record
 
     @property
     def done(self) -> int:
-        """Values that are done."""
+        """Count of the finished values."""
         return int(np.sum(self.sweep["labels"] != ""))
 
     @property
     def total(self) -> int:
-        """Values in all, those of both directions."""
+        """Count of all values, those of both directions."""
         return int(self.sweep["labels"].size)
 
     def left(self, pieces: list[Piece]) -> list[Piece]:
-        """Return what is left of the pieces, each with the end of what is done of it."""
+        """Return the unfinished rest of each piece, with the end of its last finished motion."""
         labels, states, modes = (self.sweep[name] for name in ("labels", "states", "modes"))
         left = []
         for piece in pieces:
@@ -105,7 +105,7 @@ class Record:
         return left
 
     def keep(self, place: tuple[int, int], row: Row) -> None:
-        """Keep a value's row, save when it is time, and tell."""
+        """Keep a value's row, report it, and save where the last saving is long enough ago."""
         sweep = self.sweep
         found: dict[str, Any] = {"reasons": row.reason, "modes": row.mode, "return_times": row.return_time}
         if row.points is not None:
@@ -118,16 +118,11 @@ class Record:
         self.fresh += 1
         if self.path is not None and monotonic() - self.saved > self.pause:
             self.save()
-        if self.progress is not None:
-            self.progress(self.done, self.total, self._told(place, row.label))
-
-    def _told(self, place: tuple[int, int], label: str) -> str:
-        left = (monotonic() - self.started) / self.fresh * (self.total - self.done)
-        name, value = self.task.parameter, self.sweep["values"][place[1]]
-        return f"{name} = {value:.6g} {self.sweep['directions'][place[0]]}: {label}, {_duration(left)} left"
+        value, direction = sweep["values"][place[1]], sweep["directions"][place[0]]
+        self.reporter.step(1, f"{self.task.parameter} = {value:.6g} {direction}: {row.label}")
 
     def save(self) -> None:
-        """Write what is done."""
+        """Write the finished values to the file."""
         if self.path is None:
             return
         began = monotonic()
@@ -136,14 +131,12 @@ class Record:
         self.pause = max(_SAVED_EVERY, 20.0 * (self.saved - began))
 
     def as_sweep(self) -> Sweep:
-        """Return what is done as a result."""
-        done, total = self.done, self.total
-        stopped = f"all {total} values done" if done == total else f"interrupted: {done} of {total} values done"
-        return Sweep(**self.sweep, stopped=stopped)
+        """Return the finished values as a result."""
+        return Sweep(**self.sweep, stopped=ended(self.done, self.total, "values"))
 
 
 def _resume(sweep: dict[str, Any], before: Sweep, path: Path) -> None:
-    """Take over what a file holds, if its sweep is the same."""
+    """Take over the values of a file whose sweep has the same input."""
     for name, wanted, was in _inputs(sweep, before):
         if wanted != was:
             raise InputError("path", str(path), "the file of a sweep of the same input", f"its {name} is {was!r}")
@@ -157,7 +150,7 @@ def _resume(sweep: dict[str, Any], before: Sweep, path: Path) -> None:
 
 
 def _inputs(sweep: Mapping[str, Any], before: Sweep) -> Iterator[tuple[str, Any, Any]]:
-    """Go through all input: its name, what it is, and what it was."""
+    """Go through all input: its name, its value here, and its value in the file."""
     yield "system", sweep["system"].definition(), before.system.definition()
     for name in ("parameter", "quantities", "observables", "parameters"):
         yield name, _plain(sweep[name]), _plain(getattr(before, name))
@@ -168,9 +161,3 @@ def _inputs(sweep: Mapping[str, Any], before: Sweep) -> Iterator[tuple[str, Any,
 
 def _plain(value: Any) -> Any:
     return dict(value) if isinstance(value, Mapping) else value
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"

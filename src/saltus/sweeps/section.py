@@ -1,4 +1,4 @@
-"""Poincare sections of a sweep: phase 0, a transition, or an event of one's own."""
+"""Poincare sections of a sweep: phase 0, a transition of the system, or a user's surface."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ __all__ = ["Section", "on_section"]
 
 @dataclass(frozen=True)
 class Section:
-    """A surface in the state space on which a motion is looked at, in every mode.
+    """A surface in the state space, in every mode, on which the points of a motion are taken.
 
     Parameters
     ----------
     event : expression
-        In states, phase, parameters and outputs; the surface is where it vanishes.
+        Expression in states, phase, parameters and outputs that vanishes on the surface.
     direction : {-1, 0, 1}
-        It counts where the motion passes with the event falling (-1), rising (1), or both (0).
+        A crossing counts where the event falls (-1), rises (1), or either (0).
 
     Examples
     --------
@@ -46,10 +46,10 @@ class Section:
 
 
 def on_section(system: HybridSystem, section: object) -> tuple[HybridSystem, tuple[int, ...] | None]:
-    """Return the system that has the section among its transitions, and their indices; None for phase 0.
+    """Return the system with the section among its transitions, and their indices; None for phase 0.
 
-    A section of one's own becomes a transition of every mode that changes nothing, behind all others: where an event of
-    the system lies on the same surface, that happens instead, and is the section to name.
+    A `Section` becomes a transition of every mode, behind all others, that changes nothing. An event of the system on
+    the same surface takes precedence: name its transition as the section.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def on_section(system: HybridSystem, section: object) -> tuple[HybridSystem, tup
     if section is None:
         if system.phase is None:
             allowed = f"the name of a transition, {', '.join(names)}, or a Section" if names else "a Section"
-            raise InputError("section", section, allowed, "the system has no phase")
+            raise InputError("SweepOptions.section", section, allowed, "the system has no phase")
         return system, None
     if isinstance(section, Section):
         check_expression(system, section.event)
@@ -76,7 +76,7 @@ def on_section(system: HybridSystem, section: object) -> tuple[HybridSystem, tup
         hint = nearest(section, names)
         if isinstance(section, str) and not section.isidentifier():
             hint = f"a surface of one's own is Section({section!r})"
-        raise InputError("section", section, f"{known}a Section, or None for phase 0", hint)
+        raise InputError("SweepOptions.section", section, f"{known}a Section, or None for phase 0", hint)
     return system, (names.index(section),)
 
 
@@ -90,7 +90,7 @@ def _with(system: HybridSystem, transitions: list[Transition]) -> HybridSystem:
 
 
 def _written_out(system: HybridSystem, text: str, mode: str) -> str:
-    """Return an expression without outputs, those of a mode written out."""
+    """Return an expression in which the outputs are replaced by their formulas in a mode."""
     text = text.strip()
     known = (*system.all_states, *system.parameter_names, *system.output_names)
     tree = syntax_tree(text, known, "section", InputError)

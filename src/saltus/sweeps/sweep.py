@@ -1,4 +1,4 @@
-"""What a sweep found: at each value the points on the section, what the motion is, its exponents and observables."""
+"""Results of a sweep: points on the section, labels, exponents and observables at each value."""
 
 from __future__ import annotations
 
@@ -25,19 +25,18 @@ if TYPE_CHECKING:
 
 __all__ = ["Sweep", "SweptValue"]
 
-_LISTED = 24
-"""Runs of labels that a `repr` lists for each pass."""
+_LISTED = 24  # runs of labels that a `repr` lists for each pass
 
 
 class SweptValue(NamedTuple):
-    """What a sweep found at one value.
+    """Results of a sweep at one value.
 
     Attributes
     ----------
     parameters : mapping of str to float
         All parameters.
     label : str
-        What the motion is.
+        Label of the motion.
     period : int
         Returns after which it recurs, 0 where it does not.
     rotation : float
@@ -49,11 +48,11 @@ class SweptValue(NamedTuple):
     observed : mapping of str to float
         The observables.
     state : ndarray, shape (all states,)
-        Full state at the end, from which the motion goes on.
+        Full state at the end, from which the motion at the next value starts.
     mode : str
-        Mode there; empty where there is no motion.
+        Mode at the end; empty where there is no motion.
     reason : str
-        Why there is none.
+        Reason why there is no motion.
     """
 
     parameters: Mapping[str, float]
@@ -72,15 +71,14 @@ class SweptValue(NamedTuple):
 class Sweep(Result):
     """Attractors along a parameter, by simulation; made by `run_sweep`.
 
-    Every array has a row for each direction and each value, NaN (or empty, or 0) where nothing
-    was computed.
+    Every array has a row for each direction and value: NaN, empty or 0 where nothing was computed.
 
     Attributes
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameter : str
-        What is swept, a parameter or a group of them.
+        The swept parameter, or a group of parameters.
     values : ndarray, shape (value,)
         Its values, ascending.
     parameters : mapping of str to float
@@ -88,35 +86,35 @@ class Sweep(Result):
     directions : tuple of str
         The passes: "up", "down", or "restart" where every value starts anew.
     quantities : tuple of str
-        What is kept of each point.
+        Quantities kept of each point.
     points : ndarray, shape (direction, value, kept, quantity)
         The quantities at the returns kept.
     labels : ndarray of str, shape (direction, value)
-        What the motion is; `saltus.flow.motion_kind` says by which criteria. Empty where it was not computed.
+        Label of the motion, by the criteria of `saltus.flow.motion_kind`. Empty where it was not computed.
     periods : ndarray of int, shape (direction, value)
         Returns after which it recurs, 0 where it does not.
     rotations : ndarray, shape (direction, value)
         Rotation number in turns per return, where the motion is quasi-periodic.
     curves : ndarray of int, shape (direction, value)
-        Closed curves on the section that it refers to.
+        Closed curves on the section to which the rotation number refers.
     exponents, errors : ndarray, shape (direction, value, exponent)
         Largest Lyapunov exponents per unit of time, and the half widths of their 95 % intervals.
     return_times : ndarray, shape (direction, value)
         Mean time between returns.
     observables : tuple of str
-        What is observed at each value.
+        Observables measured at each value.
     observed : ndarray, shape (direction, value, observable)
         Its values.
     reasons : ndarray of str, shape (direction, value)
-        Why there is no motion, where there is none.
+        Reason why there is no motion, where there is none.
     states : ndarray, shape (direction, value, all states)
-        Full states at the end of each value, from which the motion goes on.
+        Full states at the end of each value, from which the motion at the next value starts.
     modes : ndarray of int, shape (direction, value)
-        Indices of the modes there, -1 where there is no motion.
+        Indices of the modes at the end, -1 where there is no motion.
     settings : mapping
-        What `run_sweep` was asked for, thresholds included.
+        Options of `run_sweep`, thresholds included.
     stopped : str
-        Why it ended, in words.
+        Why the sweep ended, in words.
     """
 
     system: HybridSystem
@@ -157,7 +155,7 @@ class Sweep(Result):
         return np.asarray(self.labels != "")
 
     def at(self, value: float, direction: str | None = None) -> SweptValue:
-        """Return what was found at the value nearest to the given one.
+        """Return the results at the value nearest to the given one.
 
         Parameters
         ----------
@@ -215,7 +213,7 @@ class Sweep(Result):
         Raises
         ------
         InputError
-            It was not recorded.
+            The quantity or observable was not recorded.
         """
         checks.chosen("quantity", name, (*self.quantities, *self.observables))
         if name in self.quantities:
@@ -318,9 +316,7 @@ class Sweep(Result):
         each = ("direction", "value")
         system = held_system(held)
         held.names("state", system.all_states)
-        values = held.array("value", ("value",))
-        if not values.size or (np.diff(values) <= 0.0).any():
-            raise InputError("variable 'value'", values.tolist()[:3], "values that ascend, at least one")
+        values = checks.ascending("variable 'value'", held.array("value", ("value",)))
         directions = tuple(held.array("direction", ("direction",), str).tolist())
         if directions not in (("up",), ("down",), ("up", "down"), ("restart",)):
             raise InputError("variable 'direction'", directions, "up, down, both of them, or restart")

@@ -1,4 +1,4 @@
-"""What a brute-force diagram asks for at each value, and what is found there."""
+"""The task of a brute-force diagram at one value: follow the motion, label it, and measure it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, StiffnessError
 from saltus.flow.motion import EventDrivenMotion, starting_mode, tolerances_of
 from saltus.flow.motion_kind import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
-from saltus.flow.poincare import Iterates, admits, iterate
+from saltus.flow.poincare import EventSection, Iterates, admits, iterate
 from saltus.flow.simulation import simulate
 from saltus.flow.sizes import fitting_atol
-from saltus.flow.variational import Growth, growth_along
+from saltus.flow.variational import Average, Growth, growth_along
+from saltus.sweeps.options import SweepOptions
 from saltus.sweeps.section import Section, on_section
 from saltus.system import HybridSystem
 
@@ -26,16 +27,15 @@ if TYPE_CHECKING:
 
 __all__ = ["Row", "Task"]
 
-_FIRST = 16
-"""Returns from which the mean one is known, if so many are dropped."""
+_FIRST = 16  # dropped returns that tell the mean return time
 
-_STEPS_KEPT = 256
+_STEPS_KEPT = 256  # steps of a motion that are kept in memory at once
 _ATOL = 1e-10  # absolute tolerance of a step for states of size 1 or more
 
 
 @dataclass(frozen=True)
 class Row:
-    """What is found at one value."""
+    """Results at one value."""
 
     label: str
     reason: str = ""
@@ -55,7 +55,7 @@ class Row:
 
 
 class _Seen(NamedTuple):
-    """Returns of a motion, how perturbations of it grow (None where it does not return), and what it is."""
+    """Returns of a motion, growth of its perturbations (None without returns), and its kind."""
 
     found: Iterates
     growth: Growth | None
@@ -64,7 +64,7 @@ class _Seen(NamedTuple):
 
 @dataclass(frozen=True)
 class Task:
-    """What is asked for at each value; `steady` is the system, with the section among its transitions."""
+    """The task at each value; `steady` is the system with the section among its transitions."""
 
     system: HybridSystem
     steady: HybridSystem
@@ -91,35 +91,44 @@ class Task:
         values: NDArray[np.float64],
         parameters: Mapping[str, float] | None,
         x0: ArrayLike | None,
-        mode: str | None,
-        **options: Any,
+        options: SweepOptions,
     ) -> Task:
-        """Return the task, all input looked at."""
+        """Return the task after checks of all input."""
         checks.instance("system", system, HybridSystem)
         checks.chosen("parameter", parameter, (*system.parameter_names, *system.groups))
         base = system.resolve(parameters)
         for value in values.tolist():
             system.resolve({**base, parameter: value})
-        steady, places = on_section(system, options["section"])
-        discard = checks.count("discard", options["discard"], 0)
-        keep = checks.size("keep", options["keep"], 1, checks.LARGEST_LIST // values.size)
-        exponents = checks.count("exponents", options["exponents"], 1, len(system.states), "the states")
-        rtol, atol = tolerances_of(options["tolerance"])
-        criteria = options["criteria"]
-        criteria = Criteria() if criteria is None else checks.instance("criteria", criteria, Criteria)
-        start = system.full_state(np.zeros(len(system.states)) if x0 is None else x0)
-        quantities = system.states if options["quantities"] is None else options["quantities"]
+        if options.mode is not None:
+            checks.chosen("SweepOptions.mode", options.mode, system.mode_names)
+        steady, places = on_section(system, options.section)
+        checks.size("SweepOptions.keep", options.keep, 1, checks.LARGEST_LIST // values.size)
+        checks.count("SweepOptions.exponents", options.exponents, 1, len(system.states), "the states")
+        rtol, atol = tolerances_of(options.tolerance)
         task = cls(
-            system, steady, places, parameter, base, start, mode, discard, keep,
-            checks.names("quantities", quantities, "texts, as ['v1']", least=1),
-            checks.names("observables", options["observables"], "texts, as ['mean(v1)']"), exponents, criteria,
-            rtol, _ATOL if atol is None else atol, {},
-        )  # fmt: skip
+            system=system,
+            steady=steady,
+            section=places,
+            parameter=parameter,
+            parameters=base,
+            x0=system.full_state(np.zeros(len(system.states)) if x0 is None else x0),
+            mode=options.mode,
+            discard=options.discard,
+            keep=options.keep,
+            quantities=tuple(system.states if options.quantities is None else options.quantities),
+            observables=tuple(options.observables),
+            exponents=options.exponents,
+            criteria=options.criteria,
+            rtol=rtol,
+            atol=_ATOL if atol is None else atol,
+            settings={},
+        )
         p, first = _checked_start(task, values, given=x0 is not None)
         if atol is None:
-            task = replace(task, atol=fitting_atol(system, p, start, first, _ATOL))
+            task = replace(task, atol=fitting_atol(system, p, task.x0, first, _ATOL))
         _check_expressions(task)
-        return replace(task, settings=task._described(options["section"]))
+        settings = task._described(options.section) | {"follow": options.follow, "chunks": options.chunks}
+        return replace(task, settings=settings)
 
     def _described(self, section: str | Section | None) -> dict[str, Any]:
         return {
@@ -137,10 +146,10 @@ class Task:
     def load(self, value: float) -> None:
         """Load the compiled functions, before threads ask for them."""
         p = self.system.parameter_vector({**self.parameters, self.parameter: value})
-        iterate(self.steady, p, self.x0, 0, discard=0, keep=0, section=self.section, rtol=self.rtol, atol=self.atol)
+        self._iterated(p, self.x0, 0, 0, 0, math.inf)
 
     def row(self, value: float, end: tuple[NDArray[np.float64], int] | None) -> Row:
-        """Return what is found at a value, from where the motion ended at the value before."""
+        """Return the results at a value; the motion starts from its end at the value before."""
         parameters = {**self.parameters, self.parameter: value}
         p = self.system.parameter_vector(parameters)
         try:
@@ -190,7 +199,7 @@ class Task:
         )
 
     def _seen(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> _Seen:
-        """Follow the motion, look at its returns, and say what it is."""
+        """Follow the motion, and find its kind from its returns."""
         found = self._settled(p, x, mode)
         if len(found.times) < self._looked_at:
             return _Seen(found, None, Kind(NO_RETURN, 0, math.nan, 0))
@@ -208,24 +217,25 @@ class Task:
         return self.criteria.looked_at(self.keep)
 
     def _settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> Iterates:
-        """The returns that are looked at, fewer where the motion does not return."""
-        options: dict[str, Any] = {"section": self.section, "rtol": self.rtol, "atol": self.atol}
+        """Return the returns from which the kind follows, fewer where the motion stops returning."""
         dropped, unit = self.discard, math.inf if self.system.phase is None else self._period(p)
         if self.section is not None and dropped >= _FIRST:
-            options["longest"] = self.criteria.absence * unit
-            first = self._iterated(p, x, mode, discard=_FIRST - 1, keep=1, **options)
+            first = self._iterated(p, x, mode, _FIRST - 1, 1, self.criteria.absence * unit)
             if not first.times.size:
                 return first
             x, mode, dropped = first.x_end, first.mode_end, dropped - _FIRST
             mean = float(first.times[0]) / _FIRST
             unit = mean if self.system.phase is None else max(mean, unit)
-        options["longest"] = self.criteria.absence * unit
-        return self._iterated(p, x, mode, discard=dropped, keep=self._looked_at, **options)
+        return self._iterated(p, x, mode, dropped, self._looked_at, self.criteria.absence * unit)
 
-    def _iterated(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, **options: Any) -> Iterates:
-        """Returns of a motion; none where, without a phase, so many steps bring no return that it has none."""
+    def _iterated(
+        self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, discard: int, keep: int, longest: float
+    ) -> Iterates:
+        """Return the returns of a motion; none for one without a phase that takes too many steps without a return."""
+        section = None if self.section is None else EventSection(self.section, longest)
+        tolerance = (self.rtol, self.atol)
         try:
-            return iterate(self.steady, p, x, mode, **options)
+            return iterate(self.steady, p, x, mode, discard=discard, keep=keep, section=section, tolerance=tolerance)
         except StiffnessError as error:
             if self.system.phase is not None:
                 raise
@@ -249,7 +259,7 @@ class Task:
         return points
 
     def _measured(self, p: NDArray[np.float64], found: Iterates) -> tuple[Growth, Kind]:
-        """Exponents, and what the motion is."""
+        """Return the growth of perturbations, and the kind of the motion."""
         returns = self._looked_at
         time = self._return_time(found)
         rounding = self._rounding(p, found, time)
@@ -262,7 +272,7 @@ class Task:
         return growth, kind
 
     def _rounding(self, p: NDArray[np.float64], found: Iterates, time: float) -> NDArray[np.float64]:
-        """Differences of full states that are none, by their sizes along the motion over a return."""
+        """Return the differences of full states that are rounding, from their sizes over a mean return."""
         run = EventDrivenMotion(
             self.system, p, found.x_end.copy(), found.mode_end, self.rtol, self.atol, steps_kept=_STEPS_KEPT
         )
@@ -272,10 +282,13 @@ class Task:
 
     def _growth(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, returns: int, time: float) -> Growth:
         aligned = max(returns // 4, 1)
-        tolerances: dict[str, Any] = {"rtol": self.rtol, "atol": self.atol, "exponents": self.exponents}
+        tolerances: dict[str, Any] = {"tolerance": (self.rtol, self.atol), "exponents": self.exponents}
         if self.section is None:
-            return growth_along(self.system, p, x, mode, periods=returns, discard=aligned, **tolerances)
-        return growth_along(self.system, p, x, mode, t_end=returns * time, discard=aligned * time, **tolerances)
+            return growth_along(
+                self.system, p, x, mode, average=Average(periods=returns, discard=aligned), **tolerances
+            )
+        average = Average(t_end=returns * time, discard=aligned * time)
+        return growth_along(self.system, p, x, mode, average=average, **tolerances)
 
     def _kind(self, found: Iterates, growth: Growth, time: float, rounding: NDArray[np.float64]) -> Kind:
         states = found.states
@@ -333,7 +346,7 @@ def _checked_start(task: Task, values: NDArray[np.float64], *, given: bool) -> t
     Raises
     ------
     InputError
-        What the first value has against the start, if no value admits it.
+        No value admits the start; the reason is that of the first value.
     """
     refusals = []
     for value in values.tolist():

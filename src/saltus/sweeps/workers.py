@@ -1,4 +1,4 @@
-"""Rows of a sweep from this thread, from threads, or from a Dask cluster: the same rows, in whatever order."""
+"""Rows of a sweep, computed by this thread, by several threads, or by a Dask cluster, in any order."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
-from saltus import checks
-from saltus.errors import InputError
 from saltus.work import Cluster, Here, Job, Threads, Workers, handed_out, processors
 
 if TYPE_CHECKING:
@@ -17,21 +15,20 @@ if TYPE_CHECKING:
 
 __all__ = ["End", "Ended", "Piece", "rows_of"]
 
-End: TypeAlias = "tuple[NDArray[np.float64], int] | None"
-"""State and mode where a motion ended, None where there was none."""
+End: TypeAlias = "tuple[NDArray[np.float64], int] | None"  # state and mode where a motion ended; None: no motion
 
 
 class Ended(Protocol):
-    """What is found at a value, with the end of the motion."""
+    """Results at a value, with the end of the motion."""
 
     @property
     def end(self) -> End:
-        """Where the motion goes on from."""
+        """State and mode from which the motion at the next value starts."""
 
 
 @dataclass(frozen=True)
 class Piece:
-    """Values that are followed one after the other.
+    """Values of which each starts from the end of the one before.
 
     Attributes
     ----------
@@ -40,7 +37,7 @@ class Piece:
     order : sequence of int
         Indices of the values.
     end : (ndarray, int) or None
-        State and mode where the motion starts, if not anew.
+        State and mode from which the first value starts; None for the sweep's start.
     """
 
     row: int
@@ -49,7 +46,7 @@ class Piece:
 
 
 def rows_of(
-    compute: Callable[[float, End], Any], values: NDArray[np.float64], pieces: Sequence[Piece], workers: object,
+    compute: Callable[[float, End], Any], values: NDArray[np.float64], pieces: Sequence[Piece], workers: int | None,
     client: Any,
 ) -> Generator[tuple[tuple[int, int], Any], None, None]:  # fmt: skip
     """Return an iterator over ((pass, value), row) as rows are done; closing it ends the work.
@@ -70,16 +67,14 @@ def rows_of(
     Raises
     ------
     InputError
-        No count of threads, or no client; both.
+        No client.
     """
     count = len(pieces)
     if client is not None:
-        if workers is not None:
-            raise InputError("workers", workers, "left out where a client is given")
-        those: Workers = Cluster(client)
+        those: Workers = Cluster(client, "SweepOptions.client")
     else:
-        count = min(processors() if workers is None else checks.count("workers", workers), count)
-        those = Threads(count, "workers=1") if count > 1 else Here()
+        count = min(processors() if workers is None else workers, count)
+        those = Threads(count, "SweepOptions(workers=1)") if count > 1 else Here()
     return _rows(compute, values, pieces, those, count)
 
 
@@ -87,7 +82,7 @@ def _rows(
     compute: Callable[[float, End], Any], values: NDArray[np.float64], pieces: Sequence[Piece], those: Workers,
     at_once: int,
 ) -> Generator[tuple[tuple[int, int], Any], None, None]:  # fmt: skip
-    """So many pieces at once, the values of each one after the other."""
+    """Yield the rows of `at_once` pieces at a time, the values of each piece in order."""
 
     def job(piece: Piece, position: int, end: End) -> Job:
         return (piece, position), compute, float(values[piece.order[position]]), end

@@ -1,4 +1,4 @@
-"""Floor 1: the definition of a hybrid system, its derivatives, and the code generated from it."""
+"""The definition of a hybrid system, its derivatives, and the code generated from it."""
 
 from saltus.system.hybrid import HybridSystem, Mode, Transition
 

@@ -1,11 +1,11 @@
-"""The sum of products that generated Taylor series are made of."""
+"""The sum of products of which generated Taylor series are made."""
 
 from __future__ import annotations
 
 from numba import types
 from numba.extending import intrinsic
 
-_LATE = 3
+_LATE = 3  # products of a sum that are added last, as they come last
 
 
 @intrinsic

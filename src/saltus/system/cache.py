@@ -1,4 +1,4 @@
-"""The folder of generated code, and files in it that are whole or not used.
+"""The folder of generated code, whose files are used only if they are whole.
 
 Such files are run, so that the folder must be one that only the user can write. Each carries the digest of its content:
 what was cut short, damaged or replaced by something else is written anew. A file is written beside its place and then
@@ -88,7 +88,7 @@ def write_checked(file: Path, data: bytes) -> None:
     Raises
     ------
     OSError
-        It cannot be written; what stood in the place still does, and nothing is left beside it.
+        The file cannot be written. A file that was there before is unchanged, and nothing is left beside it.
     """
     handle, name = tempfile.mkstemp(dir=file.parent, prefix=f"{file.stem[:40]}.", suffix=".tmp")
     try:

@@ -35,12 +35,12 @@ __all__ = [
     "with_constants",
 ]
 
+# Names of the generated functions, in the order of `Compiled.addresses`.
 FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p", "reset", "reset_x", "reset_p",
              "outputs", "guard")  # fmt: skip
-"""Names of the generated functions, in the order of `Compiled.addresses`."""
 
+# Names of the functions of second derivatives, in the order of `CompiledSecond.addresses`.
 SECOND = ("derive", "field_2", "event_2", "reset_2")
-"""Names of the functions of second derivatives, in the order of `CompiledSecond.addresses`."""
 
 
 class Compiled:
@@ -117,10 +117,10 @@ class Compiled:
 class CompiledSeries:
     """Taylor series of a system's motions, one order.
 
-    ``series`` writes, for mode `k` and at ``x`` (the full state and w behind it), the coefficients of the states
-    without the phase, of two more and of the mode's event functions: shape (order + 1, stride). For ``modes + k`` they
-    are those in sigma, where the mode is regularised (see `saltus.system.regularise`), and the two more are those of w
-    and the time.
+    ``series`` writes coefficients for mode `k` at ``x``, the full state with w behind it; shape (order + 1, stride).
+    Columns are the states without the phase, two further ones, and the mode's event functions. For ``modes + k`` the
+    coefficients are those in sigma, where the mode is regularised (see `saltus.system.regularise`). The two further
+    columns are then w and the time.
 
     Attributes
     ----------
@@ -172,9 +172,9 @@ class CompiledLinear:
 class CompiledSecond:
     """Second derivatives of one system, in its state and in some of its parameters.
 
-    With y the state and those parameters behind it, and v a direction, ``field_2`` writes the matrix of the second
-    derivative of the field, once along v, shape (n, n + active), ``reset_2`` that of a reset, and ``event_2`` that of
-    an event function and of its rate, shape (2, n + active). Their argument is [state (n,), v (n + active,)].
+    Let v be a direction of the state with these parameters behind it. ``field_2`` writes the second derivative of the
+    field, once along v, shape (n, n + active). ``reset_2`` does so for a reset, ``event_2`` for an event function and
+    its rate, shape (2, n + active). Their argument is [state (n,), v (n + active,)].
 
     Attributes
     ----------
@@ -214,10 +214,10 @@ def with_constants(derive: Any, p: NDArray[np.float64], n_constants: int) -> NDA
     return out
 
 
+# Modules from which the text of the flow, and that of Taylor series and linear parts, comes.
 _TEXT = ("derivatives", "expansion", "expressions", "grammar", "printer", "regularise", "writer")
 _FLOW_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "codegen"))
-SERIES_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "linear_split", "taylor"))
-"""Modules from which a text comes that holds Taylor series or linear parts, its writer's own besides."""
+SERIES_TEXT = tuple(f"system.{name}" for name in (*_TEXT, "linear_split", "taylor"))  # besides its own writer
 
 
 def _flow(symbolic: Symbolic) -> Writer:

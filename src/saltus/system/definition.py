@@ -254,7 +254,7 @@ class Definition:
         x0 : array_like, shape (states,) or (all states,)
             Without the phase it is at phase 0.
         name : str, optional
-            What messages call it.
+            Name of the state in messages.
 
         Returns
         -------

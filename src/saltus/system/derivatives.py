@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Symbolic"]
 
-_ANGLES = (0.3, 1.7, 4.1)
+_ANGLES = (0.3, 1.7, 4.1)  # phases, in radians, at which a formula is compared with itself one turn later
 
 
 class Symbolic:

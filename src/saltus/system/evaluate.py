@@ -37,7 +37,7 @@ def evaluate(
     Parameters
     ----------
     system : Definition
-        Whose names the expression uses.
+        The system whose names the expression uses.
     text : str
         An expression in the states, the phase, the parameters and the outputs; numbers, ``pi``, ``+ - * / **``,
         parentheses and the functions of definitions (``sin``, ``sqrt``, ``atan2``, ...). As in definitions, a
@@ -135,13 +135,13 @@ _OPERATORS: Mapping[type[ast.operator], Callable[..., _Value]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide,
 }  # fmt: skip
 
+# Functions of another name in NumPy, or as compiled code means them: roots are 0 below 0, no sign is 0.
 _OWN: Mapping[str, Callable[..., _Value]] = {
     "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2,
     "asinh": np.arcsinh, "acosh": np.arccosh, "atanh": np.arctanh, "Abs": np.abs,
     "sqrt": lambda x: np.sqrt(np.maximum(x, 0.0)),
     "sign": lambda x: np.copysign(1.0, x),
 }  # fmt: skip
-"""Functions of another name in NumPy, or as compiled code means them: roots are 0 below 0, no sign is 0."""
 
 
 def _function(name: str) -> Callable[..., _Value]:

@@ -1,4 +1,4 @@
-"""Expansion of products and powers of sums, where the sum that it gives has a length that can be written out."""
+"""Products and powers of sums multiplied out, where the result is short enough to be written."""
 
 from __future__ import annotations
 

@@ -131,8 +131,8 @@ def parse(text: str, names: Collection[str], where: str) -> sympy.Expr:
     Raises
     ------
     DefinitionError
-        The text is not an expression, uses a name that is not there, has a part without a real and finite value, or is
-        larger than can be differentiated.
+        The text is not an expression, or uses an unknown name. A part has no real and finite value. The expression is
+        too large to be differentiated.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """Modules of functions that are generated from a definition: one file each, in the user's cache folder.
 
-A file is named after the mathematics of the definition and after a digest of the sources that write such files, so that
-what other sources change leaves it valid.
+A file is named after the mathematics of the definition, and after a digest of the sources that write such files. It
+stays valid when other sources change.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Kind:
     Attributes
     ----------
     name : str
-        What it is called in the name of a file's digest.
+        The kind in the name of a file.
     writer : callable
         Returns the writer of such a text, given the definition's `Symbolic` and what else the text depends on.
     sources : tuple of str
@@ -81,8 +81,7 @@ def _digest(sources: tuple[str, ...]) -> str:
     return digest.hexdigest()
 
 
-_UNWRITTEN: dict[str, bytes] = {}
-"""Texts that found no place on disk, by the name of their file."""
+_UNWRITTEN: dict[str, bytes] = {}  # texts that found no place on disk, by the names of their files
 
 
 def _text(file: Path, kind: Kind, system: Definition, variant: tuple[object, ...]) -> bytes:
@@ -105,8 +104,7 @@ def _text(file: Path, kind: Kind, system: Definition, variant: tuple[object, ...
     return text
 
 
-_LOADING = threading.RLock()
-"""Held while a module is loaded: another thread must not see half of one."""
+_LOADING = threading.RLock()  # held while a module is loaded: another thread must not see half of one
 
 
 def module_of(kind: Kind, system: Definition, *variant: object) -> ModuleType:

@@ -1,4 +1,4 @@
-"""The grammar of expressions: what may stand in one, how large it may be, what its constants are worth.
+"""The grammar of expressions: allowed parts, largest size, values of constants.
 
 A text is taken apart by Python's own grammar and never run. Every constant part is computed in floating point first:
 what has no real, finite value there is refused before anything slower sees it.
@@ -16,19 +16,20 @@ from saltus.errors import DefinitionError, InputError, nearest
 
 __all__ = ["FUNCTIONS", "chain", "clipped", "syntax_tree"]
 
+# Functions that an expression may call, and SymPy's names for them.
 FUNCTIONS = {
     "sin": "sin", "cos": "cos", "tan": "tan", "asin": "asin", "acos": "acos", "atan": "atan", "atan2": "atan2",
     "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "asinh": "asinh", "acosh": "acosh", "atanh": "atanh",
     "exp": "exp", "log": "log", "sqrt": "sqrt", "abs": "Abs", "Abs": "Abs", "sign": "sign", "erf": "erf",
 }  # fmt: skip
-"""Functions that an expression may call, and SymPy's names for them."""
 
 _CHARACTERS = 200_000  # longest text
 _NODES = 20_000  # most numbers, names, signs and calls in one
 _DEPTH = 32  # deepest nesting of functions, powers and brackets; a sum or a product is one level, however long
 _LISTED = 160  # characters of the known names that a message lists
 
-_SUM, _PRODUCT = (ast.Add, ast.Sub), (ast.Mult, ast.Div)
+_SUM = (ast.Add, ast.Sub)
+_PRODUCT = (ast.Mult, ast.Div)
 
 _VALUES: dict[str, Callable[..., float]] = {
     **{name: getattr(math, name) for name in FUNCTIONS if hasattr(math, name)},
@@ -48,7 +49,7 @@ def syntax_tree(text: str, names: Collection[str], where: str, error: type[Input
     where : str
         Which part of the definition it is, for messages.
     error : type, optional
-        What is raised.
+        Class of the exception that is raised.
 
     Raises
     ------

@@ -2,9 +2,10 @@
 
 Where a mode's field is ``A x + forcing(theta) + g(x, theta)`` with a forcing of finitely many harmonics, the linear
 part has an exact flow of any length: with the forcing's phasors as further states it is one matrix exponential. The
-rest acts as kicks at the three nodes of Gauss's rule along the linear path: an error of sixth order in the step where
-g varies slowly, and of second order in g. Where the mode's event functions are linear in the state too, a bound on
-their second derivative tells how far a step can go and stay away from them.
+rest acts as kicks at the three nodes of Gauss's rule along the linear path: an error of sixth order in the step where g
+varies slowly, and of second order in g. Where the mode's event functions are linear in the state too, their second
+derivative has a bound. The bound tells how long a step may be that stays away from their surfaces. See
+docs/theory/lanes.md.
 """
 
 from __future__ import annotations
@@ -22,9 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["NODES", "WEIGHTS", "Split", "split_of_mode"]
 
-NODES = (0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5)
-WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
-"""Gauss's rule with three nodes on [0, 1]."""
+NODES = (0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5)  # of Gauss's rule on [0, 1]
+WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)  # of Gauss's rule on [0, 1]
 
 
 @dataclass(frozen=True)
@@ -34,14 +34,14 @@ class Split:
     Attributes
     ----------
     matrix : list of list of sympy.Expr
-        The linear flow's generator, square, of the state without the phase, then cos(j theta) and sin(j theta) of each
-        harmonic, then 1.
+        The linear flow's generator, square. It acts on the state without the phase, on cos(j theta) and sin(j theta) of
+        each harmonic, and on 1.
     harmonics : list of int
         The harmonics j.
     rest : dict of int to sympy.Expr
-        What is not linear in the equation of a state, with phasors as the symbols of `symbols`.
+        The part of a state's equation that is not linear; `symbols` has the symbols of the phasors.
     symbols : list of sympy.Symbol
-        What the generator acts on.
+        The components that the generator acts on.
     events : list of list of sympy.Expr
         Each event function of the mode as a row against `symbols`.
     """

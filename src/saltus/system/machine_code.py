@@ -1,9 +1,9 @@
 """Numba's decorators, with compiled code kept in files that are checked before they run.
 
-Numba reads what lies in its cache as it is: a file that was cut short stops every later run, one with a flipped byte
-computes something else, and two processes that compile a function for different arguments may give each other's code.
-Here each compiled function has a file of its own with a digest, and is valid for the sources that it came from: its own
-and those of the kernels that it calls, whose code is in it. What does not match is compiled and written anew.
+Numba does not check its cache. A file that was cut short stops every later run; one with a flipped byte computes wrong
+results. Two processes that compile a function for different arguments may get each other's code. Here each compiled
+function has a file of its own with a digest. The file is valid for the sources of the function and of the kernels that
+it calls, whose code it holds. What does not match is compiled and written anew.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class _CheckedFiles:
     base : str
         How their names begin.
     function : function
-        What is compiled.
+        The function to compile.
     dumps : callable
         Makes bytes of compiled code.
     """

@@ -20,10 +20,16 @@ __all__ = [
     "system_from",
 ]
 
-_TEXT, _NUMBER, _TEXTS = (str,), (int, float), [(str,)]
+# Kinds of values in `_FORM`.
+_TEXT = (str,)
+_NUMBER = (int, float)
+_TEXTS = [(str,)]
 _OPTIONAL = (str, type(None))
+# Keys that must be there.
 _NEEDED = ("states", "parameters", "modes", "transitions", "field", "source", "target", "event")
 
+# What `HybridSystem.definition` returns: a tuple holds kinds, a list what its entries are, a mapping what stands under
+# each key, or under every key ("").
 _FORM: Mapping[str, Any] = {
     "name": _TEXT,
     "states": _TEXTS,
@@ -42,8 +48,6 @@ _FORM: Mapping[str, Any] = {
     "parameter_bounds": {"": [_NUMBER]},
     "regimes": {"": _TEXTS},
 }  # fmt: skip
-"""What `HybridSystem.definition` returns: kinds in a tuple, what a list holds in a list, keys of a mapping or, by "",
-what all its entries are."""
 
 
 def check_plain(definition: Any) -> None:

@@ -13,7 +13,7 @@ from saltus.system.grammar import clipped
 
 __all__ = ["code_printer", "is_broken", "without_poles"]
 
-_POLE = "pole"
+_POLE = "pole"  # name of the function that stands for an inverse broken power
 
 
 def is_broken(exponent: sympy.Expr) -> bool:
@@ -24,10 +24,10 @@ def is_broken(exponent: sympy.Expr) -> bool:
 def without_poles(expression: sympy.Expr) -> sympy.Expr:
     """Replace inverse broken powers by functions that are zero where their base is.
 
-    A broken power of an event function gives its second derivatives a pole on the surface, where the direction is
-    tangential, or the time of the segment stands still: there the product vanishes. A power below 1 gives its first
-    derivatives one: for a root, their product with the clustered time's rate has a limit, which the flow of a segment
-    adds; above 1/2 that limit is 0.
+    A broken power of an event function has a pole on the surface in its second derivatives. The product with the pole
+    vanishes there: the direction is tangential, or the time of the segment stands still. A power below 1 has a pole in
+    its first derivatives too. For a root, their product with the clustered time's rate has a limit, which the flow of a
+    segment adds. For powers above 1/2 this limit is 0.
     """
     pole = sympy.Function(_POLE)
     return expression.replace(

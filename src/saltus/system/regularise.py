@@ -1,10 +1,10 @@
 """Fields with roots that vanish on an event surface, made analytic there: w = sqrt|h| as a state, dt = w dsigma.
 
-A half-integer power of an event function h, such as a contact law with the power 3/2, leaves a field only once
-differentiable where a motion meets the surface, and every method of high order loses its order there. With
-w = sqrt(s h), where s is the sign of h in the mode, and the time sigma in which dt = w dsigma, the powers become powers
-of w, and dw/dsigma = s h'/2: every equation is analytic on the surface and beyond, where w has the other sign, so that
-the event is a simple zero of w.
+Let a field have a half-integer power of an event function h, such as a contact law with the power 3/2. It is only once
+differentiable on the surface h = 0. Every method of high order loses its order there. Let w = sqrt(s h), where s is the
+sign of h in the mode, and let sigma be the time with dt = w dsigma. The powers become powers of w, and dw/dsigma = s
+h'/2. Every equation is analytic on the surface and beyond, where w has the other sign. So the event is a simple zero of
+w. See docs/theory/series.md.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Regularised:
     field: list[sympy.Expr]
 
     def solved(self, system: Symbolic) -> tuple[int, sympy.Expr] | None:
-        """Return a state that w and the others tell: its index, and ``sign * w**2 = h`` solved for it.
+        """Return a state that follows from w and the other states: its index, and ``sign * w**2 = h`` solved for it.
 
         It is that with the largest coefficient, a number, of those that h is linear in: a small one would make large
         errors of small ones. None where there is no such state, or where the phase occurs otherwise than as sines and

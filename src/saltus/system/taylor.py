@@ -1,9 +1,9 @@
 """Taylor series of a motion, as straight-line text: one recurrence for each operation of the definition.
 
-Every expression of a mode's field and of its event functions is taken apart into linear combinations, which act on each
-coefficient alone, and operations with a recurrence of their own: products are convolutions, a quotient, a power or a
-function follows from the differential equation that it satisfies. Coefficient k of everything comes from coefficients
-up to k, and coefficient k + 1 of the state from coefficient k of the field.
+Every expression of a mode's field and of its event functions is taken apart into operations. A linear combination acts
+on each coefficient alone. A product is a convolution. A quotient, a power or a function follows from the differential
+equation that it satisfies. Coefficient k of everything comes from coefficients up to k, and coefficient k + 1 of the
+state from coefficient k of the field.
 
 References
 ----------

@@ -1,8 +1,8 @@
 """The text of a generated module: functions of a system, and the constants that depend on parameters alone.
 
-Every function has the signature ``(k, m, x, p, out) -> None``: `k` a mode or transition, `m` a count of columns or a
-parameter, `x` the state (with sensitivities behind it), `p` the parameters and behind them the constants that `derive`
-makes of them, `out` what is returned.
+Every function has the signature ``(k, m, x, p, out) -> None``. `k` is a mode or transition, `m` a count of columns or a
+parameter, `x` the state (with sensitivities behind it). `p` holds the parameters, with the constants that `derive`
+makes of them behind. The result is written to `out`.
 """
 
 from __future__ import annotations

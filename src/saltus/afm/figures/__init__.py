@@ -1,19 +1,17 @@
-"""The paper's figures: one module each, with a function `run` that computes, draws and writes it."""
+"""The paper's figures: one module for each, with a function `run` that computes, draws and writes it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from saltus.errors import InputError, nearest
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 __all__ = ["FIGURES", "runner"]
 
+# The figures that can be reproduced, each with one line of description.
 FIGURES: Mapping[str, str] = MappingProxyType(
     {
         "fig2": "two orbits in the phase space, two modes: one in contact, one close to grazing",
@@ -28,11 +26,10 @@ FIGURES: Mapping[str, str] = MappingProxyType(
         "fig10": "six sections of the basins with two modes",
     }
 )
-"""The figures that can be reproduced, each in a line."""
 
 
 def runner(name: str) -> Callable[..., dict[str, Any]]:
-    """Return the function ``run(out: Path, progress=None) -> dict`` of a figure.
+    """Return the function ``run(out: Path, progress=False) -> dict`` of a figure.
 
     Raises
     ------
@@ -48,5 +45,5 @@ def runner(name: str) -> Callable[..., dict[str, Any]]:
     """
     if name not in FIGURES:
         raise InputError("figure", name, f"one of {', '.join(FIGURES)}", nearest(name, FIGURES))
-    run: Callable[[Path, Callable[[str], None] | None], dict[str, Any]] = import_module(f"{__name__}.{name}").run
+    run: Callable[..., dict[str, Any]] = import_module(f"{__name__}.{name}").run
     return run

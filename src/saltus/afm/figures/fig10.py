@@ -1,6 +1,6 @@
 """Fig. 10: six sections of the basins with two modes, as the second mode's displacement grows.
 
-The group ``fig10.zarr`` holds a store for each section, ``q2=-4.39`` and so on, `saltus.load` opens each; the
+The group ``fig10.zarr`` holds a store for each section, ``q2=-4.39`` and so on, which `saltus.load` opens. The
 attractors' orbits are in ``fig10.nc``, which `read_results` reads.
 
 References
@@ -10,7 +10,7 @@ ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 10 and sec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from saltus.afm.figures.sections import (
@@ -26,6 +26,8 @@ from saltus.afm.figures.sections import (
     summary_of,
     write_sections,
 )
+from saltus.afm.figures.telling import tell
+from saltus.progress import Report
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,50 +39,46 @@ if TYPE_CHECKING:
 
 __all__ = ["SECTIONS", "V2", "compute", "draw", "run", "summary"]
 
-SECTIONS = (-4.39, -2.89, -1.39, 0.11, 1.61, 3.12)
-"""Values of q2 of the sections."""
+SECTIONS = (-4.39, -2.89, -1.39, 0.11, 1.61, 3.12)  # values of q2 of the sections
 
-V2 = 0.485640
-"""The second mode's velocity in all of them: that of the paper's repulsive attractor at phase 0."""
+V2 = 0.485640  # second mode's velocity in all sections: that of the paper's repulsive attractor at phase 0
 
-_COLOURS = {"repulsive": "#161616", "attractive": "#ffffff"}
+_COLOURS = {"repulsive": "#161616", "attractive": "#ffffff"}  # of the basins
 
 
-def run(out: Path, progress: Callable[[str], None] | None = None, *, resolution: int = RESOLUTION) -> dict[str, Any]:
-    """Compute and draw the figure, and return what was written, as `write_figure` does.
+def run(out: Path, progress: bool | Report = False, *, resolution: int = RESOLUTION) -> dict[str, Any]:
+    """Compute, draw and write the figure, and return the files and results, as `write_figure` does.
 
     Parameters
     ----------
     out : Path
         An existing folder, for ``fig10.zarr``, ``fig10.nc``, ``fig10.json`` (`summary`), ``fig10.png`` and
-        ``fig10.pdf``. Where ``fig10.zarr`` is there, the run goes on from it.
+        ``fig10.pdf``. If ``fig10.zarr`` exists, the run resumes from it.
     progress, resolution
-        As `write_sections` takes them, which also says what is raised.
+        As for `write_sections`, also for errors raised.
     """
     return write_sections(out, "fig10", compute, summary, draw, resolution=resolution, progress=progress)
 
 
-def compute(
-    store: Path, resolution: int = RESOLUTION, say: Callable[[str], None] = lambda _: None
-) -> Iterator[tuple[str, Basins]]:
-    """Go through the sections, with their names, computing each when it is asked for."""
-    say("preparing the model")
+def compute(store: Path, resolution: int = RESOLUTION, progress: bool | Report = False) -> Iterator[tuple[str, Basins]]:
+    """Go through the sections, with their names, each computed on demand."""
+    tell(progress, "preparing the model")
     system, axis, attractors = model(2), (*RANGE, resolution), None
     for q2 in SECTIONS:
         name = f"q2={q2}"
         place = group(store) / name
         if attractors is None or place.exists():
-            attractors = attractors_of(system, place, say)
+            attractors = attractors_of(system, place, progress)
         grid = {"q1": axis, "v1": axis, "q2": q2, "v2": V2}
-        yield name, mapped(system, grid, attractors, place, say, f"q2 = {q2}")
+        yield name, mapped(system, grid, attractors, place, progress, f"q2 = {q2}")
 
 
 def summary(basins: Mapping[str, Basins]) -> dict[str, Any]:
     """Return the content of ``fig10.json``.
 
-    ``sections`` are as `summary_of` has them, each with its ``q2``; ``repulsive`` has the part of the cells of the
-    repulsive basin by ``q2``. What sections have in common stands beside them: ``attractors``, ``traps``, the sum
-    ``undecided``, and ``orbits_per_second`` over all.
+    ``sections`` are as `summary_of` has them, each with its ``q2``. ``repulsive`` has the repulsive basin's share of
+    the cells, by ``q2``. ``attractors`` and ``traps`` are common to all sections. ``undecided`` is the sum over all
+    sections, ``orbits_per_second`` the mean rate.
     """
     content: dict[str, Any] = {"figure": "fig10", "parameters": dict(PARAMETERS), "sections": [], "repulsive": {}}
     cells, seconds = 0, 0.0
@@ -98,7 +96,7 @@ def summary(basins: Mapping[str, Basins]) -> dict[str, Any]:
 
 
 def draw(basins: Mapping[str, Basins]) -> Figure:
-    """Return the figure: a panel for each section, with the part of the cells that the repulsive basin has."""
+    """Return the figure: a panel for each section, with the repulsive basin's share of the cells."""
     from matplotlib.figure import Figure
 
     from saltus.plotting import style

@@ -1,7 +1,7 @@
 """Fig. 2: two orbits of period one in the phase space, two modes: one that hits the sample, one close to grazing.
 
-The data file has the groups ``impacting`` and ``non_impacting`` (each a `PeriodicOrbit`) and ``response`` (a `Branch`:
-the latter orbit carried to the grazing); `read_results` reads it.
+The data file has the groups ``impacting`` and ``non_impacting`` (each a `PeriodicOrbit`) and ``response`` (a `Branch`
+from the second orbit to its grazing). `read_results` reads it.
 
 References
 ----------
@@ -13,13 +13,15 @@ takes up a fiftieth of the height of panel (a).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from saltus.afm.figures.files import write_figure
-from saltus.afm.figures.responses import gap_at_contact
+from saltus.afm.figures.responses import gap_at_contact, response
+from saltus.afm.figures.telling import tell
+from saltus.progress import Report
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -34,74 +36,68 @@ if TYPE_CHECKING:
 
 __all__ = ["Segment", "compute", "draw", "run", "segments_of", "summary"]
 
-IMPACTING, NON_IMPACTING = 0.98, 0.916
-"""Values of Omega of the two orbits, in omega_1."""
+IMPACTING = 0.98  # Omega of the orbit in contact, in omega_1
+NON_IMPACTING = 0.916  # Omega of the orbit without contact, in omega_1
 
-_BOUNDS = (0.9, 0.92)
-"""Interval of Omega in which the orbit without contact is carried to its grazing."""
+_BOUNDS = (0.9, 0.92)  # interval of Omega in which the orbit without contact is continued to its grazing
 
+# Colours of the segments, distinguishable by the colour-blind.
 _COLOURS = {"I1": "#0072b2", "I2": "#009e73", "I3": "#d55e00"}
-"""Of the segments: distinguishable by the colour-blind, and by their place without any colour."""
 
+# Entries of the legend, by segment.
 _MEANINGS = {
     "I1": rf"$\bar{{\Omega}} = {IMPACTING}$, $I_1$: no contact, to the phase reset",
     "I2": rf"$\bar{{\Omega}} = {IMPACTING}$, $I_2$: no contact, to the touch",
     "I3": rf"$\bar{{\Omega}} = {IMPACTING}$, $I_3$: contact, to the release",
 }
 
-_SPACE = ((-1.45, 1.45), (-0.1, 2.2))
-_ZOOM = ((-0.8, 0.6), (-0.05, 0.04))
-"""Windows of panels (a) and (b): velocity, then gap."""
+_SPACE = ((-1.45, 1.45), (-0.1, 2.2))  # window of panel (a): velocity, then gap
+_ZOOM = ((-0.8, 0.6), (-0.05, 0.04))  # window of panel (b): velocity, then gap
 
+# Places of the segments' names in panel (a): share of the segment's time, and offset from there.
 _NAMED_IN_SPACE = {"I1": (0.32, (0.0, 0.0, -0.24)), "I2": (0.5, (-0.25, 0.0, -0.12)), "I3": (0.5, (0.0, 0.0, -0.27))}
+
+# Places of the segments' names in panel (b): velocity, then gap.
 _NAMED_IN_PLANE = {"I1": (0.3, 0.022), "I2": (-0.63, 0.022), "I3": (0.36, -0.022)}
-"""Where the segments' names stand: part of the way along and how far from there; velocity and gap."""
 
+# Events named in panel (b), and the offset of the name, in points.
 _EVENTS = {"touch": (-14.0, 4.0), "release": (18.0, 4.0)}
-"""What is written beside an event in panel (b): which, and how far away, in points."""
 
-_VIEW: Mapping[str, Any] = {"elev": 20.0, "azim": -60.0}
+_VIEW: Mapping[str, Any] = {"elev": 20.0, "azim": -60.0}  # angles of panel (a), in degrees
 
-_POINTS, _FEWEST = 2000, 200
-"""Times a period at which an orbit is drawn, and the fewest in a segment."""
+_POINTS = 2000  # times a period at which an orbit is drawn
+_FEWEST = 200  # times in a segment, at least
 
-_NAMES = ("impacting", "non_impacting")
+_NAMES = ("impacting", "non_impacting")  # the two results
 
 
-def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
-    """Compute and draw the figure, and return what was written, as `write_figure` does.
+def run(out: Path, progress: bool | Report = False) -> dict[str, Any]:
+    """Compute, draw and write the figure, and return the files and results, as `write_figure` does.
 
     Parameters
     ----------
     out : Path
         An existing folder, for ``fig2.nc``, ``fig2.json`` (`summary`), ``fig2.png`` and ``fig2.pdf``.
-    progress : callable, optional
-        Called with a line of text whenever there is something new to say.
+    progress : bool or callable
+        True for bars on stderr, or a function called with a `saltus.Progress`.
     """
-    say = progress or (lambda _: None)
-    return write_figure(out, "fig2", compute(say), summary, draw, say)
+    return write_figure(out, "fig2", compute, summary, draw, progress)
 
 
-def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, Result]]:
-    """Go through the results of Fig. 2, with their names, computing each when it is asked for."""
+def compute(progress: bool | Report = False) -> Iterator[tuple[str, Result]]:
+    """Go through the results of Fig. 2, with their names, each computed on demand."""
     from saltus.afm.paper import table1
     from saltus.afm.regimes import settled_orbit
     from saltus.afm.tapping import tapping_mode
-    from saltus.continuation import continue_orbit
 
-    say("preparing the model")
+    tell(progress, "preparing the model")
     model = tapping_mode(table1(), modes=2)
-    say(f"orbit in contact, Omega = {IMPACTING}")
+    tell(progress, f"orbit in contact, Omega = {IMPACTING}")
     yield "impacting", settled_orbit(model, {"Omega": IMPACTING}, "repulsive")
-    say(f"orbit without contact, Omega = {NON_IMPACTING}")
+    tell(progress, f"orbit without contact, Omega = {NON_IMPACTING}")
     near = settled_orbit(model, {"Omega": NON_IMPACTING}, "attractive")
     yield "non_impacting", near
-    yield (
-        "response",
-        continue_orbit(
-            near, "Omega", _BOUNDS, progress=lambda count, value: say(f"{count} orbits, Omega = {value:.5f}")
-        ),
-    )
+    yield "response", response(near, _BOUNDS, progress=progress)
 
 
 class Segment(NamedTuple):
@@ -110,13 +106,13 @@ class Segment(NamedTuple):
     Attributes
     ----------
     name : str
-        The paper's: I1 ends with the phase reset, I2 with the touch, I3 is the contact.
+        Name in the paper: I1 ends with the phase reset, I2 with the touch, I3 is the contact.
     mode, ends : str
-        Where it runs, and the transition or the phase with which it ends.
+        Hybrid mode of the segment, and the transition or the phase at its end.
     start : ndarray, shape (all states,)
-        Full state at its start, phase last.
+        Full state at the start, phase last.
     duration : float, in 1/omega_1
-        How long it lasts.
+        Duration of the segment.
     curve : ndarray, shape (3, time)
         Phase, velocity z' and gap z, in units of ``1 / omega_1`` and `eta`.
     """
@@ -149,10 +145,10 @@ def segments_of(orbit: PeriodicOrbit) -> list[Segment]:
 def summary(results: Mapping[str, Any]) -> dict[str, Any]:
     """Return the content of ``fig2.json``.
 
-    For each orbit: ``omega``; its ``period``; ``min_z``; ``above_contact``, how far the tip stays from where contact
-    begins (negative: how deep it dips); ``signature``, ``x0``, ``multipliers``, and ``segments`` with the names of the
-    paper, the mode, the duration, and the state at the start (phase last). ``grazing`` is where the orbit without
-    contact grazes as `Omega` varies.
+    Each orbit has ``omega``, ``period``, ``min_z``, ``signature``, ``x0``, ``multipliers`` and ``segments``.
+    ``above_contact`` is the least gap less the gap at which contact begins; it is negative for a tip that touches. A
+    segment has its name in the paper, mode, duration, and state at the start (phase last). ``grazing`` is the grazing
+    of the orbit without contact as `Omega` varies.
     """
     content: dict[str, Any] = {"figure": "fig2", "parameters": {}}
     for name in _NAMES:

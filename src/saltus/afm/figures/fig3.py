@@ -2,18 +2,20 @@
 
 References
 ----------
-ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 3 and section 4. Departs from it: period
-doublings are drawn too, and panels (c) and (d) show the points next to the grazings, within 2e-4 of each other.
+ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 3 and section 4. The figure departs from the
+paper's: period doublings are drawn too. Panels (c) and (d) show the points next to the grazings, within 2e-4 of each
+other.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from saltus.afm.figures.files import write_figure
 from saltus.afm.figures.responses import gap_at_contact, repulsive_orbit, response
+from saltus.progress import Report
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,58 +27,54 @@ if TYPE_CHECKING:
 
 __all__ = ["compute", "draw", "run", "summary"]
 
-BOUNDS = (0.8, 1.4)
-"""Interval of Omega, in omega_1."""
+BOUNDS = (0.8, 1.4)  # interval of Omega, in omega_1
 
-_LARGEST_STEP = 0.01
-"""Small enough that a picture 1e-3 wide in Omega is smooth to a line's width."""
+_LARGEST_STEP = 0.01  # step in arclength with which a picture 1e-3 wide in Omega is smooth
 
-_Window = tuple[tuple[float, float], tuple[float, float]]
+_Window = tuple[tuple[float, float], tuple[float, float]]  # interval of Omega, interval of min z
 
-_WHOLE: _Window = (BOUNDS, (-0.13, 0.8))
-_RESPONSE: _Window = ((0.88, 1.265), (-0.112, 0.042))
-_LEFT: _Window = ((0.91165, 0.91665), (-0.0012, 0.0132))
-_RIGHT: _Window = ((1.0803, 1.0831), (-0.0005, 0.0053))
-_NEAREST: _Window = ((0.912735, 0.912905), (0.003215, 0.003385))
-"""Windows of panels (a) to (d) and of the inset in (c): Omega, then min z."""
+_WHOLE: _Window = (BOUNDS, (-0.13, 0.8))  # panel (a)
+_RESPONSE: _Window = ((0.88, 1.265), (-0.112, 0.042))  # panel (b)
+_LEFT: _Window = ((0.91165, 0.91665), (-0.0012, 0.0132))  # panel (c)
+_RIGHT: _Window = ((1.0803, 1.0831), (-0.0005, 0.0053))  # panel (d)
+_NEAREST: _Window = ((0.912735, 0.912905), (0.003215, 0.003385))  # inset in panel (c)
 
 
-def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
-    """Compute and draw the figure, and return what was written.
+def run(out: Path, progress: bool | Report = False) -> dict[str, Any]:
+    """Compute, draw and write the figure, and return the files and results.
 
     Parameters
     ----------
     out : Path
         An existing folder, for ``fig3.nc`` (the branch), ``fig3.json`` (its special points), ``fig3.png`` and
         ``fig3.pdf``.
-    progress : callable, optional
-        Called with a line of text whenever there is something new to say.
+    progress : bool or callable
+        True for bars on stderr, or a function called with a `saltus.Progress`.
 
     Returns
     -------
     dict
         As `write_figure` returns it, and ``branch`` (a `Branch`).
     """
-    say = progress or (lambda _: None)
     found = write_figure(
-        out, "fig3", _named(say), lambda results: summary(results[""]), lambda results: draw(results[""]), say
+        out, "fig3", _named, lambda results: summary(results[""]), lambda results: draw(results[""]), progress
     )
     return found | {"branch": found["results"][""]}
 
 
-def _named(say: Callable[[str], None]) -> Iterator[tuple[str, Branch]]:
-    yield "", compute(say)
+def _named(progress: bool | Report) -> Iterator[tuple[str, Branch]]:
+    yield "", compute(progress)
 
 
-def compute(say: Callable[[str], None] = lambda _: None) -> Branch:
+def compute(progress: bool | Report = False) -> Branch:
     """Return the branch of Fig. 3."""
     from saltus.continuation import StepControl
 
-    return response(repulsive_orbit(say), BOUNDS, StepControl(largest=_LARGEST_STEP), say)
+    return response(repulsive_orbit(progress), BOUNDS, StepControl(largest=_LARGEST_STEP), progress)
 
 
 def summary(branch: Branch) -> dict[str, Any]:
-    """Return the content of ``fig3.json``; an infinite multiplier's parts are null, for JSON has no infinity."""
+    """Return the content of ``fig3.json``; the parts of an infinite multiplier are null."""
     points = [
         {
             "type": point.type,

@@ -1,19 +1,19 @@
 """Fig. 4: saddle-nodes and period doublings of the saturated branch over the drive's frequency and amplitude, one mode.
 
-The data file has the groups ``response`` (the `Branch` of Fig. 3), ``responses`` (a `Family` over `ybar`), ``SN_1``,
-``SN_2``, ``SN_3``, ``SN_left``, ``SN_touching``, ``SN_in_flight`` and ``PD`` (each a `Locus` over `Omega` and `ybar`);
-`read_results` reads it.
+The data file has the groups ``response`` (the `Branch` of Fig. 3) and ``responses`` (a `Family` over `ybar`). The
+groups ``SN_1``, ``SN_2``, ``SN_3``, ``SN_left``, ``SN_touching``, ``SN_in_flight`` and ``PD`` are each a `Locus` over
+`Omega` and `ybar`. `read_results` reads the file.
 
 References
 ----------
 ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 4 and section 4.1. The points SN_1 to SN_3 are the
-paper's: SN_1 ends the saturated branch, SN_2 and SN_3 bound the stable orbits next to the right grazing. Left out, here
-as there, are the period doublings within 2e-3 of the grazings, which do not bound the saturated branch.
+paper's: SN_1 ends the saturated branch, SN_2 and SN_3 bound the stable orbits next to the right grazing. The period
+doublings within 2e-3 of the grazings, which do not bound the saturated branch, are left out, as in the paper.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,8 @@ import numpy as np
 
 from saltus.afm.figures.files import write_figure
 from saltus.afm.figures.responses import gap_at_contact, repulsive_orbit, response, responses
+from saltus.afm.figures.telling import about
+from saltus.progress import Report
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -32,14 +34,13 @@ if TYPE_CHECKING:
 
 __all__ = ["compute", "draw", "run", "summary"]
 
-BOUNDS = {"Omega": (0.8, 1.4), "ybar": (0.09, 0.15)}
-"""Intervals of the loci's parameters: Omega in omega_1, ybar in eta."""
+BOUNDS = {"Omega": (0.8, 1.4), "ybar": (0.09, 0.15)}  # intervals of the loci: Omega in omega_1, ybar in eta
 
-DRIVES = (0.09, 0.1, 0.118, 0.129, 0.14, 0.15)
-"""Values of ybar whose frequency responses are drawn, besides that of Fig. 3."""
+DRIVES = (0.09, 0.1, 0.118, 0.129, 0.14, 0.15)  # values of ybar whose responses are drawn, besides that of Fig. 3
 
-_LARGEST_STEP = 0.02
+_LARGEST_STEP = 0.02  # in arclength, of the loci
 
+# Saddle-nodes of Fig. 3 by their labels there: the paper's, then those at the left grazing, deepest first.
 _SADDLE_NODES = {
     "SN_1": "SN4",
     "SN_2": "SN5",
@@ -48,36 +49,35 @@ _SADDLE_NODES = {
     "SN_touching": "SN2",
     "SN_in_flight": "SN1",
 }
-"""The saddle-nodes of Fig. 3 by their labels there: the paper's, then those at the left grazing, deepest first."""
 
-_QUANTITIES = ("Omega", "ybar", "min_z")
-_WINDOW = {"Omega": (0.86, 1.34), "ybar": BOUNDS["ybar"], "min_z": (-0.125, 0.04)}
+_QUANTITIES = ("Omega", "ybar", "min_z")  # axes of the figure
+_WINDOW = {"Omega": (0.86, 1.34), "ybar": BOUNDS["ybar"], "min_z": (-0.125, 0.04)}  # intervals of the axes
+
+# Texts beside loci: the locus, the text, at its least or largest drive, offset from there.
 _NAMES = (
     ("SN_1", "$SN_1$", np.argmin, (0.012, 0.0, -0.012)),
     ("SN_2", "$SN_{2,3}$", np.argmax, (0.015, 0.0, 0.006)),
 )
-"""What is written beside a locus: which, the text, at the least or the largest drive, how far from it."""
 
-_VIEW: Mapping[str, Any] = {"elev": 22.0, "azim": -62.0}
+_VIEW: Mapping[str, Any] = {"elev": 22.0, "azim": -62.0}  # angles in degrees
 
 
-def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
-    """Compute and draw the figure, and return what was written, as `write_figure` does.
+def run(out: Path, progress: bool | Report = False) -> dict[str, Any]:
+    """Compute, draw and write the figure, and return the files and results, as `write_figure` does.
 
     Parameters
     ----------
     out : Path
         An existing folder, for ``fig4.nc``, ``fig4.json`` (`summary`), ``fig4.png`` and ``fig4.pdf``.
-    progress : callable, optional
-        Called with a line of text whenever there is something new to say.
+    progress : bool or callable
+        True for bars on stderr, or a function called with a `saltus.Progress`.
     """
-    say = progress or (lambda _: None)
-    return write_figure(out, "fig4", compute(say), summary, draw, say)
+    return write_figure(out, "fig4", compute, summary, draw, progress)
 
 
-def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, Result]]:
-    """Go through the results of Fig. 4, with their names, computing each when it is asked for."""
-    from saltus.continuation import StepControl, continue_locus
+def compute(progress: bool | Report = False) -> Iterator[tuple[str, Result]]:
+    """Go through the results of Fig. 4, with their names, each computed on demand."""
+    from saltus.continuation import BranchOptions, StepControl, continue_locus
 
     steps = StepControl(largest=_LARGEST_STEP)
 
@@ -87,12 +87,12 @@ def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, 
             ("Omega", "ybar"),
             BOUNDS,
             steps=steps,
-            progress=lambda count, at: say(f"{name}: {count} orbits, Omega = {at[0]:.5f}, ybar = {at[1]:.5f}"),
+            progress=about(progress, name),
         )
 
-    base = response(repulsive_orbit(say), BOUNDS["Omega"], steps, say)
+    base = response(repulsive_orbit(progress), BOUNDS["Omega"], steps, progress)
     yield "response", base
-    family = responses(base.orbit(0), {"ybar": DRIVES}, BOUNDS["Omega"], steps, say)
+    family = responses(base.orbit(0), {"ybar": DRIVES}, BOUNDS["Omega"], BranchOptions(steps), progress)
     yield "responses", family
     for name, label in _SADDLE_NODES.items():
         yield locus(name, base[label])
@@ -100,12 +100,12 @@ def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, 
 
 
 def _on_saturated_branch(branch: Branch) -> SpecialPoint:
-    """Return the period doubling of the deepest orbit; those that bound the saturated branch are in contact."""
+    """Return the period doubling of the deepest orbit, which bounds the saturated branch."""
     return min(branch.special_points.of_type("PD"), key=lambda point: point.orbit.min["z"])
 
 
 def summary(results: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of ``fig4.json``: the least drive at which the saturated branch period-doubles, and where."""
+    """Return the content of ``fig4.json``: the least drive at which the saturated branch doubles its period."""
     varied = {name: list(interval) for name, interval in BOUNDS.items()}
     parameters = dict(results["response"].parameters) | varied
     content: dict[str, Any] = {"figure": "fig4", "parameters": parameters, "pd_onset": None}
@@ -152,6 +152,6 @@ def draw(results: Mapping[str, Any]) -> Figure:
 
 
 def _onset(locus: Locus) -> SpecialPoint | None:
-    """Return where the locus has its least drive; None where it does not turn."""
+    """Return the point of least drive of the locus; None without a turning point."""
     turns = [point for point in locus.special_points.of_type("TP") if point.of == "ybar"]
     return min(turns, key=lambda point: point.parameters["ybar"], default=None)

@@ -1,22 +1,23 @@
 """Fig. 5: influence of the damping in air and in contact on the saturated branch, one mode.
 
-The data file has the groups ``response`` (the `Branch` of Fig. 3), ``responses`` (a `Family` over `D_att_1` and
-`D_rep_1`) and, each a `Locus`: ``SN_1``, ``SN_2`` and ``grazing`` (over `Omega` and `D_att_1`, at ``D_rep_1 = 4``),
-``SN_1_D_rep_0.1`` and ``SN_1_D_rep_30`` (likewise, at that damping in contact), ``SN_1_D_att_0.025`` and
-``SN_1_D_att_0.14`` (over `Omega` and `D_rep_1`, at that damping in air); `read_results` reads it.
+The data file, which `read_results` reads, has the groups ``response`` (the `Branch` of Fig. 3) and ``responses`` (a
+`Family` over `D_att_1` and `D_rep_1`). All other groups are each a `Locus`. ``SN_1``, ``SN_2`` and ``grazing`` vary
+`Omega` and `D_att_1` at ``D_rep_1 = 4``. ``SN_1_D_rep_0.1`` and ``SN_1_D_rep_30`` do so at the damping in contact of
+their names. ``SN_1_D_att_0.025`` and ``SN_1_D_att_0.14`` vary `Omega` and `D_rep_1` at the damping in air of their
+names.
 
 References
 ----------
-ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 5 and section 4.1. Departs from it: SN_2 ends in a
-cusp with SN_3, at ``D_att_1 = 0.0399``; from there on the response folds back at its grazing, which is drawn dashed up
-to where SN_1 comes down to it. The paper's heavily damped cantilever, ``D_att_1 = 0.04`` with ``D_rep_1 = 0.1``, goes
-deeper than Fig. 3's, down to SN_1 at ``Omega = 1.67``, beyond the picture; the reduced penetration that the text tells
-of is that of ``D_att_1 = 0.14``, which is drawn as well.
+ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 5 and section 4.1. The figure departs from the
+paper's: SN_2 ends in a cusp with SN_3, at ``D_att_1 = 0.0399``. For more damping the response folds back at its
+grazing, which is drawn dashed up to SN_1. The paper's heavily damped cantilever, ``D_att_1 = 0.04`` with
+``D_rep_1 = 0.1``, penetrates deeper than Fig. 3's. It reaches SN_1 at ``Omega = 1.67``, beyond the picture. The reduced
+penetration of the paper's text belongs to ``D_att_1 = 0.14``, which is drawn as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,8 @@ import numpy as np
 
 from saltus.afm.figures.files import write_figure
 from saltus.afm.figures.responses import gap_at_contact, repulsive_orbit, response, responses
+from saltus.afm.figures.telling import about
+from saltus.progress import Report
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,21 +40,24 @@ if TYPE_CHECKING:
 
 __all__ = ["compute", "draw", "run", "summary"]
 
+# Intervals of the loci: Omega in omega_1, dampings in omega_1 and modal masses.
 BOUNDS = {"Omega": (0.8, 1.4), "D_att_1": (0.01, 0.2), "D_rep_1": (0.1, 30.0)}
-"""Intervals of the loci's parameters; Omega in omega_1, dampings in omega_1 and modal masses."""
 
+# Pairs of `D_att_1` and `D_rep_1` whose frequency responses are drawn, besides those of Fig. 3.
 DAMPINGS = (
     *((0.05, 4.0), (0.08, 4.0), (0.11, 4.0), (0.14, 4.0), (0.17, 4.0)),
     *((0.025, 10.0), (0.025, 30.0)),
     *((0.04, 0.1), (0.14, 0.1)),
 )
-"""Pairs of `D_att_1` and `D_rep_1` whose frequency responses are drawn, besides those of Fig. 3."""
 
-_LARGEST_STEP = 0.02
+_LARGEST_STEP = 0.02  # in arclength, of the loci
 
-_QUANTITIES = ("Omega", "min_z", "D_att_1")
-_WINDOW = {"Omega": (0.88, 1.28), "min_z": (-0.105, 0.03), "D_att_1": (0.0, 0.18)}
-_RED, _BLUE = "#9b0d18", "#1f4fb4"
+_QUANTITIES = ("Omega", "min_z", "D_att_1")  # axes of the figure
+_WINDOW = {"Omega": (0.88, 1.28), "min_z": (-0.105, 0.03), "D_att_1": (0.0, 0.18)}  # intervals of the axes
+_RED = "#9b0d18"  # colour of loci of the damping in air
+_BLUE = "#1f4fb4"  # colour of loci of the damping in contact
+
+# The loci as they are drawn: name, label, line.
 _LOCI = (
     ("SN_1_D_att_0.025", r"$SN_1$, $D_1^{att}$ = 0.025, 0.14", {"color": _BLUE, "linewidth": 1.3}),
     ("SN_1_D_att_0.14", "_", {"color": _BLUE, "linewidth": 1.3}),
@@ -65,31 +71,28 @@ _LOCI = (
     ("SN_2", "_", {"color": _RED, "linewidth": 1.8}),
     ("SN_1", r"$SN_1$ and $SN_2$, $D_1^{rep}$ = 4", {"color": _RED, "linewidth": 1.8}),
 )
-"""The loci, as they are drawn: name, label, line."""
 
-_COLOURS = {0.1: "#d98200", 4.0: "#1b1b1e", 10.0: "#3f8f8a", 30.0: "#1f6f4a"}
-"""Colour of a response by `D_rep_1`."""
+_COLOURS = {0.1: "#d98200", 4.0: "#1b1b1e", 10.0: "#3f8f8a", 30.0: "#1f6f4a"}  # of a response, by `D_rep_1`
 
-_VIEW: Mapping[str, Any] = {"elev": 20.0, "azim": -116.0}
+_VIEW: Mapping[str, Any] = {"elev": 20.0, "azim": -116.0}  # angles in degrees
 
 
-def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
-    """Compute and draw the figure, and return what was written, as `write_figure` does.
+def run(out: Path, progress: bool | Report = False) -> dict[str, Any]:
+    """Compute, draw and write the figure, and return the files and results, as `write_figure` does.
 
     Parameters
     ----------
     out : Path
         An existing folder, for ``fig5.nc``, ``fig5.json`` (`summary`), ``fig5.png`` and ``fig5.pdf``.
-    progress : callable, optional
-        Called with a line of text whenever there is something new to say.
+    progress : bool or callable
+        True for bars on stderr, or a function called with a `saltus.Progress`.
     """
-    say = progress or (lambda _: None)
-    return write_figure(out, "fig5", compute(say), summary, draw, say)
+    return write_figure(out, "fig5", compute, summary, draw, progress)
 
 
-def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, Result]]:
-    """Go through the results of Fig. 5, with their names, computing each when it is asked for."""
-    from saltus.continuation import StepControl, continue_locus
+def compute(progress: bool | Report = False) -> Iterator[tuple[str, Result]]:
+    """Go through the results of Fig. 5, with their names, each computed on demand."""
+    from saltus.continuation import BranchOptions, StepControl, continue_locus
 
     steps = StepControl(largest=_LARGEST_STEP)
 
@@ -99,14 +102,14 @@ def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, 
             ("Omega", damping),
             {varied: BOUNDS[varied] for varied in ("Omega", damping)},
             steps=steps,
-            progress=lambda count, at: say(f"{name}: {count} orbits, Omega = {at[0]:.5f}, {damping} = {at[1]:.5f}"),
+            progress=about(progress, name),
         )
 
-    base = response(repulsive_orbit(say), BOUNDS["Omega"], steps, say)
+    base = response(repulsive_orbit(progress), BOUNDS["Omega"], steps, progress)
     yield "response", base
     in_air, in_contact = zip(*DAMPINGS, strict=True)
     over = {"D_att_1": in_air, "D_rep_1": in_contact}
-    family = responses(base.orbit(0), over, BOUNDS["Omega"], steps, say)
+    family = responses(base.orbit(0), over, BOUNDS["Omega"], BranchOptions(steps), progress)
     yield "responses", family
     yield locus("SN_1", base["SN4"], "D_att_1")
     yield locus("SN_2", base["SN5"], "D_att_1")
@@ -123,13 +126,13 @@ def _deepest(branch: Branch) -> SpecialPoint:
 
 
 def _maximum(locus: Locus) -> SpecialPoint | None:
-    """Return where the locus has its largest `D_att_1`; None where it does not turn."""
+    """Return the point of largest `D_att_1` of the locus; None without a turning point."""
     turns = [point for point in locus.special_points.of_type("TP") if point.of == "D_att_1"]
     return max(turns, key=lambda point: point.parameters["D_att_1"], default=None)
 
 
 def summary(results: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of ``fig5.json``: the most damping in air at which the saturated branch folds, and where."""
+    """Return the content of ``fig5.json``: the largest damping in air at which the saturated branch folds."""
     varied = {name: list(interval) for name, interval in BOUNDS.items()}
     parameters = dict(results["response"].parameters) | varied
     content: dict[str, Any] = {"figure": "fig5", "parameters": parameters, "sn_locus_max": None}
@@ -158,13 +161,13 @@ def draw(results: Mapping[str, Any]) -> Figure:
 
 
 def _origin(results: Mapping[str, Any]) -> NDArray[np.float64]:
-    """Return what is subtracted from `_QUANTITIES`: the gap is counted from where contact begins."""
+    """Return the offsets of `_QUANTITIES`: the gap counts from the beginning of contact."""
     return np.array([0.0, gap_at_contact(results["response"].parameters), 0.0])
 
 
 @dataclass(frozen=True)
 class _Line:
-    """A line of both panels: Omega, min z less its value at contact, D_att_1; and how it is drawn."""
+    """A line of both panels: Omega, min z less its value at contact, D_att_1, and the line's style."""
 
     places: NDArray[np.float64]
     label: str
@@ -172,7 +175,7 @@ class _Line:
 
 
 def _lines(results: Mapping[str, Any]) -> Iterator[_Line]:
-    """Go through all lines, what is drawn last coming last; a label comes with every line that it belongs to."""
+    """Go through all lines in the order of drawing, each with its label."""
     from saltus.plotting import style
     from saltus.plotting.space import stretches_of
 

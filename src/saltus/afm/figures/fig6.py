@@ -1,22 +1,23 @@
-"""Fig. 6: where the saturated branch ends, SN1, against the dampings in air and in contact: isolines and their folds.
+"""Fig. 6: the saddle-node SN1 at the saturated branch's end, against both dampings: isolines and their folds.
 
 The saddle-nodes are a surface over the plane of the two dampings. It folds in two ways. Isolines of fixed damping in
 air turn back in Omega, at points that form one smooth curve. Isolines of fixed damping in contact turn back where a
-cusp point (CP) ends the saddle-node; these points form a curve with a cusp of its own (a swallowtail), and for stronger
+cusp point (CP) ends the saddle-node. These points form a curve with a cusp of its own (a swallowtail). For stronger
 damping in contact no isoline folds: the paper's cusp catastrophe.
 
-The data file has the groups ``response`` (the `Branch` that ends at SN1), ``D_rep_1=4`` and so on (each a `Locus` of
-saddle-nodes at that damping) and ``reference`` (the `PeriodicOrbit` that the paper marks); `read_results` reads it.
+The data file has the groups ``response`` (the `Branch` that ends at SN1) and ``reference`` (the `PeriodicOrbit` that
+the paper marks). Each other group is a `Locus` of saddle-nodes at the damping of its name, as ``D_rep_1=4``.
+`read_results` reads the file.
 
 References
 ----------
-ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 6 and section 4.1. Departs from it: the curves of
-turning points and of cusp points are drawn too.
+ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 6 and section 4.1. The figure departs from the
+paper's: the curves of turning points and of cusp points are drawn too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,8 @@ import numpy as np
 
 from saltus.afm.figures.files import write_figure
 from saltus.afm.figures.responses import gap_at_contact, repulsive_orbit
+from saltus.afm.figures.telling import tell
+from saltus.progress import Report
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,107 +40,101 @@ if TYPE_CHECKING:
 
 __all__ = ["compute", "draw", "run", "summary"]
 
+# Intervals of the three parameters that vary, in omega_1.
 BOUNDS: Mapping[str, tuple[float, float]] = {"Omega": (0.98, 1.3), "D_att_1": (0.005, 0.2), "D_rep_1": (0.1, 100.0)}
-"""Interval of each of the three that vary, in omega_1."""
 
+# Dampings of the isolines.
 FIXED: Mapping[str, tuple[float, ...]] = {
     "D_rep_1": (0.1, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 20.0, 30.0, 100.0),
     "D_att_1": (0.005, 0.025, 0.06, 0.1, 0.13, 0.15, 0.16, 0.165, 0.17),
 }
-"""Dampings of the isolines."""
 
+# Dampings in air whose saddle-nodes at weak damping in contact are isolines of their own, with their turning points.
 ISLANDS = (0.1667, 0.168, 0.1685)
-"""Dampings in air whose saddle-nodes at weak damping in contact are an isoline of their own, with its turning point."""
 
-NEAR_CUSP = (1.7, 2.1, 2.2, 2.23, 2.25)
-"""Dampings in contact of the short isolines that resolve the curve of cusp points."""
+NEAR_CUSP = (1.7, 2.1, 2.2, 2.23, 2.25)  # dampings in contact of the short isolines that resolve the cusps
 
+# Bounds of the short isolines.
 NEARBY: Mapping[str, tuple[float, float]] = {"Omega": (1.005, 1.06), "D_att_1": (0.156, 0.172)}
-"""Bounds of the short isolines."""
 
-REFERENCE = {"D_att_1": 0.025, "D_rep_1": 30.0}
-"""The point that the paper marks."""
+REFERENCE = {"D_att_1": 0.025, "D_rep_1": 30.0}  # point that the paper marks
 
-_SPINE = 0.16
-"""Damping in air of the isoline at which those of fixed damping in contact start: all are on it."""
+_SPINE = 0.16  # damping in air of the isoline on which those of fixed damping in contact start
 
-_LARGEST_STEP, _SHORT_STEP = 0.03, 0.012
-"""On the short isolines no two cusp points lie within a step."""
+_LARGEST_STEP = 0.03  # in arclength, of the isolines
+_SHORT_STEP = 0.012  # in arclength, of the short isolines: no two cusp points lie within it
 
-_ROUNDING, _COINCIDENT = 1e-9, 1e-4
-"""Part of a damping that is nothing; arclength within which two special points are one."""
+_ROUNDING = 1e-9  # relative difference of two values that is none
+_COINCIDENT = 1e-4  # arclength within which two special points are one
 
-_FITTED = 5
-"""Pairs of cusp points from which the place where they meet is extrapolated."""
+_FITTED = 5  # pairs of cusp points from which their meeting point is extrapolated
 
-_LABELLED = 4.0
-"""Isolines of lower fixed damping in contact leave the chart together; the first and the last are named."""
+_LABELLED = 4.0  # damping in contact below which isolines leave the chart together: first and last are named
 
+# Colours of an isoline, by what is fixed along it: the paper's dark red and blue.
 _COLOURS = {"D_rep_1": "#8c0d1a", "D_att_1": "#1c4fa0"}
-"""Colour of an isoline by what is fixed along it: the paper's dark red and blue."""
 
-_TURNING, _CUSPS = "#d98c00", "#1b1b1e"
+_TURNING = "#d98c00"  # colour of turning points
+_CUSPS = "#1b1b1e"  # colour of cusp points
 
-_Window = tuple[tuple[float, float], tuple[float, float]]
+_Window = tuple[tuple[float, float], tuple[float, float]]  # interval of Omega, interval of min z
 
-_CHART: _Window = ((0.955, 1.3), (-0.1465, 0.0165))
-_FOLD: _Window = ((0.9905, 1.0405), (-0.0165, 0.0045))
-"""Windows of panel (a) and of inset (b): Omega, then min z."""
+_CHART: _Window = ((0.955, 1.3), (-0.1465, 0.0165))  # panel (a)
+_FOLD: _Window = ((0.9905, 1.0405), (-0.0165, 0.0045))  # inset (b)
 
 
-def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
-    """Compute and draw the figure, and return what was written, as `write_figure` does.
+def run(out: Path, progress: bool | Report = False) -> dict[str, Any]:
+    """Compute, draw and write the figure, and return the files and results, as `write_figure` does.
 
     Parameters
     ----------
     out : Path
         An existing folder, for ``fig6.nc``, ``fig6.json`` (`summary`), ``fig6.png`` and ``fig6.pdf``.
-    progress : callable, optional
-        Called with a line of text whenever there is something new to say.
+    progress : bool or callable
+        True for bars on stderr, or a function called with a `saltus.Progress`.
     """
-    say = progress or (lambda _: None)
-    return write_figure(out, "fig6", compute(say), summary, draw, say)
+    return write_figure(out, "fig6", compute, summary, draw, progress)
 
 
-def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, Result]]:
-    """Go through the results of Fig. 6, with their names, computing each when it is asked for."""
+def compute(progress: bool | Report = False) -> Iterator[tuple[str, Result]]:
+    """Go through the results of Fig. 6, with their names, each computed on demand."""
     from saltus.continuation import continue_orbit
 
-    response = continue_orbit(repulsive_orbit(say), "Omega", BOUNDS["Omega"], directions="up", stop_at="SN")
+    response = continue_orbit(repulsive_orbit(progress), "Omega", BOUNDS["Omega"], directions="up", stop_at="SN")
     yield "response", response
-    across = _isoline(response["SN1"], "D_rep_1", say)
+    across = _isoline(response["SN1"], "D_rep_1", progress)
     yield "D_rep_1=4", across
-    spine = _isoline(_at(across, "D_att_1", _SPINE), "D_att_1", say)
+    spine = _isoline(_at(across, "D_att_1", _SPINE), "D_att_1", progress)
     yield f"D_att_1={_SPINE:g}", spine
     contact = {4.0: across}
     for value in FIXED["D_rep_1"]:
         if value not in contact:
-            contact[value] = _isoline(_at(spine, "D_rep_1", value), "D_rep_1", say)
+            contact[value] = _isoline(_at(spine, "D_rep_1", value), "D_rep_1", progress)
             yield f"D_rep_1={value:g}", contact[value]
     for value in NEAR_CUSP:
         start = _at(spine, "D_rep_1", value)
-        yield f"D_rep_1={value:g}", _isoline(start, "D_rep_1", say, bounds=NEARBY, largest=_SHORT_STEP)
+        yield f"D_rep_1={value:g}", _isoline(start, "D_rep_1", progress, bounds=NEARBY, largest=_SHORT_STEP)
     for value in FIXED["D_att_1"]:
         if value != _SPINE:
-            yield f"D_att_1={value:g}", _isoline(_at(across, "D_att_1", value), "D_att_1", say)
+            yield f"D_att_1={value:g}", _isoline(_at(across, "D_att_1", value), "D_att_1", progress)
     for value in ISLANDS:
         start = _at(contact[FIXED["D_rep_1"][0]], "D_att_1", value)
-        yield f"D_att_1={value:g}", _isoline(start, "D_att_1", say, largest=_SHORT_STEP)
+        yield f"D_att_1={value:g}", _isoline(start, "D_att_1", progress, largest=_SHORT_STEP)
     yield "reference", _at(contact[REFERENCE["D_rep_1"]], "D_att_1", REFERENCE["D_att_1"]).orbit
 
 
 def _isoline(
     start: SpecialPoint,
     fixed: str,
-    say: Callable[[str], None],
+    progress: bool | Report,
     *,
     bounds: Mapping[str, tuple[float, float]] = BOUNDS,
     largest: float = _LARGEST_STEP,
 ) -> Locus:
-    """Return the saddle-nodes with one damping fixed, as Omega and the other vary."""
+    """Return the saddle-nodes with one damping fixed, while Omega and the other damping vary."""
     from saltus.continuation import StepControl, continue_locus
 
-    say(f"isoline {fixed} = {start.parameters[fixed]:g}")
+    tell(progress, f"isoline {fixed} = {start.parameters[fixed]:g}")
     varied = ("Omega", "D_att_1" if fixed == "D_rep_1" else "D_rep_1")
     return continue_locus(start, varied, {name: bounds[name] for name in varied}, steps=StepControl(largest=largest))
 
@@ -162,7 +159,7 @@ def _at(isoline: Locus, name: str, value: float) -> SpecialPoint:
 def _first_sheet(isoline: Locus) -> tuple[float, float]:
     """Return the interval of arclength that is SN1: from the deepest end to the first CP or turn of the damping.
 
-    Beyond them the isoline is another saddle-node, which SN1 meets there.
+    Beyond its edge the isoline is another saddle-node, which SN1 meets there.
     """
     depth, s = isoline.column("min_z"), isoline.arclength
     edges = [point.arclength for point in isoline.special_points if point.type == "CP" or _turns_damping(point)]
@@ -176,7 +173,7 @@ def _turns_damping(point: SpecialPoint) -> bool:
 
 
 def _turning_points(isoline: Locus) -> list[SpecialPoint]:
-    """Return where Omega turns; not at a CP, where the damping turns too, nor at the grazing where an isoline ends."""
+    """Return the points at which only Omega turns: not CPs, nor grazings at an isoline's end."""
     others = [p.arclength for p in isoline.special_points if p.type in ("CP", "GR") or _turns_damping(p)]
     return [
         point
@@ -188,11 +185,10 @@ def _turning_points(isoline: Locus) -> list[SpecialPoint]:
 def summary(results: Mapping[str, Any]) -> dict[str, Any]:
     """Return the content of ``fig6.json``.
 
-    ``sn1`` are the points of the isolines that are SN1, ``folded`` those beyond its edge, both without the grazings at
-    which isolines end; ``turning_points`` are where isolines of fixed damping in air turn back in Omega, ``cusps`` the
-    CP of isolines of fixed damping in contact, and ``cusp`` is where the curve of the latter has a cusp.
-    ``turning_points_cusp`` is null: along their curve the damping in air grows all the way, and the one in contact
-    falls.
+    ``sn1`` are the isolines' points on SN1, ``folded`` those beyond its edge, both without the grazings at their ends.
+    ``turning_points`` are the points at which isolines of fixed damping in air turn back in Omega. ``cusps`` are the
+    CPs of isolines of fixed damping in contact, and ``cusp`` is the cusp of their curve. ``turning_points_cusp`` is
+    null: along the curve of turning points the damping in air grows, and the damping in contact falls.
     """
     isolines = _isolines(results)
     sn1: list[dict[str, float]] = []
@@ -264,10 +260,10 @@ def _cusps(isolines: list[Locus]) -> list[SpecialPoint]:
 
 
 def _meeting(isolines: list[Locus]) -> dict[str, float] | None:
-    """Return where the two cusp points of an isoline meet as the damping in contact grows.
+    """Return the meeting point of an isoline's two cusp points as the damping in contact grows.
 
-    Near there the two differ by a root of the damping's distance, so their mean, and the damping itself, are smooth in
-    the square of their difference; extrapolated to zero.
+    The cusp points differ by a root of the damping's distance from the meeting. Their mean and the damping are
+    therefore smooth in the square of the difference, and are extrapolated to zero difference.
     """
     pairs = {}
     for isoline in isolines:
@@ -313,7 +309,7 @@ def draw(results: Mapping[str, Any]) -> Figure:
 
 
 def _chart(ax: Axes, isolines: list[Locus], content: Mapping[str, Any], parameters: Mapping[str, float]) -> None:
-    """Draw the isolines, the curves of turning points and of cusp points, and what is marked."""
+    """Draw the isolines, the curves of turning points and of cusp points, and all marks."""
     from saltus.plotting import style
 
     a0 = gap_at_contact(parameters)
@@ -351,7 +347,7 @@ def _fixed(isoline: Locus) -> str:
 
 
 def _curves(isoline: Locus) -> list[tuple[NDArray[np.float64], bool]]:
-    """Return the isoline as smooth curves of shape (2, vertex), each with whether it lies beyond SN1's edge."""
+    """Return the isoline as smooth curves of shape (2, vertex), and whether each lies beyond SN1's edge."""
     from saltus.plotting.space import stretches_of
 
     low, high = _first_sheet(isoline)

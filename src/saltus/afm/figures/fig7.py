@@ -1,25 +1,26 @@
-"""Fig. 7: the response with two modes, the brute-force diagram where it is not of period one, and phase portraits.
+"""Fig. 7: the response with two modes, the brute-force diagram beyond period one, and phase portraits.
 
 The data file has the groups ``sweep`` (the `Sweep` of panel (b)), ``portrait (c)`` to ``portrait (e)`` (each a
-`Trajectory`) and those of `fig7a`, panel (a); `read_results` reads it.
+`Trajectory`), and the groups of `fig7a`. `read_results` reads it.
 
 References
 ----------
-ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 7 and section 4.2. Which velocity panel (b) shows
-is not said there; here it is ``z'``, that of the gap, at phase 0. Phase portraits show ``z'`` over ``z``, with dots at
+ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 7 and section 4.2. The paper does not name the
+velocity of panel (b); here it is the gap's, ``z'``, at phase 0. Phase portraits show ``z'`` over ``z``, with dots at
 phase 0. The leading Lyapunov exponent below panel (b) is added.
 
 Notes
 -----
-The paper names four motions, at Omega = 1.00, 1.02, 1.023 and 1.046. Their labels and the portraits are those at the
-nearest of the 300 values of the sweep, within 1e-4. At 1.023 itself lies one of the narrow windows of the chaotic
-range: the motion locks, after some thousand periods, to period 47.
+The paper names four motions, at Omega = 1.00, 1.02, 1.023 and 1.046. Labels and portraits belong to the nearest of the
+300 values of the sweep, within 1e-4. At 1.023 itself lies a narrow window of the chaotic range: after some thousand
+periods the motion locks to period 47.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,8 @@ import numpy as np
 
 from saltus.afm.figures import fig7a
 from saltus.afm.figures.files import write_figure
+from saltus.afm.figures.telling import about, tell
+from saltus.progress import Report
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -40,75 +43,72 @@ if TYPE_CHECKING:
 
 __all__ = ["compute", "draw", "run", "summary", "sweep_of"]
 
-COUNT, DISCARDED, KEPT = 300, 600, 100
-"""Values of Omega in the sweep, and at each the periods that are dropped and kept."""
+COUNT = 300  # values of Omega in the sweep
+DISCARDED = 600  # periods dropped at each value
+KEPT = 100  # periods kept at each value
 
-NAMED = ("1.00", "1.02", "1.023", "1.046")
-"""Values of Omega at which the paper says what the motion is, as it prints them."""
+NAMED = ("1.00", "1.02", "1.023", "1.046")  # values of Omega at which the paper names the motion, as it prints them
 
+# Panels with phase portraits: Omega as the paper prints it, and periods shown.
 PORTRAITS: Mapping[str, tuple[str, int]] = MappingProxyType({"c": ("1.00", 2), "d": ("1.02", 4), "e": ("1.023", KEPT)})
-"""Omega of the panels with phase portraits, and how many periods each shows."""
 
-_START = 0.98
-"""Omega of the orbit from which the sweep sets out: stable, of period one."""
+_START = 0.98  # Omega of the orbit from which the sweep starts: stable, of period one
 
-_VELOCITY = "v"
+_VELOCITY = "v"  # quantity of the brute-force diagram
 
-_EXPONENTS = (-0.13, 0.09)
-"""Window of the exponents, which fall below it near a superstable orbit."""
+_EXPONENTS = (-0.13, 0.09)  # window of the exponents, which fall below it near a superstable orbit
 
+# Sides of those names above panel (b) that would meet in the middle.
 _SIDES: Mapping[str, Any] = MappingProxyType({"1.02": "right", "1.023": "left"})
-"""Where names over panel (b) stand that would meet in the middle."""
 
-_FEW = 10
-"""Periods up to which a phase portrait is drawn in full lines and dots."""
+_FEW = 10  # periods up to which a phase portrait has full lines and dots
 
 
-def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
-    """Compute and draw the figure, and return what was written, as `write_figure` does.
+def run(out: Path, progress: bool | Report = False) -> dict[str, Any]:
+    """Compute, draw and write the figure, and return the files and results, as `write_figure` does.
 
     Parameters
     ----------
     out : Path
         An existing folder, for ``fig7.nc``, ``fig7.json`` (`summary`), ``fig7.png`` and ``fig7.pdf``.
-    progress : callable, optional
-        Called with a line of text whenever there is something new to say.
+    progress : bool or callable
+        True for bars on stderr, or a function called with a `saltus.Progress`.
 
     Notes
     -----
-    While the work goes on, ``fig7-sweep.nc`` is in the folder as well: after an interrupt the sweep goes on from there.
+    During the run the folder also has ``fig7-sweep.nc``, from which the sweep resumes after an interrupt.
     """
-    say, part = progress or (lambda _: None), out / "fig7-sweep.nc"
-    found = write_figure(out, "fig7", compute(say, part), summary, draw, say)
+    part = out / "fig7-sweep.nc"
+    found = write_figure(out, "fig7", partial(compute, part=part), summary, draw, progress)
     if not found["interrupted"]:
         part.unlink(missing_ok=True)
     return found
 
 
-def compute(say: Callable[[str], None] = lambda _: None, part: Path | None = None) -> Iterator[tuple[str, Result]]:
-    """Go through the results of Fig. 7, with their names, computing each when it is asked for.
+def compute(progress: bool | Report = False, part: Path | None = None) -> Iterator[tuple[str, Result]]:
+    """Go through the results of Fig. 7, with their names, each computed on demand.
 
-    The sweep is saved in the file `part`, if one is given, and goes on from there.
+    With `part`, the sweep is saved in this file, and resumes from it.
     """
-    sweep = sweep_of(COUNT, say, part)
+    sweep = sweep_of(COUNT, progress, part)
     yield "sweep", sweep
     for letter, (omega, periods) in PORTRAITS.items():
-        say(f"phase portrait ({letter})")
+        tell(progress, f"phase portrait ({letter})")
         yield f"portrait ({letter})", _portrait(sweep, float(omega), periods)
-    yield from fig7a.compute(say)
+    yield from fig7a.compute(progress)
 
 
-def sweep_of(count: int, say: Callable[[str], None] = lambda _: None, part: Path | None = None) -> Sweep:
+def sweep_of(count: int, progress: bool | Report = False, part: Path | None = None) -> Sweep:
     """Return the sweep of panel (b), followed upwards from an orbit of period one, with `count` values.
 
-    It is saved in the file `part`, if one is given, and goes on from there.
+    With `part`, the sweep is saved in this file, and resumes from it.
     """
     from saltus.afm.paper import table1
     from saltus.afm.regimes import settled_orbit
     from saltus.afm.tapping import tapping_mode
-    from saltus.sweeps import run_sweep
+    from saltus.sweeps import SweepOptions, run_sweep
 
-    say("preparing the model")
+    tell(progress, "preparing the model")
     model = tapping_mode(table1(), modes=2)
     start = settled_orbit(model, {"Omega": _START}, "repulsive")
     return run_sweep(
@@ -116,11 +116,9 @@ def sweep_of(count: int, say: Callable[[str], None] = lambda _: None, part: Path
         "Omega",
         np.linspace(*fig7a.SWEPT, count),
         x0=start.x0,
-        discard=DISCARDED,
-        keep=KEPT,
-        quantities=[_VELOCITY],
+        options=SweepOptions(discard=DISCARDED, keep=KEPT, quantities=[_VELOCITY]),
         path=part,
-        progress=lambda done, total, what: say(f"sweep, {done} of {total}: {what}"),
+        progress=about(progress, "sweep"),
     )
 
 
@@ -134,10 +132,10 @@ def _portrait(sweep: Sweep, omega: float, periods: int) -> Trajectory:
 def summary(results: Mapping[str, Any]) -> dict[str, Any]:
     """Return the content of ``fig7.json``.
 
-    ``labels`` and ``periods`` say what the motions are that the paper names, by Omega as it prints it, and ``at`` the
-    nearest value of the sweep, at which they are so. ``sweep`` has each value in order with its label, its period (0
-    where it has none) and the leading Lyapunov exponent per unit of time, ``1 / omega_1`` (null where the motion
-    diverged). ``response`` is the content of ``fig7a.json``.
+    ``labels`` and ``periods`` describe the motions that the paper names, by Omega as it prints it. ``at`` is the
+    nearest value of the sweep, from which they come. ``sweep`` has each value in order with its label, its period (0
+    for none) and the leading Lyapunov exponent. Exponents are per unit of time, ``1 / omega_1``, and null where the
+    motion diverged. ``response`` is the content of ``fig7a.json``.
     """
     sweep: Sweep = results["sweep"]
     content: dict[str, Any] = {
@@ -201,13 +199,13 @@ def _letter(ax: Axes, letter: str, text: str = "") -> None:
 
 
 def _in_words(sweep: Sweep, omega: str) -> str:
-    """Return what the motion is at a value that the paper names."""
+    """Return the kind of the motion, in words, at a value that the paper names."""
     label = sweep.at(float(omega)).label
     return f"period {label.removeprefix('period-')}" if label.startswith("period-") else label
 
 
 def _draw_sweep(points: Axes, exponents: Axes, sweep: Sweep) -> None:
-    """Draw the velocity at phase 0, where the named motions are, and the leading exponent with its error."""
+    """Draw the velocity at phase 0, the places of the named motions, and the leading exponent with its error."""
     from saltus.plotting import style
 
     sweep.plot(_VELOCITY, ax=points)

@@ -1,19 +1,20 @@
-"""Fig. 7(a): the saturated branch with two modes of the cantilever, as the damping of the second in contact grows.
+"""Fig. 7(a): the saturated branch with two modes of the cantilever, by the second mode's damping in contact.
 
-The data file has the groups ``one_mode`` and ``two_modes`` (each a `Branch`: the whole response of one mode, and of two
-at the paper's damping), ``beside PD4`` and the like (each a `Branch`: a stretch of the latter beside a special point,
-with another one that larger steps pass over), ``responses`` (a `Family` over `D_rep_2`), ``SN`` and ``TR`` (each a
-`Locus` over `Omega` and `D_rep_2`); `read_results` reads it.
+The data file, which `read_results` reads, has the groups ``one_mode`` and ``two_modes``. Each is a `Branch`: the whole
+response, with two modes at the paper's damping. ``beside PD4`` and the like are each a `Branch`: a stretch of
+``two_modes`` with special points that larger steps pass over. ``responses`` is a `Family` over `D_rep_2`; ``SN`` and
+``TR`` are each a `Locus` over `Omega` and `D_rep_2`.
 
 References
 ----------
-ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 7(a) and section 4.2. Departs from it: the branch
-does not end in the region marked (b), but goes on through it, unstable and with two touches a period.
+ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 7(a) and section 4.2. The figure departs from the
+paper's: the branch does not end in the region marked (b). It continues through the region, unstable and with two
+touches a period.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,9 @@ import numpy as np
 
 from saltus.afm.figures import fig3
 from saltus.afm.figures.files import write_figure
-from saltus.afm.figures.responses import gap_at_contact, repulsive_orbit, response
+from saltus.afm.figures.responses import gap_at_contact, repulsive_orbit, response, responses
+from saltus.afm.figures.telling import tell
+from saltus.progress import Report
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,113 +39,96 @@ if TYPE_CHECKING:
 
 __all__ = ["SWEPT", "compute", "draw", "draw_into", "run", "summary"]
 
-BOUNDS = (0.88, 1.28)
-"""Interval of Omega, in omega_1."""
+BOUNDS = (0.88, 1.28)  # interval of Omega, in omega_1
 
+# Values of D_rep_2 besides the paper's 4. At the last one the stable response is that of one mode to a line's width.
 DAMPINGS = (6.0, 10.0, 20.0, 60.0, 1500.0)
-"""Values of D_rep_2 besides the paper's 4; at the last the stable response is that of one mode to a line's width."""
 
-SWEPT = (0.995, 1.05)
-"""Interval of Omega of Fig. 7(b), marked so."""
+SWEPT = (0.995, 1.05)  # interval of Omega of Fig. 7(b), marked in the picture
 
-COMPARED = (0.93, 1.16)
-"""Interval of Omega in which responses are compared."""
+COMPARED = (0.93, 1.16)  # interval of Omega in which responses are compared
 
-_START = {"Omega": 1.15}
+_START = {"Omega": 1.15}  # parameters of `_GUESS`
+
+# An orbit of the saturated branch at `_START`, roughly.
 _GUESS = [
     ("flight", "touch", [-1.239, -0.0295, 0.403, 0.484], 1.932),
     ("contact", "release", [0.973, -0.062, 1.187, 0.35], 0.277),
     ("flight", "theta", [1.02, -0.0835, -0.408, -0.178], 3.255),
 ]
-"""An orbit of the saturated branch at `_START`, roughly."""
 
-_TOL = 1e-10
-"""Tolerance of the responses in `DAMPINGS`, stiff where the damping is strong; a picture is all that they give."""
+_TOLERANCE = 1e-10  # of the responses in `DAMPINGS`, which are stiff and only drawn
 
-_STEP_ONE_MODE, _STEP_TWO_MODES, _DEVIATION = 0.02, 0.05, 3e-3
-_BESIDE, _STEP_BESIDE = 1e-5, 0.1
-"""How far in Omega from each SN and PD other special points are looked for, and the largest step there."""
+_STEP_ONE_MODE = 0.02  # largest step in arclength, one mode
+_STEP_TWO_MODES = 0.05  # largest step in arclength, two modes
+_DEVIATION = 3e-3  # `StepControl.deviation` of the responses in `DAMPINGS`
+_BESIDE = 1e-5  # distance in Omega from each SN and PD within which other special points are sought
+_STEP_BESIDE = 0.1  # largest step there, in arclength
 
-_SAME = 1e-9
-"""Special points of one type nearer than this in Omega are one."""
+_SAME = 1e-9  # distance in Omega within which two special points of one type are one
 
-_EDGE = -0.002
-"""Value of min z at which the responses in `DAMPINGS` end, next to their grazings."""
+_EDGE = -0.002  # min z at which the responses in `DAMPINGS` end, next to their grazings
 
-_SN_BOUNDS = {"Omega": (1.1, 1.28), "D_rep_2": (4.0, DAMPINGS[-1])}
-_TR_BOUNDS = {"Omega": (1.0, 1.1), "D_rep_2": (2.0, 8.0)}
+_SN_BOUNDS = {"Omega": (1.1, 1.28), "D_rep_2": (4.0, DAMPINGS[-1])}  # of the locus of saddle-nodes
+_TR_BOUNDS = {"Omega": (1.0, 1.1), "D_rep_2": (2.0, 8.0)}  # of the locus of torus bifurcations
 
-_Window = tuple[tuple[float, float], tuple[float, float]]
+_Window = tuple[tuple[float, float], tuple[float, float]]  # interval of Omega, interval of min z
 
-_CHART: _Window = ((0.9, 1.265), (-0.1155, 0.0135))
-_TORUS: _Window = ((1.0325, 1.0555), (-0.0485, -0.0378))
-"""Windows of the picture and of its inset: Omega, then min z."""
+_CHART: _Window = ((0.9, 1.265), (-0.1155, 0.0135))  # the picture
+_TORUS: _Window = ((1.0325, 1.0555), (-0.0485, -0.0378))  # its inset
 
 
-_ONE_MODE = "#f2b277"
-_COLOURS = ("viridis", 0.0, 0.8)
-"""Colour map of the dampings, the least first, and the part of it that is taken."""
+_ONE_MODE = "#f2b277"  # colour of the response with one mode
+_COLOURS = ("viridis", 0.0, 0.8)  # colour map of the dampings, the least first, and the part of it that is used
 
 
-def run(out: Path, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
-    """Compute and draw the figure, and return what was written, as `write_figure` does.
+def run(out: Path, progress: bool | Report = False) -> dict[str, Any]:
+    """Compute, draw and write the figure, and return the files and results, as `write_figure` does.
 
     Parameters
     ----------
     out : Path
         An existing folder, for ``fig7a.nc``, ``fig7a.json`` (`summary`), ``fig7a.png`` and ``fig7a.pdf``.
-    progress : callable, optional
-        Called with a line of text whenever there is something new to say.
+    progress : bool or callable
+        True for bars on stderr, or a function called with a `saltus.Progress`.
     """
-    say = progress or (lambda _: None)
-    return write_figure(out, "fig7a", compute(say), summary, draw, say)
+    return write_figure(out, "fig7a", compute, summary, draw, progress)
 
 
-def compute(say: Callable[[str], None] = lambda _: None) -> Iterator[tuple[str, Result]]:
-    """Go through the results of Fig. 7(a), with their names, computing each when it is asked for."""
-    from saltus.continuation import StepControl, continue_family, continue_locus
+def compute(progress: bool | Report = False) -> Iterator[tuple[str, Result]]:
+    """Go through the results of Fig. 7(a), with their names, each computed on demand."""
+    from saltus.continuation import BranchOptions, StepControl, continue_locus
 
     coarse = StepControl(deviation=_DEVIATION)
-    yield "one_mode", response(repulsive_orbit(say), BOUNDS, StepControl(largest=_STEP_ONE_MODE), say)
-    branch = response(_saturated_orbit(say), BOUNDS, StepControl(largest=_STEP_TWO_MODES), say)
+    yield "one_mode", response(repulsive_orbit(progress), BOUNDS, StepControl(largest=_STEP_ONE_MODE), progress)
+    branch = response(_saturated_orbit(progress), BOUNDS, StepControl(largest=_STEP_TWO_MODES), progress)
     yield "two_modes", branch
-    yield from _beside(branch, say)
-    yield (
-        "responses",
-        continue_family(
-            _saturated_orbit(tol=_TOL),
-            "Omega",
-            {"D_rep_2": DAMPINGS},
-            BOUNDS,
-            steps=coarse,
-            events={"min_z": _EDGE},
-            stop_at="min_z",
-            workers=1,  # a response takes less than a second, a process two seconds to start
-            progress=lambda done, total, what: say(f"response {done} of {total}: {what}"),
-        ),
-    )
-    say("locus of the saddle-node")
+    yield from _beside(branch, progress)
+    options = BranchOptions(coarse, events={"min_z": _EDGE}, stop_at="min_z")
+    start = _saturated_orbit(tolerance=_TOLERANCE)
+    yield "responses", responses(start, {"D_rep_2": DAMPINGS}, BOUNDS, options, progress)
+    tell(progress, "locus of the saddle-node")
     yield "SN", continue_locus(_end(branch), ("Omega", "D_rep_2"), _SN_BOUNDS, steps=coarse)
-    say("locus of the torus bifurcation")
+    tell(progress, "locus of the torus bifurcation")
     yield "TR", continue_locus(_torus(branch), ("Omega", "D_rep_2"), _TR_BOUNDS)
 
 
-def _saturated_orbit(say: Callable[[str], None] = lambda _: None, tol: float = 1e-12) -> PeriodicOrbit:
+def _saturated_orbit(progress: bool | Report = False, tolerance: float = 1e-12) -> PeriodicOrbit:
     from saltus.afm.paper import table1
     from saltus.afm.tapping import tapping_mode
     from saltus.orbits import solve_orbit
 
-    say("correcting the first orbit of two modes")
-    return solve_orbit(tapping_mode(table1(), modes=2), _START, _GUESS, tolerance=tol)
+    tell(progress, "correcting the first orbit of two modes")
+    return solve_orbit(tapping_mode(table1(), modes=2), _START, _GUESS, tolerance=tolerance)
 
 
-def _beside(branch: Branch, say: Callable[[str], None]) -> Iterator[tuple[str, Branch]]:
-    """Follow the branch beside each SN and PD, and go through the stretches with a special point that it lacks."""
+def _beside(branch: Branch, progress: bool | Report) -> Iterator[tuple[str, Branch]]:
+    """Follow the branch beside each SN and PD; yield the stretches with special points that the branch lacks."""
     from saltus.continuation import StepControl, continue_orbit
 
     steps = StepControl(largest=_STEP_BESIDE)
     for point in branch.special_points.of_type("SN", "PD"):
-        say(f"beside {point.label}")
+        tell(progress, f"beside {point.label}")
         omega = point.parameters["Omega"]
         stretch = continue_orbit(point.orbit, "Omega", (omega - _BESIDE, omega + _BESIDE), steps=steps)
         if any("interrupted" in reason for reason in stretch.stopped):
@@ -172,9 +158,9 @@ def summary(results: Mapping[str, Any]) -> dict[str, Any]:
 
     ``special_points`` are those of the response at ``D_rep_2 = 4``, in the order and with the keys of ``fig3.json``.
     ``distance_to_sdof`` pairs each `D_rep_2` with the mean difference of min z between its response and that of one
-    mode (the area between the two over the width), over the values of Omega in `COMPARED`, 0.001 apart, at which all
-    responses are stable; ``largest_difference`` likewise. ``saddle_nodes`` are where the saturated branches end:
-    `D_rep_2`, Omega, min z; ``one_mode`` is where that of one mode does.
+    mode. The mean is over values of Omega in `COMPARED`, 0.001 apart, at which all responses are stable.
+    ``largest_difference`` pairs it with the largest difference. ``saddle_nodes`` are the ends of the saturated
+    branches: `D_rep_2`, Omega, min z. ``one_mode`` is the end with one mode.
     """
     content: dict[str, Any] = {
         "figure": "fig7a",
@@ -209,7 +195,7 @@ def _two_modes(results: Mapping[str, Any]) -> dict[float, Branch]:
 
 
 def _complete(results: Mapping[str, Any]) -> Branch:
-    """Return the response at the paper's damping with the special points of the stretches beside it, in order."""
+    """Return the response at the paper's damping, with the special points of the stretches in order."""
     from saltus.continuation import SpecialPoints
 
     branch: Branch = results["two_modes"]
@@ -229,13 +215,13 @@ def _place(orbit: PeriodicOrbit) -> NDArray[np.float64]:
 
 
 def _direction(branch: Branch, point: SpecialPoint) -> NDArray[np.float64]:
-    """Return the way from the branch's point before a special point to the one after it."""
+    """Return the vector from the branch's point before a special point to the next point after it."""
     before, after = int(np.floor(point.position)), int(np.ceil(point.position))
     return _place(branch.orbit(after)) - _place(branch.orbit(before))
 
 
 def _differences(one_mode: Branch, branches: Mapping[float, Branch]) -> dict[float, NDArray[np.float64]]:
-    """Return the differences of min z from one mode by `D_rep_2`, at the values of Omega at which all are stable."""
+    """Return the differences of min z from one mode, by `D_rep_2`, where all responses are stable."""
     omega = np.arange(COMPARED[0], COMPARED[1], 1e-3)
     reference = _stable_depth(one_mode, omega)
     apart = {value: np.abs(_stable_depth(branch, omega) - reference) for value, branch in branches.items()}
@@ -244,7 +230,7 @@ def _differences(one_mode: Branch, branches: Mapping[float, Branch]) -> dict[flo
 
 
 def _stable_depth(branch: Branch, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return min z of the stable orbits in contact, by cubic splines along Omega; NaN where there are none."""
+    """Return min z of the stable orbits in contact, by cubic splines along Omega; NaN without any."""
     from scipy.interpolate import CubicSpline
 
     depth, found = branch.column("min_z"), np.full(omega.shape, np.nan)
@@ -330,7 +316,7 @@ def _loci(ax: Axes, results: Mapping[str, Any]) -> None:
 
 
 def _mark(ax: Axes, results: Mapping[str, Any]) -> None:
-    """Mark the special points at the paper's damping, and where the saturated branches end."""
+    """Mark the special points at the paper's damping, and the ends of the saturated branches."""
     from saltus.plotting import style
 
     points = _complete(results).special_points

@@ -1,13 +1,13 @@
 """Fig. 8: the basin of the repulsive motion with two modes, in the space of q1, q1' and q2.
 
-The labels are in the store ``fig8.zarr``, which `saltus.load` opens; the attractors' orbits in ``fig8.nc``, which
+The labels are in the store ``fig8.zarr``, which `saltus.load` opens. The attractors' orbits are in ``fig8.nc``, which
 `read_results` reads.
 
 References
 ----------
 ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 8 and section 4.2. The basin fills nine tenths of
-the box. Panel (a) is the paper's body, cut off at the highlighted section, which print shows above the box; panel (b)
-is added: what is empty in (a), the basin of the attractive motion, as a body in the whole box.
+the box. Panel (a) is the paper's body, cut off at the highlighted section, which the paper shows above the box. Panel
+(b) is added: the basin of the attractive motion, as a body in the whole box.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ from saltus.afm.figures.sections import (
     summary_of,
     write_sections,
 )
+from saltus.afm.figures.telling import tell
+from saltus.progress import Report, Reporter
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,33 +40,36 @@ if TYPE_CHECKING:
 
 __all__ = ["V2", "compute", "draw", "film", "run", "summary"]
 
-V2 = 0.485640
-"""The second mode's velocity: that of the paper's repulsive attractor at phase 0."""
+V2 = 0.485640  # second mode's velocity: that of the paper's repulsive attractor at phase 0
 
-_REPULSIVE, _ATTRACTIVE = "#d1495b", "#77aadd"
+_REPULSIVE = "#d1495b"  # colour of the repulsive basin
+_ATTRACTIVE = "#77aadd"  # colour of the attractive basin: blue, as in the paper
+
+# Colours of the attractors, which stand out against both basins.
 _BALLS: Mapping[str, str] = MappingProxyType({"repulsive": "#5a0a18", "attractive": "#1450a3"})
-"""Colours of the basins, and of the attractors, which are seen on both; blue is the paper's for the attractive one."""
 
-_TURNS, _RATE, _START, _DPI = 72, 10, -58.0, 100.0
-"""Of the film: frames in a whole turn, frames a second, azimuth in degrees of the first, pixels an inch."""
+_TURNS = 72  # frames of the film in a whole turn
+_RATE = 10  # frames a second
+_START = -58.0  # azimuth of the first frame, in degrees
+_DPI = 100.0  # pixels an inch
 
 
 def run(
     out: Path,
-    progress: Callable[[str], None] | None = None,
+    progress: bool | Report = False,
     *,
     resolution: int = RESOLUTION,
     animate: bool = False,
 ) -> dict[str, Any]:
-    """Compute and draw the figure, and return what was written, as `write_figure` does.
+    """Compute, draw and write the figure, and return the files and results, as `write_figure` does.
 
     Parameters
     ----------
     out : Path
-        An existing folder, for ``fig8.zarr``, ``fig8.nc``, ``fig8.json`` (`summary`), ``fig8.png`` and ``fig8.pdf``.
-        Where ``fig8.zarr`` is there, the run goes on from it.
-    progress : callable, optional
-        Called with a line of text whenever there is something new to say.
+        An existing folder, for ``fig8.zarr``, ``fig8.nc``, ``fig8.json`` (`summary`), ``fig8.png`` and ``fig8.pdf``. If
+        ``fig8.zarr`` exists, the run resumes from it.
+    progress : bool or callable
+        True for bars on stderr, or a function called with a `saltus.Progress`.
     resolution : int, optional
         Cells along each axis.
     animate : bool, optional
@@ -73,7 +78,7 @@ def run(
     Raises
     ------
     InputError
-        The resolution is no whole number of 2 or more, or the store there is of another one.
+        The resolution is no whole number of 2 or more, or an existing store has another resolution.
     SaltusError
         PyVista is not installed, or has nothing to render with.
     """
@@ -83,27 +88,25 @@ def run(
     written = write_sections(out, "fig8", compute, summary, draw, resolution=resolution, progress=progress)
     if animate and not written["interrupted"]:
         try:
-            written["files"].append(film(written["results"]["basins"], out / "fig8.gif", progress or (lambda _: None)))
+            written["files"].append(film(written["results"]["basins"], out / "fig8.gif", progress))
         except KeyboardInterrupt:
             written["interrupted"] = True
     return written
 
 
-def compute(
-    store: Path, resolution: int = RESOLUTION, say: Callable[[str], None] = lambda _: None
-) -> Iterator[tuple[str, Basins]]:
-    """Go through the one result, ``basins``, computing it when it is asked for."""
-    say("preparing the model")
+def compute(store: Path, resolution: int = RESOLUTION, progress: bool | Report = False) -> Iterator[tuple[str, Basins]]:
+    """Yield the one result, ``basins``."""
+    tell(progress, "preparing the model")
     system, axis = model(2), (*RANGE, resolution)
     grid = {"q1": axis, "v1": axis, "q2": axis, "v2": V2}
-    yield "basins", mapped(system, grid, attractors_of(system, store, say), store, say, "labels")
+    yield "basins", mapped(system, grid, attractors_of(system, store, progress), store, progress, "labels")
 
 
 def summary(basins: Mapping[str, Basins]) -> dict[str, Any]:
     """Return the content of ``fig8.json``.
 
-    It is as `summary_of` has it; ``section`` is the one that is highlighted, at the cells nearest to the repulsive
-    attractor: its ``q2``, and the parts of its cells by label.
+    The entries are those of `summary_of`. ``section`` is the highlighted section, at the cells nearest to the repulsive
+    attractor: its ``q2``, and the shares of its cells by label.
     """
     found = basins["basins"]
     section = found.section(q2=_height(found))
@@ -123,18 +126,19 @@ def draw(basins: Mapping[str, Basins]) -> Figure:
     return figure
 
 
-def film(basins: Basins, path: Path, say: Callable[[str], None] = lambda _: None) -> Path:
+def film(basins: Basins, path: Path, progress: bool | Report = False) -> Path:
     """Write the film in which the box turns once, and return its path."""
     from saltus.afm.movies import write_movie
 
     figure, show = _stage(basins, pixels=520, turning=True)
     frames = [partial(show, _START + 360.0 * i / _TURNS) for i in range(_TURNS)]
-    write_movie(figure, path, frames, fps=_RATE, dpi=_DPI, progress=lambda done, total: say(f"frame {done} of {total}"))
+    with Reporter(progress, len(frames)) as reporter:
+        write_movie(figure, path, frames, fps=_RATE, dpi=_DPI, reporter=reporter)
     return path
 
 
 def _stage(basins: Basins, pixels: int, *, turning: bool = False) -> tuple[Figure, Callable[[float], None]]:
-    """Return the figure without bodies, and what draws them as they are seen from an azimuth."""
+    """Return the figure without bodies, and a function that draws them as seen from an azimuth."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 

@@ -1,18 +1,18 @@
-"""Fig. 9: the basin of the repulsive motion with one mode of the cantilever and with two, in the plane of the first.
+"""Fig. 9: the basin of the repulsive motion with one mode and with two, in the plane of the first mode.
 
-The group ``fig9.zarr`` holds the stores ``one_mode`` and ``two_modes``, `saltus.load` opens each; the orbits of their
+The group ``fig9.zarr`` holds the stores ``one_mode`` and ``two_modes``, which `saltus.load` opens. The orbits of their
 attractors are in ``fig9.nc``, which `read_results` reads.
 
 References
 ----------
 ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Fig. 9 and section 4.2. Panel (a) is the paper's: light
-red below, dark above. Cells of two modes alone are grey here, black in print; panels (b) and (c) are added, since the
-basin that lies above hides most of the other one.
+red below, dark above. Cells of two modes alone are grey here, black in the paper. Panels (b) and (c) are added, since
+the upper basin hides most of the other one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,8 @@ from saltus.afm.figures.sections import (
     summary_of,
     write_sections,
 )
+from saltus.afm.figures.telling import tell
+from saltus.progress import Report
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,54 +44,54 @@ if TYPE_CHECKING:
 
 __all__ = ["SECOND", "compute", "draw", "run", "summary"]
 
+# The second mode's state in the plane: that of the paper's repulsive attractor at phase 0.
 SECOND: Mapping[str, float] = MappingProxyType({"q2": -0.028993, "v2": 0.485640})
-"""The second mode's state in the plane: the paper's repulsive attractor at phase 0."""
 
-_BOTH, _ONE, _TWO, _NEITHER = "#161616", "#f0857a", "#8a8a8a", "#ffffff"
-"""Colours of cells that belong to the repulsive basin with both numbers of modes, with one, with two, with neither."""
+# Colours of cells, by the numbers of modes with which they belong to the repulsive basin.
+_BOTH = "#161616"  # with one and with two
+_ONE = "#f0857a"  # with one
+_TWO = "#8a8a8a"  # with two
+_NEITHER = "#ffffff"  # with neither
 
-_UNCERTAIN = "#aa3377"
-"""Colour of cells that have no label with either number of modes, or diverge."""
+_UNCERTAIN = "#aa3377"  # cells without a label with either number of modes, or divergent
 
+# Marks of the attractors in panel (a) and their sizes in points.
 _MARKERS = {"one_mode": ("s", 7.5), "two_modes": ("o", 4.0)}
-"""Marks of the attractors in panel (a) and their sizes: with one mode and with two they lie close together."""
 
-_TITLES = {"one_mode": "one mode", "two_modes": "two modes"}
+_TITLES = {"one_mode": "one mode", "two_modes": "two modes"}  # legend of the marks
 
 
-def run(out: Path, progress: Callable[[str], None] | None = None, *, resolution: int = RESOLUTION) -> dict[str, Any]:
-    """Compute and draw the figure, and return what was written, as `write_figure` does.
+def run(out: Path, progress: bool | Report = False, *, resolution: int = RESOLUTION) -> dict[str, Any]:
+    """Compute, draw and write the figure, and return the files and results, as `write_figure` does.
 
     Parameters
     ----------
     out : Path
-        An existing folder, for ``fig9.zarr``, ``fig9.nc``, ``fig9.json`` (`summary`), ``fig9.png`` and ``fig9.pdf``.
-        Where ``fig9.zarr`` is there, the run goes on from it.
+        An existing folder, for ``fig9.zarr``, ``fig9.nc``, ``fig9.json`` (`summary`), ``fig9.png`` and ``fig9.pdf``. If
+        ``fig9.zarr`` exists, the run resumes from it.
     progress, resolution
-        As `write_sections` takes them, which also says what is raised.
+        As for `write_sections`, also for errors raised.
     """
     return write_sections(out, "fig9", compute, summary, draw, resolution=resolution, progress=progress)
 
 
-def compute(
-    store: Path, resolution: int = RESOLUTION, say: Callable[[str], None] = lambda _: None
-) -> Iterator[tuple[str, Basins]]:
-    """Go through the basins with one mode and with two, with their names, computing each when it is asked for."""
+def compute(store: Path, resolution: int = RESOLUTION, progress: bool | Report = False) -> Iterator[tuple[str, Basins]]:
+    """Go through the basins with one mode and with two, with their names, each computed on demand."""
     axis = (*RANGE, resolution)
     planes: dict[str, tuple[int, dict[str, Any]]] = {
         "one_mode": (1, {"q1": axis, "v1": axis}),
         "two_modes": (2, {"q1": axis, "v1": axis, **SECOND}),
     }
     for name, (modes, grid) in planes.items():
-        say("preparing the model")
+        tell(progress, "preparing the model")
         system, place = model(modes), group(store) / name
-        yield name, mapped(system, grid, attractors_of(system, place, say), place, say, _TITLES[name])
+        yield name, mapped(system, grid, attractors_of(system, place, progress), place, progress, _TITLES[name])
 
 
 def summary(basins: Mapping[str, Basins]) -> dict[str, Any]:
     """Return the content of ``fig9.json``.
 
-    ``one_mode`` and ``two_modes`` are as `summary_of` has them. ``agreement`` is the part of the cells whose labels
+    ``one_mode`` and ``two_modes`` are as `summary_of` has them. ``agreement`` is the share of the cells whose labels
     have the same name with one mode and with two.
     """
     content: dict[str, Any] = {"figure": "fig9", "parameters": dict(PARAMETERS)}

@@ -1,7 +1,7 @@
-"""The files of a figure: its data, the numbers it stands for, and the picture; written as far as the work got.
+"""Files of a figure: its data, its numbers, and the picture, also after an interrupt.
 
-Each result has a group of its own in the NetCDF file, by the name under which the figure computes it; `read_results`
-gives them back. A result without a name (the empty string) is the whole file, as `Result.save` writes it.
+Each result has a group of its own in the NetCDF file, by the result's name in the figure; `read_results` reads them. A
+result with the empty name is the whole file, as `Result.save` writes it.
 """
 
 from __future__ import annotations
@@ -11,9 +11,11 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
+from saltus.afm.figures.telling import tell
 from saltus.errors import InputError
 from saltus.files import whole_file, write_sealed
 from saltus.plotting.style import check_matplotlib
+from saltus.progress import Report, Reporter
 from saltus.results import READ, netcdf, reading, result_in, tagged
 
 if TYPE_CHECKING:
@@ -29,12 +31,12 @@ __all__ = ["read_results", "write_figure"]
 def write_figure(
     out: Path,
     name: str,
-    results: Iterable[tuple[str, Result]],
+    compute: Callable[[bool | Report], Iterable[tuple[str, Result]]],
     content: Callable[[Mapping[str, Any]], dict[str, Any]],
     draw: Callable[[Mapping[str, Any]], Figure],
-    say: Callable[[str], None],
+    progress: bool | Report,
 ) -> dict[str, Any]:
-    """Compute a figure and write its files; an interrupt (Ctrl-C) ends the work and keeps what is done.
+    """Compute a figure and write its files; an interrupt (Ctrl-C) keeps the finished results.
 
     Parameters
     ----------
@@ -42,14 +44,15 @@ def write_figure(
         An existing folder, for ``<name>.nc``, ``<name>.json``, ``<name>.png`` and ``<name>.pdf``.
     name : str
         Of the figure.
-    results : iterable of (str, Result)
-        What the figure is made of, with names; a generator, which computes each when it is asked for it.
+    compute : callable
+        Called with `progress`, a generator of names and results, which computes each result on demand.
     content : callable
-        Returns the content of the JSON file, from the results by name; some are missing after an interrupt.
+        Returns the content of the JSON file from the results by name, some of which an interrupt may leave out.
     draw : callable
-        Returns the picture, from the results by name; called if all are there.
-    say : callable
-        Called with a line of text whenever there is something new to say.
+        Returns the picture from the results by name; called only with all of them.
+    progress : bool or callable
+        True for a bar on stderr, or a function called with a `saltus.Progress`. It counts the points, members or cells
+        of the computation under way.
 
     Returns
     -------
@@ -61,29 +64,36 @@ def write_figure(
     ------
     KeyboardInterrupt
         The interrupt came before the first result.
+    InputError
+        `progress` is neither a bool nor a callable.
     """
     check_matplotlib()
-    kept, interrupted = _gathered(results)
-    found: dict[str, Any] = {"files": [], "results": kept, "content": {}, "interrupted": interrupted}
-    found["files"].append(_write_data(kept, out / f"{name}.nc"))
-    try:
-        found["content"] = content(kept)
-        path = out / f"{name}.json"
-        with whole_file(path) as draft:
-            draft.write_text(json.dumps(found["content"], indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        found["files"].append(path)
-        if interrupted:
-            return found
-        say("drawing")
-        figure = draw(kept)
-        for suffix in ("png", "pdf"):
-            path = out / f"{name}.{suffix}"
+    with Reporter(progress) as reporter:
+        told = reporter.report or False
+        kept, interrupted = _gathered(compute(told))
+        found: dict[str, Any] = {"files": [], "results": kept, "content": {}, "interrupted": interrupted}
+        found["files"].append(_write_data(kept, out / f"{name}.nc"))
+        try:
+            found["content"] = content(kept)
+            path = out / f"{name}.json"
             with whole_file(path) as draft:
-                figure.savefig(draft, dpi=300, metadata={"CreationDate": None} if suffix == "pdf" else None)
+                draft.write_text(json.dumps(found["content"], indent=1, allow_nan=False) + "\n", encoding="utf-8")
             found["files"].append(path)
-    except KeyboardInterrupt:
-        found["interrupted"] = True
-    return found
+            if not interrupted:
+                tell(told, "drawing")
+                _write_picture(draw(kept), out / name, found["files"])
+        except KeyboardInterrupt:
+            found["interrupted"] = True
+        return found
+
+
+def _write_picture(figure: Figure, stem: Path, written: list[Path]) -> None:
+    """Write a picture in both formats, and add the files to those that are written."""
+    for suffix in ("png", "pdf"):
+        path = stem.with_name(f"{stem.name}.{suffix}")
+        with whole_file(path) as draft:
+            figure.savefig(draft, dpi=300, metadata={"CreationDate": None} if suffix == "pdf" else None)
+        written.append(path)
 
 
 def _gathered(results: Iterable[tuple[str, Result]]) -> tuple[dict[str, Result], bool]:
@@ -102,7 +112,7 @@ def _gathered(results: Iterable[tuple[str, Result]]) -> tuple[dict[str, Result],
 
 
 def _is_cut_short(result: Any) -> bool:
-    """Whether a curve, a family or a sweep ended at an interrupt, which it answers with what it has."""
+    """Return whether a curve, a family or a sweep is one that an interrupt ended early."""
     stopped = getattr(result, "stopped", ())
     stopped = (stopped,) if isinstance(stopped, str) else stopped
     return bool(getattr(result, "interrupted", False)) or any("interrupted" in reason for reason in stopped)
@@ -114,12 +124,12 @@ def _write_data(results: Mapping[str, Result], path: Path) -> Path:
 
 
 def read_results(path: str | Path) -> dict[str, Result]:
-    """Return the results in a figure's data file with groups, by name, in the order in which they were computed.
+    """Return the results in a figure's data file by name, in the order of their computation.
 
     Raises
     ------
     InputError
-        The file is none of a figure's, or has no groups: then `saltus.load` reads it.
+        The file is no figure's, or has no groups (`saltus.load` reads it).
     """
     import xarray as xr
 

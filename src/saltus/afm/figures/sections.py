@@ -1,7 +1,7 @@
-"""What Figs. 8 to 10 share: the model and its attractors, sections of its basins, and their files.
+"""Common parts of Figs. 8 to 10: model, attractors, sections of the basins, and files.
 
-Labels lie in Zarr stores, written as they are found, from which an interrupted run goes on; the attractors' orbits are
-in the NetCDF file, a `PeriodicOrbit` each.
+Labels are in Zarr stores, from which an interrupted run resumes. The attractors' orbits are in the NetCDF file, each a
+`PeriodicOrbit`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ import numpy as np
 
 from saltus import checks
 from saltus.afm.figures.files import write_figure
+from saltus.afm.figures.telling import about, tell
+from saltus.progress import Report
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -39,22 +41,20 @@ __all__ = [
     "write_sections",
 ]
 
+# Parameters of the paper's basins, for every mode.
 PARAMETERS: Mapping[str, float] = MappingProxyType({"Omega": 1.15, "D_att": 0.025, "D_rep": 4.0})
-"""Of the paper's basins, for every mode."""
 
-RANGE = (-5.0, 5.0)
-"""Of every coordinate."""
+RANGE = (-5.0, 5.0)  # of every coordinate
 
-RESOLUTION = 400
-"""Cells along a coordinate in the paper."""
+RESOLUTION = 400  # cells along a coordinate in the paper
 
+# The paper's symbols of the states.
 LABELS: Mapping[str, str] = MappingProxyType(
     {"q1": r"$\bar{q}_1$", "q2": r"$\bar{q}_2$", "v1": r"$\bar{q}_1'$", "v2": r"$\bar{q}_2'$"}
 )
-"""The paper's symbols of the states."""
 
+# Colours of the attractors' marks; blue is the paper's for the attractive regime.
 MARKS: Mapping[str, str] = MappingProxyType({"repulsive": "#d1495b", "attractive": "#1f6fd0"})
-"""Colours of the attractors' marks; blue is the paper's for the attractive regime."""
 
 
 def model(modes: int) -> HybridSystem:
@@ -65,36 +65,33 @@ def model(modes: int) -> HybridSystem:
     return tapping_mode(table1(), modes=modes)
 
 
-def attractors_of(system: HybridSystem, store: Path, say: Callable[[str], None]) -> Any:
-    """Return the attractors that the paper's box holds; those in a store where there is one."""
+def attractors_of(system: HybridSystem, store: Path, progress: bool | Report) -> Any:
+    """Return the attractors in the paper's box, those of a store if it exists."""
     from saltus.basins import Basins, find_attractors
 
     if store.exists():
         return Basins.open(store).attractors
-    say(f"attractors, {_modes_in_words(system)}")
+    tell(progress, f"attractors, {_modes_in_words(system)}")
     return find_attractors(system, PARAMETERS, region=dict.fromkeys(system.states, RANGE))
 
 
 def mapped(
-    system: HybridSystem, grid: Mapping[str, Any], attractors: Any, store: Path, say: Callable[[str], None], what: str
+    system: HybridSystem, grid: Mapping[str, Any], attractors: Any, store: Path, progress: bool | Report, what: str
 ) -> Basins:
-    """Return the basins over a grid, of which those cells are computed that the store does not hold.
+    """Return the basins over a grid; only cells that the store lacks are computed.
 
     Raises
     ------
     InputError
-        The store is of other inputs, as of another resolution.
+        The store has other inputs, as another resolution.
     """
     from saltus.basins import map_basins
 
-    def told(done: int, total: int, rate: float, left: float) -> None:
-        say(f"{what}: {done / total:.0%} of {total} cells, {rate:,.0f} orbits/s, {left:.0f} s left")
-
-    return map_basins(system, PARAMETERS, grid, attractors, path=store, progress=told)
+    return map_basins(system, PARAMETERS, grid, attractors, path=store, progress=about(progress, what))
 
 
 def group(path: Path) -> Path:
-    """Return the folder of a Zarr group that holds stores, made if it is absent."""
+    """Return the folder of a Zarr group of stores, created if absent."""
     import zarr
 
     zarr.open_group(path, mode="a", zarr_format=3)
@@ -104,12 +101,12 @@ def group(path: Path) -> Path:
 def write_sections(
     out: Path,
     name: str,
-    compute: Callable[[Path, int, Callable[[str], None]], Iterable[tuple[str, Basins]]],
+    compute: Callable[[Path, int, bool | Report], Iterable[tuple[str, Basins]]],
     content: Callable[[Mapping[str, Basins]], dict[str, Any]],
     draw: Callable[[Mapping[str, Basins]], Figure],
     *,
     resolution: int,
-    progress: Callable[[str], None] | None,
+    progress: bool | Report,
 ) -> dict[str, Any]:
     """Compute a figure of basins and write its files as `write_figure` does; its stores are among them.
 
@@ -120,31 +117,33 @@ def write_sections(
     name : str
         Of the figure: ``<name>.zarr`` is the store, or the group of stores.
     compute : callable
-        Given the store, the resolution and what is called with a line of text, goes through what the figure is made of,
-        with names, computing each when it is asked for.
+        Called with the store, the resolution and `progress`, a generator of names and basins, which computes each on
+        demand.
     content, draw : callable
-        As `write_figure` takes them, from the basins by name.
+        As for `write_figure`, called with the basins by name.
     resolution : int
         Cells along each axis.
-    progress : callable or None
-        Called with a line of text whenever there is something new to say.
+    progress : bool or callable
+        True for a bar on stderr, or a function called with a `saltus.Progress`, which counts the cells that are done.
 
     Raises
     ------
     InputError
-        The resolution is no whole number of 2 or more, or the store there is of another one.
+        The resolution is no whole number of 2 or more, or an existing store has another resolution.
     """
     resolution = checks.count("resolution", resolution, 2)
-    say = progress or (lambda _: None)
     basins: dict[str, Basins] = {}
-    found = compute(out / f"{name}.zarr", resolution, say)
-    written = write_figure(out, name, _orbits(found, basins), lambda _: content(basins), lambda _: draw(basins), say)
+
+    def orbits(progress: bool | Report) -> Iterator[tuple[str, Result]]:
+        return _orbits(compute(out / f"{name}.zarr", resolution, progress), basins)
+
+    written = write_figure(out, name, orbits, lambda _: content(basins), lambda _: draw(basins), progress)
     written["files"].insert(1, out / f"{name}.zarr")
     return written | {"results": basins}
 
 
 def _orbits(found: Iterable[tuple[str, Basins]], basins: dict[str, Basins]) -> Iterator[tuple[str, Result]]:
-    """Go through the orbits of the attractors of all basins, each system's once, keeping the basins."""
+    """Go through the orbits of the attractors of all basins, once for each system; keep the basins."""
     told: set[str] = set()
     for name, section in found:
         basins[name] = section
@@ -164,11 +163,11 @@ def _modes_in_words(system: HybridSystem) -> str:
 
 
 def summary_of(basins: Basins) -> dict[str, Any]:
-    """Return what a figure's JSON file says of basins.
+    """Return the entries of a figure's JSON file on basins.
 
-    Parts of the cells by label (with ``not done`` where there are such cells), how many cells are undecided, how many
-    labels were wrong (`LabelError`; none before all cells are done), the attractors with their states at phase 0 and
-    Floquet multipliers, motions followed a second, and how it is known in which basin a motion is.
+    The entries are the shares of the cells by label (with ``not done`` where needed), and the count of undecided cells.
+    The `LabelError` follows once all cells are done. The attractors have their states at phase 0 and Floquet
+    multipliers. Further entries are the motions followed a second, and the notes on the trapping regions.
     """
     parts, outcomes, error = basins.fractions(), basins.attractors, basins.noted_error
     rate = basins.orbits_per_second

@@ -1,4 +1,4 @@
-"""Coexisting attractors, named and labelled, with regions of state space from which a motion's fate is certain."""
+"""Coexisting attractors: names, labels, and trapping regions, in which a motion's attractor is certain."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = ["Attractors"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Attractors(Result):
-    """Coexisting attractors of a system, and where motions are certain to end on each.
+    """Coexisting attractors of a system, and their trapping regions.
 
     Attributes
     ----------
@@ -38,32 +38,33 @@ class Attractors(Result):
     parameters : mapping of str to float
         All parameters.
     region : mapping of str to (float, float)
-        Where motions started.
+        Interval of each state in which motions started.
     interval : float or None
         Time between two strobes of a system without a phase.
     names : tuple of str
         Attractors in the order of their labels 0, 1, ...
     kinds : mapping of str to str
-        ``rest`` where no state moves and no event is met, also in a forced system; ``period-N``, ``quasi-periodic``,
-        ``chaotic`` or ``limit cycle``, by name.
+        Kind of each attractor, by name: ``rest``, ``period-N``, ``quasi-periodic``, ``chaotic`` or ``limit cycle``.
+        ``rest``: no state moves and no event is met, also in a forced system.
     points : mapping of str to ndarray, shape (k, n)
-        States at strobes: of a period-N attractor its N points in the order of visits, of others a sample.
+        States at strobes: the N points of a period-N attractor in the order of visits, a sample of any other.
     orbits : mapping of str to PeriodicOrbit
-        The periodic ones, corrected.
+        The periodic attractors, as the orbit solver returned them.
     traps : Traps
         The trapping regions.
     notes : mapping of str to str
-        How each attractor's trapping region was made, and what proves it or how many samples it rests on.
+        How each attractor's trapping region was made, and its proof or its number of samples.
     fates : mapping of str to int
-        How many of the motions from `region` ended where.
+        How many of the motions from `region` ended on each attractor, diverged, or stayed undecided.
     decays : mapping of str to float
-        Factor by which distances from an attractor shrink in a period in the end, where there are multipliers.
+        Asymptotic factor by which distances from an attractor shrink in a period, where there are multipliers.
     slowest : int
         Periods after which the last of the motions from `region` was in a trapping region.
     scale : tuple of float or None
-        Size of each state: half the region's width, or how far motions go where a state is frozen.
+        Size of each state: half the region's width, or for a frozen state the distance that motions go.
     measured_error : float
-        Bound, at 95 % confidence, on the part of any one trapping region that belongs elsewhere; 0 where proven.
+        Bound, at 95 % confidence, on the share of any one trapping region that belongs to another basin; 0 where
+        proven.
     """
 
     system: HybridSystem
@@ -181,7 +182,7 @@ class Attractors(Result):
 
 
 def _check_said(said: Mapping[str, dict[str, Any]], names: tuple[str, ...], system: HybridSystem) -> None:
-    """Raise `InputError` where what a file says of attractors is not about those, or of another kind."""
+    """Raise `InputError` where a file's entries on attractors have other names or another type."""
     for key in ("kinds", "notes"):
         if set(said[key]) != set(names) or not all(isinstance(text, str) for text in said[key].values()):
             raise InputError(f"attribute {key!r}", sorted(said[key]), f"a text for each of {', '.join(names)}")
@@ -198,7 +199,7 @@ def _check_said(said: Mapping[str, dict[str, Any]], names: tuple[str, ...], syst
 
 
 def _patience(held: Contents, names: tuple[str, ...], states: int) -> tuple[Any, ...]:
-    """Return what a file says of how fast motions settle; earlier files lack these three."""
+    """Return a file's decays, slowest motion and scale; earlier files lack all three."""
     if "decays" not in held.dataset.attrs:
         return {}, 0, None
     decays, scale = held.json("decays", dict), held.json("scale", list, type(None))
@@ -213,7 +214,7 @@ def _patience(held: Contents, names: tuple[str, ...], states: int) -> tuple[Any,
 
 
 def _orbit_in(dataset: xr.Dataset, label: int, attributes: dict[str, Any]) -> PeriodicOrbit:
-    """Return the orbit of an attractor whose variables stand among those of all."""
+    """Return the orbit of one attractor from a file with the variables of all."""
     key = f"orbit_{label}_"
     part = dataset[[variable for variable in dataset.variables if str(variable).startswith(key)]]
     part = part.rename({str(old): str(old).removeprefix(key) for old in (*part.variables, *part.dims)})

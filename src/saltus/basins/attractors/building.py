@@ -1,4 +1,4 @@
-"""The trapping regions of attractors: made, measured, and no more of both than labelling motions is worth."""
+"""Trapping regions of attractors, made and measured within the time that labelling all motions takes."""
 
 from __future__ import annotations
 
@@ -25,39 +25,36 @@ if TYPE_CHECKING:
 
 __all__ = ["Building"]
 
-_VISITS, _MOST_VISITS, _LONGER = 16, 256, 8
-"""Strobes in a row in its boxes after which a motion is an attractor's, at first, at the most; how much the check's."""
+_VISITS = 16  # strobes in a row in its boxes that make a motion an attractor's, at first
+_MOST_VISITS = 256  # the same after the last doubling
+_LONGER = 8  # factor by which the check of the boxes' rule needs more strobes in a row
 
-_ENTERING = 8
-"""How often at most motions from the region enter the ellipsoids, until all end as they should."""
+_ENTERING = 8  # rounds in which motions from the region enter the ellipsoids, at most
 
-_TOLERATED = 1e-3
-"""Part of the samples in an ellipsoid that is cut that may end elsewhere, or it is not used."""
+_TOLERATED = 1e-3  # share of the samples of cut ellipsoids that may end elsewhere
 
-_LEFT = 0.05
-"""Part of the motions that boxes labelled beyond which, if they go elsewhere, what the boxes hold is a transient."""
+_LEFT = 0.05  # share of the motions labelled by boxes beyond which, if they leave, the boxes hold a transient
 
-_REGION_SAMPLES = 5
-"""The boxes' rule is checked on a part of the samples: one in so many."""
+_REGION_SAMPLES = 5  # samples of an ellipsoid for each motion that checks the boxes' rule
 
 
-_TIMES = 6.0
-"""Times as long as labelling all motions takes that making and measuring regions may, planes aside."""
+_TIMES = 6.0  # time for measuring regions, planes aside, over the time for labelling all motions, at most
 
-_FEWEST_SAMPLES, _MOST_SAMPLES = 1000, 20_000
-"""Samples of a region, at the least and at the most, where they are not given."""
+_FEWEST_SAMPLES = 1000  # default samples of a region, at least
+_MOST_SAMPLES = 20_000  # the same, at most
 
-_PILOT, _PILOT_LONGEST = 64, 1024
-"""Motions that tell what others will take, and for how many periods they are followed at the most."""
+_PILOT = 64  # motions that tell how much time others take
+_PILOT_LONGEST = 1024  # strobes for which such a motion is followed, at most
 
-_TO_THE_CORE, _ENTRIES, _PASSES = 2.0, 2.0, 3
-"""How often samples are followed to a core, and motions until they enter; how often samples are followed at all."""
+_TO_THE_CORE = 2.0  # times that each sample is followed to a core, for an estimate of the time
+_ENTRIES = 2.0  # times that as many motions are followed until they enter, for the same estimate
+_PASSES = 3  # times that each sample is followed, for the total of a progress bar
 
 
 class Building:
-    """The trapping regions of attractors in the order of their labels, what is said of each, and the largest error.
+    """Trapping regions of attractors in the order of their labels, a note on each, and the largest error.
 
-    `transients` are the labels of those that turned out to be none.
+    `transients` are the labels of attractors that turned out to be transients.
     """
 
     def __init__(self, hunt: FollowedMotions, found: list[Found]) -> None:
@@ -79,7 +76,7 @@ class Building:
             if (made := self._enlarging(label, self.found[label])) is not None:
                 enlarging[label] = made
         self.samples = self._affordable(begun)
-        self.hunt.told.expect(_PASSES * len(enlarging) * self.samples)
+        self.hunt.reporter.expect(_PASSES * len(enlarging) * self.samples)
         enlarging = {label: made for label, made in enlarging.items() if self._enlarged(label, made)}
         entered = self._enter(enlarging)
         for label, each in enumerate(self.found):
@@ -107,9 +104,9 @@ class Building:
         )
 
     def _enlarging(self, label: int, found: Found) -> Enlarging | None:
-        """What enlarges the ellipsoids of one attractor, while motions are accounted for in the cores of the others.
+        """Return what enlarges the ellipsoids of one attractor; motions to other attractors end in their cores.
 
-        Where there is a cage they are to save time: none are made where they would cost it.
+        None for an attractor with a cage that lanes cannot follow: ellipsoids would not save time there.
         """
         hunt = self.hunt
         inner, core = found.ellipsoid, found.core
@@ -118,7 +115,7 @@ class Building:
 
         def settles(x: NDArray[np.float64], region: OrbitEllipsoids, longest: int) -> NDArray[np.bool_]:
             labels, _ = hunt.ensemble.settle(x, self._regions({**self.cores, label: region}), longest)
-            hunt.told.step(len(x))
+            hunt.reporter.step(len(x), "measuring trapping regions")
             return np.asarray(labels == label)
 
         if found.cage is not None and not hunt.in_lanes(inner.centres[:1]):
@@ -131,7 +128,7 @@ class Building:
         return enlarging
 
     def _affordable(self, begun: float) -> int:
-        """How many samples of each region are worth their time, by what labelling the motions takes."""
+        """Return the samples of each region whose time is `_TIMES` that of labelling all motions."""
         hunt, longest = self.hunt, min(self.hunt.search.longest, _PILOT_LONGEST)
         if hunt.search.samples is not None:
             return hunt.search.samples
@@ -147,7 +144,7 @@ class Building:
         return int(np.clip(left / max(cost, 1.0), _FEWEST_SAMPLES, _MOST_SAMPLES))
 
     def _labelled(self, regions: Mapping[int, OrbitEllipsoids], longest: int) -> float:
-        """What it takes to label all motions with some regions, from a few of them: their periods, and one each."""
+        """Return the periods of lanes to label all motions with given regions, estimated from a few motions."""
         hunt = self.hunt
         if self.pilots is None:
             self.pilots = hunt.seeds(_PILOT)
@@ -156,7 +153,7 @@ class Building:
         return (hunt.spent - before + len(self.pilots)) * hunt.motions / max(len(self.pilots), 1)
 
     def _enlarged(self, label: int, enlarging: Enlarging) -> bool:
-        """Verify one attractor's ellipsoids; enlarge them by planes as long as that saves more than it takes."""
+        """Verify one attractor's ellipsoids, and enlarge them by planes while this saves time."""
         hunt, found, core = self.hunt, self.found[label], self.cores[label]
         inner = found.ellipsoid
         assert inner is not None
@@ -181,7 +178,7 @@ class Building:
     def _enter(self, enlarging: Mapping[int, Enlarging]) -> dict[int, tuple[int, int]]:
         """Cut the ellipsoids until motions from the region that enter one end in its attractor.
 
-        How many of fresh ones do not in the end, and of how many, for each label whose ellipsoids are cut.
+        Return for each label with cut ellipsoids: fresh motions that end elsewhere, and all that entered.
         """
         cut = False
         for _ in range(_ENTERING):
@@ -202,9 +199,9 @@ class Building:
         }
 
     def _entries(self) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.bool_]]:
-        """Labels and states of motions that enter what is cut of ellipsoids, and whether they end elsewhere.
+        """Return labels and states of motions that enter cut ellipsoids, and whether they end elsewhere.
 
-        Fewer motions, where lanes leave many over.
+        There are fewer motions where lanes leave many over.
         """
         hunt = self.hunt
         cut = [label for label, region in self.ellipsoids.items() if region is not self.wholes[label]]
@@ -225,9 +222,9 @@ class Building:
         return labels, states, elsewhere
 
     def _measured(self, label: int, enlarging: Enlarging, entered: tuple[int, int] | None) -> str:
-        """Measure how much of an attractor's ellipsoids is another's, and tell.
+        """Measure and note the share of an attractor's ellipsoids that belongs to another basin.
 
-        Where it is much, they are dropped if there is a cage, else taken as large as they are without planes.
+        Where the share is too large, the ellipsoids are dropped if there is a cage, else used without planes.
         """
         core, inner = self.cores[label], self.found[label].ellipsoid
         assert inner is not None
@@ -292,7 +289,7 @@ class Building:
         return traps
 
     def _left(self, starts: NDArray[np.float64], traps: Traps, cells: Cells) -> dict[int, tuple[int, int]]:
-        """How many of the motions that each label's boxes held are others' if they have to stay longer; of how many."""
+        """Return for each label: motions labelled by its boxes that get another label by longer stays, and all."""
         hunt, longest = self.hunt, self.hunt.search.longest
         labels, _ = hunt.ensemble.settle(starts, traps, longest)
         boxed = np.isin(labels, np.unique(cells.labels))
@@ -306,7 +303,7 @@ class Building:
 
 
 def _stacked(caged: Mapping[int, Any], n: int) -> Cages:
-    """Cages of several modes as arrays; rows that some lack are zero."""
+    """Return cages of several modes as arrays, padded by rows of zeros."""
     most = max(len(cage.rows) for cage in caged.values())
     rows = np.zeros((len(caged), most, n), dtype=np.complex128)
     floors = np.zeros((len(caged), most))

@@ -1,4 +1,4 @@
-"""What a motion visits, as a cloud of points: whether two motions visit the same."""
+"""Clouds of the points that motions visit, and a test whether two motions visit the same set."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
 
 __all__ = ["EXTENT", "Cloud", "distances"]
 
-_OVERLAP, _REACH, _TYPICAL = 0.9, 3.0, 0.98
-"""Part of a motion's points that lie within so many typical distances of another's; quantile of these distances."""
+_OVERLAP = 0.9  # share of a cloud's points within reach of another cloud that makes both one attractor's
+_REACH = 3.0  # reach of a point, in typical distances of neighbours
+_TYPICAL = 0.98  # quantile of the neighbours' distances that is typical
 
-EXTENT = 1e-9
-"""Least extent of what a motion visits, as a part of the states' scale."""
+EXTENT = 1e-9  # least extent of a cloud, over the states' scale
 
 
 class Cloud:
-    """What one motion visits, in units of its extent, and how near to each other its points are."""
+    """Points that one motion visits, in units of their extent, and the typical distance of neighbours."""
 
     def __init__(self, points: NDArray[np.float64], scale: NDArray[np.float64]) -> None:
         self.unit = np.maximum(np.ptp(points, axis=0), EXTENT * scale)
@@ -28,11 +28,11 @@ class Cloud:
         self.reach = _REACH * max(float(np.quantile(distances(self.points[::2], self.points[1::2]), _TYPICAL)), 1e-6)
 
     def stationary(self) -> bool:
-        """Whether the second half visits what the first did."""
+        """Return whether the second half of the motion visits the set of the first half."""
         return self._alike(*np.array_split(self.points, 2))
 
     def same(self, points: NDArray[np.float64]) -> bool:
-        """Whether another motion visits the same states."""
+        """Return whether another motion visits the same set."""
         return self._alike(self.points, points / self.unit)
 
     def _alike(self, these: NDArray[np.float64], those: NDArray[np.float64]) -> bool:
@@ -41,7 +41,7 @@ class Cloud:
 
 
 def distances(these: NDArray[np.float64], those: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance of each of those points from the nearest of these."""
+    """Return the distance of each point of `those` from the nearest point of `these`."""
     from scipy.spatial import cKDTree
 
     return np.asarray(cKDTree(these).query(those)[0])

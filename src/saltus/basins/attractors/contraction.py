@@ -1,4 +1,4 @@
-"""How fast volumes in state space shrink along motions: where they do not, nothing attracts."""
+"""Shrinking of volumes in state space along motions: a system without it has no attractor."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus.errors import InputError, SaltusError
 from saltus.flow.motion import starting_mode
-from saltus.flow.variational import Growth, growth_along
+from saltus.flow.variational import Average, Growth, growth_along
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,31 +20,30 @@ if TYPE_CHECKING:
 
 __all__ = ["check_contraction", "growth_of", "nothing_attracts", "preserves"]
 
-_MOTIONS, _PERIODS = 8, 16
-"""Motions along which volumes are watched, and for how many periods."""
+_MOTIONS = 8  # motions along which volumes are watched
+_PERIODS = 16  # strobes for which they are watched
 
-_NEGLIGIBLE = 0.01
-"""Change of the logarithm of a volume, in all periods that motions are followed, below which nothing can attract."""
+_NEGLIGIBLE = 0.01  # change of a volume's logarithm over a whole search below which nothing attracts
 
 
 def growth_of(ensemble: Ensemble, x: NDArray[np.float64], mode: int, periods: int, discard: int | None) -> Growth:
-    """Return how perturbations grow along a motion, over periods of the phase or intervals of a system without one."""
+    """Return how perturbations grow along a motion, over periods of the phase or intervals between strobes."""
     system = ensemble.system
     if system.phase is not None:
-        return growth_along(system, ensemble.p, x, mode, periods=periods, discard=discard)
+        return growth_along(system, ensemble.p, x, mode, average=Average(periods=periods, discard=discard))
     wait = None if discard is None else discard * ensemble.period
-    return growth_along(system, ensemble.p, x, mode, t_end=periods * ensemble.period, discard=wait)
+    return growth_along(system, ensemble.p, x, mode, average=Average(t_end=periods * ensemble.period, discard=wait))
 
 
 def preserves(growth: Growth, periods: int, longest: int) -> bool:
-    """Return whether volumes along a motion change so little that nothing attracts it within the longest time.
+    """Return whether the change of volumes along a motion is negligible over the longest time.
 
     Parameters
     ----------
     growth : Growth
-        Of as many perturbations as there are states.
+        Growth of as many perturbations as there are states.
     periods : int
-        Over how many.
+        Periods over which the growth was measured.
     longest : int
         Periods that motions are followed.
     """
@@ -53,15 +52,16 @@ def preserves(growth: Growth, periods: int, longest: int) -> bool:
 
 
 def check_contraction(ensemble: Ensemble, starts: NDArray[np.float64], longest: int) -> None:
-    """Raise `InputError` where volumes stay as they are along all of some motions: no set attracts others then.
+    """Raise `InputError` where volumes keep their size along all of several motions: nothing attracts then.
 
-    By Liouville's theorem a volume grows as the integral of the field's divergence, and by the determinant of the
-    saltation matrix at events: together the sum of all Lyapunov exponents.
+    By Liouville's theorem the logarithm of a volume grows by the integral of the field's divergence. At an event it
+    grows by the logarithm of the saltation matrix' determinant. The mean rate of both is the sum of all Lyapunov
+    exponents: docs/theory/lyapunov.md.
 
     Parameters
     ----------
     ensemble : Ensemble
-        Whose system, at which parameters.
+        Engine of the system at its parameters.
     starts : ndarray, shape (m, n)
         States from which motions can start.
     longest : int

@@ -1,4 +1,4 @@
-"""Attractors found in a region, or made of known orbits, with their trapping regions."""
+"""Attractors, found from a region or made of known orbits, with their trapping regions."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from saltus.basins.attractors.building import Building
 from saltus.basins.attractors.following import MOTIONS
 from saltus.basins.attractors.found import Found, Search
 from saltus.basins.attractors.search import AttractorSearch
-from saltus.basins.telling import Progress
 from saltus.ensemble.traps import DIVERGED, UNDECIDED
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
+from saltus.progress import Report, Reporter
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 __all__ = ["attractors_from", "find_attractors"]
 
+# Digits of a place, in half widths of the region, by which attractors are sorted: a point's, a sample mean's.
 _DIGITS = (7, 2)
-"""Of a place in parts of the region's half widths, by which attractors are sorted: of a point, of a sample's mean."""
 
 
 def find_attractors(
@@ -39,15 +39,17 @@ def find_attractors(
     interval: float | None = None,
     search: Search | None = None,
     motions: int = MOTIONS,
-    progress: Progress | None = None,
+    progress: bool | Report = False,
 ) -> Attractors:
     """Return the attractors on which motions from a region end, with their trapping regions.
 
-    Motions from quasi-random states are followed until each has settled; what recurs is handed to the orbit solver, and
-    only stable orbits are kept; all other motions are told apart by the states that they visit
-    (`saltus.basins.attractors.search`), and what they leave within ten times `Search.longest` strobes, on average,
-    is no attractor: motions on it that long are undecided. An attractor whose basin is a small part w of the region is
-    missed with the probability ``(1 - w)^seeds``, about: ``seeds = 3/w`` finds it at 95 %.
+    Motions from quasi-random states are followed until each has settled. Recurrent motions go to the orbit solver, and
+    only stable orbits are kept. All other motions are told apart by the states that they visit
+    (`saltus.basins.attractors.search`). A set that motions leave within ten times `Search.longest` strobes, on average,
+    is no attractor; motions that stay on it are undecided. docs/theory/basins.md derives the method.
+
+    An attractor whose basin is a small share w of the region is missed with a probability of about ``(1 - w)^seeds``.
+    So ``seeds = 3/w`` finds it at 95 %.
 
     Parameters
     ----------
@@ -56,43 +58,48 @@ def find_attractors(
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
     region : mapping of str to (float, float) or float
-        For every state the interval in which motions start, at phase 0; or the value at which they do.
+        For every state the interval or the single value from which motions start, at phase 0.
     seeds : int, optional
-        How many motions.
+        Count of motions.
     interval : float, optional
-        Time between two looks, for a system without a phase. It must not be commensurate with the period of a limit
-        cycle, which is to be seen as a closed curve.
+        Time between two strobes of a system without a phase. It must not be commensurate with the period of a limit
+        cycle, whose strobes then are few points, not a closed curve.
     search : Search, optional
-        How long motions are followed, how many samples the trapping regions rest on, and the like.
+        How long motions are followed, how many samples measure the trapping regions, and further settings.
     motions : int, optional
-        How many motions will be labelled, 40 000 unless told; `map_basins` tells the count of its cells. The search
-        takes about ten times as long as they do at the most: trapping regions are enlarged as long as that saves more
-        than it takes, and rest on as many samples as are worth their time, 1000 at the least.
-    progress : callable, optional
-        Called with the count of motions that have been followed, of all that are expected so far, the motions a second,
-        and how many seconds are left.
+        Count of the motions that will be labelled, by default 40 000; `map_basins` gives the count of its cells. The
+        search takes at most about ten times as long as their labelling. Trapping regions are enlarged while this saves
+        time, and have as many samples as time allows, at least 1000.
+    progress : bool or callable, optional
+        True for a bar on stderr, or a function called with a `saltus.Progress`. It counts the motions followed, out of
+        all expected so far.
 
     Returns
     -------
     Attractors
-        Those that touch nothing first, or in the order of the system's `regimes`; then by period, by size and by place.
-        Names are the system's `regimes` by the modes visited, else the kinds, with " A", " B" where one occurs twice.
+        In the order of the system's `regimes`, then by the number of modes visited, without events first, by period,
+        size and place. Names are the system's `regimes` by the modes visited, else the kinds, with " A", " B" where one
+        occurs twice.
 
     Raises
     ------
     InputError
         An argument that cannot be used.
     ConvergenceError
-        Motions return to an orbit from no region about it that can be measured.
+        An orbit has no measurable region about it from which motions return.
 
     Notes
     -----
-    Trapping regions, by what there is: (a) an invariant set, proven (`saltus.basins.attractors.invariant_set`); (b)
-    about the points of a periodic orbit, ellipsoids in the metric of the discrete Lyapunov equation, cut by planes, as
-    large as no sample inside ends elsewhere, nor any motion from `region` that enters them
-    (`saltus.basins.attractors.trap_growth`); (c) along all other attractors boxes, in which a motion has to be seen for
-    many strobes in a row, as many as no sample from `region` needs to be told apart
-    (`saltus.basins.attractors.visited_boxes`).
+    There are three kinds of trapping regions, which docs/theory/basins.md derives.
+
+    (a) A cage is an invariant set, by a theorem (`saltus.basins.attractors.invariant_set`).
+
+    (b) Ellipsoids about the points of a periodic orbit have the metric of the discrete Lyapunov equation, and are cut
+    by planes. They are so large that no sample inside ends elsewhere, nor any motion from `region` that enters them
+    (`saltus.basins.attractors.trap_growth`).
+
+    (c) Boxes along all other attractors catch a motion that is in them for many strobes in a row. The number of strobes
+    follows from samples from `region` (`saltus.basins.attractors.visited_boxes`).
 
     References
     ----------
@@ -117,17 +124,16 @@ def find_attractors(
     count = checks.size("seeds", seeds)
     box = _checked_region(system, region)
     low, high = np.array(list(box.values())).T
-    if progress is not None and not callable(progress):
-        raise InputError("progress", progress, "a function of two counts, a rate and a time")
     labelled = checks.count("motions", motions)
-    hunt = AttractorSearch(system, parameters, low, high, interval, chosen, labelled, progress)
-    starts = hunt.seeds(count)
-    if not len(starts):
-        raise InputError("region", dict(box), "where motions can start: in a mode's domain and before its events")
-    hunt.follow(starts)
-    if len(hunt.found) < DIVERGED:
-        hunt.drop_transients()
-    return _assembled(hunt, box, sorted(hunt.found, key=lambda found: _rank(hunt, found)), None, starts)
+    with Reporter(progress) as reporter:
+        hunt = AttractorSearch(system, parameters, low, high, interval, chosen, labelled, reporter)
+        starts = hunt.seeds(count)
+        if not len(starts):
+            raise InputError("region", dict(box), "where motions can start: in a mode's domain and before its events")
+        hunt.follow(starts)
+        if len(hunt.found) < DIVERGED:
+            hunt.drop_transients()
+        return _assembled(hunt, box, sorted(hunt.found, key=lambda found: _rank(hunt, found)), None, starts)
 
 
 def attractors_from(
@@ -144,14 +150,14 @@ def attractors_from(
     orbits : mapping of str to PeriodicOrbit
         Stable orbits of one system with a phase, at the same parameters.
     region : mapping of str to (float, float) or float
-        For every state the interval that matters; trapping regions are not made much larger.
+        For every state the interval of interest; trapping regions are not made much larger.
     search, motions
         As in `find_attractors`.
 
     Raises
     ------
     InputError
-        An orbit that is not stable, is no motion, or belongs to another system or other parameters.
+        An orbit that is not stable, is not admissible, or belongs to another system or other parameters.
     """
     orbits = checks.mapping("orbits", orbits, "names to PeriodicOrbit")
     if not orbits:
@@ -207,7 +213,7 @@ def _checked_region(system: HybridSystem, region: object) -> dict[str, tuple[flo
 
 
 def _rank(hunt: AttractorSearch, found: Found) -> tuple[Any, ...]:
-    """What sorts attractors, the same whichever motion found them."""
+    """Return the key that sorts attractors, whichever motion found them."""
     regimes, regime = list(hunt.system.regimes), _regime(hunt.system, found)
     order = regimes.index(regime) if regime else len(regimes)
     centre, digits = (found.points[0], _DIGITS[0]) if found.period else (found.points.mean(axis=0), _DIGITS[1])
@@ -247,7 +253,7 @@ def _assembled(
         traps = built.traps()
     names = names or _named(hunt.system, found)
     labels, periods = hunt.ensemble.settle(starts, traps, hunt.search.longest)
-    hunt.told.finish()
+    hunt.reporter.finish()
     outcomes = dict(enumerate(names)) | {DIVERGED: "diverged", UNDECIDED: "undecided"}
     return Attractors(
         hunt.system,

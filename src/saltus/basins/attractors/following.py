@@ -1,4 +1,4 @@
-"""Motions that are followed in the search for attractors, and the attractors found so far."""
+"""State of a search for attractors: the motions under way, and the attractors found so far."""
 
 from __future__ import annotations
 
@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.basins.attractors.found import Found, Search
-from saltus.basins.attractors.trapping import (
-    admits_start,
-)
-from saltus.basins.telling import Progress, Telling
+from saltus.basins.attractors.trapping import admits_start
 from saltus.ensemble.ensemble import Ensemble
 from saltus.errors import SaltusError
 from saltus.flow.motion import allowed_modes
 from saltus.flow.simulation import simulate
+from saltus.progress import Reporter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,18 +25,15 @@ if TYPE_CHECKING:
 
 __all__ = ["MOTIONS", "FollowedMotions"]
 
-_PRECISE = 1e-11
-_STATES = 400
-"""Random states of the region that tell whether one may allow several modes."""
+_PRECISE = 1e-11  # tolerance of a step of the second, more precise ensemble
+_STATES = 400  # random states of the region that tell whether a state may allow several modes
 
-_PLACES, _LOOKS = (0.17, 0.41, 0.63, 0.89), 65
-"""Parts of the region's width at which motions start that tell the size of a state that is frozen; looks at each."""
+_PLACES = (0.17, 0.41, 0.63, 0.89)  # starts, over the region's width, of motions that size a frozen state
+_LOOKS = 65  # states of each such motion that are looked at
 
-_ALONE = 100.0
-"""Times as long as lanes that the event-driven flow takes for a period."""
+_ALONE = 100.0  # time of the event-driven flow for a period, over that of a lane
 
-MOTIONS = 40_000
-"""Motions that will be labelled, where it is not told how many."""
+MOTIONS = 40_000  # default count of the motions that will be labelled
 
 
 class FollowedMotions:
@@ -54,9 +49,9 @@ class FollowedMotions:
         Time between strobes of a system without a phase.
     search : Search
     motions : int, optional
-        How many motions will be labelled: trapping regions are measured as well as that is worth.
-    progress : callable, optional
-        Called as `map_basins` calls it.
+        Count of the motions that will be labelled, which bounds the time for measuring trapping regions.
+    reporter : Reporter, optional
+        Counts the motions that have been followed.
     """
 
     def __init__(
@@ -68,7 +63,7 @@ class FollowedMotions:
         interval: float | None,
         search: Search,
         motions: int = MOTIONS,
-        progress: Progress | None = None,
+        reporter: Reporter | None = None,
     ) -> None:
         self.system, self.parameters, self.search = system, dict(parameters or {}), search
         self.low, self.high, self.interval = low, high, interval
@@ -84,10 +79,10 @@ class FollowedMotions:
         self.dropped: list[Found] = []
         self.astray = np.empty((0, len(low)))
         self.neutral = 0
-        self.motions, self.told = motions, Telling(progress)
+        self.motions, self.reporter = motions, reporter or Reporter(False)
 
     def _sizes(self) -> NDArray[np.float64]:
-        """Size of each state: half the region's width, or how far motions go from the value at which it is frozen."""
+        """Return the size of each state: half the region's width, or for a frozen state the distance motions go."""
         half = 0.5 * (self.high - self.low)
         if (half > 0.0).all():
             return np.asarray(half)
@@ -104,23 +99,23 @@ class FollowedMotions:
 
     @cached_property
     def overlap(self) -> bool:
-        """Whether states of the region allow several modes, of which motions from samples have the first."""
+        """Whether states of the region allow several modes; motions from samples start in the first."""
         x = np.random.default_rng(self.search.random_seed).uniform(self.low, self.high, (_STATES, len(self.low)))
         return any(len(list(allowed_modes(self.system, self.system.full_state(row), self.p))) > 1 for row in x)
 
     @property
     def spent(self) -> float:
-        """What motions have cost so far, in periods of lanes."""
+        """Time spent on motions so far, in periods of lanes."""
         return self.ensemble.periods + _ALONE * self.ensemble.periods_alone
 
     def in_lanes(self, x: NDArray[np.float64]) -> bool:
-        """Return whether lanes follow motions from some states: all others take a hundred times as long."""
+        """Return whether lanes follow motions from given states; other engines take a hundred times as long."""
         work = self.ensemble.work.sum()
         self.ensemble.strobe(x)
         return bool(self.ensemble.work.sum() > work)
 
     def seeds(self, count: int) -> NDArray[np.float64]:
-        """Return the states from which motions are followed, of `count` Sobol points those that one can start from."""
+        """Return the admissible starts among `count` Sobol points of the region."""
         from scipy.stats import qmc
 
         points = qmc.Sobol(len(self.low), seed=self.rng).random_base2(max(count - 1, 1).bit_length())[:count]
@@ -135,7 +130,7 @@ class FollowedMotions:
     def _path(
         self, x: NDArray[np.float64], modes: NDArray[np.int64], count: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-        """States of the motions at `count` more strobes, shape (count + 1, m, n), and where they end."""
+        """Return the motions' states at `count` more strobes, shape (count + 1, m, n), and their ends and modes."""
         states, at = [x], modes
         for _ in range(count):
             x, at = self.ensemble.strobe(x, at)
@@ -152,7 +147,7 @@ class FollowedMotions:
         return held
 
     def _near(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which states lie where motions contract to an attractor: slow ones are still on their way to it."""
+        """Return which states lie where motions contract to an attractor; slow motions there are on their way to it."""
         near = np.zeros(len(x), dtype=bool)
         for found in self.found:
             if found.ellipsoid is not None:

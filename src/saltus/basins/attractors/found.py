@@ -1,4 +1,4 @@
-"""How attractors are looked for, and what each is, as it was found."""
+"""Settings of a search for attractors, and the record of one attractor."""
 
 from __future__ import annotations
 
@@ -23,36 +23,37 @@ if TYPE_CHECKING:
 
 __all__ = ["LIMIT_CYCLE", "NEAR", "REST", "SAME", "Found", "Search", "Stay"]
 
-LIMIT_CYCLE, REST = "limit cycle", "rest"
+LIMIT_CYCLE = "limit cycle"  # kind of a periodic orbit of a system without a phase
+REST = "rest"  # kind of an equilibrium
 
-NEAR, SAME = 1e-3, 1e-6
-"""Parts of the states' scale: within which a motion recurs or is on an attractor, two orbits are one."""
+NEAR = 1e-3  # distance, over the states' scale, within which a motion recurs or is on an attractor
+SAME = 1e-6  # distance, over the states' scale, within which two orbits are one
 
-_CENSORED = 3.0
-"""Mean stays in all that motions are followed without a departure, at the most, at 95 %: -ln 0.05."""
+_CENSORED = 3.0  # -ln 0.05: strobes followed without a departure, over the mean stay, at most, at 95 %
 
 
 @dataclass(frozen=True)
 class Search:
-    """How attractors are looked for, and their trapping regions measured.
+    """Settings of a search for attractors and of measuring their trapping regions.
 
     Parameters
     ----------
     random_seed : int
-        Of all random numbers: the same inputs give the same attractors.
+        Seed of all random numbers: the same inputs give the same attractors.
     longest : int
         Strobes after which a motion that has not settled is given up.
     samples : int or None
-        Motions that are followed from inside each trapping region that is measured. By default so many, between 1000
-        and 20 000, that making and measuring all of them takes about six times as long as labelling the motions.
+        Motions followed from inside each trapping region that is measured. By default between 1000 and 20 000: making
+        and measuring all regions then takes about six times as long as labelling the motions.
     safety : float
-        Part of the squared distance of a sample that ends elsewhere at which a plane is set that leaves it out.
+        Share of the squared distance of a sample that ends elsewhere at which a plane cuts it off.
     tolerance : float
-        Of a step of the ensemble.
+        Tolerance of a step of the ensemble.
     limit : float
-        A state with a component beyond it has diverged; times the half width of the region where that is above 1.
+        Bound of each component, beyond which a state has diverged; multiplied by the region's half width where this is
+        above 1.
     criteria : Criteria
-        By which quasi-periodic and chaotic motions are told apart.
+        Criteria that tell quasi-periodic from chaotic motions.
     """
 
     random_seed: int = 0
@@ -80,11 +81,11 @@ class Stay(NamedTuple):
     Attributes
     ----------
     motions : int
-        How many were followed.
+        Count of the motions followed.
     strobes : float
-        How long they stayed, all together.
+        Sum of their stays.
     left : int
-        How many of them ended elsewhere.
+        Count of those that ended elsewhere.
     """
 
     motions: int
@@ -107,27 +108,27 @@ class Stay(NamedTuple):
 
 @dataclass(eq=False)
 class Found:
-    """One attractor, as it was found.
+    """Record of one attractor that was found.
 
     Attributes
     ----------
     kind : str
     points : ndarray, shape (k, n)
-        States at strobes: of a periodic orbit in the order of visits, the least first.
+        States at strobes; those of a periodic orbit in the order of visits, the least first.
     orbit : PeriodicOrbit or None
     visited : frozenset of str
-        Modes that it visits.
+        Modes that the attractor visits.
     touches : bool
-        Whether it meets an event.
+        Whether the attractor meets an event.
     cage : Cage or None
     ellipsoid : OrbitEllipsoids or None
-        In which motions contract.
+        Ellipsoids in which motions contract.
     core : OrbitEllipsoids or None
-        The part of it in which they are accounted for.
+        Smaller ellipsoids in which motions count as settled.
     stay : Stay or None
-        How long motions stay, where that was measured.
+        Stay of motions, where measured.
     decay : float
-        Factor by which distances from it shrink in a strobe in the end, NaN where that is not known.
+        Asymptotic factor by which distances shrink from strobe to strobe, NaN where unknown.
     """
 
     kind: str
@@ -143,13 +144,13 @@ class Found:
 
     @property
     def period(self) -> int:
-        """Strobes after which it recurs, 0 where it does not."""
+        """Strobes after which the attractor recurs, 0 for one without period."""
         if self.kind == REST:
             return 1
         return int(self.kind.removeprefix("period-")) if self.kind.startswith("period-") else 0
 
     def holds(self, x: NDArray[np.float64], modes: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which states, shape (m, n), in which modes, are certain to end here."""
+        """Return which states, shape (m, n), in given modes, are certain to end on this attractor."""
         held = np.zeros(len(x), dtype=bool)
         if self.core is not None:
             held |= self.core.holds(x, modes)
@@ -160,7 +161,7 @@ class Found:
     def carries(self, path: NDArray[np.float64], scale: NDArray[np.float64]) -> bool:
         """Return whether a motion that visits some states, shape (k, n), is on this attractor, or creeps to it.
 
-        It creeps to an orbit where it is beside its points, in parts of the scale or of what the orbit extends over.
+        A motion creeps to an orbit where it is near the orbit's points, measured by the scale or the orbit's extent.
         """
         if not self.period:
             return Cloud(self.points, scale).same(path)

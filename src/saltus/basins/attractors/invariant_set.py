@@ -12,9 +12,9 @@ the i-th right eigenvector, the set
 
     sum_i |gamma_i| max(|zeta_i|, c_i) < h_min - d
 
-keeps h above d, and so nothing leaves it, at any time: the cage. ``docs/theory/basins.md`` has the proof, also that
-all motions in it converge to one periodic orbit where ``sum_i |gamma_i| b_i / alpha_i < 1``, with
-``b_i = sum_f |l_if| sup |dr_f / dh|``.
+keeps h above d, so that no motion ever leaves it: it is the cage. All motions in it converge to one periodic orbit
+where ``sum_i |gamma_i| b_i / alpha_i < 1``, with ``b_i = sum_f |l_if| sup |dr_f / dh|``. docs/theory/basins.md, "Cages:
+a theorem", has the proofs.
 """
 
 from __future__ import annotations
@@ -38,8 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Cage", "cage_of"]
 
-_FRACTIONS = np.linspace(0.005, 0.995, 199)
-"""Distances from the events that are tried, as parts of the linear response's own."""
+_FRACTIONS = np.linspace(0.005, 0.995, 199)  # distances from the events that are tried, over the linear response's own
 
 
 @dataclass(frozen=True)
@@ -53,16 +52,16 @@ class Cage:
     centre : ndarray, shape (n,)
         The linear response at phase 0.
     rows : ndarray of complex128, shape (coordinates, n)
-        Left eigenvectors, weighted: one of each conjugate pair, twice as heavy.
+        Weighted left eigenvectors; one of each conjugate pair, with twice the weight.
     floors : ndarray, shape (coordinates,)
-        What the rest of the field can hold each coordinate at.
+        Bound c_i, weighted, up to which the rest of the field can drive each coordinate.
     bound : float
     distances : ndarray, shape (events,)
-        How far motions in the cage stay from each event function's zero.
+        Least value of each event function along motions in the cage.
     rates : ndarray, shape (coordinates,)
-        At which the coordinates decay.
+        Decay rates alpha_i of the coordinates.
     contraction : float
-        Less than 1: so strongly the rest couples nearby motions, against their decay.
+        ``sum_i |gamma_i| b_i / alpha_i`` of the convergence theorem; below 1 all motions converge to one orbit.
     """
 
     mode: int
@@ -85,26 +84,26 @@ def cage_of(
 ) -> Cage | None:
     """Return the cage of a mode, or None where the theorem gives none.
 
-    There is one where the mode's field is linear but for harmonics and a rest that depends on the state through one
-    event function, and rationally; where its event functions are affine, the linear part is stable, its response meets
-    no event; and where the rest is weak enough.
+    The theorem has five conditions. The field is linear, with harmonic forcing and a rest that is a rational function
+    of one event function. The event functions are affine. The linear part is stable. Its periodic response meets no
+    event. The rest is weak enough.
 
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
     mode : str
         The mode.
     fraction : float, optional
-        Distance from the events that motions keep, as a part of the least that the linear response has; by default the
-        one with the largest cage.
+        Distance of motions from the events, over the least distance of the linear response; by default the one with the
+        largest cage.
 
     Notes
     -----
-    The rest's supremum over the distances that occur is taken at their two ends: it is monotonic between them, since
-    its derivative has no zero there (by Sturm's theorem, in rational arithmetic).
+    The rest's supremum over an interval of distances is taken at the two ends. The rest is monotonic between them: its
+    derivative has no zero there, by Sturm's theorem in rational arithmetic.
 
     Examples
     --------
@@ -146,7 +145,7 @@ def cage_of(
 class _Linear:
     """The linear part in modal coordinates: rates, left eigenvectors, weights; event functions along its response.
 
-    Event functions are taken with the signs that make them positive there.
+    The signs of event functions make them positive along the response.
     """
 
     rates: NDArray[np.float64]
@@ -164,7 +163,7 @@ class _Linear:
 
     @classmethod
     def of(cls, part: LinearPart) -> _Linear | None:
-        """The linear part about its response; None where it is unstable, or its response meets an event."""
+        """Return the linear part about its response; None where it is unstable, or its response meets an event."""
         if not len(part.events) or not np.all(part.eigenvalues.real < 0.0):
             return None
         bounds = np.array(
@@ -194,13 +193,13 @@ class _Linear:
 
 
 def _extremes(constant: float, amplitudes: NDArray[np.float64]) -> tuple[float, float]:
-    """Bounds of a trigonometric sum from below and above, exact for one harmonic."""
+    """Return lower and upper bounds of a trigonometric sum, exact for one harmonic."""
     swing = float(amplitudes.sum())
     return constant - swing, constant + swing
 
 
 def _domain_held(symbolic: Any, mode: int, linear: _Linear, values: Mapping[sympy.Symbol, float]) -> bool:
-    """Whether the mode's domain contains all states before its events: its function is an event's and more."""
+    """Return whether the mode's domain contains all states before its events."""
     domain = symbolic.domain[mode]
     if not domain.free_symbols & set(symbolic.x):
         return bool(domain.subs(values) > 0)
@@ -250,11 +249,11 @@ class _Rest:
         return None
 
     def supremum(self, order: int, low: float, high: float) -> float:
-        """The largest modulus of a derivative at the ends of an interval, `proven` to be that between them."""
+        """Return the largest modulus of a derivative on an interval, from its ends; see `proven`."""
         return max(abs(self.functions[order](low)), abs(self.functions[order](high)))
 
     def proven(self, linear: _Linear, cage: Cage) -> bool:
-        """Whether rest and slope are monotonic, and have no pole, at all distances that occur in a cage."""
+        """Return whether rest and slope are monotonic and without poles at all distances that occur in a cage."""
         import sympy
 
         low = sympy.Rational(float(cage.distances[self.event]))
@@ -268,7 +267,7 @@ class _Rest:
 
 
 def _caged(mode: int, linear: _Linear, rests: list[_Rest], fraction: float) -> Cage | None:
-    """The cage whose motions keep `fraction` of the response's distance from the events, if it is one."""
+    """Return the cage whose motions keep `fraction` of the response's distance from events; None without one."""
     bound = (1.0 - fraction) * linear.unit
     held = linear.weights * _pushed(linear, rests, 0, fraction) / linear.rates
     if not held.sum() < bound:
@@ -291,7 +290,7 @@ def _caged(mode: int, linear: _Linear, rests: list[_Rest], fraction: float) -> C
 
 
 def _pushed(linear: _Linear, rests: list[_Rest], order: int, fraction: float) -> NDArray[np.float64]:
-    """Bound of the rest, or of its slope along the weighted coordinates' sum, in each modal coordinate."""
+    """Return the bound of the rest, or of its slope by the weighted sum, in each modal coordinate."""
     total = np.zeros(linear.rates.size)
     for rest in rests:
         least = linear.lows[rest.event]
@@ -302,6 +301,6 @@ def _pushed(linear: _Linear, rests: list[_Rest], order: int, fraction: float) ->
 
 
 def _extent(cage: Cage) -> float:
-    """How far the cage reaches along its coordinates, one after the other: a measure of its volume."""
+    """Return the logarithm of the product of the cage's extents along its coordinates, a measure of volume."""
     free = cage.bound - (cage.floors.sum() - cage.floors)
     return float(np.log(free).sum())

@@ -1,4 +1,4 @@
-"""Periodic attractors: where motions recur or a cage holds one, the orbit solver finds the orbit."""
+"""Periodic attractors: the orbit solver finds orbits near recurrent motions and in cages."""
 
 from __future__ import annotations
 
@@ -31,21 +31,16 @@ if TYPE_CHECKING:
 
 __all__ = ["LONGEST", "MOST_ATTEMPTS", "PeriodicSearch", "in_order"]
 
-LONGEST = 16
-"""Strobes after which a motion recurs that the orbit solver is asked about at once."""
+LONGEST = 16  # period of a recurrent motion, in strobes, up to which the orbit solver is asked at once
 
-MOST_ATTEMPTS = 8
-"""Motions in a stretch that the orbit solver is asked about in vain."""
+MOST_ATTEMPTS = 8  # motions of a stretch for which the orbit solver is asked in vain, at most
 
-_BESIDE = 1e-2
-"""Part of the states' scale within which a second motion is not tried."""
+_BESIDE = 1e-2  # distance from a motion in vain, over the states' scale, within which no other is tried
 
-_AGREE = 0.01
-"""Difference of the largest multiplier from that of the product of an orbit's Jacobians that is still rounding."""
+_AGREE = 0.01  # difference of two computations of the largest multiplier that is rounding
 
-_REST = 1e-10
-_STILL = 1e-11
-"""Part of the scale by which a state at rest seems to move."""
+_REST = 1e-10  # distance of a state from its image, over the states' scale, of a fixed point
+_STILL = 1e-11  # range of a state along an orbit, over its scale, of an equilibrium
 
 
 class PeriodicSearch(FollowedMotions):
@@ -66,7 +61,7 @@ class PeriodicSearch(FollowedMotions):
     def _find_periodic(
         self, path: NDArray[np.float64], x: NDArray[np.float64], modes: NDArray[np.int64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Take the motions that recur to the orbit solver; return what remains to be followed."""
+        """Hand recurrent motions to the orbit solver; return the motions that remain to be followed."""
         gaps = np.array(
             [np.abs(path[turns:] - path[:-turns]).max(axis=0) / self.scale for turns in range(1, LONGEST + 1)]
         ).max(axis=2)
@@ -93,7 +88,7 @@ class PeriodicSearch(FollowedMotions):
         Raises
         ------
         ConvergenceError
-            Motions do not contract to it in any ellipsoid that can be told from it.
+            No ellipsoid that is larger than rounding contracts to the orbit.
         """
         found = self.periodic(orbit)
         caged = next((other for other in self.found if other.cage is not None and self._alike(other, found)), None)
@@ -105,7 +100,7 @@ class PeriodicSearch(FollowedMotions):
         return found
 
     def _known(self, found: Found) -> bool:
-        """Whether an attractor is one of those found, met once more before it was near enough."""
+        """Return whether an attractor is a known one, met again by a motion that was not yet near it."""
         return any(self._alike(other, found) for other in self.found)
 
     def _alike(self, one: Found, other: Found) -> bool:
@@ -114,7 +109,7 @@ class PeriodicSearch(FollowedMotions):
         return float((np.abs(one.points - other.points) / self.scale).max()) < SAME
 
     def _corrected(self, x: NDArray[np.float64], mode: int, turns: int) -> Found | None:
-        """The stable periodic orbit near a motion, None where there is none."""
+        """Return the stable periodic orbit near a motion, None without one."""
         if self.system.phase is None:
             return self._equilibrium(x, mode) if turns == 1 else None
         try:
@@ -128,7 +123,7 @@ class PeriodicSearch(FollowedMotions):
         return self.periodic(orbit) if orbit.stable and orbit.admissible else None
 
     def _orbit(self, x: NDArray[np.float64], mode: int, turns: int) -> PeriodicOrbit:
-        """The orbit near a motion that recurs after some turns of the phase."""
+        """Return the orbit near a motion that recurs after a number of turns of the phase."""
         if turns <= LONGEST:
             # one that is next to rest recurs by the region's size, but not by its own
             with suppress(ConvergenceError):
@@ -161,7 +156,7 @@ class PeriodicSearch(FollowedMotions):
         )
 
     def _strobes(self, orbit: PeriodicOrbit) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """States and modes at phase 0, one for each period of the phase."""
+        """Return states and modes at phase 0, one for each period of the phase."""
         x = orbit.x0[None, :]
         mode = np.array([starting_mode(self.system, self.system.full_state(orbit.x0), self.p)], np.int64)
         points, modes = [orbit.x0], [mode[0]]
@@ -182,7 +177,7 @@ class PeriodicSearch(FollowedMotions):
         return found.ellipsoid is not None
 
     def _metric(self, found: Found) -> OrbitEllipsoids | None:
-        """The metric in which the linearised map contracts; None where it does not, or cannot be had."""
+        """Return the metric in which the linearised map contracts; None without one."""
         if found.orbit is None:
             jacobians = map_jacobians(self.precise, found.points, self.scale)
             if not np.isfinite(jacobians).all():
@@ -199,7 +194,7 @@ class PeriodicSearch(FollowedMotions):
         return metric_of(found.points, jacobians, self.scale)
 
     def _equilibrium(self, x: NDArray[np.float64], mode: int) -> Found | None:
-        """The stable equilibrium near a state of a system without a phase."""
+        """Return the stable equilibrium near a state of a system without a phase."""
         for _ in range(20):
             image, _ = self.precise.strobe(x[None], np.array([mode]))
             apart = image[0] - x
@@ -221,11 +216,11 @@ class PeriodicSearch(FollowedMotions):
 
 
 def in_order(points: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The points of a cycle in the order of visits, beginning with the first by their values."""
+    """Return the points of a cycle in the order of visits, from the least on."""
     return np.roll(points, -_first(points, scale), axis=0)
 
 
 def _first(points: NDArray[np.float64], scale: NDArray[np.float64]) -> int:
-    """Index of the point that comes first in the order of the states, told by their rounded values."""
+    """Return the index of the least point, by rounded values in the order of the states."""
     rounded = np.round(points / scale, 6)
     return int(np.lexsort(rounded.T[::-1])[0])

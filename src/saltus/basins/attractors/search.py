@@ -1,17 +1,18 @@
-"""Attractors by recurrence: seeds are followed until each has settled, and what they settle on is corrected.
+"""Attractors by recurrence: motions from seeds are followed until they settle, then corrected by Newton's method.
 
-1. Seeds are a scrambled Sobol sequence over a region, and the centres of all cages. They are advanced together, in
+1. Seeds are a scrambled Sobol sequence over a region, and the centres of all cages. Their motions advance together, in
    stretches that double.
-2. After each stretch, motions that recur after 1 to `LONGEST` strobes are handed to the orbit solver. What it converges
-   to is an attractor if it is stable and admissible: a slow passage by a saddle recurs, too, but the orbit there is
-   unstable. All motions in its trapping region are then accounted for.
-3. Motions that have not become periodic after `_PATIENCE` strobes are told apart by features: each must be stationary,
-   i.e. the second half of what it visits is as near to the first as the odd points are to the even ones; those that
-   visit the same states are one attractor; `saltus.flow.motion_kind` says of which kind it is. What recurs after more
-   than `LONGEST` strobes is handed to the orbit solver then.
-4. Of each attractor that is no periodic orbit `_MEMBERS` motions are followed for `Search.longest` strobes more. If
-   they leave it at such a rate that they stay for less than `_LIVES` times as long on average, it is dropped: it is a
-   transient.
+2. After each stretch, motions that recur after 1 to `LONGEST` strobes are handed to the orbit solver. Its orbit is an
+   attractor if it is stable and admissible. A slow passage by a saddle recurs too, but the orbit there is unstable. All
+   motions in the attractor's trapping region then count as settled.
+3. Motions that are not periodic after `_PATIENCE` strobes are told apart by features. Each must be stationary: the
+   second half of its points is as near to the first as the odd points are to the even ones. Motions that visit the same
+   states are on one attractor, whose kind follows by `saltus.flow.motion_kind`. Motions that recur after more than
+   `LONGEST` strobes are handed to the orbit solver then.
+4. From each attractor that is no periodic orbit, `_MEMBERS` motions are followed for `Search.longest` strobes more. If
+   their mean stay is less than `_LIVES` times as long, the set is a transient, and is dropped.
+
+   docs/theory/basins.md, "Attractors by recurrence", derives the method.
 """
 
 from __future__ import annotations
@@ -40,46 +41,44 @@ if TYPE_CHECKING:
 
 __all__ = ["AttractorSearch"]
 
-_STRIDE = 64
-_PATIENCE = 500
-_WINDOW = 512
+_STRIDE = 64  # strobes of the first stretch; each is twice as long as the last
+_PATIENCE = 500  # strobes after which motions that are not periodic are told apart by features
+_WINDOW = 512  # strobes of each half of a motion whose features are compared
 
-_MANY, _SETTLED = 100, 1e-5
-"""Strobes after which a motion recurs that the orbit solver is asked about at all; within which part of the scale."""
+_MANY = 100  # period of a recurrent motion, in strobes, up to which the orbit solver is asked at all
+_SETTLED = 1e-5  # distance of its recurrence, over the states' scale
 
-_MEMBERS, _FEW, _PUSH, _LIVES = 128, 16, 1e-6, 10.0
-"""Motions that tell how long others stay on an attractor, and how many do where lanes cannot follow them; their
-distance from it, as a part of its extent; the mean stay, in times as long as they are followed, below which it is none.
-"""
+_MEMBERS = 128  # motions that measure how long others stay on an attractor
+_FEW = 16  # the same where lanes cannot follow them
+_PUSH = 1e-6  # their distance from the attractor at the start, over its extent
+_LIVES = 10.0  # mean stay on an attractor, in times `Search.longest`, below which it is a transient
 
-_TRANSIENTS = 16
-"""Attractors that motions were found to leave after which only periodic orbits count: an angle that runs on, say, makes
-endless copies of a transient."""
+_TRANSIENTS = 16  # transients found after which only periodic orbits count: a growing angle makes endless copies
 
-_NEUTRAL = 4
-"""Motions along which volumes stay as they are after which no other is taken for an attractor that is no orbit."""
+_NEUTRAL = 4  # motions of constant volume after which only periodic orbits count
 
-_COMMENSURATE = 1e-3
-_GOLDEN = 0.6180339887
+_FOLLOWED = "looking for attractors"  # what a report says of motions from seeds
+_COMMENSURATE = 1e-3  # distance of turns between strobes from a whole number below which strobes see no curve
+_GOLDEN = 0.6180339887  # golden section, by which an interval of strobes is advised
 
 
 class AttractorSearch(PeriodicSearch):
     """The search for all attractors; its arguments are those of `FollowedMotions`."""
 
     def follow(self, x: NDArray[np.float64]) -> None:
-        """Follow motions from some states until each is accounted for, or given up."""
+        """Follow motions from given states until each has settled or is given up."""
         self.find_caged()
         if not self.found:
             check_contraction(self.ensemble, x, self.search.longest)
         modes = np.array([starting_mode(self.system, self.system.full_state(row), self.p) for row in x], np.int64)
         done, stride = 0, _STRIDE
-        self.told.expect(len(x))
+        self.reporter.expect(len(x))
         while len(x) and done < self.search.longest:
             before = len(x)
             x, modes, done = self._advance(x, modes, done, stride)
-            self.told.step(before - len(x))
+            self.reporter.step(before - len(x), _FOLLOWED)
             stride *= 2
-        self.told.step(len(x))
+        self.reporter.step(len(x), _FOLLOWED)
         if self.neutral and not self.found:
             where = f"along {self.neutral} motions"
             raise nothing_attracts(self.system.name, self.parameters, where, self.search.longest)
@@ -87,9 +86,9 @@ class AttractorSearch(PeriodicSearch):
     def _advance(
         self, x: NDArray[np.float64], modes: NDArray[np.int64], done: int, stride: int, own: Found | None = None
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], int]:
-        """Follow motions for a stretch, and find the attractors that they are on then, except for their own.
+        """Follow motions for a stretch, and find the attractors that they then are on, except `own`.
 
-        Those that are not accounted for, and the strobes done.
+        Return the states and modes of unsettled motions, and the strobes done.
         """
         ends, at = self.ensemble.strobe(x, modes, stride)
         kept = self._bounded(ends)
@@ -107,7 +106,7 @@ class AttractorSearch(PeriodicSearch):
     def _find_aperiodic(
         self, x: NDArray[np.float64], modes: NDArray[np.int64], own: Found | None, *, last: bool
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Tell stationary motions apart by what they visit; return those still on their way, or on their own one."""
+        """Tell stationary motions apart by their clouds; return the unsettled motions, and those on `own`."""
         path, x, modes = self._path(x, modes, 2 * _WINDOW)
         clouds = path[1:].transpose(1, 0, 2)
         remaining = ~self._held(x, modes)
@@ -142,7 +141,7 @@ class AttractorSearch(PeriodicSearch):
         modes: NDArray[np.int64],
         remaining: NDArray[np.bool_],
     ) -> None:
-        """Take motions that recur after many strobes to the orbit solver; they do not remain if it finds an orbit."""
+        """Hand motions that recur after many strobes to the orbit solver; they are settled if it finds an orbit."""
         attempts = 0
         for i in np.flatnonzero(remaining):
             turns = _recurrence(clouds[i] / self.scale)
@@ -160,7 +159,7 @@ class AttractorSearch(PeriodicSearch):
                 attempts += 1
 
     def _featured(self, cloud: NDArray[np.float64], x: NDArray[np.float64], mode: int, *, last: bool) -> Found | None:
-        """The attractor on which a motion has settled, None where it is still on its way to a periodic orbit."""
+        """Return the attractor on which a motion has settled; None for one still on its way to a periodic orbit."""
         period, criteria, forced = self.ensemble.period, self.search.criteria, self.system.phase is not None
         strobes = 2 * _WINDOW
         try:
@@ -192,14 +191,15 @@ class AttractorSearch(PeriodicSearch):
         return found if forced or exponent > criteria.exponent + error else self._as_limit_cycle(found, x, mode)
 
     def _as_limit_cycle(self, found: Found, x: NDArray[np.float64], mode: int) -> Found | None:
-        """A motion without a phase that does not spread, as a limit cycle if it is near one; None where that is known.
+        """Return the stable limit cycle near a motion; None for a known or unstable one.
 
-        Its points are those of the cycle itself: the motion may still be on its way to it.
+        Its points are those of the cycle, as the motion may still be on its way to it. Without an orbit nearby, the
+        motion is returned as found.
 
         Raises
         ------
         InputError
-            Strobes would see but a few points of it.
+            Strobes would see only a few points of the cycle.
         """
         try:
             orbit = find_orbit(self.system, self.parameters, x, self.system.mode_names[mode])
@@ -221,26 +221,26 @@ class AttractorSearch(PeriodicSearch):
     # ---- transients ----
 
     def drop_transients(self) -> None:
-        """Follow motions from every attractor that is no periodic orbit, and drop those that they leave too soon."""
+        """Follow motions from every attractor without a periodic orbit; drop those that motions leave too soon."""
         while (found := next((each for each in self.found if self._unmeasured(each)), None)) is not None:
             if not self._drifts:
-                self.told.expect(_MEMBERS)
+                self.reporter.expect(_MEMBERS)
                 found.stay = self._stay(found)
-                self.told.step(_MEMBERS)
+                self.reporter.step(_MEMBERS, "looking for transients")
             if found.stay is None or found.stay.mean < _LIVES * self.search.longest:
                 self.found.remove(found)
                 self.dropped.append(found)
 
     @property
     def _drifts(self) -> bool:
-        """Whether motions go from transient to transient, so that what they visit for a while is no attractor."""
+        """Whether motions go from transient to transient, so that only periodic orbits count as attractors."""
         return len(self.dropped) >= _TRANSIENTS
 
     def _unmeasured(self, found: Found) -> bool:
         return found.stay is None and found.orbit is None and found.ellipsoid is None and found.cage is None
 
     def _stay(self, found: Found) -> Stay:
-        """How long motions stay on an attractor; where they go then is found, too."""
+        """Return how long motions stay on an attractor; add the attractors to which they leave."""
         count = _MEMBERS if self.in_lanes(found.points[:1]) else _FEW
         starts = found.points[np.arange(count) * len(found.points) // count]
         x = starts + _PUSH * np.ptp(starts, axis=0) * self.rng.standard_normal(starts.shape)
@@ -255,24 +255,24 @@ class AttractorSearch(PeriodicSearch):
         return Stay(count, strobes, left)
 
     def _diverging(self, x: NDArray[np.float64], longest: int) -> int:
-        """How many motions diverge: where events accumulate they cannot be followed either."""
+        """Return how many motions diverge; motions astray may also have events that accumulate."""
         labels, _ = self.ensemble.settle(x, Traps(len(self.low), limit=self.limit), longest)
         return int((labels == DIVERGED).sum())
 
 
 def _mean_count(before: int, after: int) -> float:
-    """Mean count of what decays at a constant rate, half of one being left where none is."""
+    """Return the mean count over a stretch of a population that decays at a constant rate; 0 left counts as 1/2."""
     return (before - after) / math.log(before / max(after, 0.5)) if after < before else float(before)
 
 
 def _same_cycle(one: PeriodicOrbit, other: PeriodicOrbit, scale: NDArray[np.float64]) -> bool:
-    """Whether two limit cycles are one, started from two of its points."""
+    """Return whether two limit cycles are one, started from two of its points."""
     apart = np.abs([one.lows - other.lows, one.highs - other.highs])[:, : len(scale)] / scale
     return abs(one.period - other.period) < SAME * one.period and float(apart.max()) < NEAR * NEAR
 
 
 def _recurrence(path: NDArray[np.float64]) -> int:
-    """After how many strobes a path recurs, 0 where it does not, or after too many or few for the orbit solver."""
+    """Return the strobes after which a path recurs, above `LONGEST` and up to `_MANY`; else 0."""
     apart = np.abs(path[-2::-1] - path[-1]).max(axis=1)
     turns = int(np.argmax(apart < _SETTLED)) + 1
     if not LONGEST < turns <= _MANY or float(np.abs(path[-turns:] - path[-2 * turns : -turns]).max()) >= _SETTLED:

@@ -1,4 +1,4 @@
-"""Trapping regions on their way into files and back: as variables of a Dataset, and as plain data."""
+"""Trapping regions in files: as variables of a Dataset, and as plain data."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ _FORMS: dict[str, tuple[type[Any], dict[str, tuple[tuple[str, ...], type]]]] = {
 
 
 def traps_as_variables(traps: Traps) -> dict[str, tuple[tuple[str, ...], NDArray[Any]]]:
-    """Return the arrays of all regions with their dimensions, complex ones in two parts, by the names in a Dataset."""
+    """Return the arrays of all regions with their dimensions, by names in a Dataset; complex arrays have two parts."""
     variables = {}
     for kind, (_, arrays) in _FORMS.items():
         regions = getattr(traps, kind)
@@ -93,7 +93,7 @@ def traps_from_variables(held: Contents) -> Traps:
 
 
 def check_traps(traps: Traps, system: HybridSystem, labels: Collection[int]) -> None:
-    """Raise `InputError` where regions are not of the system's states and modes, or of other labels.
+    """Raise `InputError` where regions do not fit the system's states, modes and labels.
 
     Compiled functions trust shapes and indices.
     """

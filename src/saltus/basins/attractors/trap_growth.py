@@ -1,4 +1,4 @@
-"""A trapping region made as large as samples allow: an ellipsoid, cut by planes where motions from it end elsewhere."""
+"""Growth of trapping regions: ellipsoids as large as samples allow, cut by planes: docs/theory/basins.md."""
 
 from __future__ import annotations
 
@@ -21,35 +21,30 @@ if TYPE_CHECKING:
 
 __all__ = ["LEFT_OVER", "SOON", "Enlarging", "pieces"]
 
-SOON = 256
-"""Strobes within which motions from ellipsoids that are cut come to the whole ones."""
+SOON = 256  # strobes within which motions from cut ellipsoids reach the whole ones
 
-_GROWING = math.sqrt(2.0)
-"""Ratio of the radii, squared, by which a region is enlarged."""
+_GROWING = math.sqrt(2.0)  # factor of a region's level at each trial of a larger one
 
-_LONG = 4
-"""Times as many strobes within which those from the whole ones come to the core, most of them within as many."""
+_LONG = 4  # strobes to reach the core from the whole ellipsoids, in units of `SOON`
 
-LEFT_OVER = 3
-"""Samples that lanes leave over beyond which a trial is not worth its time."""
+LEFT_OVER = 3  # samples left over by lanes beyond which a trial is not worth its time
 
-_FIRST = 16
-"""Samples that are followed first, then twice as many: those that lanes leave over take a hundred times as long."""
+_FIRST = 16  # samples of the first batch; each batch is twice the last, as a motion left over by lanes takes long
 
-_GROWN, _SHRINKING = 256, 0.8
-"""Samples that try a level of the whole ellipsoids; its factor where samples leave."""
+_GROWN = 256  # samples that try a level of the whole ellipsoids
+_SHRINKING = 0.8  # factor of a level from which samples leave
 
-_ENOUGH = 64
-"""Samples that leave a region of which planes are made before more are followed."""
+_ENOUGH = 64  # samples that leave a region after which planes are made
 
-_PART, _TRIES, _LAST_TRIES = 4, 8, 12
-"""Part of the samples that tries a level with planes; rounds of cuts of such a one, of the last."""
+_PART = 4  # samples of a region for each one that tries a level with planes
+_TRIES = 8  # rounds of cuts at such a trial, at most
+_LAST_TRIES = 12  # rounds of cuts of the last region, at most
 
-_MOST_PLANES, _LEAST_SHARE, _SHARE_SAMPLES = 32, 0.4, 4000
-"""Planes of one ellipsoid, and the least part of its volume that they leave; points that tell it."""
+_MOST_PLANES = 32  # planes of one ellipsoid, at most
+_LEAST_SHARE = 0.4  # share of an ellipsoid's volume that its planes leave, at least
+_SHARE_SAMPLES = 4000  # points that measure this share
 
-_LEAST = 2.0
-"""Level over the core's below which none is measured: what starts in the core says nothing."""
+_LEAST = 2.0  # level over the core's below which none is measured, as samples would start in the core
 
 
 class Enlarging:
@@ -58,22 +53,22 @@ class Enlarging:
     Parameters
     ----------
     ensemble : Ensemble
-        Tells which samples may start.
+        Engine, which tells from which samples motions may start.
     settles : callable
-        Which of some states, shape (m, n), come to a region, told next, and to no other attractor, within some strobes,
-        told last.
+        Called with states, shape (m, n), a region, and a number of strobes. Returns which motions come to the region
+        within the strobes, and to no other attractor.
     widest : ndarray, shape (n,)
         Half widths beyond which an ellipsoid is not enlarged.
     others : ndarray, shape (m, n)
-        States of other attractors, which no region may hold.
+        States of other attractors, which must lie outside the region.
     rng : numpy.random.Generator
     search : Search
-        How long samples are followed, and how near to those that end elsewhere planes are set.
+        Longest follow-up of samples, and the places of planes relative to samples that end elsewhere.
 
     Attributes
     ----------
     samples : int
-        How many samples are followed in the end.
+        Count of samples of the final region.
     """
 
     def __init__(
@@ -90,7 +85,7 @@ class Enlarging:
         self.samples = search.samples or _GROWN
 
     def grown(self, inner: OrbitEllipsoids) -> OrbitEllipsoids:
-        """Return the ellipsoids, without planes, as large as a few samples in each still come to the next smaller ones.
+        """Return the largest ellipsoids without planes from which a few samples still come to the next smaller ones.
 
         Parameters
         ----------
@@ -106,16 +101,16 @@ class Enlarging:
         return region
 
     def verified(self, region: OrbitEllipsoids, inner: OrbitEllipsoids, core: OrbitEllipsoids) -> OrbitEllipsoids:
-        """Return the ellipsoids of a size, or of a smaller one, from which samples all end in `core`.
+        """Return the largest ellipsoids, up to a size, from which all samples end in `core`.
 
         Parameters
         ----------
         region : OrbitEllipsoids
-            The largest that may be.
+            The largest ellipsoids to try.
         inner : OrbitEllipsoids
             Where samples contract.
         core : OrbitEllipsoids
-            The part of it in which motions are accounted for.
+            Smaller ellipsoids in which motions count as settled.
 
         Raises
         ------
@@ -142,11 +137,11 @@ class Enlarging:
         Parameters
         ----------
         whole : OrbitEllipsoids
-            Where samples end as they should.
+            Ellipsoids from which samples end in the attractor.
         saved : callable
-            What a larger region, told second, saves in all against a smaller one.
+            Called with a smaller and a larger region, returns the time that the larger one saves.
         spent : callable
-            What has been spent so far, in the same unit: growth ends where a rung has cost more than it saves.
+            Returns the time spent so far, in the same unit: growth ends once a level costs more than it saves.
         """
         region = whole
         while (larger := self._larger(region)) is not None:
@@ -164,13 +159,13 @@ class Enlarging:
         return whole
 
     def without(self, region: OrbitEllipsoids, x: NDArray[np.float64], whole: OrbitEllipsoids) -> OrbitEllipsoids:
-        """Return `region` without some states, shape (m, n), nor what samples show not to come to `whole`."""
+        """Return `region` cut so that given states, shape (m, n), and samples that miss `whole` are outside."""
         cut = region.cut(x, math.sqrt(self.search.safety))
         found = self._cut(cut, whole, self.samples, _LAST_TRIES)
         return whole if found is None else found
 
     def elsewhere(self, region: OrbitEllipsoids, core: OrbitEllipsoids, samples: int) -> int:
-        """Return how many of fresh samples in a region do not end in `core`."""
+        """Return the count of fresh samples in a region that do not end in `core`."""
         return len(self._bad(region.samples(samples, self.rng), core, self.search.longest))
 
     def _larger(self, region: OrbitEllipsoids) -> OrbitEllipsoids | None:
@@ -180,9 +175,9 @@ class Enlarging:
     def _leaving(
         self, region: OrbitEllipsoids, within: OrbitEllipsoids, samples: int, longest: int, enough: int
     ) -> NDArray[np.float64] | None:
-        """Samples in a region from which motions end elsewhere than `within`; None where lanes leave many over.
+        """Return samples in a region whose motions do not end in `within`; None where lanes leave many over.
 
-        No more are followed once there are enough.
+        The search for such samples ends at `enough`.
         """
         work, left_over = self.ensemble.work.sum(), self.ensemble.left_over
         found = [self.others[region.holds(self.others)]]
@@ -202,7 +197,7 @@ class Enlarging:
     def _cut(
         self, region: OrbitEllipsoids, within: OrbitEllipsoids, samples: int, tries: int
     ) -> OrbitEllipsoids | None:
-        """A region without what leaves it, once no sample does; None where planes leave too little."""
+        """Return a region cut until no sample leaves it; None where the planes leave too small a part."""
         for _ in range(tries):
             if region.offsets.shape[1] > _MOST_PLANES or region.share(_SHARE_SAMPLES, self.rng) < _LEAST_SHARE:
                 return None
@@ -216,7 +211,7 @@ class Enlarging:
 
 
 def pieces(count: int) -> Iterator[int]:
-    """Go through the sizes of the pieces in which some samples are followed."""
+    """Go through the sizes of the batches in which samples are followed."""
     size = _FIRST
     while count > 0:
         yield min(size, count)

@@ -1,6 +1,6 @@
-"""Trapping regions that are measured: ellipsoids about periodic orbits, boxes along all other attractors.
+"""Ellipsoids about periodic orbits, and the metrics and levels at which they contract.
 
-``docs/theory/basins.md`` tells how they are built, and what of it is proven.
+docs/theory/basins.md, "Ellipsoids: measured", derives them.
 """
 
 from __future__ import annotations
@@ -36,23 +36,21 @@ __all__ = [
     "orbit_jacobians",
 ]
 
-_RATE = 0.8
-"""Least rate, over a period of the orbit, at which distances from it shall shrink in its metric."""
+_RATE = 0.8  # shrinking factor of distances in the metric, over the orbit's period, at least
 
-_STEP = 1e-4
-"""Difference of states, as a part of their scale, from which Jacobians of a smooth map are taken."""
+_STEP = 1e-4  # difference of states, over their scale, for Jacobians of a smooth map
 
-CONTRACTING, _LEVELS, _RUNGS = 400, 4.0, 22
-"""Samples in each ellipsoid that shall contract; the ratio of the radii tried, squared; and their count."""
+CONTRACTING = 400  # samples of each ellipsoid that must contract
+_LEVELS = 4.0  # ratio of the levels (squared radii) that are tried
+_RUNGS = 22  # levels that are tried, at most
 
-_CLEAR = 1e-3
-"""Part of a level below which the engine's errors hide whether a sample contracts."""
+_CLEAR = 1e-3  # share of a level below which the engine's errors hide a contraction
 
-_CORES = (64.0, 16.0, 4.0)
-"""Levels at which samples contract over those of their cores, the best first."""
+_CORES = (64.0, 16.0, 4.0)  # levels at which samples contract over those of their cores, the best first
 
-_CORE_SAMPLES, _STRETCH, _STRETCHES = 64, 16, 16
-"""How many motions tell a core, the strobes after which they are looked at, and how often."""
+_CORE_SAMPLES = 64  # motions per ellipsoid that measure a core
+_STRETCH = 16  # strobes between two looks at them
+_STRETCHES = 16  # looks at them
 
 
 @dataclass(frozen=True)
@@ -68,11 +66,11 @@ class OrbitEllipsoids:
     level : float
         Square of the radius.
     normals : ndarray, shape (period, planes, n), optional
-        Unit vectors of planes that cut the ellipsoids, to where ``normal . metric (x - centre) < offset``; zero for
-        a plane that an ellipsoid lacks.
+        Unit vectors of planes, which leave ``normal . metric (x - centre) < offset`` of an ellipsoid; zero for a plane
+        that an ellipsoid lacks.
     offsets : ndarray, shape (period, planes), optional
     modes : ndarray of int64, shape (period,), optional
-        Of the motions that each holds; -1 for all.
+        Mode of the motions that each ellipsoid holds; -1 for all modes.
     """
 
     centres: NDArray[np.float64]
@@ -95,10 +93,10 @@ class OrbitEllipsoids:
         return replace(self, level=level)
 
     def cut(self, x: NDArray[np.float64], part: float) -> OrbitEllipsoids:
-        """Return the ellipsoids cut by planes so that none of some states, shape (m, n), is in any.
+        """Return the ellipsoids cut by planes so that given states, shape (m, n), are outside.
 
-        Each plane is parallel to the tangent of the ellipsoid through the state nearest to the centre of those still
-        inside, at a part of its distance.
+        Each plane belongs to the state nearest to the centre among those inside. It is parallel to the tangent of the
+        ellipsoid through this state, at a share of its distance.
 
         References
         ----------
@@ -126,7 +124,7 @@ class OrbitEllipsoids:
         return replace(self, normals=normals, offsets=offsets)
 
     def share(self, samples: int, rng: np.random.Generator) -> float:
-        """Return the least part of an ellipsoid's volume that its planes leave, from some samples."""
+        """Return the least share of an ellipsoid's volume that its planes leave, from samples."""
         y = math.sqrt(self.level) * _in_ball(samples, self.centres.shape[1], rng)
         inside = np.einsum("kpj,mj->kmp", self.normals, y) < self.offsets[:, None, :]
         return float(inside.all(axis=2).mean(axis=1).min())
@@ -136,14 +134,14 @@ class OrbitEllipsoids:
         return np.asarray((self._apart(x) ** 2).sum(axis=2))
 
     def holds(self, x: NDArray[np.float64], modes: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
-        """Return whether each state, in its mode where told, lies in one of the ellipsoids."""
+        """Return whether each state, in its mode where modes are given, lies in one of the ellipsoids."""
         inside = self._inside(x)
         if modes is not None:
             inside &= (self.modes < 0) | (self.modes == modes[:, None])
         return np.asarray(inside.any(axis=1))
 
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether each state lies in each ellipsoid, shape (m, period)."""
+        """Return whether each state lies in each ellipsoid, shape (m, period)."""
         y = self._apart(x)
         within = (np.einsum("kpi,mki->mkp", self.normals, y) < self.offsets).all(axis=2)
         return np.asarray(within & ((y**2).sum(axis=2) < self.level))
@@ -152,7 +150,7 @@ class OrbitEllipsoids:
         return np.asarray(np.einsum("kij,mkj->mki", self.metrics, x[:, None, :] - self.centres))
 
     def samples(self, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Return states uniform in each ellipsoid, `count` in all, shape (count, n); those of a point together."""
+        """Return states uniform in each ellipsoid, `count` in all, shape (count, n), grouped by ellipsoid."""
         period, n = self.centres.shape
         which = np.arange(count) * period // count
         y = np.empty((count, n))
@@ -190,14 +188,15 @@ def _in_ball(count: int, n: int, rng: np.random.Generator) -> NDArray[np.float64
 def orbit_jacobians(orbit: PeriodicOrbit, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the Jacobians of the one-period map along an orbit of a system with a phase, shape (period, n, n).
 
-    They come from the segment equations, as the orbit's multipliers do, the segments cut at each phase 0 as well as at
-    each event, so that no difference is taken: next to a grazing the map is linear on no scale that one could choose.
+    They come from the segment equations, as the orbit's multipliers do, with segments cut at each phase 0 and each
+    event. No difference quotient is taken: next to a grazing the map is linear on no scale that one could choose.
+    docs/theory/orbits.md derives the equations.
 
     Parameters
     ----------
     orbit : PeriodicOrbit
     points : ndarray, shape (period, n)
-        Its states at phase 0 in the order of visits, beginning with any.
+        The orbit's states at phase 0 in the order of visits, from any of them on.
 
     Raises
     ------
@@ -211,7 +210,8 @@ def orbit_jacobians(orbit: PeriodicOrbit, points: NDArray[np.float64]) -> NDArra
     system, n = orbit.system, points.shape[1]
     p, x = system.parameter_vector(orbit.parameters), system.full_state(points[0])
     mode = starting_mode(system, x, p)
-    log = events_after(system, p, x, mode, periods=len(points), rtol=orbit.tol, atol=orbit.tol)
+    tolerance = orbit.tolerance, orbit.tolerance
+    log = events_after(system, p, x, mode, periods=len(points), tolerance=tolerance)
     wraps = log.transition < 0
     starts = np.vstack([x, log.x_after[:-1]])
     starts[:, -1] += 2.0 * math.pi * np.append(0, np.cumsum(wraps)[:-1])
@@ -221,7 +221,7 @@ def orbit_jacobians(orbit: PeriodicOrbit, points: NDArray[np.float64]) -> NDArra
         tuple(np.where(wraps, PHASE_END, EVENT_END).tolist()),
         len(points),
     )
-    chain = OrbitProblem(system, form, p, tol=orbit.tol)
+    chain = OrbitProblem(system, form, p, tol=orbit.tolerance)
     unknowns = np.column_stack([starts, np.diff(log.time, prepend=0.0)]).ravel()
     chain.start(unknowns)
     _, equations = chain.evaluate(unknowns)
@@ -245,9 +245,9 @@ def map_jacobians(ensemble: Ensemble, points: NDArray[np.float64], scale: NDArra
     Parameters
     ----------
     ensemble : Ensemble
-        Best of a tight tolerance.
+        Engine, best with a tight tolerance.
     points : ndarray, shape (m, n)
-        Where the map is smooth, as it is at an equilibrium.
+        Points at which the map is smooth, as equilibria are.
     scale : ndarray, shape (n,)
         Size of each state.
     """
@@ -271,9 +271,10 @@ def metric_of(
 ) -> OrbitEllipsoids | None:
     """Return the ellipsoids in whose metric the linearised map contracts, at level 1; None for an unstable orbit.
 
-    With the Jacobians A_k along an orbit of N points, P_k solves ``P_k = S + A_k^T P_(k+1) A_k / rho^2``, S being the
-    inverse square of `scale` and rho^N halfway between the largest multiplier and 1, `_RATE` at the least. So the
-    linearised map takes ``x^T P_k x`` to less than rho^2 of itself at the next point.
+    With the Jacobians A_k along an orbit of N points, P_k solves ``P_k = S + A_k^T P_(k+1) A_k / rho^2``. S is the
+    inverse square of `scale`. rho^N lies halfway between the largest multiplier and 1, and is at least `_RATE`. So the
+    linearised map takes ``x^T P_k x`` to less than rho^2 of itself at the next point. docs/theory/basins.md,
+    "Ellipsoids: measured", derives the metric.
 
     References
     ----------
@@ -302,10 +303,10 @@ def metric_of(
 
 
 def contracting(ensemble: Ensemble, ellipsoid: OrbitEllipsoids, rng: np.random.Generator) -> OrbitEllipsoids | None:
-    """Return the largest of a ladder of levels at which samples contract, None where they do at none.
+    """Return the largest of a ladder of levels at which samples contract, None without one.
 
-    The next strobe of each of `CONTRACTING` states, uniform in every ellipsoid, is nearer to the next point, in that
-    point's metric; so it is at the level and on the next rung, a quarter of it.
+    A level passes if each of `CONTRACTING` states, uniform in every ellipsoid, has its next strobe nearer to the next
+    point in that point's metric. The next lower level, a quarter of it, must pass too.
     """
     contracts = False
     for rung in range(_RUNGS):
@@ -330,10 +331,10 @@ def _contracts(ensemble: Ensemble, ellipsoid: OrbitEllipsoids, rng: np.random.Ge
 
 
 def core_of(ensemble: Ensemble, inner: OrbitEllipsoids, rng: np.random.Generator) -> OrbitEllipsoids:
-    """Return the core of ellipsoids in which samples contract: the small part that most motions from them soon reach.
+    """Return the core of contracting ellipsoids: the small part that most motions from them soon reach.
 
-    Motions are accounted for once they are in the core, so those that start elsewhere in the ellipsoids have to come
-    there. Where they are too slow, as near a bifurcation, the core is all of `inner`.
+    Motions count as settled once they are in the core. Where motions reach it too slowly, as near a bifurcation, the
+    core is all of `inner`.
     """
     x = inner.samples(len(inner.centres) * _CORE_SAMPLES, rng)
     modes, typical = None, inner.level

@@ -1,4 +1,4 @@
-"""Boxes along attractors that are no periodic orbits: a motion that stays in them for long is theirs."""
+"""Boxes along attractors that are no periodic orbits, which a motion on the attractor stays in."""
 
 from __future__ import annotations
 
@@ -16,27 +16,26 @@ if TYPE_CHECKING:
 
 __all__ = ["Boxes", "boxes_along"]
 
-_POINTS, _MOTIONS = 20_000, 256
-"""States of each attractor from which boxes are made, and from how many motions."""
+_POINTS = 20_000  # states of each attractor of which boxes are made
+_MOTIONS = 256  # motions that visit them
 
-_PUSH, _FORGOTTEN = 1e-6, 64
-"""Distance of their starts from the attractor, as a part of its extent; strobes before they are looked at."""
+_PUSH = 1e-6  # distance of their starts from the attractor, over its extent
+_FORGOTTEN = 64  # strobes before their states count
 
-_PARTS = (96, 64, 48, 32, 24, 16, 12, 8)
-"""Boxes along an attractor's extent, in the order in which they are tried."""
+_PARTS = (96, 64, 48, 32, 24, 16, 12, 8)  # boxes along an attractor's extent, in the order in which they are tried
 
-_COVERED = 0.99
-_EXTENT = 1e-6
+_COVERED = 0.99  # share of each attractor's fresh states that its boxes must hold
+_EXTENT = 1e-6  # least extent of an attractor, over the states' scale
 
 
 class Boxes(NamedTuple):
-    """Boxes, and how well they hold their attractors.
+    """Boxes along attractors, and the shares of the attractors' strobes that they hold.
 
     Attributes
     ----------
     cells : Cells
     covered : dict of int to float
-        Part of each attractor's strobes that falls into its boxes, by label, measured on others than made them.
+        Share of each attractor's strobes that falls into its boxes, by label, from strobes that did not make the boxes.
     """
 
     cells: Cells
@@ -51,16 +50,16 @@ def boxes_along(
     visits: int,
     rng: np.random.Generator,
 ) -> Boxes:
-    """Return boxes along attractors, the finest that nearly all of their strobes fall into.
+    """Return the finest boxes along attractors that hold nearly all of their strobes: docs/theory/basins.md.
 
     Parameters
     ----------
     ensemble : Ensemble
-        Follows motions on the attractors.
+        Engine that follows motions on the attractors.
     clouds : dict of int to ndarray, shape (k, n)
         States on each attractor, by label.
     others : ndarray, shape (m, n)
-        States on other attractors, which no box may hold.
+        States on other attractors, which must lie outside all boxes.
     scale : ndarray, shape (n,)
         Size of each state.
     visits : int
@@ -95,7 +94,7 @@ def boxes_along(
 
 
 def _followed(ensemble: Ensemble, cloud: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-    """Strobes of motions from beside an attractor, after they have come back to it and forgotten where they began."""
+    """Return strobes of motions from beside an attractor, after their return and decorrelation."""
     starts = cloud[:: -(-len(cloud) // _MOTIONS)]
     x, _ = ensemble.strobe(starts + _PUSH * np.ptp(cloud, axis=0) * rng.standard_normal(starts.shape), count=_FORGOTTEN)
     x = x[np.isfinite(x).all(axis=1)]
@@ -113,7 +112,7 @@ def _boxes(points: NDArray[np.float64], origin: NDArray[np.float64], size: NDArr
 def _part(
     points: NDArray[np.float64], boxes: NDArray[np.int64], origin: NDArray[np.float64], size: NDArray[np.float64]
 ) -> float:
-    """Part of the points that falls into the boxes."""
+    """Return the share of the points that falls into the boxes."""
     known = {tuple(box) for box in boxes.tolist()}
     indices = np.floor((points - origin) / size).astype(np.int64)
     return sum(tuple(index) in known for index in indices.tolist()) / len(points)

@@ -1,4 +1,4 @@
-"""Basins as a Dataset, and the metadata of a store."""
+"""Basins as an xarray Dataset, and the metadata of a store."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from saltus.errors import InputError
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["attributes_of", "check_belong", "dataset_of", "parts_of", "told"]
+__all__ = ["attributes_of", "check_belong", "dataset_of", "parts_of"]
 
 
 def dataset_of(basins: Any) -> xr.Dataset:
-    """Return basins as a Dataset; the labels of a store are read when they are asked for."""
+    """Return basins as a Dataset; the labels of a store are read on access."""
     import xarray as xr
 
     attributes = flags(basins.attractors.labels)
@@ -49,7 +49,7 @@ def dataset_of(basins: Any) -> xr.Dataset:
 
 
 def _lazy(basins: Any) -> Any:
-    """The labels, those of a store as a variable of xarray that reads them when they are asked for."""
+    """Return the labels; those of a store as a variable of xarray that reads them on access."""
     if isinstance(basins.labels, np.ndarray):
         return basins.labels
     import xarray as xr
@@ -80,12 +80,6 @@ def parts_of(held: Contents) -> dict[str, Any]:
         "labels": labels, "grid": grid, "attractors": outcomes, "inputs": inputs, "stopped": held.text("stopped"),
         "undecided": why,
     }  # fmt: skip
-
-
-def told(done: int, total: int, *, interrupted: bool = False) -> str:
-    """Say how many cells are done; an interrupt after the last of them is told, too."""
-    whole = done == total and not interrupted
-    return f"all {total} cells done" if whole else f"interrupted: {done} of {total} cells done"
 
 
 def attributes_of(inputs: Mapping[str, Any], grid: Grid, attractors: Any) -> dict[str, Any]:

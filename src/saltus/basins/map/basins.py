@@ -1,4 +1,4 @@
-"""Basins of attraction over a grid of initial conditions: the label of each cell, in memory or in a store."""
+"""Basins of attraction over a grid of initial conditions: one label a cell, in memory or in a store."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.basins.map.basin_files import attributes_of, check_belong, dataset_of, parts_of, told
+from saltus.basins.map.basin_files import attributes_of, check_belong, dataset_of, parts_of
 from saltus.basins.map.grid import Grid, tiles
 from saltus.basins.map.labelling import Labelling
 from saltus.basins.map.outcomes import Outcomes, attractors_bytes, named_labels, outcomes_from, points_of
@@ -21,6 +21,7 @@ from saltus.basins.map.wrong_labels import LabelError, differing, label_error_of
 from saltus.basins.wilson import wilson
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED
 from saltus.errors import InputError
+from saltus.progress import ended
 from saltus.results import Result
 
 if TYPE_CHECKING:
@@ -41,22 +42,22 @@ class Basins(Result):
     Attributes
     ----------
     labels : array of uint8, shape of the grid
-        A byte a cell, `attractors.labels` says of what; 255 where a cell is not done. In memory an ndarray; in a store
-        it is sliced as one is, and read where it is.
+        One byte a cell, with the meanings in `attractors.labels`; 255 for a cell that is not done. An ndarray in
+        memory; in a store, an array that is read where it is sliced.
     grid : Grid
         The cells; a label belongs to its cell's centre.
     attractors : Attractors or Outcomes
-        What the labels stand for.
+        Meanings of the labels, and the attractors.
     inputs : mapping
         All inputs but the grid as plain data: the system's definition, parameters, tolerance, trapping regions, ...
     stopped : str
-        Whether all cells are done, in words; of a section, those of the whole grid.
+        Whether all cells are done, in words; a section has the text of the whole grid.
     path : Path or None
         The store.
     orbits_per_second : float
-        Motions followed a second when the basins were computed; NaN where it is not known.
+        Motions followed a second when the basins were computed; NaN where unknown.
     undecided : str
-        Why cells are undecided, in words; nothing where none was found to be.
+        Why cells are undecided, in words; empty where no cell is.
 
     Examples
     --------
@@ -90,7 +91,7 @@ class Basins(Result):
         names: Mapping[str, int],
         points: Mapping[str, ArrayLike] | None = None,
     ) -> Basins:
-        """Return the basins that an array of labels from elsewhere shows.
+        """Return basins made of an array of labels from another source.
 
         Parameters
         ----------
@@ -111,8 +112,8 @@ class Basins(Result):
         Raises
         ------
         InputError
-            Centres that are not evenly spaced, another shape, a label without a name, or names and points that cannot
-            be.
+            Centres that are not evenly spaced, another shape, a label without a name, or names and points that are not
+            allowed.
         """
         given = checks.mapping("axes", axes, "coordinates to centres of cells")
         ranges = {name: _range(name, centres) for name, centres in given.items()}
@@ -130,13 +131,13 @@ class Basins(Result):
             raise InputError("labels", unnamed[0], f"labels that are named: {', '.join(map(str, named.values()))}")
         at_strobes = checks.mapping("points", points, "attractors to points")
         held = {name: points_of(name, at, names, grid) for name, at in at_strobes.items()}
-        return cls(array.astype(np.uint8), grid, Outcomes(named, held), stopped=told(array.size, array.size))
+        return cls(array.astype(np.uint8), grid, Outcomes(named, held), stopped=ended(array.size, array.size, "cells"))
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Basins:
-        """Return the basins in a store; `saltus.load` comes here.
+        """Return the basins in a store, as `saltus.load` does.
 
-        No label is read until it is asked for.
+        Labels are read on access.
 
         Parameters
         ----------
@@ -186,7 +187,7 @@ class Basins(Result):
             The store's metadata are damaged.
         """
         done, rate = store.done(), store.orbits_per_second
-        said = store.attributes.get("stopped") or told(done, store.grid.size, interrupted=interrupted)
+        said = store.attributes.get("stopped") or ended(done, store.grid.size, "cells", interrupted=interrupted)
         why = store.attributes.get("undecided", "")
         for name, text in (("stopped", said), ("undecided", why)):
             if not isinstance(text, str):
@@ -195,15 +196,15 @@ class Basins(Result):
 
     @cached_property
     def names(self) -> Mapping[int, str]:
-        """The name of each label."""
+        """Name of each outcome, by label."""
         return MappingProxyType(
             {label: name for name, label in self.attractors.labels.items()} | {NOT_DONE: "not done"}
         )
 
     def section(self, **values: float) -> Basins:
-        """Return the section at the cells nearest to given values of some coordinates; nothing is read yet.
+        """Return the section at the cells nearest to given values of coordinates, without reading labels.
 
-        Its `grid.fixed` says at which values, the centres of these cells, the section is.
+        Its `grid.fixed` has the coordinates' values on the section: the centres of these cells.
 
         Parameters
         ----------
@@ -213,7 +214,7 @@ class Basins(Result):
         Returns
         -------
         Basins
-            Of the coordinates left free.
+            Basins over the coordinates left free.
 
         Raises
         ------
@@ -230,16 +231,16 @@ class Basins(Result):
         return replace(self, labels=labels, grid=grid)
 
     def blocks(self) -> Iterator[tuple[tuple[slice, ...], NDArray[np.uint8]]]:
-        """Go through the array in blocks of at most half a million cells: where each lies, and its labels.
+        """Go through the array in blocks of at most half a million cells: the slices and the labels of each.
 
-        This is the way to work on a grid that is larger than memory.
+        Use it for a grid that is larger than memory.
         """
         unit = self.grid.layout[1] if isinstance(self.labels, np.ndarray) else self.labels.unit
         for cells in tiles(self.grid.shape, unit):
             yield cells, self.labels[cells]
 
     def fractions(self) -> dict[str, float]:
-        """Return the share of the cells that each outcome has, by name; ``not done`` too where cells are not done."""
+        """Return each outcome's share of the cells, by name, with ``not done`` where cells are not done."""
         counts = np.zeros(256, dtype=np.int64)
         for _, labels in self.blocks():
             counts += np.bincount(labels.ravel(), minlength=256)
@@ -248,16 +249,16 @@ class Basins(Result):
         return found | ({"not done": shares[NOT_DONE]} if counts[NOT_DONE] else {})
 
     def classify(self, points: ArrayLike, *, engine: str | None = None) -> NDArray[np.uint8]:
-        """Return the labels of the motions that start at any points, on the grid or off it.
+        """Return the labels of the motions from given points, on the grid or off it.
 
-        They are computed as those of the cells are; `names` has the name of each.
+        They are computed like those of the cells; `names` has the name of each.
 
         Parameters
         ----------
         points : array_like, shape (..., n)
             States in the system's order, at phase 0.
         engine : {"cpu", "cuda"}, optional
-            Who computes; by default who computed the grid, and the processors in the place of a cluster.
+            Engine; by default that of the grid, with ``"cpu"`` in place of ``"dask"``.
 
         Returns
         -------
@@ -266,8 +267,8 @@ class Basins(Result):
         Raises
         ------
         InputError
-            Another shape, a point that is not finite, no such engine here, or basins of an array from elsewhere, which
-            have no system.
+            Another shape, a point that is not finite, an engine that is not available, or basins without a system
+            (`from_array`).
         """
         labelling, n = self._labelling, len(self.grid.states)
         if engine is not None:
@@ -282,27 +283,27 @@ class Basins(Result):
     def label_error(
         self, cells: int = 1000, *, by_events: int = 100, tolerance: float = 1e-12, seed: int = 0
     ) -> LabelError:
-        """Return how many labels are wrong, of random cells whose motions are followed anew and more exactly.
+        """Return how many labels of random cells are wrong: their motions are followed anew, more exactly.
 
-        How sensitive labels are is a matter of the system: with the same tolerance one grid has no wrong label and
-        another, whose motions are chaotic for long, one in twenty.
+        The share depends on the system. With one tolerance, a grid may have no wrong label, and another with long
+        chaotic transients one in twenty.
 
-        Motions are followed at a finer tolerance, and until they are ten times nearer to an attractor than the trapping
-        regions reach: an error of these regions is seen, too. What all lanes get wrong is not, so that the event-driven
-        flow, which steps in another way, follows the first of the motions as well, at 1e-11. The boxes in which
-        motions stay at a chaotic or quasi-periodic attractor are taken as they are.
+        Motions are followed at a finer tolerance, until they are ten times nearer to an attractor than the trapping
+        regions reach. So errors of these regions count too. Errors that all lanes share do not; therefore the
+        event-driven flow, with steps of another kind, also follows the first of the motions, at 1e-11. The boxes of
+        chaotic or quasi-periodic attractors are not checked.
 
         Parameters
         ----------
         cells : int, optional
-            How many; some may be drawn twice. Those that are undecided or not done do not count, nor those whose motion
-            has not come near an attractor after twice `longest` periods.
+            Count of the cells drawn, perhaps twice. Cells that are undecided or not done do not count. Nor do cells
+            whose motion is near no attractor after twice `longest` periods.
         by_events : int, optional
-            How many of them the event-driven flow follows, at some milliseconds each.
+            Count of these cells that the event-driven flow follows, in some milliseconds each.
         tolerance : float, optional
-            Of a step.
+            Tolerance of a step.
         seed : int, optional
-            Of the random numbers.
+            Seed of the random numbers.
 
         Returns
         -------
@@ -312,7 +313,7 @@ class Basins(Result):
         Raises
         ------
         InputError
-            No cell, or basins of an array from elsewhere, which have no system.
+            No cell, or basins without a system (`from_array`).
         """
         count, few = checks.size("cells", cells), checks.count("by_events", by_events, 0)
         tolerance = checks.between("tolerance", tolerance, 1e-14, 1e-2)
@@ -330,7 +331,7 @@ class Basins(Result):
 
     @property
     def noted_error(self) -> LabelError | None:
-        """The `label_error` that `map_basins` measured of all cells when a store was finished; None without one."""
+        """The `label_error` that `map_basins` measured when a store was finished; None without one."""
         kept = None if self.path is None else Store.open(self.path).attributes.get("label_error")
         return None if kept is None else label_error_of(kept)
 
@@ -343,7 +344,7 @@ class Basins(Result):
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset: ``labels`` over the free coordinates, the attractors, all inputs.
 
-        The labels of a store are read when they are asked for.
+        The labels of a store are read on access.
         """
         return dataset_of(self)
 
@@ -357,7 +358,7 @@ class Basins(Result):
         Parameters
         ----------
         path : path-like
-            A store if it ends in ``.zarr``, else a file.
+            A store if the path ends in ``.zarr``, else a file.
 
         Returns
         -------
@@ -378,7 +379,7 @@ class Basins(Result):
         store = Store.create(path, self.grid, attributes, attractors_bytes(self.attractors))
         for cells in self.grid.units():
             store.write(cells, np.asarray(self.labels[cells]))
-        if self.stopped != told(store.done(), self.grid.size):
+        if self.stopped != ended(store.done(), self.grid.size, "cells"):
             store.note(stopped=self.stopped)
         if self.undecided:
             store.note(undecided=self.undecided)

@@ -1,4 +1,4 @@
-"""Labels of a grid read block by block, so that a grid larger than memory can be measured."""
+"""Block-wise reading of labels, for measures of grids larger than memory."""
 
 from __future__ import annotations
 
@@ -21,16 +21,15 @@ if TYPE_CHECKING:
 
 __all__ = ["BLOCK", "Labelled", "blocks", "checked_basins", "label_of", "outcome_of", "read", "surroundings"]
 
-BLOCK = 2**24
-"""Cells that are read at once."""
+BLOCK = 2**24  # cells that are read at once
 
 
 class Labelled(Protocol):
-    """What a measure reads of basins: labels that can be sliced, the grid, names and points; `Basins` is one."""
+    """Interface of basins to the measures: labels, grid and outcomes; `Basins` implements it."""
 
     @property
     def labels(self) -> Any:
-        """The labels, an array with the grid's shape."""
+        """Labels, an array with the grid's shape."""
 
     @property
     def grid(self) -> Grid:
@@ -38,7 +37,7 @@ class Labelled(Protocol):
 
     @property
     def attractors(self) -> Any:
-        """The label of each outcome, and the points of each attractor at the strobes: ``.labels``, ``.points``."""
+        """Outcomes with ``.labels``, by name, and ``.points``, each attractor's points at the strobes."""
 
 
 def label_of(basins: Labelled, name: str) -> int:
@@ -54,12 +53,12 @@ def label_of(basins: Labelled, name: str) -> int:
 
 
 def checked_basins(basins: Any, *parts: str) -> Any:
-    """Return basins, or what has the parts of them that are needed.
+    """Return the argument, if it has the parts of basins that a measure needs.
 
     Raises
     ------
     InputError
-        It has not.
+        A part is missing.
     """
     try:
         whole = not isinstance(basins, type) and all(hasattr(basins, part) for part in parts)
@@ -82,11 +81,11 @@ def blocks(labels: Any, *, multiple: int = 1, most: int = BLOCK) -> Iterator[tup
     Parameters
     ----------
     labels : array
-        Anything with a shape; the units of a store, or the chunks of a Zarr array, are kept whole.
+        Any array; blocks never cut the units of a store or the chunks of a Zarr array.
     multiple : int, optional
-        Blocks begin at multiples of it on each axis.
+        Blocks begin at multiples of this count of cells on each axis.
     most : int, optional
-        Cells of a block, which is larger only where a cube of `multiple` is.
+        Cells of a block; only a cube of edge `multiple` may have more.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Units of a grid labelled by the workers of a Dask cluster, each of which writes its own."""
+"""Units of a grid labelled by the workers of a Dask cluster; each worker writes its own units."""
 
 from __future__ import annotations
 
@@ -24,24 +24,23 @@ if TYPE_CHECKING:
 
 __all__ = ["labelled_by", "scheduler"]
 
-_WITHOUT_PORT = ("inproc://", "ucx://")
+_WITHOUT_PORT = ("inproc://", "ucx://")  # addresses of schedulers that name no port
 
-_AHEAD = 3
-"""Units that wait or are computed, for each thread of the cluster."""
+_AHEAD = 3  # units handed out to each thread of the cluster, waiting ones included
 
 
 @contextmanager
 def scheduler(client: Any) -> Iterator[Any]:
-    """Return a client of a cluster: the one given, or one of an address, which is closed in the end.
+    """Yield a client of a cluster: the given one, or a new one for an address, closed at the end.
 
     Raises
     ------
     InputError
-        It is neither, there is no scheduler at the address, or Dask is not installed.
+        The argument is neither, no scheduler has the address, or Dask is not installed.
     """
     if not isinstance(client, str):
         if not callable(getattr(client, "submit", None)):
-            raise InputError("client", client, "a dask.distributed.Client, or the address of a scheduler")
+            raise InputError("BasinOptions.client", client, "a dask.distributed.Client, or the address of a scheduler")
         yield client
         return
     try:
@@ -53,7 +52,9 @@ def scheduler(client: Any) -> Iterator[Any]:
             distributed.comm.get_address_host_port(client)  # a client of no address takes a minute to close
         opened = distributed.Client(client, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
-        raise InputError("client", client, "the address of a scheduler, as tcp://host:8786", str(error)) from error
+        raise InputError(
+            "BasinOptions.client", client, "the address of a scheduler, as tcp://host:8786", str(error)
+        ) from error
     with opened:
         yield opened
 
@@ -61,20 +62,20 @@ def scheduler(client: Any) -> Iterator[Any]:
 def labelled_by(
     client: Any, grid: Grid, inputs: Mapping[str, Any], store: Path | None, units: Sequence[tuple[slice, ...]]
 ) -> Iterator[tuple[tuple[slice, ...], NDArray[np.uint8] | None, int]]:
-    """Go through units as the workers finish them: the cells, their labels, how many motions were followed.
+    """Go through units as the workers finish them: cells, labels, and count of motions followed.
 
     Parameters
     ----------
     client : dask.distributed.Client
-        The cluster. What a worker that dies had in hand goes to another.
+        The cluster. Units of a worker that dies go to another worker.
     grid : Grid
         All cells.
     inputs : mapping
         All inputs, as plain data.
     store : Path or None
-        The store in which the workers write; then no labels come back. They find the inputs there.
+        The store from which the workers read the inputs, and in which they write labels; then no labels come back.
     units : sequence of tuple of slice
-        What is to be labelled.
+        Units to label.
     """
     all_inputs = {"grid": grid.definition(), "inputs": inputs}
     task: tuple[Any, ...] = (

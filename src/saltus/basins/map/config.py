@@ -1,4 +1,4 @@
-"""The file that `saltus basins` reads: a system, its parameters, a grid and options, in TOML."""
+"""Configuration files of `saltus basins`, in TOML: a system, its parameters, a grid and options."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 
 from saltus import checks
 from saltus.basins.map.grid import Plane
+from saltus.basins.map.options import TOLERANCES
 from saltus.errors import InputError, nearest
 from saltus.system import HybridSystem
 
 __all__ = ["AttractorOptions", "Config", "EngineOptions", "PlaneTable", "called", "read_config", "system_of"]
 
-_STRICT = ConfigDict(extra="forbid", frozen=True)
+_STRICT = ConfigDict(extra="forbid", frozen=True)  # of tables: no unknown keys
 
-_Number: TypeAlias = Annotated[float, Strict()]
-_Count: TypeAlias = Annotated[int, Strict()]
-"""Neither texts nor booleans."""
+_Number: TypeAlias = Annotated[float, Strict()]  # neither text nor boolean
+_Count: TypeAlias = Annotated[int, Strict()]  # neither text nor boolean nor fraction
 
 
 class EngineOptions(BaseModel):
-    """The table ``[engine]``: what computes, and how well; what is left out is as `saltus.map_basins` has it."""
+    """The table ``[engine]``: engine and accuracy; absent entries have the defaults of `BasinOptions`."""
 
     model_config = _STRICT
 
     name: Literal["cpu", "cuda", "dask"] = "cpu"
     """What computes."""
-    tolerance: _Number | None = Field(default=None, gt=0.0)
+    tolerance: _Number | None = Field(default=None, ge=TOLERANCES[0], le=TOLERANCES[1])
     """Of a step."""
     longest: _Count | None = Field(default=None, ge=1)
     """Periods after which a motion is undecided."""
 
 
 class AttractorOptions(BaseModel):
-    """The table ``[attractors]``: how attractors are looked for; what is left out is as `find_attractors` has it."""
+    """The table ``[attractors]``: options of the search; absent entries have the defaults of `find_attractors`."""
 
     model_config = _STRICT
 
@@ -54,7 +54,7 @@ class AttractorOptions(BaseModel):
 
 
 class PlaneTable(BaseModel):
-    """The table ``[plane]``: a plane of any direction, `saltus.basins.Plane`, in the place of a grid."""
+    """The table ``[plane]``: a plane of any direction, `saltus.basins.Plane`, in place of a grid."""
 
     model_config = _STRICT
 
@@ -67,7 +67,7 @@ class PlaneTable(BaseModel):
 
 
 class Config(BaseModel):
-    """What a configuration holds; `read_config` reads one."""
+    """Content of a configuration; `read_config` reads one."""
 
     model_config = _STRICT
 
@@ -135,7 +135,7 @@ def read_config(path: Path) -> Config:
 
 
 def _told(error: ValidationError, entries: Mapping[str, Any]) -> InputError:
-    """Return one thing that is wrong in the words of the package, with the key that it is about."""
+    """Return one validation error as an `InputError` that names the key."""
     mistakes = error.errors()
     # a key that is missing may be one that is misspelt
     first = next((one for one in mistakes if one["type"] == "extra_forbidden"), mistakes[0])
@@ -152,7 +152,7 @@ def _told(error: ValidationError, entries: Mapping[str, Any]) -> InputError:
 
 
 def _known(place: list[str | int]) -> tuple[str, ...]:
-    """Return the keys of a table, given by the way to it."""
+    """Return the allowed keys of a table, given by the path to it."""
     table: Any = Config
     for part in place:
         table = {"engine": EngineOptions, "attractors": AttractorOptions, "plane": PlaneTable}[str(part)]
@@ -165,16 +165,16 @@ def system_of(config: Config, known: Mapping[str, Callable[..., HybridSystem]], 
     Parameters
     ----------
     config : Config
-        What was read.
+        The configuration.
     known : mapping of str to callable
-        What makes the systems that have a name.
+        Functions that return systems, by name.
     folder : Path
-        Where modules are looked for first: that of the configuration.
+        Folder in which modules are looked for first: that of the configuration.
 
     Raises
     ------
     InputError
-        No system of that name, no such module or attribute, or arguments that what makes it does not take.
+        No system of that name, no such module or attribute, or arguments that its function does not take.
     """
     make: Any = known.get(config.system)
     if make is None:
@@ -213,7 +213,7 @@ def _attribute(reference: str, folder: Path) -> Any:
 
 @contextmanager
 def _importable(folder: Path) -> Iterator[None]:
-    """Find modules in a folder, too."""
+    """Let Python import modules from a folder, too."""
     place = str(folder.absolute())
     sys.path.insert(0, place)
     try:
@@ -223,12 +223,12 @@ def _importable(folder: Path) -> Iterator[None]:
 
 
 def called(make: Callable[..., Any], arguments: Mapping[str, Any], table: str) -> Any:
-    """Return what a callable makes of the entries of a table.
+    """Return the result of a callable with the entries of a table as arguments.
 
     Raises
     ------
     InputError
-        An entry is none of its arguments, or one is missing.
+        An entry that is no argument of the callable, or a missing argument.
 
     Examples
     --------

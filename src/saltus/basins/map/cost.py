@@ -1,4 +1,4 @@
-"""What a grid will cost: measured on cells that are spread over it, before anything is computed for good."""
+"""Cost of a grid, measured on a sample of its cells before the run."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus import checks
 from saltus.basins.map.grid import Grid, Plane
-from saltus.basins.map.labelling import TOLERANCE, Labelling, checked_engine, checked_interval
-from saltus.basins.map.mapping import attractors_for, with_traps
-from saltus.ensemble.traps import Traps
+from saltus.basins.map.mapping import attractors_for, settings_of, with_traps
+from saltus.basins.map.options import BasinOptions
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
@@ -22,31 +20,30 @@ if TYPE_CHECKING:
 
 __all__ = ["Cost", "estimate_cost"]
 
-_RUN = 64
-"""Cells in a row, along the last coordinate, that are taken together."""
+_RUN = 64  # cells in a row, along the last coordinate, that are sampled together
 
-_FIRST, _FACTOR = 2**12, 4
-"""Cells of the first sample, and how many times more each that follows has."""
+_FIRST = 2**12  # cells of the first sample
+_FACTOR = 4  # ratio of the cells of two samples in a row
 
-_SEED = 20230718
+_SEED = 20230718  # seed of the random cells
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a grid will cost.
+    """Time and storage of a grid.
 
     Attributes
     ----------
     cells : int
         Cells of the grid.
     sampled : int
-        Cells that were measured.
+        Cells of the sample.
     orbits_per_second : float
-        Motions that were followed a second, by all threads of this machine or its device.
+        Motions followed a second, by all threads of this machine or by its device.
     bytes_per_cell : float
-        Of a compressed store, about: in more than one dimension a store takes less.
+        Bytes of a compressed store, about; in more than one dimension a store takes less.
     search_seconds : float
-        How long the search for attractors took, which the run makes again on one machine; 0 where they were given.
+        Time of the search for attractors, which the run repeats on one machine; 0 for given attractors.
     """
 
     cells: int
@@ -56,12 +53,12 @@ class Cost:
     search_seconds: float = 0.0
 
     def seconds(self, workers: int = 1) -> float:
-        """Return how long it takes in all on a number of machines like this one, of which one looks for attractors."""
+        """Return the whole time on a number of machines like this one; one of them searches for attractors."""
         return self.search_seconds + self.cells / (self.orbits_per_second * workers)
 
     @property
     def size(self) -> float:
-        """Bytes of the store, about."""
+        """Estimated bytes of the store."""
         return self.cells * self.bytes_per_cell
 
 
@@ -71,25 +68,20 @@ def estimate_cost(
     grid: Mapping[str, Any] | Plane | Grid,
     attractors: Any = None,
     *,
-    engine: str = "cpu",
-    longest: int | None = None,
-    tolerance: float = TOLERANCE,
-    interval: float | None = None,
+    options: BasinOptions | None = None,
     seconds: float = 3.0,
 ) -> Cost:
-    """Return what a grid will cost, from the time that a sample of its cells takes.
+    """Return the cost of a grid, from the time that a sample of its cells takes.
 
-    The sample is runs of cells, spread at random over the whole grid. It grows until it takes as long as is asked for:
-    the last and largest is what counts, so that neither compiling nor an idle device spoils it.
+    The sample is runs of cells, spread at random over the whole grid. It grows until it takes `seconds`. Only the last
+    and largest sample counts, so that compiling and an idle device have no effect.
 
     Parameters
     ----------
-    system, parameters, grid, attractors, longest, tolerance, interval
-        As `map_basins` takes them.
-    engine : {"cpu", "cuda", "dask"}, optional
-        What is measured: a graphics card, or else the processors of this machine, as one worker of a cluster.
+    system, parameters, grid, attractors, options
+        As `map_basins` takes them. For a cluster, this machine's processors are measured as one worker.
     seconds : float, optional
-        How long the largest sample takes at least, if the grid has as many cells.
+        Least time of the largest sample, if the grid has enough cells.
 
     Raises
     ------
@@ -101,13 +93,8 @@ def estimate_cost(
     >>> Cost(cells=10**9, sampled=10**5, orbits_per_second=1e5, bytes_per_cell=0.1).seconds(workers=10)
     1000.0
     """
-    checks.instance("system", system, HybridSystem)
+    settings = settings_of(system, parameters, options)
     cells = grid if isinstance(grid, Grid) else Grid(system.states, grid)
-    settings = Labelling(
-        system, system.resolve(parameters), Traps(len(system.states)), checked_interval(interval),
-        checks.between("tolerance", tolerance, 1e-14, 1e-2),
-        0 if longest is None else checks.count("longest", longest), checked_engine(engine),
-    )  # fmt: skip
     begin = time.perf_counter()
     found, asked = attractors_for(settings, cells, attractors)
     search_seconds = time.perf_counter() - begin if asked else 0.0
@@ -128,7 +115,7 @@ def estimate_cost(
 
 
 def _sample(grid: Grid, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return the indices, shape (cells, free), of runs of cells: as many as are asked for, or there are."""
+    """Return the indices, shape (cells, free), of runs of cells, at most all cells of the grid."""
     length = min(_RUN, grid.size)
     starts = np.sort(rng.integers(0, grid.size - length + 1, size=max(min(count, grid.size) // length, 1)))
     numbers = (starts[:, None] + np.arange(length)).ravel()

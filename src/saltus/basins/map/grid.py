@@ -22,22 +22,18 @@ if TYPE_CHECKING:
 
 __all__ = ["Grid", "Plane", "tiles"]
 
-_CHUNK = 2**16
-"""Cells of a chunk at most: what is read for a single cell."""
+_CHUNK = 2**16  # cells of a chunk, at most; a chunk is read for a single cell
 
-_UNITS = 16
-"""Into how many units a grid is cut at least, if they keep `_LEAST` cells."""
+_UNITS = 16  # units into which a grid is cut, at least, unless they fall below `_LEAST` cells
 
 _LARGEST = 2**38  # cells in a file: 275 gigabytes of labels
 
-_ROUNDING = 1e-9
-"""Part of a cell by which a point may lie beyond the grid's edge and belong to the cell there."""
+_ROUNDING = 1e-9  # distance beyond the grid's edge, over a cell's width, that still belongs to the cell there
 
-_MOST_CELLS = 2**31 - 1
-"""Cells along a coordinate, at most."""
+_MOST_CELLS = 2**31 - 1  # cells along a coordinate, at most
 
-_LEAST, _MOST = 40_000, 2**19
-"""Cells of a unit: half a second to five of computing."""
+_LEAST = 40_000  # cells of a unit, at least: half a second of computing
+_MOST = 2**19  # cells of a unit, at most: five seconds of computing
 
 
 @dataclass(frozen=True)
@@ -58,7 +54,7 @@ class Plane:
     counts : (int, int)
         Cells along `u` and along `v`.
     names : (str, str), optional
-        What `a` and `b` are called.
+        Names of `a` and `b`.
 
     Examples
     --------
@@ -88,7 +84,7 @@ class Grid:
     states : sequence of str
         The states, in the order in which a point has them.
     axes : mapping of str to (float, float, int) or float, or Plane
-        For each state a range ``(low, high, count)``, which makes it a free coordinate, or the value it is frozen at.
+        For each state a free coordinate's range ``(low, high, count)``, or a frozen value.
 
     Attributes
     ----------
@@ -106,8 +102,8 @@ class Grid:
     Raises
     ------
     InputError
-        A coordinate that is neither free nor frozen, an unknown one, a range turned round, a count that is no positive
-        integer, or no free coordinate.
+        A coordinate that is unknown, or neither free nor frozen; or no free coordinate. A range turned round, or a
+        count that is no positive integer.
 
     Examples
     --------
@@ -152,7 +148,7 @@ class Grid:
 
     @property
     def size(self) -> int:
-        """Cells in all."""
+        """Count of all cells."""
         return math.prod(self.shape)
 
     @cached_property
@@ -169,13 +165,13 @@ class Grid:
 
     @property
     def fixed(self) -> Mapping[str, float]:
-        """The states that are the same in all cells, and their values."""
+        """States that are equal in all cells, and their values."""
         still = ~(self.vectors != 0.0).any(axis=0)
         return MappingProxyType({name: float(self.origin[j]) for j, name in enumerate(self.states) if still[j]})
 
     @property
     def box(self) -> Mapping[str, tuple[float, float]]:
-        """Least and greatest value of each state in the grid; equal for one that is frozen."""
+        """Least and greatest value of each state in the grid; equal for a frozen state."""
         ends = np.array([self.origin, self.origin])
         for (low, high, _), vector in zip(self.ranges, self.vectors, strict=True):
             ends += np.sort([low * vector, high * vector], axis=0)
@@ -187,7 +183,7 @@ class Grid:
         Parameters
         ----------
         cells : sequence of slice or of integer array, or slice, optional
-            Which cells along each free coordinate; or a range of all cells in their order; by default all.
+            Cells along each free coordinate, or a range of all cells in their order; by default all.
         """
         if isinstance(cells, slice):
             indices = np.unravel_index(np.arange(*cells.indices(self.size)), self.shape)
@@ -211,7 +207,7 @@ class Grid:
         return points
 
     def nearest(self, values: Mapping[str, float]) -> dict[str, int]:
-        """Return the index of the cell nearest to a value of each coordinate that is named.
+        """Return the index of the cell nearest to the value of each named coordinate.
 
         Raises
         ------
@@ -233,7 +229,7 @@ class Grid:
         return found
 
     def clipped(self, name: str, value: float) -> float | None:
-        """Return a value of a free coordinate, at the edge where it lies beyond it by rounding; None outside the grid.
+        """Return a value of a free coordinate, moved to the grid's edge if beyond it by rounding; None outside.
 
         Examples
         --------
@@ -245,7 +241,7 @@ class Grid:
         return inside if abs(value - inside) <= _ROUNDING * (high - low) / count else None
 
     def section(self, cells: Mapping[str, int]) -> Grid:
-        """Return the grid of the cells of given indices along the coordinates that are named.
+        """Return the grid of the cells with given indices along named coordinates.
 
         Raises
         ------
@@ -293,7 +289,7 @@ class Grid:
 
     @cached_property
     def layout(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Shapes of a chunk, which is read as a whole, and of a unit, which is computed and written as a whole.
+        """Shapes of a chunk, the least part that is read, and of a unit, the least part that is computed and written.
 
         A unit is made of whole chunks. Both follow from the grid alone.
         """
@@ -333,7 +329,7 @@ class Grid:
 
 
 def _checked_definition(definition: Any) -> tuple[list[str], tuple[str, ...]]:
-    """Return the names of the coordinates and of the states in what `Grid.definition` returned, all of it checked."""
+    """Return the names of coordinates and states in a checked result of `Grid.definition`."""
     if not isinstance(definition, Mapping):
         raise InputError("grid", definition, "a mapping")
     names, states = (checked_texts(definition.get(key), f"the grid's {key}") for key in ("order", "states"))

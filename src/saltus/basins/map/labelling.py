@@ -1,4 +1,4 @@
-"""What gives a cell its label: the flow, the attractors' traps and the settings, as plain data and as a computation."""
+"""Labelling of motions by the flow, the attractors' trapping regions, and settings."""
 
 from __future__ import annotations
 
@@ -29,12 +29,11 @@ if TYPE_CHECKING:
 
     _Labelled: TypeAlias = tuple[tuple[slice, ...], NDArray[np.uint8], int]
 
-__all__ = ["ACCURACY", "TOLERANCE", "Labelling", "checked_engine", "checked_interval", "units_of"]
+__all__ = ["ACCURACY", "TOLERANCE", "Labelling", "checked_engine", "units_of"]
 
-TOLERANCE = 3e-9
-"""Of a step in the first period, by default, in the unit nearest to a state's size: of Fig. 10's last plane 0.025 % of
-the labels are wrong, not 0.038 %."""
+TOLERANCE = 3e-9  # default tolerance of a step in the first period, in the unit nearest to a state's size
 
+# Measured error of the whole method: share of wrong labels among random cells of three grids.
 ACCURACY: Mapping[str, Any] = MappingProxyType(
     {
         "wrong": {"Fig. 9's plane": 0.0, "the worst of Fig. 10's planes": 1.5e-4, "[-5, 5]^4": 2e-4},
@@ -45,50 +44,45 @@ ACCURACY: Mapping[str, Any] = MappingProxyType(
         "source": "benchmarks/basin_accuracy.py",
     }
 )
-"""Measured error of the whole method: the part of the labels that were wrong, of random cells of three grids."""
 
-_STRIDE = 4
-"""Cells from one to the next that a preview computes at first, along each coordinate."""
+_STRIDE = 4  # cells between neighbours of a preview's first lattice, along each coordinate
 
-_BATCH = {"cpu": 1, "cuda": 2**22}
-"""Cells that an engine is handed at once, if the units are not larger."""
+_BATCH = {"cpu": 1, "cuda": 2**22}  # cells that an engine is handed at once, unless a unit has more
 
-_FOLLOWERS = {"cpu": 2, "cuda": 1}
-"""Batches that are computed at once: where one has less work left than there are threads, the next one has."""
+_FOLLOWERS = {"cpu": 2, "cuda": 1}  # batches computed at once: threads that one leaves idle serve the next
 
-_AHEAD = 1
-"""Batches that wait while others are computed."""
+_AHEAD = 1  # batches that wait while others are computed
 
-_NEARER, _LONGER = 10.0, 2
-"""How much smaller the trapping regions are, and how many times longer motions are followed, to check a label."""
+_NEARER = 10.0  # factor by which trapping regions shrink where labels are checked
+_LONGER = 2  # factor by which motions are then followed longer
 
 
 @dataclass(frozen=True, eq=False)
 class Labelling:
-    """How a motion's label is found.
+    """System, trapping regions and settings that give a motion its label.
 
     Attributes
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameters : mapping of str to float
         All parameters.
     traps : Traps
-        Where a motion's fate is certain.
+        Trapping regions.
     interval : float or None
-        Time between two looks at a system without a phase.
+        Time between two strobes of a system without a phase.
     tolerance : float
-        Of a step.
+        Tolerance of a step.
     longest : int
         Periods after which a motion is undecided.
     engine : {"cpu", "cuda"}
-        Whose arithmetic.
+        Engine that follows the motions.
     preview : bool
-        Whether only the cells beside others of another label are computed.
+        Whether only cells next to cells of another label are refined.
     threads : int or None
-        Threads that compute; by default as many as there are processors.
+        Threads that compute; by default one for each processor.
     scale : tuple of float or None
-        Unit of each state in which errors are measured, 1 by default.
+        Unit of each state for errors, 1 by default.
     """
 
     system: HybridSystem
@@ -103,7 +97,7 @@ class Labelling:
     scale: tuple[float, ...] | None = None
 
     def definition(self) -> dict[str, Any]:
-        """Return all that decides a label as plain data, from which `from_definition` makes an equal labelling."""
+        """Return all inputs of a label as plain data, from which `from_definition` makes an equal labelling."""
         return {
             "system": self.system.definition(),
             "parameters": dict(self.parameters),
@@ -159,7 +153,7 @@ class Labelling:
         return Ensemble(self.system, self.parameters, threads=self.threads, **options)
 
     def check_engine(self) -> None:
-        """Raise `InputError` where the engine cannot run here, before there is any work."""
+        """Raise `InputError` where the engine cannot run here."""
         if self.engine == "cuda":
             _ = self.ensemble  # looks for a device
 
@@ -169,9 +163,9 @@ class Labelling:
         return np.asarray(labels, dtype=np.uint8)
 
     def stricter(self, tolerance: float, points: Mapping[int, ArrayLike]) -> Labelling:
-        """Return a labelling by the processor in which motions come ten times nearer to the attractors.
+        """Return a labelling on the processor by regions that reach a tenth as far from the attractors.
 
-        What the boxes of an attractor that is no periodic orbit say is left as it is.
+        The boxes of attractors that are no periodic orbits stay as they are.
 
         Parameters
         ----------
@@ -186,7 +180,7 @@ class Labelling:
         )  # fmt: skip
 
     def by_events(self, points: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Return the labels, shape (m,), of motions that the event-driven flow follows one by one, at 1e-11."""
+        """Return the labels, shape (m,), of motions followed one by one by the event-driven flow, at 1e-11."""
         found = (
             follow_alone(self.system, self.parameters, x, -1, self.traps, self.longest, self.ensemble.period)[0]
             for x in points
@@ -194,7 +188,7 @@ class Labelling:
         return np.fromiter(found, np.uint8, len(points))
 
     def undecided(self, points: NDArray[np.float64]) -> str:
-        """Return why motions from points, shape (m, n), are in no trapping region in the end, in words."""
+        """Return why motions from points, shape (m, n), end in no trapping region, in words."""
         from saltus.basins.attractors.trapping import admits_start
 
         ensemble = replace(self, engine="cpu").ensemble
@@ -212,7 +206,7 @@ class Labelling:
     def units(
         self, grid: Grid, units: Sequence[tuple[slice, ...]]
     ) -> Iterator[tuple[tuple[slice, ...], NDArray[np.uint8], int]]:
-        """Go through units of a grid: the cells, their labels, and how many motions were followed for them."""
+        """Go through units of a grid: cells, labels, and count of motions followed."""
         followers = _FOLLOWERS[self.engine]
         with (
             starting(),
@@ -249,7 +243,7 @@ class Labelling:
         return [(cells, *self._refined(grid, cells)) for cells in batch]
 
     def _refined(self, grid: Grid, cells: tuple[slice, ...]) -> tuple[NDArray[np.uint8], int]:
-        """Label a lattice of the cells, then again and again that of half its stride where neighbours differ."""
+        """Label a lattice of cells; then repeat with half the stride, only where neighbours differ."""
         from scipy.ndimage import binary_dilation
 
         counts, starts = _shape(cells), [part.start for part in cells]
@@ -278,12 +272,12 @@ class Labelling:
 
 
 def units_of(sizes: Sequence[float] | None) -> tuple[float, ...] | None:
-    """Return the unit nearest to each state's size, in steps of a thousand: 1e-9, 1e-6, ..., 1 from 0.032 to 32, ..."""
+    """Return the unit nearest to each state's size, a power of 1000; it is 1 for sizes from 0.032 to 32."""
     return None if sizes is None else tuple(1000.0 ** round(math.log10(size) / 3.0) for size in sizes)
 
 
 def _lattice(count: int, stride: int) -> NDArray[np.int64]:
-    """Every `stride`-th index, and the last."""
+    """Return every `stride`-th index, and the last."""
     return np.unique(np.append(np.arange(0, count, stride), count - 1))
 
 
@@ -292,7 +286,7 @@ def _shape(cells: Sequence[slice]) -> tuple[int, ...]:
 
 
 def _nearer(traps: Traps, points: Mapping[int, ArrayLike]) -> Traps:
-    """Return ellipsoids about the attractors' points, so many times smaller than its ellipsoids and cages."""
+    """Return ellipsoids about the attractors' points, smaller than their ellipsoids and cages by `_NEARER`."""
     if traps.ellipsoids is None and traps.cages is None:
         return traps
     parts = [] if traps.ellipsoids is None else [traps.ellipsoids.smaller(_NEARER)]
@@ -324,11 +318,6 @@ def _batches(units: Sequence[tuple[slice, ...]], most: int) -> Iterator[list[tup
         yield batch
 
 
-def checked_interval(interval: object) -> float | None:
-    """Return the time between two looks at a system without a phase, or None."""
-    return None if interval is None else checks.positive("interval", interval)
-
-
 def checked_engine(engine: object) -> str:
-    """Return the arithmetic of an engine; `InputError` where there is no such engine."""
+    """Return an engine's arithmetic, ``cpu`` or ``cuda``; raise `InputError` for an unknown engine."""
     return "cuda" if checks.chosen("engine", engine, ("cpu", "cuda", "dask")) == "cuda" else "cpu"

@@ -1,12 +1,12 @@
-"""Basins over a grid: each cell's motion followed until its fate is certain, unit by unit, resumable.
+"""Basins over a grid: each cell's motion is followed into a trapping region, unit by unit, resumably.
 
 Rules
 -----
 * The label belongs to the motion that starts at the cell's centre at phase 0.
-* It is the label of the attractor in whose trapping region the motion is first seen at a strobe, ``diverged`` beyond
-  every bound, or ``undecided`` after `longest` periods, by default those that the slowest decay asks for.
-* Cells are labelled in units that follow from the grid alone, each written once and as a whole; how many threads,
-  workers or runs there are changes nothing.
+* It names the attractor in whose trapping region the motion is first seen at a strobe. It is ``diverged`` beyond every
+  bound, and ``undecided`` after `BasinOptions.longest` periods.
+* Cells are labelled in units that follow from the grid alone, each written once and as a whole. The labels do not
+  depend on the number of threads, workers or runs.
 """
 
 from __future__ import annotations
@@ -28,16 +28,17 @@ import numpy as np
 from saltus import checks
 from saltus.basins.attractors.finding import find_attractors
 from saltus.basins.attractors.found import Search
-from saltus.basins.map.basin_files import attributes_of, told
+from saltus.basins.map.basin_files import attributes_of
 from saltus.basins.map.basins import Basins
 from saltus.basins.map.grid import Grid, Plane
-from saltus.basins.map.labelling import TOLERANCE, Labelling, checked_engine, checked_interval, units_of
+from saltus.basins.map.labelling import Labelling, checked_engine, units_of
+from saltus.basins.map.options import BasinOptions
 from saltus.basins.map.outcomes import attractors_bytes, outcomes_from
 from saltus.basins.map.patience import Patience, patience_for
 from saltus.basins.map.store import Store, check_same
-from saltus.basins.telling import Progress
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED, Traps
 from saltus.errors import InputError, nearest
+from saltus.progress import Report, Reporter, ended
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
@@ -47,25 +48,21 @@ if TYPE_CHECKING:
 
 __all__ = ["map_basins"]
 
-_IN_MEMORY = 10**9
-"""Cells that are held in memory at most."""
+_IN_MEMORY = 10**9  # cells that are held in memory, at most
 
-_CHECKED, _FEWEST, _MOST = 100, 500, 10_000
-"""Of a store one cell in so many is followed again, but not fewer and not more than so many."""
+_CHECKED = 100  # cells of a store for each one that is followed again
+_FEWEST = 500  # cells followed again, at least
+_MOST = 10_000  # cells followed again, at most
 
-_BY_EVENTS = 50
-"""How many of them the event-driven flow follows: it takes some milliseconds for each."""
+_BY_EVENTS = 50  # cells that the event-driven flow follows again, some milliseconds each
 
-_SHOWN = 16
-"""Points of each attractor that are followed to see whether it is one."""
+_SHOWN = 16  # points of each attractor that are followed to check it
 
-_TOLD = ("search", "longest_reason")
-"""Inputs that need not be the same where a store is gone on with."""
+_TOLD = ("search", "longest_reason")  # inputs that may differ where a store is resumed
 
-_ASKED = 16
-"""Undecided cells of a unit, and of the whole grid, that are followed again to say why they are."""
+_ASKED = 16  # undecided cells, of a unit and of the grid, that are followed again to tell why
 
-_SEEDS: int = signature(find_attractors).parameters["seeds"].default
+_SEEDS: int = signature(find_attractors).parameters["seeds"].default  # default seeds of a search
 
 
 def map_basins(
@@ -74,80 +71,60 @@ def map_basins(
     grid: Mapping[str, Any] | Plane | Grid,
     attractors: Any = None,
     *,
-    engine: str = "cpu",
+    options: BasinOptions | None = None,
     path: str | os.PathLike[str] | None = None,
-    client: Any = None,
-    longest: int | None = None,
-    tolerance: float = TOLERANCE,
-    preview: bool = False,
-    interval: float | None = None,
-    progress: Progress | None = None,
+    progress: bool | Report = False,
 ) -> Basins:
     """Return the basins of attraction over a grid of initial conditions.
 
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameters : mapping of str to float or None
         Parameters that differ from the system's defaults.
     grid : mapping of str to (float, float, int) or float, Plane or Grid
-        For each state a range ``(low, high, count)`` or the value it is frozen at; or a plane of any direction. See
-        `Grid`. All motions start at phase 0.
+        For each state a range ``(low, high, count)`` or a frozen value; or a plane of any direction. See `Grid`. All
+        motions start at phase 0.
     attractors : Attractors or mapping, optional
-        Where motions end, as `find_attractors` or `attractors_from` returned them; or options with which
-        `find_attractors` looks for them, as ``{"seeds": 512}``. It looks in the box of the grid if no `region` is
-        given, and measures trapping regions as well as that is worth for the cells; ``progress`` is told how far it has
-        come. By default all options are the usual ones, and a store's own attractors are taken as they are.
-    engine : {"cpu", "cuda", "dask"}, optional
-        This machine's processors, its graphics cards, or the workers of a Dask cluster.
+        Attractors that `find_attractors` or `attractors_from` returned; or options of `find_attractors`, as
+        ``{"seeds": 512}``. Its region is then by default the box of the grid, and its number of motions that of the
+        cells. Without this argument, the attractors are those of the store, or are found with default options.
+    options : BasinOptions, optional
+        Engine, accuracy, and how long motions are followed.
     path : path-like, optional
-        A folder in which labels are written as they are found. Where it exists, the run goes on from its finished
-        units, and ends with the same array as one that was not interrupted. Without it labels are held in memory.
-    client : dask.distributed.Client or str, optional
-        The cluster, or the address of its scheduler, for ``engine="dask"``.
-    longest : int, optional
-        Periods after which a motion that is in no trapping region is undecided. By default four times as many as the
-        slowest decay to an attractor takes, by its largest multiplier, from the farthest corner of the grid into the
-        trapping region, or as the slowest motion of the search took; 200 at the least, 100 000 at the most.
-    tolerance : float, optional
-        Of a step, in the unit nearest to a state's size in steps of a thousand: 1 for sizes from 0.032 to 32.
-    preview : bool, optional
-        Whether only every fourth cell along each coordinate is computed at first, then again and again those beside
-        cells of different labels, at half the distance; the others take the label that surrounds them. From 12 per
-        cent of the motions to 60, on coarse grids in four dimensions, are followed. Where basins are fractal 0.5 to 2
-        per cent of the cells come out wrong.
-    interval : float, optional
-        Time between two looks at a system without a phase, for the search of its attractors; attractors that are given,
-        or that a store has, were found with theirs.
-    progress : callable, optional
-        Called with the count of cells that are done, the count of all, the motions followed a second, and how many
-        seconds are left.
+        A store, in which finished units are written. Where it exists, the run resumes from its finished units, with the
+        same labels as a run without interruption. By default labels are held in memory.
+    progress : bool or callable, optional
+        True for a bar on stderr, or a function called with a `saltus.Progress`. It counts motions of a search for
+        attractors, then cells.
 
     Returns
     -------
     Basins
-        An interrupt (Ctrl-C) keeps the units that are done; `Basins.stopped` says so.
+        An interrupt (Ctrl-C) keeps the finished units; `Basins.stopped` says so.
 
     Raises
     ------
     InputError
-        An argument that cannot be used, an attractor that is none, a store that belongs to other inputs, cannot be
-        written, or whose disk is full.
+        An argument that cannot be used, an attractor that motions leave, or a store of other inputs. A store that
+        cannot be written, or whose disk is full.
 
     Notes
     -----
-    Labels that are wrong: of 20 000 random cells each 0 per cent in the plane of Fig. 9, 0.015 per cent in the worst
-    plane of Fig. 10 and 0.02 per cent in [-5, 5]^4, with the tapping cantilever of two modes (see `examples/configs`)
-    at the default tolerance, against the event-driven flow at tolerance 1e-11, followed until it is within 1e-6 of an
-    attractor (``benchmarks/basin_accuracy.py``). Motions that are chaotic for long have more:
-    `Basins.label_error` measures it, and a store has it as ``label_error``, of a hundredth of its cells, and of some
-    by the event-driven flow. Besides, at most `measured_error` of any one trapping region belongs elsewhere, by the
-    samples from which it was made. A store's metadata has these numbers as ``accuracy`` and ``attractors``, and
-    in ``attractors.notes`` how each region was made, and what proves it or how many samples it rests on.
+    Wrong labels were counted for the tapping cantilever of two modes (see `examples/configs`) at the default tolerance.
+    The share of 20 000 random cells with a wrong label is 0 per cent in the plane of Fig. 9, 0.015 per cent in the
+    worst plane of Fig. 10, and 0.02 per cent in [-5, 5]^4. The reference is the event-driven flow at tolerance 1e-11,
+    followed until it is within 1e-6 of an attractor (``benchmarks/basin_accuracy.py``). Grids with long chaotic
+    transients have more wrong labels. `Basins.label_error` measures their share. A finished store has it as
+    ``label_error``, from a hundredth of its cells and some cells followed by the event-driven flow.
 
-    Whatever ends a run, a store stays readable: a unit is written aside and then renamed. Units that were cut off all
-    the same are found by their checksums, and computed again. `docs/basins.md` is a guide.
+    Besides, at most a share `Attractors.measured_error` of any one trapping region belongs to another basin, by the
+    samples that made the region. A store's metadata has the numbers as ``accuracy`` and ``attractors``.
+    ``attractors.notes`` has each region's construction, and its proof or number of samples.
+
+    Whatever ends a run, a store stays readable: a unit is written aside and then renamed. A unit that was cut off is
+    detected by its checksum, and computed again. `docs/basins.md` is a guide, docs/theory/basins.md the theory.
 
     Examples
     --------
@@ -161,22 +138,19 @@ def map_basins(
     >>> {name: round(share, 2) for name, share in basins.fractions().items()}
     {'period-1 A': 0.42, 'period-1 B': 0.58, 'diverged': 0.0, 'undecided': 0.0}
     """
-    _check_options(system, client, progress, engine=engine, preview=preview)
-    settings = Labelling(
-        system, system.resolve(parameters), Traps(len(system.states)), checked_interval(interval),
-        checks.between("tolerance", tolerance, 1e-14, 1e-2),
-        0 if longest is None else checks.count("longest", longest, 1), checked_engine(engine), bool(preview),
-    )  # fmt: skip
+    settings = settings_of(system, parameters, options)
+    chosen = options or BasinOptions()
     cells, place = _grid(system, grid), _path(path)
     if place is None and cells.size > _IN_MEMORY:
         raise InputError("path", None, f"given for a grid of more than {_IN_MEMORY:.0e} cells", f"it has {cells.size}")
     with ExitStack() as stack:
-        if engine == "dask":
+        report = stack.enter_context(Reporter(progress)).report or False
+        if chosen.engine == "dask":
             from saltus.basins.map.cluster import labelled_by, scheduler
 
-            cluster = stack.enter_context(scheduler(client))
+            cluster = stack.enter_context(scheduler(chosen.client))
         kept = Store.open(place, writable=True) if place is not None and place.exists() else None
-        found, search = attractors_for(settings, cells, attractors, kept)
+        found, search = attractors_for(settings, cells, attractors, kept, report)
         labelling, reason = with_traps(settings, found, cells)
         inputs = {
             **labelling.definition(), "longest_reason": reason, "labels": dict(found.labels),
@@ -188,8 +162,8 @@ def map_basins(
             _check_attractors(labelling, found)
             if place is not None:
                 kept = Store.create(place, cells, attributes_of(inputs, cells, found), attractors_bytes(found))
-        run = _Run(cells, kept, progress, labelling)
-        if engine == "dask":
+        run = _Run(cells, kept, labelling, report)
+        if chosen.engine == "dask":
             return run.through(labelled_by(cluster, cells, inputs, place, run.units), found, inputs)
         return run.through(labelling.units(cells, run.units), found, inputs)
 
@@ -197,12 +171,13 @@ def map_basins(
 class _Run:
     """Units of a grid on their way into a store or an array."""
 
-    def __init__(self, grid: Grid, store: Store | None, progress: Progress | None, labelling: Labelling) -> None:
-        self.grid, self.store, self.progress, self.labelling = grid, store, progress, labelling
+    def __init__(self, grid: Grid, store: Store | None, labelling: Labelling, report: bool | Report) -> None:
+        self.grid, self.store, self.labelling = grid, store, labelling
         self.undecided: list[NDArray[np.int64]] = []
         self.array = np.full(grid.shape if store is None else 0, NOT_DONE, np.uint8)
         self.units = list(grid.units()) if store is None else store.missing()
-        self.done = self.kept = grid.size - sum(map(_count, self.units))
+        self.reporter = Reporter(report)
+        self.reporter.expect(grid.size, grid.size - sum(map(_count, self.units)))
         self.followed, self.started = 0, monotonic()
 
     @property
@@ -211,12 +186,12 @@ class _Run:
         return self.followed / max(monotonic() - self.started, 1e-9)
 
     @property
-    def left(self) -> float:
-        """Seconds that the other cells take, at the pace of those done in this run."""
-        return (monotonic() - self.started) * (self.grid.size - self.done) / (self.done - self.kept)
+    def done(self) -> int:
+        """Count of finished cells, those of earlier runs included."""
+        return self.reporter.done
 
     def through(self, labelled: Any, attractors: Any, inputs: Mapping[str, Any]) -> Basins:
-        """Keep all units as they come, and return the basins."""
+        """Keep all units as they are labelled, and return the basins."""
         interrupted = False
         try:
             with closing(labelled):
@@ -225,7 +200,7 @@ class _Run:
         except KeyboardInterrupt:
             interrupted = True
         if self.store is None:
-            said = told(self.done, self.grid.size, interrupted=interrupted)
+            said = ended(self.done, self.grid.size, "cells", interrupted=interrupted)
             return Basins(self.array, self.grid, attractors, inputs, said, None, self.rate, self.why_undecided())
         if self.followed:
             before = self.store.attributes.get("run", {"orbits": 0, "seconds": 0.0})
@@ -241,20 +216,20 @@ class _Run:
         return Basins.of_store(self.store, attractors, interrupted=interrupted)
 
     def check(self, store: Store, attractors: Any) -> None:
-        """Follow some cells of a whole store again, if that has not been done, and note how many labels were wrong."""
+        """Follow some cells of a complete store again, once, and note how many labels were wrong."""
         if "label_error" not in store.attributes:
             some = min(self.grid.size, max(self.grid.size // _CHECKED, _FEWEST), _MOST)
             store.note(label_error=asdict(Basins.of_store(store, attractors).label_error(some, by_events=_BY_EVENTS)))
 
     def why_undecided(self) -> str:
-        """Say why cells of this run are undecided, from some of them; nothing where none is."""
+        """Return why cells of this run are undecided, from some of them; empty where none is."""
         if not self.undecided:
             return ""
         found = np.concatenate(self.undecided)
         return self.labelling.undecided(self.grid.at(found[:: -(-len(found) // _ASKED)]))
 
     def keep(self, cells: tuple[slice, ...], labels: NDArray[np.uint8] | None, followed: int) -> None:
-        """Keep a unit, unless the one who labelled it did, and tell."""
+        """Keep a unit, unless a worker wrote it, and report it."""
         if labels is not None and self.store is not None:
             self.store.write(cells, labels)
         elif labels is not None:
@@ -263,24 +238,12 @@ class _Run:
             labels = np.asarray(self.store.labels[cells])
         if labels is not None and len(at := np.argwhere(labels == UNDECIDED)):
             self.undecided.append(at[:: -(-len(at) // _ASKED)] + [part.start for part in cells])
-        self.done += _count(cells)
         self.followed += followed
-        if self.progress is not None:
-            self.progress(self.done, self.grid.size, self.rate, self.left)
+        self.reporter.step(_count(cells), "labelling cells")
 
 
 def _count(cells: Sequence[slice]) -> int:
     return math.prod(part.stop - part.start for part in cells)
-
-
-def _check_options(system: object, client: object, progress: object, *, engine: str, preview: object) -> None:
-    """Raise `InputError` where an argument is of another kind, or does not belong to the engine."""
-    checks.instance("system", system, HybridSystem)
-    checked_engine(engine)
-    if (client is not None) != (engine == "dask"):
-        raise InputError("client", client, "given for engine='dask', and for no other")
-    checks.function("progress", progress, "of two counts, a rate and a time")
-    checks.flag("preview", preview)
 
 
 def _path(path: object) -> Path | None:
@@ -297,32 +260,71 @@ def _grid(system: HybridSystem, grid: Any) -> Grid:
     return Grid(system.states, grid)
 
 
+def settings_of(
+    system: HybridSystem, parameters: Mapping[str, float] | None, options: BasinOptions | None
+) -> Labelling:
+    """Return the settings of a labelling, still without trapping regions.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        The system.
+    parameters : mapping of str to float or None
+        Parameters that differ from the system's defaults.
+    options : BasinOptions or None
+        Engine, accuracy, and how long motions are followed.
+
+    Raises
+    ------
+    InputError
+        No system, parameters that it does not have, or no options.
+    """
+    checks.instance("system", system, HybridSystem)
+    options = BasinOptions() if options is None else checks.instance("options", options, BasinOptions)
+    return Labelling(
+        system,
+        system.resolve(parameters),
+        Traps(len(system.states)),
+        options.interval,
+        options.tolerance,
+        options.longest or 0,
+        checked_engine(options.engine),
+        options.preview,
+    )
+
+
 def attractors_for(
-    settings: Labelling, grid: Grid, given: Any, kept: Store | None = None
+    settings: Labelling,
+    grid: Grid,
+    given: Any,
+    kept: Store | None = None,
+    progress: bool | Report = False,
 ) -> tuple[Any, dict[str, Any]]:
-    """Return the attractors that are given, that a store has, or that are found; and how they are looked for.
+    """Return the attractors: given ones, those of a store, or found ones; and the options of the search.
 
     Parameters
     ----------
     settings : Labelling
-        What labels the cells, still without trapping regions.
+        Settings of the labelling, still without trapping regions.
     grid : Grid
-        In whose box attractors are looked for.
+        Grid whose box is the default region of the search.
     given : Attractors, mapping or None
         As `map_basins` takes it.
     kept : Store, optional
-        Which has attractors.
+        Store with attractors.
+    progress : bool or callable, optional
+        As `find_attractors` takes it.
 
     Returns
     -------
     attractors : Attractors
     search : dict
-        All options of the search as plain data, as ``search``; nothing where it is not asked how they are found.
+        All options of the search as plain data, as ``search``; empty without options.
 
     Raises
     ------
     InputError
-        They are no attractors, no such options, or the engine cannot run here.
+        Not attractors, unknown options, or an engine that cannot run here.
     """
     asked = isinstance(given, Mapping) or (given is None and kept is None)
     options = _search(grid, given or {}) if asked else {}
@@ -331,20 +333,21 @@ def attractors_for(
         found = outcomes_from(kept.attractors, kept.attributes["attractors"])
     elif asked:
         settings.check_engine()
-        tell = (given or {}).get("progress")
         found = find_attractors(
-            settings.system, settings.parameters, interval=settings.interval, progress=tell, **options
+            settings.system, settings.parameters, interval=settings.interval, progress=progress, **options
         )
     if not isinstance(getattr(found, "traps", None), Traps):
         kind, hint = type(found).__name__, "attractors_from makes one of known orbits"
         raise InputError("attractors", kind, "an Attractors, as find_attractors returns", hint)
     if settings.interval not in (None, found.interval):
-        raise InputError("interval", settings.interval, f"that of the attractors, {found.interval!r}", "leave it out")
+        raise InputError(
+            "BasinOptions.interval", settings.interval, f"that of the attractors, {found.interval!r}", "leave it out"
+        )
     return found, {"search": json.loads(json.dumps(options, default=_plain))} if asked else {}
 
 
 def with_traps(settings: Labelling, found: Any, grid: Grid) -> tuple[Labelling, str]:
-    """Return what labels the cells of a grid by the traps of attractors, and why it follows motions for so long."""
+    """Return the labelling of a grid with the attractors' traps, and the reason for its `longest`."""
     given = Patience(settings.longest, "as given")
     patience = given if settings.longest else patience_for(found, grid.box)
     scale = units_of(getattr(found, "scale", None))
@@ -353,14 +356,14 @@ def with_traps(settings: Labelling, found: Any, grid: Grid) -> tuple[Labelling, 
 
 
 def _search(grid: Grid, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options of a search for attractors: those given, and what the others are by default."""
+    """Return all options of a search for attractors: given ones and defaults."""
     region = {name: low if low == high else (low, high) for name, (low, high) in grid.box.items()}
     usual = {"region": region, "seeds": _SEEDS, "search": Search(), "motions": grid.size}
     for name in given:
-        if name not in usual and name != "progress":
+        if name not in usual:
             hint = nearest(name, usual) or "attractors_from makes attractors of orbits by name"
             raise InputError("attractors", name, f"options among {', '.join(usual)}", hint)
-    return usual | {name: value for name, value in given.items() if name != "progress"}
+    return usual | dict(given)
 
 
 def _plain(value: Any) -> Any:
@@ -368,7 +371,7 @@ def _plain(value: Any) -> Any:
 
 
 def _same_inputs(kept: Store, grid: Grid, inputs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a store's inputs; `InputError` where others are asked for, in which `search` may be missing."""
+    """Return a store's inputs; raise `InputError` where the inputs differ; `search` may be missing."""
     its = dict(kept.attributes["inputs"])
     inputs = {key: value for key, value in inputs.items() if key != "longest_reason"}
     there = {key: value for key, value in its.items() if key not in _TOLD or key in inputs}
@@ -379,7 +382,7 @@ def _same_inputs(kept: Store, grid: Grid, inputs: Mapping[str, Any]) -> dict[str
 
 
 def _check_attractors(labelling: Labelling, attractors: Any) -> None:
-    """Raise `InputError` where attractors belong to something else, or one of them is none."""
+    """Raise `InputError` where attractors belong to another system or parameters, or motions leave one of them."""
     if attractors.system != labelling.system:
         raise InputError("attractors", attractors.system.name, f"of this system, {labelling.system.name!r}")
     theirs = attractors.system.resolve(attractors.parameters)

@@ -1,4 +1,4 @@
-"""What labels stand for: the attractors of basins, in memory and in a store."""
+"""Meanings of labels: the attractors of basins, in memory and in a store."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = ["Outcomes", "attractors_bytes", "named_labels", "outcomes_from", "poi
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:
-    """What the labels of an array from elsewhere stand for.
+    """Meanings of the labels of an array from another source.
 
     Attributes
     ----------
@@ -35,9 +35,9 @@ class Outcomes:
     points : mapping of str to ndarray, shape (k, n)
         Points of the attractors, where they are known.
     kinds, notes : mapping of str to str
-        What kind of attractor each is, and what is known of its trapping region.
+        Kind of each attractor, and a note on its trapping region.
     measured_error : float or None
-        Bound on the part of a trapping region that belongs elsewhere, where it was measured.
+        Bound on the share of a trapping region that belongs to another basin, where measured.
     """
 
     labels: Mapping[str, int]
@@ -53,7 +53,7 @@ class Outcomes:
 
 
 def summary(attractors: Any) -> dict[str, Any]:
-    """Return what a reader wants to know of the attractors, as plain data."""
+    """Return a summary of the attractors as plain data."""
     told = {
         "labels": dict(attractors.labels),
         "points": {name: np.asarray(points).tolist() for name, points in attractors.points.items()},
@@ -65,19 +65,19 @@ def summary(attractors: Any) -> dict[str, Any]:
 
 
 def attractors_bytes(attractors: Any) -> bytes:
-    """Return the attractors as the content of a NetCDF file; nothing for those of an array from elsewhere."""
+    """Return the attractors as the bytes of a NetCDF file; empty for `Outcomes`."""
     if not isinstance(attractors, Attractors):
         return b""
     return sealed(netcdf({"": attractors.to_xarray()}))
 
 
 def outcomes_from(held: bytes, said: Mapping[str, Any]) -> Any:
-    """Return the attractors of a store; raise `InputError` where it does not hold them whole."""
+    """Return the attractors of a store; raise `InputError` where they are incomplete."""
     return Attractors.from_xarray(dataset_in(held, "attractors")) if held else _outcomes(said)
 
 
 def _outcomes(said: Mapping[str, Any]) -> Outcomes:
-    """Return the outcomes of an array from elsewhere, as `summary` told them."""
+    """Return the outcomes that `summary` described."""
     labels, error = said.get("labels"), said.get("measured_error")
     if not isinstance(labels, Mapping) or not all(
         type(label) is int and 0 <= label < NOT_DONE for label in labels.values()
@@ -114,7 +114,7 @@ def named_labels(names: Mapping[str, int]) -> dict[str, int]:
 
 
 def points_of(name: str, points: ArrayLike, names: Mapping[str, int], grid: Grid) -> NDArray[np.float64]:
-    """Return points of an attractor, rows of states of a grid; raise `InputError` where they cannot be some."""
+    """Return checked points of an attractor, rows of a grid's states; raise `InputError` for invalid ones."""
     checks.chosen("points", name, names)
     where, allowed = f"points[{name!r}]", f"rows of finite {', '.join(grid.states)}"
     found: NDArray[np.float64] = frozen(np.atleast_2d(checks.array(where, points, allowed)))

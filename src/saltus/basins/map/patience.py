@@ -1,8 +1,8 @@
-"""How long motions from a grid are followed before they stay undecided: as the slowest decay to an attractor asks for.
+"""Default number of periods for which motions from a grid are followed, from the slowest decay to an attractor.
 
-Near an attractor distances from it shrink by a factor m a period, the modulus of its largest multiplier. A motion from
-the farthest corner of the grid, R times as far away as the trapping region reaches, is in it after ``log R / -log m``
-periods if it decays at that rate all the way.
+Near an attractor, distances from it shrink by a factor m a period, the modulus of its largest multiplier. Let the
+farthest corner of the grid be R times as far away as the trapping region reaches. A motion from there that decays at
+the same rate all the way is in the region after ``log R / -log m`` periods.
 """
 
 from __future__ import annotations
@@ -21,11 +21,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Patience", "decay_periods", "patience_for"]
 
-_LEAST, _MOST = 200, 100_000
-"""Periods that motions are followed by default, at the least and at the most."""
+_LEAST = 200  # default periods that motions are followed, at least
+_MOST = 100_000  # the same, at most
 
-_SAFETY = 4.0
-"""Times as many periods as the decay takes: a motion may pass by a saddle, and slower where it is not linear."""
+_SAFETY = 4.0  # periods followed over those of the slowest linear decay: saddles and nonlinear decay take longer
 
 
 class Patience(NamedTuple):
@@ -34,9 +33,9 @@ class Patience(NamedTuple):
     Attributes
     ----------
     periods : int
-        Periods, or intervals of a system without a phase, after which a motion is undecided.
+        Periods, or intervals between strobes, after which a motion is undecided.
     reason : str
-        Why so many, in words.
+        Reason for the number, in words.
     """
 
     periods: int
@@ -46,15 +45,16 @@ class Patience(NamedTuple):
 def patience_for(attractors: Any, box: Mapping[str, tuple[float, float]]) -> Patience:
     """Return how long motions from a box are followed by default.
 
-    Four times as long as the slowest decay takes from the farthest corner of the box into a trapping region, or as the
-    slowest motion of the search took, if that is longer; 200 periods at the least, 100 000 at the most.
+    It is four times the larger of two numbers, and between 200 and 100 000. The first is the periods of the slowest
+    decay from the farthest corner of the box into a trapping region. The second is the periods of the slowest motion of
+    the search.
 
     Parameters
     ----------
     attractors : Attractors
-        What they end on; of attractors made elsewhere nothing but the trapping regions is needed.
+        Attractors of the motions.
     box : mapping of str to (float, float)
-        Where motions start, for each state in the system's order.
+        Interval in which motions start, for each state in the system's order.
     """
     found = [Patience(_LEAST, "the least")]
     slowest = int(getattr(attractors, "slowest", 0))
@@ -77,16 +77,16 @@ def _times(periods: float, what: str) -> Patience:
 
 
 def decay_periods(traps: Traps, label: int, decay: float, low: NDArray[np.float64], high: NDArray[np.float64]) -> float:
-    """Return after how many periods the farthest corner of a box is in the trapping region of an attractor.
+    """Return the periods of the linear decay from a box's farthest corner into an attractor's trapping region.
 
     Parameters
     ----------
     traps : Traps
-        The trapping regions, of which the ellipsoid, the cage or the boxes of the attractor count.
+        Trapping regions; the attractor's ellipsoid, cage or boxes count.
     label : int
         The attractor.
     decay : float
-        Factor by which distances from it shrink in a period.
+        Factor by which distances from the attractor shrink in a period.
     low, high : ndarray, shape (n,)
         The box.
     """

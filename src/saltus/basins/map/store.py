@@ -1,4 +1,4 @@
-"""The Zarr store of basins: labels in chunks, each written once and as a whole, with all inputs beside them."""
+"""Zarr store of basins: labels in chunks, each written once and as a whole, and all inputs."""
 
 from __future__ import annotations
 
@@ -18,33 +18,35 @@ import numpy as np
 from saltus.basins.map.grid import Grid, tiles
 from saltus.ensemble.traps import NOT_DONE
 from saltus.errors import InputError
-from saltus.files import flush, interrupt_waits, telling, whole_file
-from saltus.work import starting
+from saltus.files import flush, telling, whole_file
+from saltus.work import interrupt_waits, starting
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["Store", "Window", "check_same", "flags"]
 
-_MOST_BYTES = 2**31  # of what is kept of attractors
+_MOST_BYTES = 2**31  # size of the attractors' file, at most
 
-_LABELS, _ATTRACTORS, _METADATA = "labels", "attractors", "zarr.json"
+_LABELS = "labels"  # array of the cells' labels
+_ATTRACTORS = "attractors"  # array with the bytes of the attractors' file
+_METADATA = "zarr.json"  # file of a group's or an array's metadata
 
+# What Zarr and its codecs raise where a checksum, a length or an entry of the metadata is wrong.
 _DAMAGE = (ValueError, RuntimeError, TypeError, KeyError, IndexError, AttributeError, MemoryError)
-"""What Zarr and its codecs raise where a checksum, a length or an entry of the metadata is wrong."""
 
 
 class Store:
-    """An open store.
+    """An open store of basins.
 
     Attributes
     ----------
     path : Path
-        Where it is.
+        Folder of the store.
     grid : Grid
-        The grid of its cells.
+        Grid of the cells.
     attributes : dict
-        Everything in its metadata.
+        All metadata.
     """
 
     def __init__(self, path: Path, grid: Grid, group: Any) -> None:
@@ -56,7 +58,7 @@ class Store:
 
     @classmethod
     def create(cls, path: Path, grid: Grid, attributes: Mapping[str, Any], attractors: bytes) -> Store:
-        """Make a store in which no cell is done: aside, then renamed, so that a store is whole or absent.
+        """Create a store without labels; it is written aside, then renamed, so that it is whole or absent.
 
         Raises
         ------
@@ -101,7 +103,7 @@ class Store:
         Raises
         ------
         InputError
-            It is no store of basins, or it cannot be written although it is to be.
+            It is no store of basins, or it cannot be written where `writable` is asked for.
         """
         import zarr
 
@@ -123,7 +125,7 @@ class Store:
         return store
 
     def _check(self) -> None:
-        """Raise `InputError` where the labels are not those of the grid, or the metadata are of another kind."""
+        """Raise `InputError` where the labels do not fit the grid, or the metadata have another type."""
         array, wanted = self._array, (self.grid.shape, np.dtype(np.uint8))
         if (array.shape, array.dtype) != wanted:
             raise InputError("shape and kind of the labels", (array.shape, array.dtype), str(wanted))
@@ -137,14 +139,14 @@ class Store:
 
     @property
     def orbits_per_second(self) -> float:
-        """Motions followed a second while the labels were computed; NaN where it is not known."""
+        """Motions followed a second while the labels were computed; NaN where unknown."""
         run = self.attributes.get("run", {})
         known = isinstance(run, dict) and all(isinstance(run.get(key), int | float) for key in ("orbits", "seconds"))
         return float(run["orbits"] / run["seconds"]) if known and run["seconds"] else math.nan
 
     @property
     def attractors(self) -> bytes:
-        """What was kept of the attractors.
+        """Content of the attractors' file.
 
         Raises
         ------
@@ -162,25 +164,25 @@ class Store:
 
     @property
     def labels(self) -> Window:
-        """Labels of all cells, read where they are asked for."""
+        """Labels of all cells, read on access."""
         return Window(self.path, self._array, (None,) * len(self.grid.shape), self._unit)
 
     def write(self, cells: tuple[slice, ...], labels: NDArray[np.uint8]) -> None:
-        """Write a unit: Zarr renames what it has written, and what the disk does not hold then has a wrong checksum."""
+        """Write a unit: Zarr writes aside and renames; a part lost by the disk has a wrong checksum."""
         with interrupt_waits(), _telling(self.path):  # Zarr's own thread would go on, and leave a part behind
             self._array[cells] = labels
 
     def missing(self) -> list[tuple[slice, ...]]:
-        """Return the units that are not done; what is left of one that was cut off is removed."""
+        """Return the units that are not done; remove the remains of a unit that was cut off."""
         return [cells for cells in tiles(self.grid.shape, self._unit) if not self._holds(cells)]
 
     def done(self) -> int:
-        """Return how many cells lie in units that were written."""
+        """Return the count of cells in finished units."""
         units = tiles(self.grid.shape, self._unit)
         return sum(math.prod(part.stop - part.start for part in cells) for cells in units if self._written(cells))
 
     def note(self, **attributes: Any) -> None:
-        """Add to the metadata."""
+        """Add entries to the metadata."""
         with whole_file(self.path / _METADATA, "path") as draft:
             metadata = json.loads((self.path / _METADATA).read_text(encoding="utf-8"))
             metadata["attributes"] |= attributes
@@ -209,18 +211,18 @@ class Store:
 
 
 class Window:
-    """Labels in a store, or of a section through them, read where they are asked for.
+    """Labels of a store, or of a section through it, read on access.
 
-    It has a shape and a dtype, is sliced as an array is, and becomes one by `numpy.asarray`.
+    It has a shape and a dtype, and is sliced like an array; `numpy.asarray` reads it whole.
 
     Parameters
     ----------
     path : Path
         The store.
     array : zarr.Array
-        All its labels.
+        Labels of all cells.
     fixed : tuple of int or None
-        For each dimension of `array` the index at which the section cuts it, None where it does not.
+        For each dimension of `array` the index of the section, None for a free dimension.
     unit : tuple of int
         Shape of a unit of `array`.
     """
@@ -237,7 +239,7 @@ class Window:
         self.size = math.prod(self.shape)
 
     def section(self, cells: Mapping[int, int]) -> Window:
-        """Return the section at given indices of some dimensions."""
+        """Return the section at given indices of the dimensions."""
         free = iter(range(self.ndim))
         fixed = tuple(cells.get(next(free)) if index is None else index for index in self.fixed)
         return Window(self.path, self._array, fixed, self._unit)
@@ -270,7 +272,7 @@ class Window:
 
 
 def check_same(path: Path, inputs: Mapping[str, Any], kept: Mapping[str, Any]) -> None:
-    """Raise `InputError`, naming what differs and both values, where a store belongs to other inputs."""
+    """Raise `InputError`, with the first differing input and both values, for a store of other inputs."""
     for name, mine, its in _differences(inputs, kept):
         hint = f"its {name} is {_shortened(its)}, not {_shortened(mine)}"
         raise InputError("path", str(path), "a new one, or that of the same input", hint)
@@ -301,7 +303,7 @@ def flags(labels: Mapping[str, int]) -> dict[str, Any]:
 
 
 def _what_is(path: Path) -> str:
-    """Say what is at a place that holds no store, where that helps."""
+    """Return what is at a path without a store, where this helps."""
     if not path.exists():
         return "there is nothing"
     if not path.is_dir():
@@ -313,6 +315,6 @@ def _what_is(path: Path) -> str:
 
 @contextmanager
 def _telling(path: Path) -> Iterator[None]:
-    """Turn what the system refuses, a place on the disk or Zarr's own thread, into an error of one line."""
+    """Turn an error of the disk, or of Zarr's thread, into an `InputError` of one line."""
     with telling(path, "path", "what is done is kept, and the same call goes on from it", "a folder"), starting():
         yield

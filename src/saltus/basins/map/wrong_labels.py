@@ -1,4 +1,4 @@
-"""How many labels are not those of motions that are followed more exactly."""
+"""Count of labels that differ from those of motions followed more exactly."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ __all__ = ["LabelError", "differing", "label_error_of"]
 
 @dataclass(frozen=True)
 class LabelError:
-    """How many labels are not those of motions that are followed more exactly; see `Basins.label_error`.
+    """Count of labels that differ from those of motions followed more exactly; see `Basins.label_error`.
 
     Attributes
     ----------
     wrong, cells : int
-        Labels that differ, and all that were compared.
+        Count of labels that differ, and of all compared.
     bound : float
-        The part that is wrong is less, at 95 % confidence.
+        Upper bound on the share of wrong labels, at 95 % confidence.
     tolerance : float
-        Of a step of the motions that were followed anew.
+        Tolerance of a step of the motions followed anew.
     wrong_by_events, cells_by_events : int
-        The same of the cells whose motions the event-driven flow followed as well.
+        The two counts for the cells that the event-driven flow followed as well.
     """
 
     wrong: int
@@ -43,13 +43,13 @@ class LabelError:
 
 
 def differing(labels: NDArray[np.uint8], others: NDArray[np.uint8]) -> tuple[int, int]:
-    """Return how many labels differ from others, and how many of these are decided."""
+    """Return the count of labels that differ from decided reference labels, and the count of those."""
     decided = others != UNDECIDED
     return int((decided & (labels != others)).sum()), int(decided.sum())
 
 
 def label_error_of(kept: Any) -> LabelError:
-    """Return what a store says of wrong labels."""
+    """Return the label error in a store's metadata."""
     wanted = {part.name for part in fields(LabelError)}
     if not isinstance(kept, Mapping) or set(kept) != wanted or not all(map(checks.is_real, kept.values())):
         raise InputError("attribute 'label_error'", kept, f"numbers by {', '.join(sorted(wanted))}")

@@ -1,4 +1,4 @@
-"""Distances in a grid, in weighted coordinates: of a point from other labels, and from the edge of the window."""
+"""Distances of a point from other labels and from the window's edge, in weighted coordinates."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["farthest_site", "half_diagonal", "nearest_outside", "own_cell", "room_about", "start_of", "weights_of"]
 
-_NEAR = 2**20
-"""Cells that are looked at together in a search from the attractor outwards."""
+_NEAR = 2**20  # cells that are searched together, from the attractor outwards
 
 
 def weights_of(grid: Grid, weights: Mapping[str, float] | None) -> NDArray[np.float64]:
@@ -42,7 +41,7 @@ def weights_of(grid: Grid, weights: Mapping[str, float] | None) -> NDArray[np.fl
 
 
 def start_of(basins: Labelled, name: str, centre: ArrayLike | None) -> tuple[NDArray[np.float64], float]:
-    """The centre in the free coordinates, and how far from the grid's plane the attractor's point is."""
+    """Return the centre in the free coordinates, and the distance of the attractor's point from the grid's plane."""
     grid, off = basins.grid, 0.0
     if centre is not None:
         allowed = f"a number for each of {', '.join(grid.names)}"
@@ -68,10 +67,10 @@ def start_of(basins: Labelled, name: str, centre: ArrayLike | None) -> tuple[NDA
 def nearest_outside(
     basins: Labelled, label: int, start: NDArray[np.float64], scale: NDArray[np.float64], half: float
 ) -> tuple[float, NDArray[np.float64], int]:
-    """Distance, centre and label of the nearest cell with another label; infinite and NaN where there is none.
+    """Return distance, centre and label of the nearest cell with another label; infinite and NaN without one.
 
-    The distance is that of its centre with `half` = 0, and that of the nearest point of the cell with `half` = 1/2.
-    Blocks are looked at in the order of their distance, until the next is further than what has been found.
+    With `half` = 0 it is the distance of the cell's centre, with `half` = 1/2 that of the cell's nearest point. Blocks
+    are read in the order of their distance, until the next is further than the nearest cell so far.
     """
     grid, labels = basins.grid, basins.labels
     gaps = [
@@ -103,13 +102,13 @@ def nearest_outside(
 
 
 def _nearer(gap: NDArray[np.float64], part: slice, room: float) -> slice:
-    """The cells of a slice whose gap exceeds the least one there by no more than `room`."""
+    """Return the cells of a slice whose gap exceeds the least one there by no more than `room`."""
     within = np.flatnonzero(gap[part] <= gap[part].min() + room)
     return slice(part.start + int(within[0]), part.start + int(within[-1]) + 1)
 
 
 def farthest_site(sites: NDArray[np.int32], sizes: NDArray[np.float64]) -> tuple[float, tuple[int, ...]]:
-    """The largest distance of a cell from its site, and that cell; layer by layer, to save memory."""
+    """Return the largest distance of a cell from its site, and the cell; layer by layer, to save memory."""
     best, cell = -1.0, (0,) * len(sizes)
     shape = sites.shape[1:]
     for layer in range(shape[0]):
@@ -124,18 +123,18 @@ def farthest_site(sites: NDArray[np.int32], sizes: NDArray[np.float64]) -> tuple
 
 
 def half_diagonal(grid: Grid, scale: NDArray[np.float64]) -> float:
-    """Half the diagonal of a cell, in units of the scale."""
+    """Return half the diagonal of a cell, in units of the scale."""
     return 0.5 * float(np.linalg.norm(np.asarray(grid.spacing) / scale))
 
 
 def room_about(grid: Grid, start: NDArray[np.float64], scale: NDArray[np.float64]) -> float:
-    """Distance of a point from the window's edge."""
+    """Return the distance of a point from the window's edge."""
     ends = np.array([(low, high) for low, high, _ in grid.ranges])
     return float((np.abs(ends - start[:, None]).min(axis=1) / scale).min())
 
 
 def own_cell(basins: Labelled, label: int, start: NDArray[np.float64]) -> str:
-    """A sentence where the cell that a point lies in has another label."""
+    """Return a note where the cell around a point has another label, else an empty text."""
     cell = basins.grid.nearest(dict(zip(basins.grid.names, start.tolist(), strict=True)))
     own = int(read(basins.labels, tuple(slice(i, i + 1) for i in cell.values())).item())
     return "" if own == label else f"the centre's own cell is labelled {outcome_of(basins, own)!r}"

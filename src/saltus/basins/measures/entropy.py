@@ -1,4 +1,4 @@
-"""How unpredictable basins are: basin entropy, with its test for fractal boundaries."""
+"""Basin entropy, and its test for fractal boundaries: docs/theory/integrity.md, "Entropy"."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class BasinEntropy:
     box : int
         Cells on a box's edge.
     boxes, boundary_boxes : int
-        How many boxes there are, and how many with more than one outcome.
+        Count of all boxes, and of those with more than one outcome.
     """
 
     value: float
@@ -51,14 +51,14 @@ class BasinEntropy:
 
     @property
     def fractal(self) -> bool:
-        """Whether S_bb exceeds ln 2 by more than two standard errors; False leaves it open whether it is fractal."""
+        """Whether S_bb exceeds ln 2 by more than two standard errors; False proves nothing."""
         return bool(self.boundary - 2.0 * self.boundary_error > math.log(2.0))
 
 
 def basin_entropy(basins: Labelled, box: int = 5) -> BasinEntropy:
     r"""Return basin entropy and boundary basin entropy.
 
-    The grid is cut into boxes of ``box`` cells on each edge; what is left at the upper ends is not used. With the
+    The grid is cut into boxes of ``box`` cells on each edge; cells left over at the upper ends are not used. With the
     shares :math:`p_{ij}` of outcome j among the cells of box i,
 
     .. math:: S_i = -\sum_j p_{ij} \ln p_{ij}, \quad S_b = \frac1N \sum_i S_i, \quad S_{bb} = \frac1{N_b} \sum_i S_i,
@@ -66,8 +66,8 @@ def basin_entropy(basins: Labelled, box: int = 5) -> BasinEntropy:
     over all N boxes, and over the N_b of them with more than one outcome. Divergence is an outcome; undecided cells
     are left out, and a box of nothing else with them.
 
-    A smooth boundary parts two outcomes in all boxes but a vanishing share of them, so that S_bb cannot exceed ln 2
-    there: S_bb > ln 2 proves a fractal boundary (as far as the boxes are small). The converse does not hold.
+    A smooth boundary parts two outcomes in all boxes but a vanishing share of them, so that S_bb is at most ln 2.
+    Therefore S_bb > ln 2 proves a fractal boundary, in the limit of small boxes. The converse does not hold.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def basin_entropy(basins: Labelled, box: int = 5) -> BasinEntropy:
 
     Notes
     -----
-    The shares are those of ``box**D`` cells, so that with A outcomes mixed in a box the entropy is too small by about
+    The shares come from ``box**D`` cells. With A outcomes mixed in a box, the entropy is therefore too small by about
     ``(A - 1) / (2 box**D)``.
 
     References
@@ -133,7 +133,7 @@ def basin_entropy(basins: Labelled, box: int = 5) -> BasinEntropy:
 
 
 def _boxed(labels: NDArray[np.uint8], box: int) -> NDArray[np.uint8]:
-    """The labels of each whole box, shape (boxes, box**D)."""
+    """Return the labels of each whole box, shape (boxes, box**D)."""
     whole = [n // box for n in labels.shape]
     cut = labels[tuple(slice(n * box) for n in whole)]
     parted = cut.reshape([length for n in whole for length in (n, box)])
@@ -142,7 +142,7 @@ def _boxed(labels: NDArray[np.uint8], box: int) -> NDArray[np.uint8]:
 
 
 def _entropies(cells: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """The entropy of each row, undecided cells left out."""
+    """Return the entropy of each row, undecided cells left out."""
     known = (cells != UNDECIDED).sum(axis=1)
     entropies = np.zeros(len(cells))
     for label in np.unique(cells):
@@ -153,7 +153,7 @@ def _entropies(cells: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 
 def _standard_error(total: float, squares: float, n: int) -> float:
-    """Of a mean of n numbers with that sum and that sum of squares."""
+    """Return the standard error of a mean of n numbers, from their sum and sum of squares."""
     if n < 2:
         return math.nan
     return math.sqrt(max(squares - total**2 / n, 0.0) / (n - 1) / n)

@@ -1,4 +1,4 @@
-"""Integrity measures along a parameter, as a result."""
+"""Erosion profiles: integrity measures along a parameter, as a result."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ class ErosionProfile(Result):
     Attributes
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameter : str
-        What varies.
+        The parameter that varies.
     values : ndarray, shape (value,)
         Its values, ascending.
     parameters : mapping of str to float
         All parameters at the first value.
     attractors : tuple of str
-        The names of all attractors met, in the order in which they were.
+        Names of all attractors, in the order of their first appearance.
     measures : tuple of str
-        What was measured.
+        Names of the measures.
     found, errors : ndarray, shape (value, attractor, measure)
-        The measures, and what they are known to. NaN where there is none.
+        Values of the measures, and their errors; NaN where there is none.
     clipped : ndarray of bool, shape (value, attractor, measure)
-        Where the window's edge matters: a bound only.
+        Where the window's edge limits the measure, so that the value is only a bound.
     notes : ndarray of str, shape (value, attractor, measure)
-        Why there is no value, or what to know of it.
+        Remark on a value, or the reason why there is none.
     grid : mapping
         The grid, as `Grid.definition` has it.
     stopped : str
@@ -94,7 +94,7 @@ class ErosionProfile(Result):
         Raises
         ------
         InputError
-            It was not measured, or there is no such attractor.
+            An unknown measure or attractor.
         """
         i, k = self._place("attractor", attractor), self._place("measure", measure)
         return self.found[:, i, k]
@@ -155,11 +155,10 @@ class ErosionProfile(Result):
         grid = held.json("grid", dict)
         if Grid.from_definition(grid).states != system.states:
             raise InputError("the grid's states", grid["states"], f"those of the system: {', '.join(system.states)}")
-        held.size("value", least=1)
         return cls(
             system,
             swept_parameter(held, system),
-            held.array("value", ("value",)),
+            checks.ascending("variable 'value'", held.array("value", ("value",))),
             held_parameters(held, system),
             tuple(held.array("attractor", ("attractor",), str).tolist()),
             tuple(held.array("measure", ("measure",), str).tolist()),

@@ -1,14 +1,14 @@
-r"""Integrity of basins: how far an attractor is from the boundary of its basin, and how large the basin is.
+r"""Integrity of basins: distances of attractors from basin boundaries, and sizes of basins.
 
 Distances are measured in the free coordinates of the grid, as :math:`|\Delta| = \sqrt{\sum_i (\Delta x_i / w_i)^2}`
-with a weight for each coordinate, 1 by default. A ball of radius r is then an ellipsoid with semi-axes :math:`r w_i`,
-and whether the cells are cubes does not matter. Coordinates of different units cannot do without weights: a ball that
-is round in the one choice of units is not in another.
+with a weight for each coordinate, 1 by default. A ball of radius r is then an ellipsoid with semi-axes :math:`r w_i`;
+cells need not be cubes. Coordinates of different units need weights: a ball that is round in one choice of units is not
+in another.
 
-What is known of a basin are the labels of cell centres. A basin is taken to be the union of the cells with its label;
-where its boundary is flat across a cell, no point of the one boundary is further from the other than half a cell's
-diagonal (`docs/theory/integrity.md` has the proof). That is the error of a distance. Parts of a basin thinner than a
-cell may be missed altogether. Undecided cells count as outside.
+Only the labels of cell centres are known. A basin is taken to be the union of the cells with its label. Where the true
+boundary is flat across a cell, the two boundaries are nowhere further apart than half a cell's diagonal. Half a
+diagonal is thus the error of a distance; docs/theory/integrity.md, "What a grid knows", has the proof. Parts of a basin
+thinner than a cell may be missed. Undecided cells count as outside.
 """
 
 from __future__ import annotations
@@ -47,29 +47,28 @@ __all__ = [
     "minimal_fatal_perturbation",
 ]
 
-_MEMORY = 2**32
-"""Bytes that a distance transform may take."""
+_MEMORY = 2**32  # bytes that a distance transform may take
 
 
 @dataclass(frozen=True)
 class Volume:
-    """How large a basin is.
+    """Size of a basin.
 
     Attributes
     ----------
     value : float
         Hypervolume in the units of the free coordinates.
     error : float
-        Standard error, if cells next to the boundary are on the wrong side of it independently of each other: half a
-        cell times the square root of the number of pairs of neighbouring cells that the boundary parts. Not for a flat
-        boundary along the cells, where all of them are on the wrong side together.
+        Standard error, if cells next to the boundary are on its wrong side independently of each other. It is half a
+        cell times the square root of the number of neighbouring cells that the boundary parts. It does not hold for a
+        flat boundary along the cells, which are then all on one side.
     bound : float
-        Half a cell for each of these pairs: at most so much of a volume is on the wrong side of a boundary that is flat
-        across a cell.
+        Half a cell for each pair of cells that the boundary parts: the largest error for a boundary that is flat across
+        a cell.
     share, share_error : float
         Share of the window, and its standard error.
     cells : int
-        How many cells there are in the basin.
+        Count of the basin's cells.
     """
 
     value: float
@@ -89,15 +88,15 @@ class Ball:
     value : float
         Its radius, in the metric of the weights.
     error : float
-        What the radius is known to, by the size of the cells.
+        Error of the radius, from the size of the cells.
     clipped : bool
-        Whether the window stops the ball, not the basin: then `value` is a lower bound only.
+        Whether the window limits the ball, not the basin: `value` is then only a lower bound.
     centre : ndarray, shape (free coordinates,)
-        Its centre.
+        Centre of the ball.
     off_section : float
         Distance of the attractor's point from the plane of the grid, along the frozen coordinates and in their units.
     note : str
-        What to know besides, in words; mostly empty.
+        A remark in words; mostly empty.
     """
 
     value: float
@@ -115,19 +114,19 @@ class FatalPerturbation:
     Attributes
     ----------
     value : float
-        Its length in the metric of the weights; infinite where nothing in the window is fatal.
+        Length of the perturbation in the metric of the weights; infinite where nothing in the window is fatal.
     error : float
-        How much shorter the smallest one may be; it is not longer.
+        Length by which the true smallest perturbation may be shorter; it is not longer.
     clipped : bool
-        Whether a shorter one may lead out of the window.
+        Whether a shorter fatal perturbation may lead out of the window.
     centre : ndarray, shape (free coordinates,)
-        Where it starts.
+        Start of the perturbation.
     vector : ndarray, shape (free coordinates,)
         The perturbation, to the centre of a cell outside the basin; NaN where nothing is fatal.
     outcome : str
-        Where it leads: the name of that cell's label.
+        Outcome of the perturbed motion: the name of the cell's label.
     off_section, note
-        As those of a `Ball`.
+        As for a `Ball`.
     """
 
     value: float
@@ -207,20 +206,20 @@ def local_integrity(
 ) -> Ball:
     """Return the local integrity measure (LIM): the radius of the largest ball about an attractor in its basin.
 
-    It is the distance of the attractor from the nearest cell with another label, or from the window's edge where that
-    is nearer (`Ball.clipped`). It is 0 where the attractor's own cell has another label.
+    It is the distance of the attractor from the nearest cell with another label, or from a nearer edge of the window
+    (`Ball.clipped`). It is 0 where the attractor's own cell has another label.
 
     Parameters
     ----------
     basins : Basins
-        A finished grid of any dimension, of which only the cells nearer than the best found so far are read.
+        A finished grid of any dimension; only cells nearer than the nearest so far are read.
     name : str
         The attractor.
     weights : mapping of str to float, optional
         Lengths by which the coordinates are divided, for each free coordinate: the anisometric LIM. All 1 by default.
     centre : array_like, shape (free coordinates,), optional
         Centre of the ball; by default the attractor's first point at the strobes, projected onto the free coordinates.
-        `Ball.off_section` says how far from the grid's plane that point is.
+        `Ball.off_section` is the distance of this point from the grid's plane.
 
     Returns
     -------
@@ -270,9 +269,9 @@ def local_integrity(
 def integrity_factor(basins: Labelled, name: str, *, weights: Mapping[str, float] | None = None) -> Ball:
     """Return the integrity factor (IF): the radius of the largest ball anywhere in a basin and within the window.
 
-    Every cell is a candidate for the centre, by the exact Euclidean distance transform. With d the largest distance of
-    a cell's centre from the nearest centre outside, and e half a cell's diagonal, the radius is between ``d - 2 e`` and
-    ``d + e``; `Ball.value` is the middle.
+    Every cell is a candidate for the centre, by the exact Euclidean distance transform. Let d be the largest distance
+    of a cell's centre from the nearest centre outside, and e half a cell's diagonal. The radius is between ``d - 2 e``
+    and ``d + e``, and `Ball.value` is the middle; docs/theory/integrity.md derives the bounds.
 
     Parameters
     ----------
@@ -286,7 +285,7 @@ def integrity_factor(basins: Labelled, name: str, *, weights: Mapping[str, float
     Returns
     -------
     Ball
-        `Ball.clipped` where the window's edge touches it, so that a larger one may fit into a larger window.
+        With `Ball.clipped` where the window's edge touches the ball: a larger ball may fit into a larger window.
 
     Raises
     ------
@@ -349,8 +348,8 @@ def minimal_fatal_perturbation(
     """Return the smallest known perturbation that takes a motion from an attractor out of its basin.
 
     It leads from the attractor to the nearest centre of a cell with another label. The cell's label is that of its
-    centre, so that the perturbation is fatal; the smallest one is at most a cell's diagonal shorter where the boundary
-    is flat across a cell.
+    centre, so that the perturbation is fatal. Where the boundary is flat across a cell, the smallest fatal perturbation
+    is at most a cell's diagonal shorter.
 
     Parameters
     ----------

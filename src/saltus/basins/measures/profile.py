@@ -1,13 +1,13 @@
-"""Erosion of basins: integrity measures along a parameter.
+"""Erosion of basins: integrity measures along a parameter (docs/theory/integrity.md, "Erosion").
 
 Rules
 -----
-* At each value the attractors are found again and the basins mapped again, from nothing.
-* An attractor is followed by its name. Where no attractor has the name, its measures are NaN. Names that come from what
-  attractors look like, as "period-1 A", may pass from one to another when one is born or lost; then `within` follows
-  them by their points: each has the name of the nearest one at a value before, if no further than `within`, or else
-  one of its own that is new.
-* A measure that cannot be taken at a value, as the LIM of an attractor outside the window, is NaN, with a note. So are
+* At each value the attractors are found and the basins mapped independently of other values.
+* An attractor is followed by its name. Where no attractor has the name, its measures are NaN. Names of kinds, as
+  "period-1 A", may pass to another attractor when one is born or lost. With `within`, attractors are therefore followed
+  by their points. Each gets the name of the nearest attractor at earlier values, if no further than `within`, else a
+  new name.
+* A measure that is not defined at a value, as the LIM of an attractor outside the window, is NaN, with a note. So are
   all measures at a value where the search for attractors does not converge.
 """
 
@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -26,6 +27,7 @@ from saltus import checks
 from saltus.basins.map.basins import Basins
 from saltus.basins.map.grid import Grid, Plane
 from saltus.basins.map.mapping import map_basins
+from saltus.basins.map.options import BasinOptions
 from saltus.basins.measures.entropy import basin_entropy
 from saltus.basins.measures.erosion import ErosionProfile
 from saltus.basins.measures.integrity import (
@@ -38,6 +40,7 @@ from saltus.basins.measures.stability import Stability, basin_stability
 from saltus.basins.measures.uncertainty import uncertainty_by_neighbours
 from saltus.errors import ConvergenceError, InputError
 from saltus.files import telling
+from saltus.progress import Report, Reporter, ended
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
@@ -45,9 +48,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["MEASURES", "Reading", "erosion_profile"]
+__all__ = ["MEASURES", "ErosionOptions", "Reading", "erosion_profile"]
 
-Measure: TypeAlias = Callable[[Basins, str], Any]
+Measure: TypeAlias = Callable[[Basins, str], Any]  # of basins and an attractor's name
 
 
 class Reading(NamedTuple):
@@ -58,11 +61,11 @@ class Reading(NamedTuple):
     value : float
         The measure.
     error : float
-        What it is known to; NaN where that is not known.
+        Error of the measure; NaN where unknown.
     clipped : bool
-        Whether the window's edge matters.
+        Whether the window's edge limits the measure.
     note : str
-        What to know besides, in words.
+        A remark in words.
     """
 
     value: float
@@ -86,8 +89,7 @@ def _exponent(basins: Basins, name: str) -> Reading:
     return Reading(found.value, found.error)
 
 
-_OPTIONS = ("engine", "client", "longest", "tolerance", "preview", "interval")
-"""Options that `erosion_profile` passes on to `map_basins`."""
+# Measures by name. S_b and S_bb have boxes of five cells; like the exponent, they are equal for all attractors.
 MEASURES: Mapping[str, Measure] = MappingProxyType(
     {
         "GIM": global_integrity,
@@ -100,8 +102,48 @@ MEASURES: Mapping[str, Measure] = MappingProxyType(
         "exponent": _exponent,
     }
 )
-"""Measures by name: of integrity, basin stability, the minimal fatal perturbation, and, the same for all attractors,
-entropies over boxes of five cells and the uncertainty exponent by neighbours."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErosionOptions:
+    """Options with which `erosion_profile` measures basins along a parameter.
+
+    Parameters
+    ----------
+    measures : sequence of str, or mapping of str to callable
+        Names from `MEASURES`; or functions by name, called with the basins and an attractor's name. They return a
+        number, or an object with a `value`, and perhaps `error`, `clipped` and `note`. For example
+        ``{"LIM": partial(local_integrity, weights={"x": 1.0, "v": 0.5})}``.
+    attractors : callable, optional
+        Called with all parameters, returns the attractors; by default `map_basins` finds them.
+    within : float, optional
+        Largest distance that an attractor may move from one value to the next, the Hausdorff distance of its points. By
+        default attractors are followed by their names.
+    basins : BasinOptions
+        Options of the map at each value.
+
+    Raises
+    ------
+    InputError
+        An option that no profile can have.
+
+    Examples
+    --------
+    >>> ErosionOptions(measures=["GIM"], within=0.3, basins=BasinOptions(preview=True)).within
+    0.3
+    """
+
+    measures: Iterable[str] | Mapping[str, Measure] = ("GIM", "LIM", "IF")
+    attractors: Callable[[Mapping[str, float]], Any] | None = None
+    within: float | None = None
+    basins: BasinOptions = field(default_factory=BasinOptions)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "measures", _checked_measures(self.measures))
+        checks.function("ErosionOptions.attractors", self.attractors, "of the parameters")
+        if self.within is not None:
+            object.__setattr__(self, "within", checks.positive("ErosionOptions.within", self.within))
+        checks.instance("ErosionOptions.basins", self.basins, BasinOptions)
 
 
 def erosion_profile(
@@ -109,50 +151,38 @@ def erosion_profile(
     parameter: str,
     values: ArrayLike,
     grid: Mapping[str, Any] | Plane | Grid,
-    measures: Iterable[str] | Mapping[str, Measure] = ("GIM", "LIM", "IF"),
     *,
     parameters: Mapping[str, float] | None = None,
-    attractors: Callable[[Mapping[str, float]], Any] | None = None,
-    within: float | None = None,
+    options: ErosionOptions | None = None,
     path: str | os.PathLike[str] | None = None,
-    progress: Callable[[int, int, str], None] | None = None,
-    **options: Any,
+    progress: bool | Report = False,
 ) -> ErosionProfile:
     """Return integrity measures of the attractors along a parameter.
 
     Parameters
     ----------
     system : HybridSystem
-        What moves.
+        The system.
     parameter : str
-        What varies, a parameter or a group of them.
+        The parameter that varies, or a group of parameters.
     values : array_like, shape (value,)
         Its values, ascending.
     grid : mapping, Plane or Grid
         The cells, the same at every value, as for `map_basins`.
-    measures : sequence of str, or mapping of str to callable, optional
-        Names from `MEASURES`; or functions of the basins and an attractor's name, each with the name it is to have.
-        They return a number, or something with a `value`, and perhaps `error`, `clipped` and `note`: as
-        ``{"LIM": partial(local_integrity, weights={"x": 1.0, "v": 0.5})}``.
     parameters : mapping of str to float, optional
         Other values that differ from the defaults.
-    attractors : callable, optional
-        Called with all parameters, returns the attractors there; by default those that `map_basins` finds.
-    within : float, optional
-        How far an attractor may move from one value to the next, as the largest distance of a point of one from the
-        points of the other. By default attractors are followed by their names.
+    options : ErosionOptions, optional
+        What is measured, how attractors are followed, and how the basins are mapped.
     path : path-like, optional
-        Where each value's basins are stored, one Zarr store each; a profile that ended early goes on from them. Without
-        it they are held in memory, one after the other.
-    progress : callable, optional
-        Called with the count of values that are done, the count of all, and what has just been done in words.
-    **options
-        Passed on to `map_basins`: ``engine``, ``client``, ``longest``, ``tolerance``, ``preview``, ``interval``.
+        Folder with one Zarr store of basins for each value, from which an interrupted profile resumes. By default
+        basins are held in memory, one after the other.
+    progress : bool or callable, optional
+        True for a bar on stderr, or a function called with a `saltus.Progress`, which counts values.
 
     Returns
     -------
     ErosionProfile
-        An interrupt (Ctrl-C) keeps the values that are done; `ErosionProfile.stopped` says so.
+        An interrupt (Ctrl-C) keeps the finished values; `ErosionProfile.stopped` says so.
 
     Raises
     ------
@@ -167,24 +197,22 @@ def erosion_profile(
     """
     checks.instance("system", system, HybridSystem)
     checks.chosen("parameter", parameter, (*system.parameter_names, *system.groups))
-    checks.mapping("options", options, "names to options of map_basins", known=_OPTIONS)
-    swept, taken = _ascending(values), _taken(measures)
+    chosen = ErosionOptions() if options is None else checks.instance("options", options, ErosionOptions)
+    swept, asked = checks.ascending("values", values), chosen.measures
+    taken = asked if isinstance(asked, Mapping) else {name: MEASURES[name] for name in asked}
     parameters = checks.mapping("parameters", parameters, "names to numbers, or None")
     base = system.resolve({**parameters, parameter: float(swept[0])})
-    checks.function("attractors", attractors, "of the parameters")
-    checks.function("progress", progress, "of two counts and a text")
-    within = None if within is None else checks.positive("within", within)
     place = _folder(path)
     known: dict[str, NDArray[np.float64]] = {}
     rows: list[dict[str, list[Reading]] | str] = []
     cells: dict[str, Any] = {}
-    with suppress(KeyboardInterrupt):
+    with suppress(KeyboardInterrupt), Reporter(progress, swept.size) as reporter:
         for value in swept:
             at = {**parameters, parameter: float(value)}
             store = None if place is None else place / f"{parameter}={value:.12g}.zarr"
             try:
-                found = None if attractors is None else attractors(system.resolve(at))
-                basins = map_basins(system, at, grid, found, path=store, **options)
+                found = None if chosen.attractors is None else chosen.attractors(system.resolve(at))
+                basins = map_basins(system, at, grid, found, options=chosen.basins, path=store)
             except ConvergenceError as error:
                 said = str(error)
                 rows.append(said)
@@ -192,11 +220,10 @@ def erosion_profile(
                 if "interrupted" in basins.stopped:
                     break
                 cells = basins.grid.definition()
-                called = _called(basins.attractors, known, within)
+                called = _called(basins.attractors, known, chosen.within)
                 rows.append({called[name]: _row(basins, name, taken) for name in basins.attractors.names})
                 said = ", ".join(f"{name} {share:.2%}" for name, share in basins.fractions().items() if share)
-            if progress is not None:
-                progress(len(rows), swept.size, f"{parameter} = {value:.6g}: {said}")
+            reporter.step(1, f"{parameter} = {value:.6g}: {said}")
     return _profile(system, parameter, swept, base, tuple(taken), rows, cells)
 
 
@@ -209,7 +236,7 @@ def _profile(
     rows: list[dict[str, list[Reading]] | str],
     grid: Mapping[str, Any],
 ) -> ErosionProfile:
-    """The profile of what has been read at the first values, or why there is nothing at one of them."""
+    """Return the profile of the first values, from readings, or a value's reason for having none."""
     names = tuple(dict.fromkeys(name for row in rows if not isinstance(row, str) for name in row))
     shape = (values.size, len(names), len(measures))
     found, errors = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -220,15 +247,14 @@ def _profile(
         for i, name in enumerate(names):
             for k, reading in enumerate(read.get(name, missing)):
                 found[j, i, k], errors[j, i, k], clipped[j, i, k], notes[j, i, k] = reading
-    done, total = len(rows), values.size
-    stopped = f"all {total} values done" if done == total else f"interrupted: {done} of {total} values done"
+    stopped = ended(len(rows), values.size, "values")
     return ErosionProfile(
         system, parameter, values, parameters, names, measures, found, errors, clipped, notes, grid, stopped
     )  # fmt: skip
 
 
 def _called(attractors: Any, known: dict[str, NDArray[np.float64]], within: float | None) -> dict[str, str]:
-    """The name in the profile of each attractor; `known` has the last points of each, and gets these."""
+    """Return each attractor's name in the profile; `known` has the last points by name, and is updated."""
     points = {name: np.atleast_2d(attractors.points[name]) for name in attractors.names}
     if within is None:
         return {name: name for name in points}
@@ -250,20 +276,20 @@ def _called(attractors: Any, known: dict[str, NDArray[np.float64]], within: floa
 
 
 def _apart(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Hausdorff distance of two sets of points."""
+    """Return the Hausdorff distance of two sets of points."""
     from scipy.spatial.distance import directed_hausdorff
 
     return max(float(directed_hausdorff(one, other)[0]), float(directed_hausdorff(other, one)[0]))
 
 
 def _new(name: str, taken: set[str]) -> str:
-    """A name that is not taken."""
+    """Return a name that is not taken."""
     names = (name if count == 1 else f"{name} ({count})" for count in range(1, len(taken) + 2))
     return next(each for each in names if each not in taken)
 
 
 def _row(basins: Basins, name: str, measures: Mapping[str, Measure]) -> list[Reading]:
-    """All measures of an attractor."""
+    """Return all measures of an attractor."""
     readings = []
     for measure in measures.values():
         try:
@@ -274,7 +300,7 @@ def _row(basins: Basins, name: str, measures: Mapping[str, Measure]) -> list[Rea
 
 
 def _reading(found: Any) -> Reading:
-    """What a profile keeps of what a measure returned."""
+    """Return the part of a measure's result that a profile keeps."""
     if isinstance(found, Stability):
         return Reading(found.value, 0.5 * (found.high - found.low))
     if not hasattr(found, "value"):
@@ -283,27 +309,23 @@ def _reading(found: Any) -> Reading:
     return Reading(float(found.value), error, clipped, str(getattr(found, "note", "")))
 
 
-def _taken(measures: Iterable[str] | Mapping[str, Measure]) -> dict[str, Measure]:
-    """The measures by name."""
+def _checked_measures(measures: Iterable[str] | Mapping[str, Measure]) -> tuple[str, ...] | Mapping[str, Measure]:
+    """Return the measures, by name or as functions by name."""
+    where = "ErosionOptions.measures"
     if isinstance(measures, Mapping):
-        taken = checks.mapping("measures", measures, "names to functions")
+        taken = checks.mapping(where, measures, "names to functions")
         for name, measure in taken.items():
             if not callable(measure):
-                raise InputError(f"measures[{name!r}]", measure, "a function of the basins and an attractor's name")
+                raise InputError(f"{where}[{name!r}]", measure, "a function of the basins and an attractor's name")
+        found: tuple[str, ...] | Mapping[str, Measure] = taken
     else:
         given = [measures] if isinstance(measures, str) else measures
-        named = checks.names("measures", given, f"names of measures: {', '.join(MEASURES)}")
-        taken = {name: MEASURES[checks.chosen("measures", name, MEASURES)] for name in named}
-    if not taken:
-        raise InputError("measures", measures, "at least one")
-    return taken
-
-
-def _ascending(values: ArrayLike) -> NDArray[np.float64]:
-    array = np.atleast_1d(checks.array("values", values, "finite numbers, ascending"))
-    if array.ndim != 1 or not array.size or not (np.diff(array) > 0.0).all():
-        raise InputError("values", values, "finite numbers, ascending")
-    return array
+        found = checks.names(where, given, f"names of measures: {', '.join(MEASURES)}")
+        for name in found:
+            checks.chosen(where, name, MEASURES)
+    if not found:
+        raise InputError(where, measures, "at least one")
+    return found
 
 
 def _folder(path: str | os.PathLike[str] | None) -> Path | None:

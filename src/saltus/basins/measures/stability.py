@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Stability", "basin_stability"]
 
-_BATCH = 2**16
-"""Points that are classified at once."""
+_BATCH = 2**16  # points that are classified at once
 
 
 @dataclass(frozen=True)
@@ -35,9 +34,9 @@ class Stability:
     low, high : float
         Ends of its confidence interval, see `saltus.basins.wilson.wilson`.
     confidence : float
-        Of the interval.
+        Confidence of the interval.
     hits, undecided, samples : int
-        Samples that go to the attractor, those of which it is not known where they go (no hits), and all.
+        Counts of samples that go to the attractor, of undecided samples (no hits), and of all samples.
     """
 
     value: float
@@ -61,21 +60,21 @@ def basin_stability(
 ) -> Stability:
     """Return basin stability: the probability that a random initial condition goes to an attractor.
 
-    Points are drawn uniformly, and followed one by one: the grid has no part in it but for its coordinates. For a
-    density of one's own, draw points from it and pass what `Basins.classify` says of them to `wilson`.
+    Points are drawn uniformly, and followed one by one; of the grid only the coordinates matter. For another density,
+    draw points from it, label them by `Basins.classify`, and pass the counts to `wilson`.
 
     Parameters
     ----------
     basins : Basins
-        They classify points.
+        Basins, which classify points.
     name : str
         The attractor.
     samples : int, optional
-        How many points.
+        Count of points.
     region : mapping of str to (float, float), optional
         Ranges of free coordinates from which points are drawn; by default those of the grid.
     seed : int, optional
-        Of the random numbers.
+        Seed of the random numbers.
     confidence : float, optional
         Of the interval.
     engine : {"cpu", "cuda"}, optional
@@ -129,7 +128,7 @@ def basin_stability(
 
 
 def _ranges(grid: Grid, region: Mapping[str, tuple[float, float]] | None) -> NDArray[np.float64]:
-    """The ranges from which points are drawn, shape (free coordinates, 2)."""
+    """Return the ranges from which points are drawn, shape (free coordinates, 2)."""
     ranges = {name: (low, high) for name, (low, high, _) in zip(grid.names, grid.ranges, strict=True)}
     for name, ends in checks.mapping("region", region, "free coordinates to intervals", known=grid.names).items():
         ranges[name] = checks.interval(f"region[{name!r}]", ends, finite=True)

@@ -1,4 +1,4 @@
-"""How much of a basin's fate an error of the initial condition leaves open: the uncertainty exponent."""
+"""Uncertainty exponent: docs/theory/integrity.md derives both estimators."""
 
 from __future__ import annotations
 
@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["UncertaintyExponent", "uncertainty_by_neighbours", "uncertainty_by_shifts"]
 
-_FEWEST = 5
-"""Changes of the label below which a scale does not enter the fit."""
+_FEWEST = 5  # changed labels of a scale that enters the fit, at least
 
 
 @dataclass(frozen=True)
@@ -37,19 +36,19 @@ class UncertaintyExponent:
     value : float
         The exponent, between 0 (no scale of errors helps) and 1 (a smooth boundary).
     error : float
-        Standard error of the slope. It says how straight the line is, not how the estimators differ: by about 0.1.
+        Standard error of the slope, from the scatter about the line. The two estimators may differ by more, about 0.1.
     estimator : str
         "neighbours" or "shifts".
     dimension : float
-        Of the boundary, in the space of the free coordinates: their number less the exponent.
+        Dimension of the boundary: the number of free coordinates less the exponent.
     scales : ndarray, shape (scale,)
         The errors epsilon: in cells for "neighbours", in the metric of the weights for "shifts".
     fractions : ndarray, shape (scale,)
-        The share f of uncertain initial conditions at each.
+        Share f of uncertain initial conditions at each scale.
     counts : ndarray of int, shape (scale,)
-        From how many initial conditions.
+        Count of initial conditions at each scale.
     used : ndarray of bool, shape (scale,)
-        Which scales entered the fit.
+        Whether a scale entered the fit.
     """
 
     value: float
@@ -70,13 +69,13 @@ def uncertainty_by_neighbours(basins: Labelled, scales: Sequence[int] = (1, 2, 4
     """Return the uncertainty exponent by the neighbours on a grid.
 
     A cell is uncertain at k cells if one of the 2 D cells that lie k cells away along a coordinate has another label.
-    The cells that have all these neighbours at the largest k count. The line through ``ln f`` against ``ln k`` is that
-    of least squares, with every scale of the same weight.
+    Only cells with all these neighbours at the largest k count. The line through ``ln f`` against ``ln k`` is that of
+    least squares, with equal weights of all scales.
 
     Parameters
     ----------
     basins : Basins
-        A finished grid of any dimension; it is read block by block. Undecided cells make no difference.
+        A finished grid of any dimension; it is read block by block. Undecided cells differ from no label.
     scales : sequence of int, optional
         Distances in cells, at least three.
 
@@ -87,8 +86,8 @@ def uncertainty_by_neighbours(basins: Labelled, scales: Sequence[int] = (1, 2, 4
     Raises
     ------
     InputError
-        Scales that are not distinct positive integers or do not fit into the grid, cells that are not done, or fewer
-        than three scales with uncertain cells.
+        Scales that are not distinct positive integers or do not fit into the grid. Cells that are not done. Fewer than
+        three scales with uncertain cells.
 
     References
     ----------
@@ -141,17 +140,17 @@ def uncertainty_by_shifts(
     weights: Mapping[str, float] | None = None,
     seed: int = 0,
 ) -> UncertaintyExponent:
-    """Return the uncertainty exponent by random shifts of random points, whatever the grid's resolution.
+    """Return the uncertainty exponent by random shifts of random points, independent of the grid's resolution.
 
-    At each scale epsilon points are drawn uniformly in the window, each is moved by a vector of length epsilon in a
-    random direction along the free coordinates, and f is the share of points whose label changes. The line through
-    ``ln f`` against ``ln epsilon`` has the weights of binomial fractions, and its standard error grows with the scatter
-    about it where that is larger than theirs. Scales with fewer than 5 changes do not enter.
+    At each scale epsilon, points are drawn uniformly in the window. Each is moved by a vector of length epsilon in a
+    random direction along the free coordinates. f is the share of points whose label changes. The line through ``ln f``
+    against ``ln epsilon`` has the weights of binomial fractions. Its standard error includes the scatter about the line
+    where this exceeds the binomial one. Scales with fewer than 5 changes do not enter.
 
     Parameters
     ----------
     basins : Basins
-        They classify points.
+        Basins, which classify points.
     scales : array_like, shape (scale,)
         The lengths epsilon, at least three.
     samples : int, optional
@@ -159,7 +158,7 @@ def uncertainty_by_shifts(
     weights : mapping of str to float, optional
         Lengths by which the coordinates are divided, for each free coordinate, see `saltus.basins.measures.integrity`.
     seed : int, optional
-        Of the random numbers.
+        Seed of the random numbers.
 
     Returns
     -------
@@ -168,7 +167,7 @@ def uncertainty_by_shifts(
     Raises
     ------
     InputError
-        Scales that are not distinct and positive, a weight that cannot be used, no sample, or fewer than three scales
+        Scales that are not distinct and positive, a weight that cannot be used, or no sample. Fewer than three scales
         at which 5 labels changed.
 
     References
@@ -213,7 +212,7 @@ def uncertainty_by_shifts(
 
 
 def _differs(labels: NDArray[np.uint8], core: tuple[slice, ...], step: int) -> NDArray[np.bool_]:
-    """Which cells of `core` have another label some `step` cells away along a coordinate."""
+    """Return which cells of `core` have another label `step` cells away along a coordinate."""
     own = labels[core]
     differs = np.zeros(own.shape, np.bool_)
     for axis, s in enumerate(core):
@@ -228,7 +227,7 @@ def _mean(lengths: NDArray[np.float64], precision: NDArray[np.float64]) -> float
 
 
 def _line(x: NDArray[np.float64], y: NDArray[np.float64], weights: NDArray[np.float64]) -> tuple[float, float]:
-    """Slope of the line of weighted least squares, and its standard error from the scatter about the line."""
+    """Return the slope of the line of weighted least squares, and its standard error from the scatter."""
     dx, dy = x - np.average(x, weights=weights), y - np.average(y, weights=weights)
     spread = float((weights * dx**2).sum())
     slope = float((weights * dx * dy).sum()) / spread

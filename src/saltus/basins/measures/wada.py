@@ -1,4 +1,4 @@
-"""Whether three or more basins share one boundary: the Wada property, by merging."""
+"""Wada property, three or more basins with one boundary, by merging: docs/theory/integrity.md, "Wada"."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ __all__ = ["WadaTest", "wada_by_merging"]
 
 @dataclass(frozen=True)
 class WadaTest:
-    """How far the boundaries of merged basins are from each other.
+    """Distances between the boundaries of merged basins.
 
     Attributes
     ----------
     names : tuple of str
         The outcomes in the grid.
     distances : ndarray of int, shape (outcome, outcome)
-        ``distances[i, j]``: by how many cells the boundary of basin j against all the others must be fattened to hold
-        that of basin i; ``reach + 1`` where more than `reach` were needed.
+        ``distances[i, j]``: cells by which basin j's boundary must be fattened to hold basin i's, each against all
+        other basins. ``reach + 1`` where more than `reach` are needed.
     reach : int
-        Up to how many cells boundaries count as the same.
+        Distance in cells up to which boundaries count as the same.
     """
 
     names: tuple[str, ...]
@@ -44,26 +44,26 @@ class WadaTest:
 
     @property
     def wada(self) -> bool:
-        """Whether there are three outcomes or more, and all their boundaries are the same within `reach` cells."""
+        """Whether there are three outcomes or more, and all boundaries are the same within `reach` cells."""
         return len(self.names) >= 3 and int(self.distances.max()) <= self.reach
 
 
 def wada_by_merging(basins: Labelled, reach: int = 5) -> WadaTest:
     """Return whether the basins have the Wada property at the grid's resolution, by the merging method.
 
-    For each outcome the basins of all others are merged into one; the boundary between the two is made of the cells
+    For each outcome the basins of all others are merged into one. The boundary between the two consists of the cells
     with a neighbour (sides, edges and corners) on the other side. The basins have the Wada property if all these
-    boundaries are one set. On a grid each of them must lie in each of the others fattened by `reach` cells, measured
-    along the coordinate in which they are furthest apart.
+    boundaries are one set. On a grid, each boundary must lie in every other one fattened by `reach` cells. The distance
+    of two cells is that along the coordinate in which they are furthest apart.
 
     Parameters
     ----------
     basins : Basins
-        A finished grid of any dimension; it is read block by block. Undecided cells are on nobody's side: with one of
-        them next to a cell, it does not belong to a boundary for that.
+        A finished grid of any dimension; it is read block by block. Undecided cells belong to no side, and make no
+        boundary.
     reach : int, optional
-        How many cells of fattening are allowed. A finer grid should need no more of them: the width in the coordinates
-        then goes to 0.
+        Cells of fattening allowed. A finer grid should need no more of them: the width in the coordinates then goes to
+        0.
 
     Returns
     -------
@@ -112,7 +112,7 @@ def wada_by_merging(basins: Labelled, reach: int = 5) -> WadaTest:
 
 
 def _boundary(labels: NDArray[np.uint8], label: int) -> NDArray[np.bool_]:
-    """The cells of one basin with a neighbour in any other, and those of the others with a neighbour in it."""
+    """Return the cells of a basin with a neighbour in any other, and those of others with a neighbour in it."""
     from scipy import ndimage
 
     own = labels == label
@@ -124,7 +124,7 @@ def _boundary(labels: NDArray[np.uint8], label: int) -> NDArray[np.bool_]:
 
 
 def _steps_to(edge: NDArray[np.bool_], reach: int) -> NDArray[np.int64]:
-    """Chessboard distance of each cell from a set, in cells; ``reach + 1`` for all that are further."""
+    """Return the chessboard distance of each cell from a set, in cells; ``reach + 1`` beyond `reach`."""
     from scipy import ndimage
 
     if not edge.any():

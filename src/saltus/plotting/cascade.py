@@ -1,0 +1,142 @@
+"""Picture of a cascade: the tree of all returns, the doublings at its forks, and the limit of the doublings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.branch import Branch
+from saltus.continuation.cascade import Cascade
+from saltus.continuation.special_points import SpecialPoints
+from saltus.flow import simulate
+from saltus.plotting import plot, style
+from saltus.plotting.branch import draw_pieces, pieces_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from saltus.system import HybridSystem
+
+__all__ = ["plot_cascade"]
+
+
+@plot.register(Cascade)
+def plot_cascade(
+    cascade: Cascade,
+    x: str | None = None,
+    y: str | None = None,
+    *,
+    ax: Axes | None = None,
+    special: bool = True,
+    legend: bool = True,
+) -> Axes:
+    """Draw a cascade and return the matplotlib Axes.
+
+    Lines are those of `saltus.plotting.branch`. A state is drawn at every return, so an orbit of four times the first
+    period has four curves. Returns are counted from phase 0, or without a phase from the first segment's start. With
+    the parameter on the horizontal axis, a dotted line marks the limit of the doublings.
+
+    Parameters
+    ----------
+    cascade : Cascade
+        The cascade.
+    x, y : str, optional
+        Quantities that `Branch.column` knows; by default the parameter, and the first state.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; by default in a new figure.
+    special, legend : bool, optional
+        Whether doublings and their limit are drawn, and whether a legend names line kinds and doublings.
+
+    Raises
+    ------
+    InputError
+        A quantity of another name.
+    """
+    style.check_options(ax, x, y, special=special, legend=legend)
+    x, y = cascade.parameter if x is None else x, cascade.system.states[0] if y is None else y
+    tree = {x, y} & set(cascade.system.states)
+    levels = [_sheets(branch, 2 ** (k + 1)) if tree else [branch] for k, branch in enumerate(cascade.branches)]
+    pieces = [piece for sheets in levels for branch in sheets for piece in pieces_of(branch, x, y)]
+    places = _doublings(cascade, levels, x, y) if special else []
+    ax = style.axes(ax)
+    draw_pieces(ax, pieces)
+    if places:
+        marker = style.SPECIAL["PD"]
+        ax.plot(*zip(*places, strict=True), label=f"PD, {marker.meaning}", zorder=6, **marker.options())
+    if special and x == cascade.parameter and math.isfinite(cascade.limit):
+        ax.axvline(cascade.limit, color="0.5", linestyle=":", linewidth=1.0, zorder=1, label="limit")
+    ax.set_xlabel(style.label_of(x))
+    ax.set_ylabel(style.label_of(y))
+    if legend and (pieces or places):
+        ax.legend()
+    return ax
+
+
+def _doublings(cascade: Cascade, levels: list[list[Branch]], x: str, y: str) -> list[tuple[float, float]]:
+    """Return the coordinates of the doublings; the first is the beginning of the first branch."""
+    if not levels:
+        return []
+    first = cascade.branches[0]
+    start = replace(cascade.start, arclength=float(first.arclength[0]))
+    ends = [(branch, branch.special_points.of_type("PD")[:1]) for sheets in levels for branch in sheets]
+    owners = [(first, start), *((branch, point) for branch, found in ends for point in found)]
+    return [(branch.at(point, x), branch.at(point, y)) for branch, point in owners]
+
+
+def _sheets(branch: Branch, count: int) -> list[Branch]:
+    """Return a branch `count` times, its states those at each return; once where returns are unknown."""
+    system, names = branch.system, (branch.parameter,)
+    wide = len(system.all_states) + 1
+    points = list(branch.special_points)
+    orbits: list[tuple[Mapping[str, float], NDArray[np.float64], NDArray[np.float64], int]] = [
+        ({**branch.parameters, branch.parameter: value}, x0, u.reshape(-1, wide), branch.forms[form].turns)
+        for value, x0, u, form in zip(branch.values.tolist(), branch.x0, branch.unknowns, branch.form, strict=True)
+    ]
+    orbits += [(o.parameters, o.x0, o.states, o.form.turns) for o in (point.orbit for point in points)]
+    found = [table for orbit in orbits if (table := _returns(system, *orbit, count)) is not None]
+    if len(found) < len(orbits):
+        return [branch]
+    table, at = np.array(found[: len(branch)]), found[len(branch) :]
+    sheets = []
+    for j in range(count):
+        moved = [replace(point, orbit=replace(point.orbit, x0=mark[j])) for point, mark in zip(points, at, strict=True)]
+        sheets.append(replace(branch, x0=table[:, j], special_points=SpecialPoints(moved, names)))
+    return sheets
+
+
+def _returns(
+    system: HybridSystem,
+    parameters: Mapping[str, float],
+    x0: NDArray[np.float64],
+    starts: NDArray[np.float64],
+    turns: int,
+    count: int,
+) -> NDArray[np.float64] | None:
+    """Return an orbit's states at its returns, shape (return, state); None where its segments do not give them.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        The system.
+    parameters : mapping of str to float
+        All its parameters.
+    x0 : ndarray, shape (state,)
+        State at phase 0.
+    starts : ndarray, shape (segment, all states or more)
+        States at the segments' starts.
+    turns : int
+        Periods of the phase in the orbit's period.
+    count : int
+        Number of returns in the period.
+    """
+    n = len(system.states)
+    if system.phase is None:
+        return starts[:: len(starts) // count, :n] if len(starts) % count == 0 else None
+    motion = simulate(system, parameters, x0, periods=turns)
+    return np.array([motion(motion.t_end * j / count)[:n] for j in range(count)])
