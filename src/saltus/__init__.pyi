@@ -16,16 +16,22 @@ from .continuation import (
     Branch as Branch,
     BranchOptions as BranchOptions,
     Cascade as Cascade,
+    EquilibriumBranch as EquilibriumBranch,
     Family as Family,
     Locus as Locus,
     SpecialPoint as SpecialPoint,
     StepControl as StepControl,
+    continue_equilibrium as continue_equilibrium,
     continue_family as continue_family,
     continue_locus as continue_locus,
     continue_orbit as continue_orbit,
     follow_cascade as follow_cascade,
     grazing_orbits as grazing_orbits,
     switch_branch as switch_branch,
+)
+from .equilibria import (
+    Equilibrium as Equilibrium,
+    find_equilibrium as find_equilibrium,
 )
 from .errors import (
     ChatteringError as ChatteringError,

@@ -34,6 +34,8 @@ __all__ = ["READ", "Result", "dataset_in", "frozen", "load", "look", "netcdf", "
 _HOMES = {
     "Trajectory": "saltus.flow.trajectory",
     "PeriodicOrbit": "saltus.orbits.orbit",
+    "Equilibrium": "saltus.equilibria.equilibrium",
+    "EquilibriumBranch": "saltus.continuation.equilibrium_branch",
     "Branch": "saltus.continuation.branch",
     "Locus": "saltus.continuation.locus",
     "Family": "saltus.continuation.family",

@@ -184,7 +184,7 @@ def test_a_multiplier_without_bound_is_null_in_json(found):
     branch = found["branch"]
     point = branch["GR1"]
     orbit = replace(point.orbit, multipliers=np.array([np.inf, 0.1], dtype=complex))
-    changed = replace(branch, special_points=type(branch.special_points)([replace(point, orbit=orbit)], "Omega"))
+    changed = replace(branch, special_points=type(branch.special_points)([replace(point, solution=orbit)], "Omega"))
     content = fig3.summary(changed)
     assert content["special_points"][0]["multipliers"][0][0] is None
     json.dumps(content, allow_nan=False)

@@ -4,6 +4,8 @@ from saltus.continuation.arclength import StepControl
 from saltus.continuation.branch import Branch
 from saltus.continuation.cascade import Cascade
 from saltus.continuation.doublings import follow_cascade
+from saltus.continuation.equilibria import continue_equilibrium
+from saltus.continuation.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.family import Family
 from saltus.continuation.loci import continue_locus
 from saltus.continuation.locus import Locus
@@ -18,12 +20,14 @@ __all__ = [
     "Branch",
     "BranchOptions",
     "Cascade",
+    "EquilibriumBranch",
     "Family",
     "Locus",
     "OrbitCurve",
     "SpecialPoint",
     "SpecialPoints",
     "StepControl",
+    "continue_equilibrium",
     "continue_family",
     "continue_locus",
     "continue_orbit",

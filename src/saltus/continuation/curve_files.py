@@ -19,7 +19,7 @@ from saltus.system.plain import all_parameters
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["complex_table", "ragged_rows", "special_points_of", "special_variables"]
+__all__ = ["complex_table", "ragged_rows", "special_points_of", "special_variables", "texts_array"]
 
 
 def special_variables(
@@ -52,10 +52,10 @@ def special_variables(
 
     width = multipliers
     return {
-        "special_type": ("special", np.array([point.type for point in specials], dtype=object)),
-        "special_label": ("special", np.array([point.label for point in specials], dtype=object)),
-        "special_of": ("special", np.array([point.of for point in specials], dtype=object)),
-        "special_locus": ("special", np.array([point.locus for point in specials], dtype=object)),
+        "special_type": ("special", texts_array([point.type for point in specials])),
+        "special_label": ("special", texts_array([point.label for point in specials])),
+        "special_of": ("special", texts_array([point.of for point in specials])),
+        "special_locus": ("special", texts_array([point.locus for point in specials])),
         "special_value": (("special", "parameter"), stack(values, len(varied))),
         "special_test": ("special", np.array([point.test for point in specials], dtype=float)),
         "special_arclength": ("special", np.array([point.arclength for point in specials], dtype=float)),
@@ -133,6 +133,11 @@ def special_points_of(
             )
         )
     return specials
+
+
+def texts_array(texts: list[str]) -> NDArray[np.object_]:
+    """Return texts as an array that a Dataset can hold, also where there is none."""
+    return np.array(texts, dtype=object)
 
 
 def complex_table(held: Contents, name: str, dims: tuple[str, ...]) -> NDArray[np.complex128]:

@@ -12,10 +12,12 @@ from saltus.continuation.monitor import BIFURCATIONS
 from saltus.continuation.special_points import SpecialPoint
 from saltus.errors import InputError, nearest
 from saltus.orbits.orbit import PeriodicOrbit
+from saltus.system import HybridSystem
 
 __all__ = [
     "ROUNDING",
     "BranchOptions",
+    "checked_interval",
     "read_events",
     "read_interval",
     "read_parameters",
@@ -94,12 +96,19 @@ def read_steps(steps: object, what: str) -> StepControl:
 def read_interval(
     orbit: PeriodicOrbit, parameter: str, bounds: tuple[float, float], directions: str
 ) -> tuple[float, float]:
+    """Return the interval of a parameter for the branch through an orbit; see `checked_interval`."""
+    return checked_interval(orbit.system, orbit.parameters, parameter, bounds, directions)
+
+
+def checked_interval(
+    system: HybridSystem, parameters: Mapping[str, float], parameter: str, bounds: object, directions: str
+) -> tuple[float, float]:
     """Return the interval of a parameter, cut to the values that the system allows; all arguments are checked."""
-    checks.chosen("parameter", parameter, orbit.system.parameter_names)
+    checks.chosen("parameter", parameter, system.parameter_names)
     checks.chosen("directions", directions, _DIRECTIONS)
     low, high = checks.interval("bounds", bounds)
-    value = orbit.parameters[parameter]
-    lowest, highest = orbit.system.allowed(parameter)
+    value = parameters[parameter]
+    lowest, highest = system.allowed(parameter)
     if (math.isfinite(low) and low < lowest) or (math.isfinite(high) and high > highest):
         raise InputError("bounds", bounds, f"within [{lowest:g}, {highest:g}], where {parameter} may lie")
     low, high = max(low, lowest), min(high, highest)

@@ -315,7 +315,7 @@ class _Run:
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
             fewer = self.piece(found.signature, found.u)
             orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
-            half.specials[-1] = replace(half.specials[-1], orbit=orbit)
+            half.specials[-1] = replace(half.specials[-1], solution=orbit)
         half.points.append((branch, point))
         if name in self.stops:
             return f"{self._place(point)}: grazing"

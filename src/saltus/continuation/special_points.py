@@ -1,4 +1,4 @@
-"""Special points of a curve of periodic orbits."""
+"""Special points of a curve of periodic orbits or of equilibria."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from saltus import checks
+from saltus.equilibria import Equilibrium
+from saltus.equilibria.normal_forms import EquilibriumNormalForm, normal_form as equilibrium_form
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.normal_forms import NORMAL_FORMS, NormalForm, normal_form
@@ -26,7 +29,8 @@ _MEANING = {
     "TR": "torus (Neimark-Sacker)",
     "BP": "branch point",
     "GR": "grazing",
-    "HB": "Hopf: the cycle shrinks to an equilibrium",
+    "HB": "Hopf",
+    "BE": "boundary equilibrium",
     "CP": "cusp",
     "GPD": "generalised period doubling",
     "CH": "Chenciner",
@@ -35,6 +39,10 @@ _MEANING = {
     "R3": "strong resonance 1:3",
     "R4": "strong resonance 1:4",
     "FF": "fold-flip",
+    "BT": "Bogdanov-Takens",
+    "GH": "generalised Hopf (Bautin)",
+    "ZH": "zero-Hopf",
+    "HH": "double Hopf",
     "TP": "turning point of a parameter",
 }
 
@@ -48,13 +56,13 @@ class SpecialPoint:
     Attributes
     ----------
     type : str
-        On a branch ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB`` or the name of a user's event. On a locus ``CP``,
-        ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of another locus that meets it. `Locus`
-        explains them.
+        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB`` or the name of a user's event. On a locus
+        ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of another locus that meets it.
+        `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list those of equilibria.
     label : str
         The type with its number along the curve, as in ``SN1``.
-    orbit : PeriodicOrbit
-        The orbit at the point; its parameters are those of the point.
+    solution : PeriodicOrbit or Equilibrium
+        The orbit or the equilibrium at the point; its parameters are those of the point.
     test : float
         Test function at the point, whose zero defines the type:
 
@@ -80,11 +88,13 @@ class SpecialPoint:
         The type of the locus that the point belongs to; empty on a branch.
     tangent : ndarray, shape (unknowns + 1,), or None
         At a BP the tangent of its own branch, the parameter last.
+    kind : str
+        Of a BE ``persistence`` or ``nonsmooth fold``; empty where neither is told.
     """
 
     type: str
     label: str
-    orbit: PeriodicOrbit
+    solution: PeriodicOrbit | Equilibrium
     test: float
     position: float
     arclength: float
@@ -92,11 +102,22 @@ class SpecialPoint:
     of: str = ""
     locus: str = ""
     tangent: NDArray[np.float64] | None = None
+    kind: str = ""
+
+    @property
+    def orbit(self) -> PeriodicOrbit:
+        """The orbit at the point of a curve of orbits."""
+        return checks.instance(f"solution of {self.label}", self.solution, PeriodicOrbit, "use .equilibrium")
+
+    @property
+    def equilibrium(self) -> Equilibrium:
+        """The equilibrium at the point of a curve of equilibria."""
+        return checks.instance(f"solution of {self.label}", self.solution, Equilibrium, "use .orbit")
 
     @property
     def parameters(self) -> Mapping[str, float]:
         """All parameters at the point."""
-        return self.orbit.parameters
+        return self.solution.parameters
 
     @property
     def sizes(self) -> NDArray[np.float64] | None:
@@ -108,16 +129,21 @@ class SpecialPoint:
         return np.asarray(states[: len(self.orbit.system.states)])
 
     @cached_property
-    def normal_form(self) -> NormalForm:
-        """Normal form of the Poincare map at an SN, PD or TR, computed on first access.
+    def normal_form(self) -> NormalForm | EquilibriumNormalForm:
+        """Normal form at the point, computed on first access.
 
-        docs/theory/loci.md, "Normal forms", derives the coefficients.
+        For orbits that of the Poincare map at an SN, PD or TR: docs/theory/loci.md, "Normal forms". For equilibria that
+        of the field at an SN, HB, CP or BT: docs/theory/equilibria.md, "Normal forms".
 
         Raises
         ------
         InputError
             The point is of another type.
         """
+        if isinstance(self.solution, Equilibrium):
+            problem = self.solution.problem(*self.varied)
+            values = [self.parameters[name] for name in self.varied]
+            return equilibrium_form(problem, np.append(self.solution.state, values), self.type)
         if self.type not in NORMAL_FORMS:
             raise InputError("type", self.type, f"one of {', '.join(NORMAL_FORMS)}", "no normal form belongs to it")
         return normal_form(self.orbit, self.type)
@@ -125,7 +151,24 @@ class SpecialPoint:
     def __repr__(self) -> str:
         meaning = f", {_MEANING[self.type]}" if self.type in _MEANING else ""
         of = f" of {self.of}" if self.of else ""
-        return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}\n{self.orbit!r}"
+        return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}\n{self.solution!r}"
+
+
+def _row(solution: PeriodicOrbit | Equilibrium) -> dict[str, Any]:
+    """Return what a table of special points says of an orbit or of an equilibrium."""
+    states = solution.system.states
+    if isinstance(solution, Equilibrium):
+        row: dict[str, Any] = dict(zip(states, solution.state.tolist(), strict=True))
+        return row | {"stable": solution.stable, "mode": solution.mode, "regular": solution.regular}
+    row = {f"x0_{name}": value for name, value in zip(states, solution.x0, strict=True)}
+    row |= {f"min_{name}": value for name, value in solution.min.items()}
+    row |= {f"max_{name}": value for name, value in solution.max.items()}
+    return row | {
+        "period": solution.period,
+        "stable": solution.stable,
+        "signature": solution.signature,
+        "admissible": solution.admissible,
+    }
 
 
 class SpecialPoints(Sequence[SpecialPoint]):
@@ -161,15 +204,7 @@ class SpecialPoints(Sequence[SpecialPoint]):
             row: dict[str, Any] = {"label": p.label, "type": p.type}
             row |= {"of": p.of} if len(self._parameters) > 1 else {}
             row |= {name: p.parameters[name] for name in self._parameters}
-            row |= {f"x0_{name}": value for name, value in zip(p.orbit.system.states, p.orbit.x0, strict=True)}
-            row |= {f"min_{name}": value for name, value in p.orbit.min.items()}
-            row |= {f"max_{name}": value for name, value in p.orbit.max.items()}
-            row |= {
-                "period": p.orbit.period,
-                "stable": p.orbit.stable,
-                "signature": p.orbit.signature,
-                "admissible": p.orbit.admissible,
-            }
+            row |= _row(p.solution)
             rows.append(row | {"test": p.test})
         return pd.DataFrame(rows)
 

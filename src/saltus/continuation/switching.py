@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
+from saltus.continuation.births import cycle_born, equilibrium_of_cycle, other_equilibrium
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.zero_problem import correct
+from saltus.equilibria import Equilibrium
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.normal_forms import null_vectors
@@ -32,22 +34,25 @@ _PERHAPS_ZERO = 1e-6  # value of a parameter, in its own unit, up to which it ma
 _ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the same direction
 
 
-def switch_branch(point: SpecialPoint) -> PeriodicOrbit:
-    """Return an orbit of the other branch that meets the point's own branch at a special point.
+def switch_branch(point: SpecialPoint) -> PeriodicOrbit | Equilibrium:
+    """Return a solution of the other branch that meets the point's own branch at a special point.
 
-    docs/theory/loci.md, "Other branches", derives the directions.
+    docs/theory/loci.md, "Other branches", derives the directions for orbits, docs/theory/equilibria.md those for
+    equilibria.
 
     Parameters
     ----------
     point : SpecialPoint
-        A PD, BP or GR of a branch, or a PD or GR of a locus.
+        Of orbits: a PD, BP, GR or HB of a branch, or a PD or GR of a locus. Of equilibria: an HB or BP of a branch.
 
     Returns
     -------
-    PeriodicOrbit
+    PeriodicOrbit or Equilibrium
         At a PD an orbit of doubled period, at a BP an orbit of the other branch. Both lie a short step from the point
         and have their own value of the parameter. At a GR the grazing orbit itself in a neighbouring signature: the
-        second of `grazing_orbits`. `continue_orbit` follows the branch through the orbit.
+        second of `grazing_orbits`. `continue_orbit` follows the branch through the orbit. At an HB of equilibria a
+        small cycle, at an HB of cycles the equilibrium. At a BP of equilibria an equilibrium of the other branch, for
+        `continue_equilibrium`.
 
     Raises
     ------
@@ -73,6 +78,10 @@ def switch_branch(point: SpecialPoint) -> PeriodicOrbit:
     (2, True, True)
     """
     checks.instance("point", point, SpecialPoint)
+    if isinstance(point.solution, Equilibrium):
+        return _from_equilibrium(point, point.solution)
+    if point.type == "HB":
+        return equilibrium_of_cycle(point.solution)
     if point.type == "GR":
         _, *others = grazing_orbits(point)
         if not others:
@@ -82,7 +91,17 @@ def switch_branch(point: SpecialPoint) -> PeriodicOrbit:
         return doubled_orbit(point)
     if point.type == "BP":
         return _other(point)
-    raise InputError("point", point.type, "of type PD, BP or GR", "no other branch meets there")
+    raise InputError("point", point.type, "of type PD, BP, GR or HB", "no other branch meets there")
+
+
+def _from_equilibrium(point: SpecialPoint, equilibrium: Equilibrium) -> PeriodicOrbit | Equilibrium:
+    """Return the other solution at a special point of equilibria."""
+    parameter = point.varied[0]
+    if point.type == "HB":
+        return cycle_born(equilibrium, parameter)
+    if point.type == "BP":
+        return other_equilibrium(equilibrium, parameter, point.tangent)
+    raise InputError("point", point.type, "of type HB or BP", "no other branch meets there")
 
 
 def _parameter(point: SpecialPoint) -> tuple[int, float]:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.monitor import Monitor
+    from saltus.equilibria import Equilibrium
     from saltus.orbits.orbit import PeriodicOrbit
 
 __all__ = ["SAME", "BothSides", "Found", "OneSide", "join", "traced", "turned"]
@@ -30,25 +31,26 @@ class Found:
     ----------
     name : str
         Type, or the name of a user's event.
-    orbit : PeriodicOrbit
-        The orbit, in the signature in which it is shown.
+    solution : PeriodicOrbit or Equilibrium
+        An orbit in the signature in which it is shown, or an equilibrium.
     value : float
         Test function.
     after : int
         Number of points of the direction before it.
     arc : float
         Arclength from the start.
-    of, tangent
+    of, tangent, kind
         As in `SpecialPoint`.
     """
 
     name: str
-    orbit: PeriodicOrbit
+    solution: PeriodicOrbit | Equilibrium
     value: float
     after: int
     arc: float
     of: str = ""
     tangent: NDArray[np.float64] | None = None
+    kind: str = ""
 
 
 @dataclass
@@ -95,8 +97,8 @@ class BothSides:
             label = f"{found.name}{'_' if locus and found.name[-1].isdigit() else ''}{counts[found.name]}"
             points.append(
                 SpecialPoint(
-                    found.name, label, found.orbit, found.value, position, arc - self.arcs[0], varied, found.of,
-                    locus, found.tangent,
+                    found.name, label, found.solution, found.value, position, arc - self.arcs[0], varied, found.of,
+                    locus, found.tangent, found.kind,
                 )
             )  # fmt: skip
         return SpecialPoints(points, varied)

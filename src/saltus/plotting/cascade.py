@@ -105,7 +105,9 @@ def _sheets(branch: Branch, count: int) -> list[Branch]:
     table, at = np.array(found[: len(branch)]), found[len(branch) :]
     sheets = []
     for j in range(count):
-        moved = [replace(point, orbit=replace(point.orbit, x0=mark[j])) for point, mark in zip(points, at, strict=True)]
+        moved = [
+            replace(point, solution=replace(point.orbit, x0=mark[j])) for point, mark in zip(points, at, strict=True)
+        ]
         sheets.append(replace(branch, x0=table[:, j], special_points=SpecialPoints(moved, names)))
     return sheets
 

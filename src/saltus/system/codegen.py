@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from saltus.system.derivatives import Symbolic
 
-__all__ = ["FlowWriter", "SecondWriter"]
+__all__ = ["FlowWriter", "SecondWriter", "ThirdWriter"]
 
 
 class FlowWriter(Writer):
@@ -117,6 +117,28 @@ class SecondWriter(Writer):
             for row in self.system.gradients(expressions, self._variables)
         ]
         return [without_poles(g) for row in self.system.gradients(slopes, self._variables) for g in row]
+
+
+class ThirdWriter(Writer):
+    """Texts of the fields' derivatives in the state along three directions."""
+
+    def __init__(self, system: Symbolic) -> None:
+        super().__init__(system)
+        self._directions = [[sympy.Dummy() for _ in system.x] for _ in range(3)]
+        behind = [symbol for direction in self._directions for symbol in direction]
+        self._names |= {symbol: f"x[{self.n + i}]" for i, symbol in enumerate(behind)}
+
+    def functions(self) -> Iterator[str]:
+        """Text of the third derivatives along the directions."""
+        s = self.system
+        yield self._function("field_3", {k: self._assign(self._third(field)) for k, field in enumerate(s.field)})
+
+    def _third(self, expressions: list[sympy.Expr]) -> list[sympy.Expr]:
+        """Derivatives of the expressions along one direction after the other."""
+        for direction in self._directions:
+            rows = self.system.jacobian(expressions)
+            expressions = [sympy.Add(*(d * g for d, g in zip(direction, row, strict=True))) for row in rows]
+        return [without_poles(expression) for expression in expressions]
 
 
 def _too_steep(powers: Sequence[sympy.Expr]) -> str:

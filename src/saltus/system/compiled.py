@@ -27,11 +27,13 @@ __all__ = [
     "CompiledLinear",
     "CompiledSecond",
     "CompiledSeries",
+    "CompiledThird",
     "callable_at",
     "load",
     "load_linear",
     "load_second",
     "load_series",
+    "load_third",
     "with_constants",
 ]
 
@@ -189,7 +191,35 @@ class CompiledSecond:
     def __init__(self, module: Any, system: Definition, active: tuple[int, ...]) -> None:
         self.addresses = np.array([getattr(module, name).address for name in SECOND], dtype=np.int64)
         self.active = active
+        self.n = len(system.all_states)
         self.extended = len(system.parameters) + int(module.CONSTANTS)
+        self._derive: Any = callable_at(module.derive)
+        self._field_2: Any = callable_at(module.field_2)
+
+    def field(
+        self, mode: int, x: NDArray[np.float64], v: NDArray[np.float64], p: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the second derivative of a mode's field along v, shape (n, n + active); `p` is not extended."""
+        out = np.empty((self.n, self.n + len(self.active)))
+        extended = with_constants(self._derive, p, self.extended - p.size)
+        _call(self._field_2, mode, 0, np.concatenate([x, v]), extended, out)
+        return out
+
+
+class CompiledThird:
+    """Third derivatives of one system's fields in the state."""
+
+    def __init__(self, module: Any, system: Definition) -> None:
+        self._n, self._n_constants = len(system.all_states), int(module.CONSTANTS)
+        self._derive: Any = callable_at(module.derive)
+        self._field_3: Any = callable_at(module.field_3)
+
+    def field(self, mode: int, x: NDArray[np.float64], *directions: NDArray[np.float64],
+              p: NDArray[np.float64]) -> NDArray[np.float64]:  # fmt: skip
+        """Return the third derivative of a mode's field along three directions, shape (n,); `p` is not extended."""
+        out, extended = np.empty(self._n), with_constants(self._derive, p, self._n_constants)
+        _call(self._field_3, mode, 0, np.concatenate([x, *directions]), extended, out)
+        return out
 
 
 def _call(
@@ -232,6 +262,12 @@ def _second(symbolic: Symbolic, active: tuple[int, ...]) -> Writer:
     return SecondWriter(symbolic, active)
 
 
+def _third(symbolic: Symbolic) -> Writer:
+    from saltus.system.codegen import ThirdWriter
+
+    return ThirdWriter(symbolic)
+
+
 def _series(symbolic: Symbolic, order: int) -> Writer:
     from saltus.system.series_writer import SeriesWriter
 
@@ -246,6 +282,7 @@ def _linear(symbolic: Symbolic) -> Writer:
 
 FLOW = Kind("flow", _flow, _FLOW_TEXT)
 SECOND_DERIVATIVES = Kind("second", _second, _FLOW_TEXT)
+THIRD_DERIVATIVES = Kind("third", _third, _FLOW_TEXT)
 SERIES = Kind("series", _series, (*SERIES_TEXT, "system.series_writer"))
 LINEAR = Kind("linear", _linear, (*SERIES_TEXT, "system.series_writer"))
 
@@ -258,6 +295,11 @@ def load(system: Definition) -> Compiled:
 def load_second(system: Definition, active: tuple[int, ...]) -> CompiledSecond:
     """Return the second derivatives of a system in its state and in the parameters of growing indices `active`."""
     return CompiledSecond(module_of(SECOND_DERIVATIVES, system, active), system, active)
+
+
+def load_third(system: Definition) -> CompiledThird:
+    """Return the third derivatives of a system's fields in the state."""
+    return CompiledThird(module_of(THIRD_DERIVATIVES, system), system)
 
 
 def load_series(system: Definition, order: int) -> CompiledSeries | None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from saltus.system.compiled import Compiled, CompiledLinear, CompiledSecond, CompiledSeries
+    from saltus.system.compiled import Compiled, CompiledLinear, CompiledSecond, CompiledSeries, CompiledThird
 
 __all__ = ["HybridSystem", "Mode", "Transition"]
 
@@ -105,6 +105,11 @@ class HybridSystem(Definition):
         if active not in self._second:
             self._second[active] = compiled.load_second(self, active)
         return self._second[active]
+
+    @cached_property
+    def third(self) -> CompiledThird:
+        """The compiled third derivatives of the fields in the state."""
+        return compiled.load_third(self)
 
     def series(self, order: int) -> CompiledSeries | None:
         """Return the compiled Taylor series of motions.

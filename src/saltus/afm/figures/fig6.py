@@ -153,7 +153,7 @@ def _at(isoline: Locus, name: str, value: float) -> SpecialPoint:
         if any("interrupted" in reason for reason in way.stopped):
             raise KeyboardInterrupt
         point = way.point(int(np.argmin(np.abs(way.column(name) - value))))
-    return replace(point, orbit=replace(point.orbit, parameters={**point.parameters, name: value}))
+    return replace(point, solution=replace(point.orbit, parameters={**point.parameters, name: value}))
 
 
 def _first_sheet(isoline: Locus) -> tuple[float, float]:

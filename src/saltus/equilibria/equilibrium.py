@@ -1,0 +1,186 @@
+"""An equilibrium as a result: mode, state, eigenvalues, stability, whether it is regular."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from saltus.contents import Contents
+from saltus.equilibria.problem import EquilibriumProblem
+from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of
+from saltus.results import Result, frozen
+from saltus.system import HybridSystem
+from saltus.system.plain import held_parameters, held_system
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+__all__ = ["Equilibrium", "equilibrium_at", "faults_of"]
+
+_ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state lies on the surface
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Equilibrium(Result):
+    """A state of one mode at which the field vanishes.
+
+    Attributes
+    ----------
+    system : HybridSystem
+        The system.
+    parameters : mapping of str to float
+        All parameters.
+    mode : str
+        The mode.
+    state : ndarray, shape (states,)
+        The state.
+    eigenvalues : ndarray of complex, shape (states,)
+        Eigenvalues of the field's Jacobian, the largest real part first.
+    residual : float
+        Largest component of the field, over the sizes of its terms.
+    reasons : tuple of str
+        Why the equilibrium is virtual: it lies beyond an event of its mode, or outside the mode's domain. Empty for a
+        regular one.
+    """
+
+    system: HybridSystem
+    parameters: Mapping[str, float]
+    mode: str
+    state: NDArray[np.float64]
+    eigenvalues: NDArray[np.complex128]
+    residual: float
+    reasons: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "state", frozen(self.state))
+        object.__setattr__(self, "eigenvalues", frozen(self.eigenvalues, np.complex128))
+
+    @property
+    def stable(self) -> bool:
+        """Whether all eigenvalues have negative real parts, beyond rounding."""
+        return bool(np.all(self.eigenvalues.real < -NEUTRAL * float(np.abs(self.eigenvalues).max(initial=0.0))))
+
+    @property
+    def regular(self) -> bool:
+        """Whether the state lies where its mode holds; a virtual equilibrium is none of the system."""
+        return not self.reasons
+
+    @property
+    def kind(self) -> str:
+        """The kind in words, as ``stable focus`` or ``saddle (1 unstable)``."""
+        return kind_of(self.eigenvalues)
+
+    def problem(self, *active: str) -> EquilibriumProblem:
+        """Return the equations, with some parameters among the unknowns.
+
+        Parameters
+        ----------
+        *active : str
+            Names of parameters, in the order of the definition.
+
+        Returns
+        -------
+        EquilibriumProblem
+            Its parameters have unit 1.
+        """
+        indices = [self.system.parameter_names.index(name) for name in active]
+        p = self.system.parameter_vector(self.parameters)
+        return EquilibriumProblem(self.system, self.system.mode_index(self.mode), p, indices, np.ones(len(indices)))
+
+    def __getitem__(self, state: str) -> float:
+        """Return one state by its name."""
+        from saltus import checks
+
+        return float(self.state[self.system.states.index(checks.chosen("state", state, self.system.states))])
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the equilibrium as a Dataset: the state against ``state``, eigenvalues against ``eigenvalue``."""
+        import xarray as xr
+
+        data = {
+            "equilibrium": ("state", self.state),
+            "eigenvalue_re": ("eigenvalue", self.eigenvalues.real),
+            "eigenvalue_im": ("eigenvalue", self.eigenvalues.imag),
+        }
+        attrs = {
+            "parameters": json.dumps(dict(self.parameters)),
+            "definition": json.dumps(self.system.definition()),
+            "mode": self.mode,
+            "residual": self.residual,
+            "reasons": json.dumps(list(self.reasons)),
+        }
+        return xr.Dataset(data, coords={"state": list(self.system.states)}, attrs=attrs)
+
+    @classmethod
+    def _read(cls, held: Contents) -> Self:
+        system = held_system(held)
+        held.names("state", system.states)
+        held.expect(eigenvalue=len(system.states))
+        mode = held.text("mode")
+        system.mode_index(mode)
+        parts = (held.array(f"eigenvalue_{part}", ("eigenvalue",)) for part in ("re", "im"))
+        return cls(
+            system=system,
+            parameters=held_parameters(held, system),
+            mode=mode,
+            state=held.array("equilibrium", ("state",)),
+            eigenvalues=_complex(*parts),
+            residual=held.number("residual", least=0.0),
+            reasons=tuple(held.texts("reasons")),
+        )
+
+    def __repr__(self) -> str:
+        of = self.system.name or "a hybrid system"
+        regular = "regular" if self.regular else f"virtual: {'; '.join(self.reasons)}"
+        place = ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.system.states, self.state, strict=True))
+        values = ", ".join(_short(value) for value in self.eigenvalues.tolist())
+        return (
+            f"Equilibrium of {of} in mode {self.mode}: {self.kind}, {regular}\n"
+            f"  {place}\n  eigenvalues {values}\n  residual {self.residual:.2g}"
+        )
+
+
+def _complex(real: NDArray[np.float64], imaginary: NDArray[np.float64]) -> NDArray[np.complex128]:
+    values = np.empty(real.shape, dtype=np.complex128)
+    values.real, values.imag = real, imaginary
+    return values
+
+
+def _short(value: complex) -> str:
+    return f"{value.real:.6g}" if value.imag == 0.0 else f"{value.real:.6g}{value.imag:+.6g}i"
+
+
+def equilibrium_at(problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> Equilibrium:
+    """Return the equilibrium with the unknowns `u`; `sizes` are those of the states, shape (n,)."""
+    J = problem.evaluate(u)[1]
+    p = problem.parameters_at(u)
+    return Equilibrium(
+        system=problem.system,
+        parameters=dict(zip(problem.system.parameter_names, p.tolist(), strict=True)),
+        mode=problem.system.mode_names[problem.mode],
+        state=u[: problem.n],
+        eigenvalues=eigenvalues(J[:, : problem.n]),
+        residual=problem.rounding(u, J, sizes),
+        reasons=tuple(faults_of(problem, u, sizes)),
+    )
+
+
+def faults_of(problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> list[str]:
+    """Return why an equilibrium is virtual: events of its mode that are passed, a domain that is left."""
+    system, reasons = problem.system, []
+    mode = system.mode_names[problem.mode]
+    if (value := problem.guard(problem.mode, u)) <= 0.0:
+        reasons.append(f"{system.modes[mode].domain} is {value:.6g}, not positive as in the domain of {mode}")
+    for k in problem.ways_out:
+        transition = system.transitions[k]
+        height, gradient = problem.event(k, u)
+        beyond = height * transition.direction
+        unit = float(np.abs(gradient[: problem.n]) @ sizes)
+        if beyond > _ON_SURFACE * unit and problem.guard(len(system.modes) + k, u) > 0.0:
+            reasons.append(f"it lies beyond the event {transition.name}: {transition.event} is {height:.6g}")
+    return reasons

@@ -1,0 +1,187 @@
+"""Newton's method for equilibria."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus import checks
+from saltus.equilibria.equilibrium import Equilibrium, equilibrium_at
+from saltus.equilibria.problem import EquilibriumProblem, check_autonomous
+from saltus.errors import ConvergenceError, InputError
+from saltus.flow.motion import starting_mode
+from saltus.system import HybridSystem
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["find_equilibrium", "solve_equilibrium", "state_sizes"]
+
+_ITERATIONS = 100  # most Newton steps
+_CONVERGED = 1e-13  # Newton step, over the states' sizes, of a converged equilibrium
+_STALLED = 1e-8  # the same where rounding keeps steps from shrinking further
+_RESIDUAL = 1e-10  # most residual, over the field's terms, of an equilibrium
+_FLOOR = 1e-3  # size of a state, over the largest on the way, below which its steps are judged by this size
+_ROUNDED = 1e-14  # size of a state, over its typical size, up to which it may be rounding of 0
+_SINGULAR = 1e-6  # least singular value of the Jacobian, rows of size 1, up to which it is called singular
+_SHORTEST = 1e-6  # least share of a Newton step that is tried
+_SMALL = 1e-8  # size of a state, over the largest, below which its steps are not judged by it alone
+
+
+def find_equilibrium(
+    system: HybridSystem,
+    parameters: Mapping[str, float] | None = None,
+    x0: ArrayLike | None = None,
+    *,
+    mode: str | None = None,
+) -> Equilibrium:
+    """Return the equilibrium of one mode near a state, by damped Newton steps.
+
+    docs/theory/equilibria.md, "Equations", describes the steps and when they have converged.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        An autonomous system.
+    parameters : mapping of str to float, optional
+        Parameters that differ from the system's defaults.
+    x0 : array_like, shape (states,), optional
+        A state near the equilibrium; by default the origin.
+    mode : str, optional
+        The mode whose field vanishes. By default the mode in which a motion from `x0` starts.
+
+    Returns
+    -------
+    Equilibrium
+        Regular or virtual: `Equilibrium.regular` tells.
+
+    Raises
+    ------
+    InputError
+        The system is forced; a name or a state that cannot be used.
+    ConvergenceError
+        Newton's method finds no equilibrium near `x0`, or the field is singular on the way.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem, Mode
+    >>> lorenz = HybridSystem(
+    ...     ("x", "y", "z"), {"sigma": 10.0, "r": 24.0, "b": 8 / 3},
+    ...     {"flow": Mode({"x": "sigma*(y - x)", "y": "x*(r - z) - y", "z": "x*y - b*z"})},
+    ... )
+    >>> find_equilibrium(lorenz, x0=[8.0, 8.0, 23.0]).kind
+    'stable focus'
+    """
+    checks.instance("system", system, HybridSystem)
+    check_autonomous(system)
+    p = system.parameter_vector(parameters)
+    x = np.zeros(len(system.states)) if x0 is None else system.full_state(x0)
+    index = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
+    problem = EquilibriumProblem(system, index, p)
+    return solve_equilibrium(problem, x)
+
+
+def state_sizes(problem: EquilibriumProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return typical sizes of the states, shape (n,).
+
+    The size of a state is its modulus. A state at rest in 0 has the size that the others give it through the field.
+    Where all states vanish, their sizes are those of the states' responses to the parameters.
+    """
+    n, x = problem.n, np.abs(u[: problem.n])
+    if float(x.max()) > 0.0:
+        top = float(x.max())
+        small = x < _SMALL * top
+        if not np.any(small):
+            return x
+        # the size that balances the terms of a state's own rate
+        A = np.abs(J[:, :n])
+        rates = A @ np.where(small, 0.0, x)
+        own = np.maximum(np.diag(A), A.max(axis=0))
+        given = np.divide(rates, own, out=np.full(n, top), where=own > 0.0)
+        return np.asarray(np.where(small, np.where(given > 0.0, np.minimum(given, top), top), x))
+    response = np.abs(J[:, n:]).max(axis=1) if J.shape[1] > n else np.zeros(n)
+    if float(response.max(initial=0.0)) > 0.0:
+        moved = np.abs(np.linalg.lstsq(J[:, :n], J[:, n:], rcond=None)[0]).max(axis=1)
+        if float(moved.max()) > 0.0:
+            return np.asarray(np.where(moved > _SMALL * moved.max(), moved, moved.max()))
+    return np.ones(n)
+
+
+def solve_equilibrium(problem: EquilibriumProblem, x: NDArray[np.float64]) -> Equilibrium:
+    """Return the equilibrium near the state `x` at fixed parameters; see `find_equilibrium`."""
+    u = x.astype(np.float64)
+    known = max(float(np.abs(u).max()), 1e-300)
+    F, J = problem.evaluate(u)
+    if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+        raise InputError("x0", x.tolist(), "a state at which the field and its derivatives are finite")
+    before = math.inf
+    for iteration in range(_ITERATIONS):
+        step = _newton_step(F, J)
+        sizes = np.maximum(state_sizes(problem, u, J), _FLOOR * known)
+        length = float(np.max(np.abs(step) / sizes))
+        if length <= _CONVERGED or (length <= _STALLED and length >= 0.5 * before):
+            return _polished(problem, u + step, sizes, iteration)
+        before = length
+        u, F, J = _damped(problem, u, F, J, step, iteration)
+        known = max(known, float(np.abs(u).max()))
+    raise ConvergenceError("equilibrium", float(np.abs(F).max()), _ITERATIONS, _why(J))
+
+
+def _polished(
+    problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64], iteration: int
+) -> Equilibrium:
+    """Return the equilibrium at `u`, states that are rounding of 0 set to 0."""
+    F, J = problem.evaluate(u)
+    rounded = np.where(np.abs(u) < _ROUNDED * sizes, 0.0, u)
+    if float(np.abs(problem.evaluate(rounded)[0]).max()) <= float(np.abs(F).max()):
+        u = rounded
+    found = equilibrium_at(problem, u, np.maximum(sizes, np.abs(u)))
+    if not found.residual <= _RESIDUAL:
+        raise ConvergenceError("equilibrium", found.residual, iteration, _why(J))
+    return found
+
+
+def _why(J: NDArray[np.float64]) -> str:
+    """Return why Newton's method may have failed, by the Jacobian where it ended."""
+    if np.all(np.isfinite(J)):
+        scaled = J / np.maximum(np.abs(J).max(axis=1, keepdims=True), 1e-300)
+        if np.linalg.svd(scaled, compute_uv=False)[-1] < _SINGULAR:
+            return "the Jacobian is singular there, as at a saddle-node; reach the point along a branch"
+    return "start from a nearer state; there may be no equilibrium in this mode"
+
+
+def _newton_step(F: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Newton step, with rows and columns of the Jacobian scaled; the shortest where it is singular."""
+    rows = 1.0 / np.maximum(np.abs(J).max(axis=1), 1e-300)
+    columns = 1.0 / np.maximum((np.abs(J) * rows[:, None]).max(axis=0), 1e-300)
+    scaled = J * rows[:, None] * columns
+    return np.asarray(columns * np.linalg.lstsq(scaled, -F * rows, rcond=1e-15)[0])
+
+
+def _damped(
+    problem: EquilibriumProblem,
+    u: NDArray[np.float64],
+    F: NDArray[np.float64],
+    J: NDArray[np.float64],
+    step: NDArray[np.float64],
+    iteration: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return state, field and Jacobian a share of a Newton step ahead.
+
+    The share is halved until the next simplified Newton step is shorter (the natural monotonicity test).
+    """
+    share = 1.0
+    length = float(np.linalg.norm(step))
+    while share > _SHORTEST:
+        trial = u + share * step
+        there, slope = problem.evaluate(trial)
+        if np.all(np.isfinite(there)) and np.all(np.isfinite(slope)):
+            simplified = float(np.linalg.norm(_newton_step(there, J)))
+            if simplified <= (1.0 - 0.25 * share) * length or simplified <= 1e-10 * float(np.linalg.norm(trial)):
+                return trial, there, slope
+        share *= 0.5
+    raise ConvergenceError("equilibrium", float(np.abs(F).max()), iteration, _why(J))

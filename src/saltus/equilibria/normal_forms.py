@@ -1,0 +1,214 @@
+"""Normal forms of a field at its critical equilibria: saddle-node, cusp, Hopf, Bogdanov-Takens.
+
+docs/theory/equilibria.md, "Normal forms", lists the formulas.
+
+References
+----------
+Kuznetsov, Elements of Applied Bifurcation Theory, Springer 2004, sections 5.4, 8.2 to 8.4 and 8.7; the first Lyapunov
+coefficient is his (5.39). Kuznetsov, Int. J. Bifurcation Chaos 15 (2005) 3535-3546 (Bogdanov-Takens).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.equilibria.problem import EquilibriumProblem
+
+__all__ = ["NORMAL_FORMS", "EquilibriumNormalForm", "HopfTerms", "cusp_coefficient", "fold_coefficient",
+           "hopf_terms", "normal_form", "null_pair"]  # fmt: skip
+
+NORMAL_FORMS = ("SN", "HB", "CP", "BT")  # types of special points that have a normal form here
+_NOISE = 1e-10  # size of a coefficient, over its terms, up to which it is rounding
+_FAR = 1e-3  # distance of an eigenvalue from the critical one, over the largest, above which a point is not critical
+
+
+@dataclass(frozen=True)
+class EquilibriumNormalForm:
+    """Normal form of a field on the centre manifold of a critical equilibrium.
+
+    Attributes
+    ----------
+    type : str
+        ``SN``: x' = a x^2; ``CP``: x' = c x^3; ``HB``: z' = i w z (1 + ...) + w l1 z abs(z)^2;
+        ``BT``: x' = y, y' = a x^2 + b x y.
+    coefficient : float
+        a, c, the first Lyapunov coefficient l1, or the product a b. Critical eigenvectors have unit length in the
+        states: other coordinates keep the signs of c, l1 and a b, but not their sizes. That of a SN changes sign with
+        the eigenvector.
+    frequency : float
+        Imaginary part w of the critical pair, in radians per unit of time; 0 but for ``HB``.
+    """
+
+    type: str
+    coefficient: float
+    frequency: float = 0.0
+
+    @property
+    def criticality(self) -> str:
+        """What is born: at HB ``supercritical`` (stable within the centre manifold) or ``subcritical`` cycles.
+
+        Other points are ``nondegenerate``. Where the coefficient vanishes, but for rounding, ``degenerate``: at HB the
+        cycles may all lie at one value of the parameter, as those of a linear field do.
+        """
+        if self.coefficient == 0.0:
+            return "degenerate"
+        if self.type == "HB":
+            return "supercritical" if self.coefficient < 0.0 else "subcritical"
+        return "nondegenerate"
+
+    def __repr__(self) -> str:
+        name = "l1" if self.type == "HB" else "coefficient"
+        frequency = f", frequency {self.frequency:.9g}" if self.type == "HB" else ""
+        return f"EquilibriumNormalForm {self.type}: {self.criticality}, {name} = {self.coefficient:.9g}{frequency}"
+
+
+def normal_form(problem: EquilibriumProblem, u: NDArray[np.float64], kind: str) -> EquilibriumNormalForm:
+    """Return the normal form at a critical equilibrium.
+
+    Parameters
+    ----------
+    problem : EquilibriumProblem
+        The equations.
+    u : ndarray, shape (n + active,)
+        The equilibrium, located.
+    kind : {"SN", "HB", "CP", "BT"}
+        Type of the point.
+
+    Raises
+    ------
+    InputError
+        `kind` is another, or no eigenvalue is near the critical one.
+    """
+    if kind not in NORMAL_FORMS:
+        raise InputError("type", kind, f"one of {', '.join(NORMAL_FORMS)}", "no normal form belongs to it")
+    A = problem.evaluate(u)[1][:, : problem.n]
+    values = np.linalg.eigvals(A)
+    top = float(np.abs(values).max())
+    if kind == "HB":
+        pair = values[np.argmin(np.where(values.imag > 0.0, np.abs(values.real), np.inf))]
+        if not pair.imag > 0.0 or abs(pair.real) > _FAR * top:
+            raise InputError("point", f"eigenvalues {values}", "an equilibrium with an imaginary pair, as every HB has")
+        return EquilibriumNormalForm(kind, hopf_terms(problem, u, A, float(pair.imag)).l1, float(pair.imag))
+    if problem.n > 1 and float(np.abs(values).min()) > _FAR * top:
+        raise InputError("point", f"eigenvalues {values}", f"an equilibrium with an eigenvalue 0, as every {kind} has")
+    if kind == "BT":
+        return EquilibriumNormalForm(kind, _takens_coefficient(problem, u, A))
+    q, p = null_pair(A)
+    p = p / float(p @ q)
+    if kind == "SN":
+        return EquilibriumNormalForm(kind, fold_coefficient(problem, u, q, p))
+    return EquilibriumNormalForm(kind, cusp_coefficient(problem, u, A, q, p))
+
+
+def null_pair(A: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the right and the left null vector of a singular matrix, of unit length."""
+    left, _, right = np.linalg.svd(A)
+    return right[-1], left[:, -1]
+
+
+def _seen(value: float, *terms: float) -> float:
+    """Return a sum of terms; 0 where it is their rounding."""
+    return value if abs(value) > _NOISE * sum(abs(term) for term in terms) else 0.0
+
+
+def _bilinear(problem: EquilibriumProblem, u: NDArray[np.float64], v: NDArray[Any], w: NDArray[Any]) -> NDArray[Any]:
+    """Return the second derivative B(v, w) of the field in the state."""
+    n, still = problem.n, np.zeros(u.size - problem.n)
+    parts = [problem.second(u, np.append(part, still))[:, :n] for part in (v.real, v.imag)]
+    return np.asarray((parts[0] + 1j * parts[1]) @ w)
+
+
+def fold_coefficient(
+    problem: EquilibriumProblem, u: NDArray[np.float64], q: NDArray[np.float64], p: NDArray[np.float64]
+) -> float:
+    """Return a = <p, B(q, q)> / 2; it vanishes at a cusp."""
+    n = problem.n
+    bend = problem.second(u, np.append(q, np.zeros(u.size - n)))[:, :n]
+    return _seen(0.5 * float(p @ bend @ q), *(0.5 * p * (np.abs(bend) @ np.abs(q))))
+
+
+def cusp_coefficient(
+    problem: EquilibriumProblem,
+    u: NDArray[np.float64],
+    A: NDArray[np.float64],
+    q: NDArray[np.float64],
+    p: NDArray[np.float64],
+) -> float:
+    """Return c = <p, C(q, q, q) + 3 B(q, h)> / 6, where A h = <p, B(q, q)> q - B(q, q) and <p, h> = 0."""
+    n = problem.n
+    bend = problem.second(u, np.append(q, np.zeros(u.size - n)))[:, :n]
+    square = bend @ q
+    bordered = np.block([[A, p[:, None]], [p[None, :], np.zeros((1, 1))]])
+    h = np.linalg.solve(bordered, np.append(float(p @ square) * q - square, 0.0))[:n]
+    terms = float(p @ problem.third(u, q, q, q)) / 6.0, 0.5 * float(p @ bend @ h)
+    return _seen(sum(terms), *terms)
+
+
+@dataclass(frozen=True, eq=False)
+class HopfTerms:
+    """Expansion of the centre manifold at a Hopf point: x + z q + conj(z q) + abs(z)^2 mean + Re(z^2 double).
+
+    Attributes
+    ----------
+    l1 : float
+        First Lyapunov coefficient.
+    q, p : ndarray of complex, shape (n,)
+        Eigenvector of unit length, and adjoint one with <p, q> = 1.
+    mean : ndarray, shape (n,)
+        Shift of the mean.
+    double : ndarray of complex, shape (n,)
+        Second harmonic.
+    """
+
+    l1: float
+    q: NDArray[Any]
+    p: NDArray[Any]
+    mean: NDArray[np.float64]
+    double: NDArray[Any]
+
+
+def hopf_terms(problem: EquilibriumProblem, u: NDArray[np.float64], A: NDArray[np.float64], w: float) -> HopfTerms:
+    """Return the terms to third order at an equilibrium with the imaginary pair +-i w."""
+    n = problem.n
+    right, vectors = np.linalg.eig(A.astype(np.complex128))
+    q: NDArray[Any] = vectors[:, np.argmin(np.abs(right - 1j * w))]
+    q = q / np.linalg.norm(q)
+    left, adjoint = np.linalg.eig(A.T.astype(np.complex128))
+    p: NDArray[Any] = adjoint[:, np.argmin(np.abs(left + 1j * w))]
+    p = p / (p @ q.conj())  # <p, q> = 1
+    a, b = q.real.copy(), q.imag.copy()
+    cubes = {key: problem.third(u, *ways) for key, ways in
+             {"aaa": (a, a, a), "abb": (a, b, b), "aab": (a, a, b), "bbb": (b, b, b)}.items()}  # fmt: skip
+    cubic = cubes["aaa"] + cubes["abb"] + 1j * (cubes["aab"] + cubes["bbb"])
+    mean = -np.linalg.solve(A, _bilinear(problem, u, q, q.conj()).real)
+    double = np.linalg.solve(2j * w * np.eye(n) - A, _bilinear(problem, u, q, q))
+    parts = [
+        p.conj() @ cubic,
+        2.0 * (p.conj() @ _bilinear(problem, u, q, mean)),
+        p.conj() @ _bilinear(problem, u, q.conj(), double),
+    ]
+    l1 = _seen(float(sum(parts).real) / (2.0 * w), *(abs(part) / (2.0 * w) for part in parts))
+    return HopfTerms(l1, q, p, mean, double)
+
+
+def _takens_coefficient(problem: EquilibriumProblem, u: NDArray[np.float64], A: NDArray[np.float64]) -> float:
+    """Return a b of x' = y, y' = a x^2 + b x y, with A q1 = q0 and p0 A = p1 for the null vectors q0 and p1."""
+    n = problem.n
+    q0, p1 = null_pair(A)
+    right = np.block([[A, p1[:, None]], [q0[None, :], np.zeros((1, 1))]])
+    q1 = np.linalg.solve(right, np.append(q0, 0.0))[:n]
+    p1 = p1 / float(p1 @ q1)
+    left = np.block([[A.T, q0[:, None]], [q1[None, :], np.zeros((1, 1))]])
+    p0 = np.linalg.solve(left, np.append(p1, 0.0))[:n]
+    bend = problem.second(u, np.append(q0, np.zeros(u.size - n)))[:, :n]
+    a = 0.5 * float(p1 @ bend @ q0)
+    b = float(p0 @ bend @ q0) + float(p1 @ bend @ q1)
+    return _seen(a * b, float(np.linalg.norm(p1) * np.linalg.norm(bend)) ** 2)

@@ -1,0 +1,138 @@
+"""Equilibria of one mode as the zeros of its field, with derivatives up to the third.
+
+docs/theory/equilibria.md, "Equations", says how they are used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from saltus.system import HybridSystem
+
+__all__ = ["EquilibriumProblem", "check_autonomous"]
+
+
+@dataclass
+class EquilibriumProblem:
+    """The equations f(x, p) = 0 of an equilibrium; the unknowns are the state, then the active parameters.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        An autonomous system.
+    mode : int
+        The mode whose field vanishes.
+    p : ndarray, shape (parameters,)
+        All parameters; the active ones are overwritten by the unknowns.
+    active : sequence of int
+        Parameters among the unknowns, growing.
+    scales : ndarray, shape (active,)
+        Units of the active parameters.
+    """
+
+    system: HybridSystem
+    mode: int
+    p: NDArray[np.float64]
+    active: Sequence[int] = ()
+    scales: NDArray[np.float64] = field(default_factory=lambda: np.ones(0))
+
+    def __post_init__(self) -> None:
+        self.n = len(self.system.states)
+        self.p = self.p.copy()
+        self._active = np.array(self.active, dtype=np.int64)
+        self.scales = np.array(self.scales, dtype=np.float64)
+        self.compiled = self.system.compiled
+        self.compiled.check_powers(self.system, [self.mode])
+        self._frame = np.concatenate([np.zeros(self.n), np.eye(self.n).ravel()])
+        self._out = np.empty(self.n * (self.n + 1))
+        self._column = np.empty(self.n)
+
+    def in_mode(self, mode: int) -> EquilibriumProblem:
+        """Return the same equations for another mode."""
+        return EquilibriumProblem(self.system, mode, self.p, self.active, self.scales)
+
+    def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return all parameters, shape (parameters,), where the unknowns are `u`."""
+        p = self.p.copy()
+        p[self._active] = u[self.n :] * self.scales
+        return p
+
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the field, shape (n,), and its derivatives in the unknowns, shape (n, n + active)."""
+        n, p = self.n, self.compiled.extended(self.parameters_at(u))
+        self._frame[:n] = u[:n]
+        self.compiled.call("vary", self.mode, n, self._frame, p, self._out)
+        J = np.empty((n, n + self._active.size))
+        J[:, :n] = self._out[n:].reshape(n, n)
+        for k, (index, scale) in enumerate(zip(self.active, self.scales.tolist(), strict=True)):
+            self.compiled.call("field_p", self.mode, int(index), self._frame, p, self._column)
+            J[:, n + k] = self._column * scale
+        return self._out[:n].copy(), J
+
+    def second(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of the Jacobian in the unknowns along `v`, both shape (n, n + active)."""
+        units = np.concatenate([np.ones(self.n), self.scales])
+        found = self.system.second(tuple(self.active)).field(self.mode, u[: self.n], v * units, self.parameters_at(u))
+        return np.asarray(found * units)
+
+    def third(self, u: NDArray[np.float64], *directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the third derivative of the field in the state along three directions, shape (n,)."""
+        return self.system.third.field(self.mode, u[: self.n], *directions, p=self.parameters_at(u))
+
+    def event(self, transition: int, u: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        """Return the event function of a transition and its gradient in the unknowns, shape (n + active,)."""
+        n, p = self.n, self.compiled.extended(self.parameters_at(u))
+        x, out, own = np.ascontiguousarray(u[:n]), np.empty(2 + 2 * n), np.empty(2)
+        self.compiled.call("event_x", transition, 0, x, p, out)
+        gradient = np.empty(n + self._active.size)
+        gradient[:n] = out[2 : 2 + n]
+        for k, (index, scale) in enumerate(zip(self.active, self.scales.tolist(), strict=True)):
+            self.compiled.call("event_p", transition, int(index), x, p, own)
+            gradient[n + k] = own[0] * scale
+        return float(out[0]), gradient
+
+    def guard(self, index: int, u: NDArray[np.float64]) -> float:
+        """Return a guard: the domain function of a mode, or behind these the condition of a transition."""
+        out = np.empty(1)
+        p = self.compiled.extended(self.parameters_at(u))
+        self.compiled.call("guard", index, 0, np.ascontiguousarray(u[: self.n]), p, out)
+        return float(out[0])
+
+    def reset(self, transition: int, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the unknowns behind the reset of a transition."""
+        landed = u.copy()
+        p = self.compiled.extended(self.parameters_at(u))
+        x, out = np.ascontiguousarray(u[: self.n]), np.empty(self.n)
+        self.compiled.call("reset", transition, 0, x, p, out)
+        landed[: self.n] = out
+        return landed
+
+    @property
+    def ways_out(self) -> list[int]:
+        """Transitions that leave the mode."""
+        name = self.system.mode_names[self.mode]
+        return [k for k, transition in enumerate(self.system.transitions) if transition.source == name]
+
+    def rounding(self, u: NDArray[np.float64], J: NDArray[np.float64], sizes: NDArray[np.float64]) -> float:
+        """Return the largest component of the field over what the states' sizes make of its terms."""
+        F = self.evaluate(u)[0]
+        terms = np.abs(J[:, : self.n]) @ sizes
+        top = float(terms.max())
+        return float(np.max(np.abs(F) / np.maximum(terms, 1e-12 * top))) if top > 0.0 else float(np.abs(F).max())
+
+
+def check_autonomous(system: HybridSystem) -> None:
+    """Raise `InputError` where a system is forced: it has no equilibria."""
+    if system.phase is not None:
+        hint = "a forced system has periodic orbits in place of equilibria: find_orbit, continue_orbit"
+        raise InputError("system", system.name or "a forced system", "autonomous, without a phase", hint)
