@@ -17,6 +17,7 @@ from .continuation import (
     BranchOptions as BranchOptions,
     Cascade as Cascade,
     EquilibriumBranch as EquilibriumBranch,
+    EquilibriumLocus as EquilibriumLocus,
     Family as Family,
     Locus as Locus,
     SpecialPoint as SpecialPoint,

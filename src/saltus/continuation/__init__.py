@@ -6,6 +6,7 @@ from saltus.continuation.cascade import Cascade
 from saltus.continuation.doublings import follow_cascade
 from saltus.continuation.equilibria import continue_equilibrium
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.family import Family
 from saltus.continuation.loci import continue_locus
 from saltus.continuation.locus import Locus
@@ -21,6 +22,7 @@ __all__ = [
     "BranchOptions",
     "Cascade",
     "EquilibriumBranch",
+    "EquilibriumLocus",
     "Family",
     "Locus",
     "OrbitCurve",

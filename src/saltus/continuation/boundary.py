@@ -58,7 +58,11 @@ class Crossing:
 
 
 def beyond_boundary(
-    problem: EquilibriumProblem, transition: int, u: NDArray[np.float64], tangent: NDArray[np.float64]
+    problem: EquilibriumProblem,
+    transition: int,
+    u: NDArray[np.float64],
+    tangent: NDArray[np.float64],
+    sizes: NDArray[np.float64],
 ) -> Crossing:
     """Return what goes on at the boundary equilibrium `u` on the surface of a transition.
 
@@ -70,6 +74,8 @@ def beyond_boundary(
         The transition.
     u, tangent : ndarray, shape (n + 1,)
         The point and the branch's tangent there.
+    sizes : ndarray, shape (n,)
+        Typical sizes of the states.
     """
     system, n = problem.system, problem.n
     leaves = system.transitions[transition]
@@ -83,12 +89,12 @@ def beyond_boundary(
     beside = problem.in_mode(mode)
     landed = problem.reset(transition, u)
     F, J = beside.evaluate(landed)
-    terms = np.abs(J[:, :n]) @ np.maximum(np.abs(landed[:n]), 1e-3 * np.abs(landed[:n]).max())
-    terms = np.maximum(terms, np.abs(problem.evaluate(u)[1][:, :n]) @ np.abs(u[:n]))
-    A = problem.evaluate(u)[1][:, :n]
+    own = problem.evaluate(u)[1]
+    A = own[:, :n]
+    terms = (np.abs(J[:, :n]) + np.abs(A)) @ sizes
     if np.all(np.abs(F) <= _CONTINUOUS * np.maximum(terms, 1e-12 * terms.max())):
         # each branch's parameter, where its own event function grows to its regular side
-        sides = [_slope(A, problem.evaluate(u)[1], inwards), _slope(J[:, :n], J, -inwards)]
+        sides = [_slope(A, own, inwards), _slope(J[:, :n], J, -inwards)]
         kind = "" if 0.0 in sides else _PERSISTS if sides[0] * sides[1] < 0.0 else _FOLDS
         return Crossing(kind, mode, landed, -inwards)
     if np.array_equal(landed, u):

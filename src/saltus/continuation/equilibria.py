@@ -13,7 +13,7 @@ from saltus import checks
 from saltus.continuation.arclength import Failure, StepControl, follow
 from saltus.continuation.boundary import Crossing, beyond_boundary
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
-from saltus.continuation.equilibrium_problem import CRITICAL, EquilibriumZeroProblem, extents
+from saltus.continuation.equilibrium_problem import CRITICAL, EquilibriumZeroProblem, closes, extents
 from saltus.continuation.options import ROUNDING, checked_interval, read_stops, unit_of
 from saltus.continuation.orbit_problem import Interest
 from saltus.continuation.two_sided import BothSides, Found, OneSide, join, traced, turned
@@ -33,8 +33,8 @@ __all__ = ["continue_equilibrium", "joined_fields"]
 _NOTHING = 1e-14  # parameter, over its interval, up to which it reads 0
 _AT_START = 1e-10  # test function, over its usual size, up to which a start is critical
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
+_ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
-_CLOSING = 3.0  # first steps of a branch, in arclength, within which it cannot close
 
 
 def continue_equilibrium(
@@ -137,7 +137,7 @@ def joined_fields(joined: BothSides) -> dict[str, Any]:
     return {
         "states": np.array([point.u[:n] for _, point in joined.rows]),
         "eigenvalues": np.array([d.values for d in data]),
-        "stable": np.array([np.all(d.values.real < 0.0) and d.unstable == 0 for d in data]),
+        "stable": np.array([d.stable for d in data]),
         "regular": np.array([not d.reasons for d in data]),
         "mode": np.array([piece.problem.mode for piece, _ in joined.rows]),
         "residual": np.array([point.residual for _, point in joined.rows]),
@@ -262,7 +262,7 @@ class _Run:
                 if (end := self._event(half, branch, item)) is not None:
                     return end
                 continue
-            if branch is start[0] and self._closes(start[1], last, item):
+            if branch is start[0] and closes(start[1], last, item, self.control):
                 half.points.append(start)
                 half.closed = True
                 return "the branch is closed"
@@ -273,18 +273,6 @@ class _Run:
                 return f"{self._place(item)}: {self.control.most} points"
             last = item
         raise AssertionError("follow ends with a reason")
-
-    def _closes(self, origin: Point, last: Point, new: Point) -> bool:
-        """Return whether the step from `last` to `new` passes the start."""
-        if new.arc < _CLOSING * self.control.initial:
-            return False
-        w, chord, away = last.weights, new.u - last.u, origin.u - last.u
-        length = float(w @ chord**2)
-        share = float(w @ (away * chord)) / length
-        if not 0.0 < share <= 1.0:
-            return False
-        aside = math.sqrt(float(w @ (away - share * chord) ** 2))
-        return aside < 20.0 * self.control.deviation and aside < 0.5 * math.sqrt(length)
 
     def _event(
         self, half: OneSide, branch: EquilibriumZeroProblem, event: Event
@@ -306,7 +294,7 @@ class _Run:
             half.specials.append(self._found(name, branch, event, half))
             return self._end_at(half, branch, point, name)
         transition = branch.problem.system.transitions[event.name.transition]
-        crossing = beyond_boundary(branch.problem, event.name.transition, point.u, point.tangent)
+        crossing = beyond_boundary(branch.problem, event.name.transition, point.u, point.tangent, branch.sizes)
         found = self._found(name, branch, event, half)
         half.specials.append(replace(found, of=transition.name, kind=crossing.kind))
         if (end := self._end_at(half, branch, point, name)) is not None:
@@ -330,7 +318,15 @@ class _Run:
             return f"{self._place(old)}: boundary equilibrium, no branch goes on: {error}"
         point = turned(point, crossing.sign(point), EquilibriumZeroProblem.odd)
         point.arc = old.arc
-        point.examined = beside.examine(point, None)
+        found = beside.examine(point, None)
+        # on a surface the sign of its event function is rounding: the point counts as on the regular side
+        system = beside.problem.system
+        monitors = {
+            name: -_ON_SURFACE * (system.transitions[name.transition].direction or 1)
+            if name.kind == "BE" and abs(value) < _ON_SURFACE else value
+            for name, value in found.monitors.items()
+        }  # fmt: skip
+        point.examined = replace(found, monitors=monitors)
         return beside, point, self.control.initial
 
     def _end_at(self, half: OneSide, branch: EquilibriumZeroProblem, point: Point, name: str) -> str | None:
@@ -348,4 +344,7 @@ class _Run:
             last = half.points[-1][1] if half.points else point
             tangent = last.tangent.copy()
             tangent[-1] *= self.scale
-        return Found(name, replace(solution, parameters=p), event.value, len(half.points), point.arc, tangent=tangent)
+        solution = replace(solution, parameters=p)
+        return Found(
+            name, solution, event.value, len(half.points), point.arc, tangent=tangent, scale=branch.sizes.copy()
+        )

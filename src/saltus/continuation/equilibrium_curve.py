@@ -71,7 +71,7 @@ class EquilibriumCurve(Result):
     mode: NDArray[np.int64]
     residual: NDArray[np.float64]
     arclength: NDArray[np.float64]
-    special_points: SpecialPoints
+    special_points: SpecialPoints[Equilibrium]
     stopped: tuple[str, str]
     rejected: tuple[str, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -90,7 +90,7 @@ class EquilibriumCurve(Result):
     def __len__(self) -> int:
         return len(self.values)
 
-    def __getitem__(self, label: str) -> SpecialPoint:
+    def __getitem__(self, label: str) -> SpecialPoint[Equilibrium]:
         """Return the special point of that label."""
         known = {point.label: point for point in self.special_points}
         return known[checks.chosen("label", label, known)]
@@ -130,7 +130,7 @@ class EquilibriumCurve(Result):
             return columns[name]
         return np.array([_output(self.equilibrium(i), name) for i in range(len(self))])
 
-    def at(self, point: SpecialPoint, name: str) -> float:
+    def at(self, point: SpecialPoint[Equilibrium], name: str) -> float:
         """Return the quantity that `column` names at a special point.
 
         Parameters
@@ -263,7 +263,9 @@ def _output(equilibrium: Equilibrium, name: str) -> float:
     return float(out[system.output_names.index(name)])
 
 
-def _special_variables(points: SpecialPoints, n: int, varied: tuple[str, ...], system: HybridSystem) -> dict[str, Any]:
+def _special_variables(
+    points: SpecialPoints[Equilibrium], n: int, varied: tuple[str, ...], system: HybridSystem
+) -> dict[str, Any]:
     """Return special points as variables of a Dataset."""
     rows = [point.equilibrium for point in points]
     tangents = [np.empty(0) if point.tangent is None else point.tangent for point in points]
@@ -283,6 +285,7 @@ def _special_variables(points: SpecialPoints, n: int, varied: tuple[str, ...], s
         "special_value": (("special", "parameter"),
                           table([[row.parameters[name] for name in varied] for row in rows], len(varied))),
         "special_state": (("special", "state"), table([row.state for row in rows], n)),
+        "special_scale": (("special", "state"), table([point.scale for point in points], n)),
         "special_eigenvalue_re": (("special", "eigenvalue"), table([row.eigenvalues.real for row in rows], n)),
         "special_eigenvalue_im": (("special", "eigenvalue"), table([row.eigenvalues.imag for row in rows], n)),
         "special_residual": ("special", np.array([row.residual for row in rows], dtype=float)),
@@ -295,13 +298,14 @@ def _special_variables(points: SpecialPoints, n: int, varied: tuple[str, ...], s
 
 def _special_points(
     held: Contents, system: HybridSystem, parameters: Mapping[str, float], varied: tuple[str, ...]
-) -> list[SpecialPoint]:
+) -> list[SpecialPoint[Equilibrium]]:
     """Return the special points that `_special_variables` wrote."""
     special, n = ("special",), len(system.states)
     text = {name: held.array(f"special_{name}", special, str) for name in ("type", "label", "of", "locus", "kind")}
     real = {name: held.array(f"special_{name}", special) for name in ("test", "position", "arclength", "residual")}
     values = held.array("special_value", ("special", "parameter"))
     states = held.array("special_state", ("special", "state"))
+    scales = held.array("special_scale", ("special", "state"), least=0.0)
     eigenvalues = complex_table(held, "special_eigenvalue", ("special", "eigenvalue"))
     modes = held.array("special_mode", special, int, least=0, most=len(system.modes) - 1)
     reasons = held.array("special_reasons", special, str)
@@ -324,7 +328,7 @@ def _special_points(
         points.append(
             SpecialPoint(
                 names[0], names[1], found, numbers[0], numbers[1], numbers[2], varied, names[2], names[3],
-                tangents[i] if tangents[i].size else None, names[4],
+                tangents[i] if tangents[i].size else None, names[4], scales[i],
             )
         )  # fmt: skip
     return points

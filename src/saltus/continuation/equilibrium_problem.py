@@ -22,10 +22,11 @@ from saltus.equilibria.spectrum import FAINT, eigenvalues, pair_product, unstabl
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.continuation.arclength import StepControl
     from saltus.continuation.orbit_problem import Interest
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["CRITICAL", "EquilibriumData", "EquilibriumZeroProblem", "extents"]
+__all__ = ["CRITICAL", "EquilibriumData", "EquilibriumZeroProblem", "closes", "extents", "has_pair"]
 
 _LOW = Monitor("low")  # parameter less its lower bound
 _HIGH = Monitor("high")  # parameter less its upper bound
@@ -39,6 +40,7 @@ CRITICAL = ("SN", "BP", "HB", "BE")  # kinds of monitor functions at whose zeros
 _RESIDUAL = 1e-8  # most residual of a point, over the sizes of the field's terms
 _NEAR = 1e-2  # share of a state's modulus below which its size on a branch is not chosen
 _SHORT = 1e-5  # arclength of a step up to which several eigenvalues may cross the imaginary axis in it
+_CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
 _RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it rests
 
 
@@ -50,6 +52,11 @@ class EquilibriumData:
     unstable: int
     reasons: tuple[str, ...]
 
+    @property
+    def stable(self) -> bool:
+        """Whether all eigenvalues have negative real parts."""
+        return self.unstable == 0 and bool(np.all(self.values.real < 0.0))
+
 
 def extents(problem: EquilibriumProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the states' sizes at the start of a curve, shape (n,): how far the parameters move them, and their moduli.
@@ -60,7 +67,7 @@ def extents(problem: EquilibriumProblem, u: NDArray[np.float64]) -> NDArray[np.f
     n, x = problem.n, np.abs(u[: problem.n])
     sizes = state_sizes(problem, u, J)
     moved = np.abs(np.linalg.lstsq(J[:, :n], J[:, n:], rcond=1e-12)[0]).max(axis=1)
-    return np.where((x > 0.0) & (moved > 0.0), np.clip(moved, _NEAR * x, x), sizes)
+    return np.where((x > _NEAR * sizes) & (moved > 0.0), np.clip(moved, _NEAR * x, x), sizes)
 
 
 class EquilibriumZeroProblem:
@@ -188,9 +195,11 @@ class EquilibriumZeroProblem:
 
         At a neutral saddle two real eigenvalues differ in sign alone. The test function of HB vanishes there too.
         """
+        if any(event.point.examined.data is None for event in events):
+            return "location: the field does not vanish at an event"
         branchings = [event.point.arc for event in events if event.name == _BP]
         kept = [e for e in events if e.name != _SN or all(abs(e.point.arc - arc) > 1e-5 for arc in branchings)]
-        return [event for event in kept if event.name != _HB or _has_pair(event.point.examined.data.values)]
+        return [event for event in kept if event.name != _HB or has_pair(event.point.examined.data.values)]
 
     def crowded(self, names: list[Monitor]) -> bool:
         """Return whether more than one bifurcation lies in a step."""
@@ -202,7 +211,7 @@ def _seen(point: Point) -> bool:
     return abs(point.examined.monitors[_HB]) >= FAINT
 
 
-def _has_pair(values: NDArray[np.complex128]) -> bool:
+def has_pair(values: NDArray[np.complex128]) -> bool:
     """Return whether the two eigenvalues whose sum is least, over their moduli, are a complex pair."""
     best, pair = math.inf, False
     for i in range(values.size):
@@ -231,3 +240,16 @@ def _fault(point: Point, before: Point, monitors: Mapping[Monitor, float], data:
     if crossed > most or (not centre and (crossed - real) % 2):
         return "stability changes without a bifurcation that explains it"
     return None
+
+
+def closes(origin: Point, last: Point, new: Point, control: StepControl) -> bool:
+    """Return whether the step from `last` to `new` passes the start of a curve of equilibria."""
+    if new.arc < _CLOSING * control.initial:
+        return False
+    w, chord, away = last.weights, new.u - last.u, origin.u - last.u
+    length = float(w @ chord**2)
+    share = float(w @ (away * chord)) / length
+    if not 0.0 < share <= 1.0:
+        return False
+    aside = math.sqrt(float(w @ (away - share * chord) ** 2))
+    return aside < 20.0 * control.deviation and aside < 0.5 * math.sqrt(length)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from saltus import checks
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.monitor import BIFURCATIONS
 from saltus.continuation.special_points import SpecialPoint
+from saltus.equilibria import Equilibrium
 from saltus.errors import InputError, nearest
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.system import HybridSystem
@@ -36,6 +38,9 @@ _LOCI = {
     "SN": "SN", "PD": "PD", "TR": "TR", "BP": "BP", "GR": "GR", "CP": "SN", "GPD": "PD", "CH": "TR", "R1": "SN",
     "R2": "PD", "R3": "TR", "R4": "TR", "FF": "SN",
 }  # fmt: skip
+
+EQUILIBRIUM_LOCI = ("SN", "HB", "BE")  # types of special points of equilibria that have loci
+_EQUILIBRIUM_LOCI = {"SN": "SN", "HB": "HB", "BE": "BE", "CP": "SN", "BT": "HB", "GH": "HB", "ZH": "SN", "HH": "HB"}
 
 
 @dataclass(frozen=True)
@@ -147,25 +152,31 @@ def read_events(
     return tuple(found)
 
 
-def read_start(start: SpecialPoint | PeriodicOrbit, kind: str | None) -> tuple[PeriodicOrbit, str]:
-    """Return the orbit at which a locus starts, and the type of the locus."""
+def read_start(
+    start: SpecialPoint | SpecialPoint[Equilibrium] | PeriodicOrbit | Equilibrium, kind: str | None
+) -> tuple[Any, str]:
+    """Return the orbit or the equilibrium at which a locus starts, and the type of the locus."""
+    solution = start.solution if isinstance(start, SpecialPoint) else start
+    of_equilibria = isinstance(solution, Equilibrium)
+    known, loci = (EQUILIBRIUM_LOCI, _EQUILIBRIUM_LOCI) if of_equilibria else (BIFURCATIONS, _LOCI)
     if kind is not None:
-        checks.chosen("type", kind, BIFURCATIONS)
-    if isinstance(start, PeriodicOrbit):
+        checks.chosen("type", kind, known)
+    if isinstance(start, PeriodicOrbit | Equilibrium):
         if kind is None:
-            raise InputError("start", "a PeriodicOrbit", "a special point, or an orbit with its type", "type='SN'")
+            what = type(start).__name__
+            raise InputError("start", what, "a special point, or a solution with its type", "type='SN'")
         return start, kind
     checks.instance("start", start, SpecialPoint)
     if kind is None:
-        kind = _LOCI.get(start.type, start.locus if start.type == "TP" else None)
+        kind = loci.get(start.type, start.locus if start.type == "TP" else None)
     if kind is None:
-        allowed = f"a point of type {', '.join(_LOCI)}"
-        raise InputError("start", start.type, allowed, "no locus belongs to a user's event")
-    return start.orbit, kind
+        allowed = f"a point of type {', '.join(loci)}"
+        raise InputError("start", start.type, allowed, "no locus belongs to this type")
+    return solution, kind
 
 
 def read_parameters(
-    orbit: PeriodicOrbit, parameters: tuple[str, str], bounds: Mapping[str, tuple[float, float]]
+    orbit: PeriodicOrbit | Equilibrium, parameters: tuple[str, str], bounds: Mapping[str, tuple[float, float]]
 ) -> tuple[tuple[str, str], tuple[tuple[float, float], tuple[float, float]]]:
     """Return the two names in the system's order, and their intervals."""
     known = orbit.system.parameter_names

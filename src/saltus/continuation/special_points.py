@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Generic, overload
 
 import numpy as np
 
@@ -20,7 +20,16 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-__all__ = ["SpecialPoint", "SpecialPoints"]
+__all__ = ["Solution", "SpecialPoint", "SpecialPoints"]
+
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar
+
+    Solution = TypeVar("Solution", bound=PeriodicOrbit | Equilibrium, default=PeriodicOrbit)
+else:
+    from typing import TypeVar
+
+    Solution = TypeVar("Solution", bound=PeriodicOrbit | Equilibrium)
 
 # What each type of special point means, in a `repr`.
 _MEANING = {
@@ -48,7 +57,7 @@ _MEANING = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SpecialPoint:
+class SpecialPoint(Generic[Solution]):
     """A special point of a branch or of a locus, located.
 
     docs/theory/continuation.md and docs/theory/loci.md derive the test functions.
@@ -90,11 +99,13 @@ class SpecialPoint:
         At a BP the tangent of its own branch, the parameter last.
     kind : str
         Of a BE ``persistence`` or ``nonsmooth fold``; empty where neither is told.
+    scale : ndarray, shape (states,), or None
+        Typical sizes of the states on a curve of equilibria; None on one of orbits.
     """
 
     type: str
     label: str
-    solution: PeriodicOrbit | Equilibrium
+    solution: Solution
     test: float
     position: float
     arclength: float
@@ -103,6 +114,7 @@ class SpecialPoint:
     locus: str = ""
     tangent: NDArray[np.float64] | None = None
     kind: str = ""
+    scale: NDArray[np.float64] | None = None
 
     @property
     def orbit(self) -> PeriodicOrbit:
@@ -171,27 +183,27 @@ def _row(solution: PeriodicOrbit | Equilibrium) -> dict[str, Any]:
     }
 
 
-class SpecialPoints(Sequence[SpecialPoint]):
+class SpecialPoints(Sequence[SpecialPoint[Solution]]):
     """Special points in their order along a curve."""
 
-    def __init__(self, points: Sequence[SpecialPoint], parameters: tuple[str, ...]) -> None:
+    def __init__(self, points: Sequence[SpecialPoint[Solution]], parameters: tuple[str, ...]) -> None:
         self._points = tuple(points)
         self._parameters = parameters
 
     @overload
-    def __getitem__(self, index: int) -> SpecialPoint: ...
+    def __getitem__(self, index: int) -> SpecialPoint[Solution]: ...
     @overload
-    def __getitem__(self, index: slice) -> Sequence[SpecialPoint]: ...
-    def __getitem__(self, index: int | slice) -> SpecialPoint | Sequence[SpecialPoint]:
+    def __getitem__(self, index: slice) -> Sequence[SpecialPoint[Solution]]: ...
+    def __getitem__(self, index: int | slice) -> SpecialPoint[Solution] | Sequence[SpecialPoint[Solution]]:
         return self._points[index]
 
     def __len__(self) -> int:
         return len(self._points)
 
-    def __iter__(self) -> Iterator[SpecialPoint]:
+    def __iter__(self) -> Iterator[SpecialPoint[Solution]]:
         return iter(self._points)
 
-    def of_type(self, *types: str) -> list[SpecialPoint]:
+    def of_type(self, *types: str) -> list[SpecialPoint[Solution]]:
         """Return the points of the given types."""
         return [point for point in self._points if point.type in types]
 

@@ -34,7 +34,7 @@ _PERHAPS_ZERO = 1e-6  # value of a parameter, in its own unit, up to which it ma
 _ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the same direction
 
 
-def switch_branch(point: SpecialPoint) -> PeriodicOrbit | Equilibrium:
+def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]) -> PeriodicOrbit | Equilibrium:
     """Return a solution of the other branch that meets the point's own branch at a special point.
 
     docs/theory/loci.md, "Other branches", derives the directions for orbits, docs/theory/equilibria.md those for
@@ -94,7 +94,7 @@ def switch_branch(point: SpecialPoint) -> PeriodicOrbit | Equilibrium:
     raise InputError("point", point.type, "of type PD, BP, GR or HB", "no other branch meets there")
 
 
-def _from_equilibrium(point: SpecialPoint, equilibrium: Equilibrium) -> PeriodicOrbit | Equilibrium:
+def _from_equilibrium(point: SpecialPoint[Equilibrium], equilibrium: Equilibrium) -> PeriodicOrbit | Equilibrium:
     """Return the other solution at a special point of equilibria."""
     parameter = point.varied[0]
     if point.type == "HB":

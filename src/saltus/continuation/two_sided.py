@@ -39,7 +39,7 @@ class Found:
         Number of points of the direction before it.
     arc : float
         Arclength from the start.
-    of, tangent, kind
+    of, tangent, kind, scale
         As in `SpecialPoint`.
     """
 
@@ -51,6 +51,7 @@ class Found:
     of: str = ""
     tangent: NDArray[np.float64] | None = None
     kind: str = ""
+    scale: NDArray[np.float64] | None = None
 
 
 @dataclass
@@ -88,17 +89,17 @@ class BothSides:
     offset: int
     stopped: tuple[str, str]
 
-    def special_points(self, varied: tuple[str, ...], locus: str = "") -> SpecialPoints:
+    def special_points(self, varied: tuple[str, ...], locus: str = "") -> SpecialPoints[Any]:
         """Return the special points, numbered by type."""
         counts: dict[str, int] = {}
-        points = []
+        points: list[SpecialPoint[Any]] = []
         for found, position, arc in self.specials:
             counts[found.name] = counts.get(found.name, 0) + 1
             label = f"{found.name}{'_' if locus and found.name[-1].isdigit() else ''}{counts[found.name]}"
             points.append(
                 SpecialPoint(
                     found.name, label, found.solution, found.value, position, arc - self.arcs[0], varied, found.of,
-                    locus, found.tangent, found.kind,
+                    locus, found.tangent, found.kind, found.scale,
                 )
             )  # fmt: skip
         return SpecialPoints(points, varied)

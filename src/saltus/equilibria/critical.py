@@ -67,9 +67,12 @@ class Singular:
     def __init__(self, problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> None:
         self.problem, self.sizes = problem, sizes
         A = problem.evaluate(u)[1][:, : problem.n]
-        self._unit = float(np.linalg.norm(A * sizes / sizes[:, None])) or 1.0
-        left, _, right = np.linalg.svd(A * sizes / sizes[:, None])
+        scaled = A * sizes / sizes[:, None]
+        left, _, right = np.linalg.svd(scaled)
         self.right, self.left = right[-1] * sizes, left[:, -1] / sizes
+        # a matrix that vanishes as a whole has the size of its change along the null vector
+        change = problem.second(u, np.append(self.right, [0.0, 0.0]))[:, : problem.n] * sizes / sizes[:, None]
+        self._unit = max(float(np.linalg.norm(scaled)), float(np.linalg.norm(change))) or 1.0
         self.adjust()
 
     def evaluate(
@@ -117,10 +120,11 @@ class Hopf:
         A = self._scaled(problem.evaluate(u)[1][:, : self.n])
         self.unit = float(np.linalg.norm(A, 2)) ** 2 or 1.0
         k = (pair.imag**2 - pair.real**2) / self.unit
-        right = np.linalg.svd(A @ A / self.unit + k * np.eye(self.n))[2]
-        self.guess = np.append(right[-1], k)
-        self._first, self._second = right[-1], right[-2]
-        self._last = right[-1]
+        basis = np.linalg.svd(A @ A / self.unit + k * np.eye(self.n))[2][-2:]
+        # v must not be a null vector of A itself: the equations would be singular at a Bogdanov-Takens point
+        shares = np.linalg.svd(A @ basis.T)[2]
+        self._first, self._second = shares[0] @ basis, shares[1] @ basis
+        self.guess = np.append(self._first, k)
 
     def _scaled(self, A: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(A * self.sizes / self.sizes[:, None])
@@ -133,7 +137,6 @@ class Hopf:
         v, k = extra[:n], float(extra[n])
         A = self._scaled(J[:, :n])
         Av = A @ v
-        self._last = v
         # derivatives of A along v and along A v, in unknowns that are not scaled
         along = self.problem.second(u, np.append(v * sizes, still)) / sizes[:, None]
         twice = self.problem.second(u, np.append(Av * sizes, still)) / sizes[:, None]
@@ -147,6 +150,15 @@ class Hopf:
 
     def adjust(self) -> None:
         """Do nothing: `turned` takes the borders anew."""
+
+    def restart(self, J: NDArray[np.float64], extra: NDArray[np.float64]) -> None:
+        """Take the borders from the null vector of a point that keeps its further unknowns."""
+        A = self._scaled(J[:, : self.n])
+        basis = np.linalg.svd(A @ A / self.unit + float(extra[self.n]) * np.eye(self.n))[2][-2:]
+        v = extra[: self.n]
+        shares = basis @ v / np.linalg.norm(basis @ v)
+        self._first = v / float(v @ v)
+        self._second = np.array([-shares[1], shares[0]]) @ basis
 
     def turned(self, J: NDArray[np.float64], extra: NDArray[np.float64]) -> NDArray[np.float64]:
         """Take the borders anew from the null space at a point; return the further unknowns by these."""

@@ -29,6 +29,7 @@ _FLOOR = 1e-3  # size of a state, over the largest on the way, below which its s
 _ROUNDED = 1e-14  # size of a state, over its typical size, up to which it may be rounding of 0
 _SINGULAR = 1e-6  # least singular value of the Jacobian, rows of size 1, up to which it is called singular
 _SHORTEST = 1e-6  # least share of a Newton step that is tried
+_NEARBY = 1.1  # factor on the state nearby at which sizes of terms are taken too
 _SMALL = 1e-8  # size of a state, over the largest, below which its steps are not judged by it alone
 
 
@@ -97,8 +98,10 @@ def state_sizes(problem: EquilibriumProblem, u: NDArray[np.float64], J: NDArray[
         small = x < _SMALL * top
         if not np.any(small):
             return x
-        # the size that balances the terms of a state's own rate
+        # the size that balances the terms of a state's own rate; nearby, no terms cancel as at a saddle-node
+        nearby = np.append(_NEARBY * u[:n], u[n:])
         A = np.abs(J[:, :n])
+        A = np.fmax(A, np.abs(problem.evaluate(nearby)[1][:, :n]))
         rates = A @ np.where(small, 0.0, x)
         own = np.maximum(np.diag(A), A.max(axis=0))
         given = np.divide(rates, own, out=np.full(n, top), where=own > 0.0)

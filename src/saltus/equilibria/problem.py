@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 __all__ = ["EquilibriumProblem", "check_autonomous"]
 
+_ROUNDING = 1e-12  # residual, over the sizes of the field's terms, that is rounding
+_NEARBY = 0.1  # distance of a state nearby, in sizes of the states
+
 
 @dataclass
 class EquilibriumProblem:
@@ -124,11 +127,23 @@ class EquilibriumProblem:
         return [k for k, transition in enumerate(self.system.transitions) if transition.source == name]
 
     def rounding(self, u: NDArray[np.float64], J: NDArray[np.float64], sizes: NDArray[np.float64]) -> float:
-        """Return the largest component of the field over what the states' sizes make of its terms."""
-        F = self.evaluate(u)[0]
-        terms = np.abs(J[:, : self.n]) @ sizes
-        top = float(terms.max())
-        return float(np.max(np.abs(F) / np.maximum(terms, 1e-12 * top))) if top > 0.0 else float(np.abs(F).max())
+        """Return the largest component of the field over what the states' sizes make of its terms.
+
+        Where terms cancel, as at a saddle-node, those of a state nearby are taken as well.
+        """
+        F = np.abs(self.evaluate(u)[0])
+        found = _over(F, np.abs(J[:, : self.n]) @ sizes)
+        if found <= _ROUNDING:
+            return found
+        nearby = u.copy()
+        nearby[: self.n] += _NEARBY * sizes
+        A = np.maximum(np.abs(J[:, : self.n]), np.abs(self.evaluate(nearby)[1][:, : self.n]))
+        return min(found, _over(F, A @ sizes)) if np.all(np.isfinite(A)) else found
+
+
+def _over(F: NDArray[np.float64], terms: NDArray[np.float64]) -> float:
+    top = float(terms.max())
+    return float(np.max(F / np.maximum(terms, 1e-12 * top))) if top > 0.0 else float(F.max())
 
 
 def check_autonomous(system: HybridSystem) -> None:

@@ -1,0 +1,338 @@
+"""One call of `continue_locus` from an orbit: critical orbits along two parameters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.arclength import Failure, StepControl, follow
+from saltus.continuation.closure import alongside, passes
+from saltus.continuation.grazing import Neighbour, neighbour, touching
+from saltus.continuation.locating import events_between
+from saltus.continuation.locus import Locus
+from saltus.continuation.locus_problem import LocusData, LocusZeroProblem
+from saltus.continuation.monitor import Monitor, at_grazing
+from saltus.continuation.options import ROUNDING
+from saltus.continuation.special_points import SpecialPoint
+from saltus.continuation.two_sided import SAME, Found, OneSide, join, turned
+from saltus.continuation.zero_problem import Event, Point, start_point
+from saltus.errors import InputError
+from saltus.orbits.critical import Branching, Condition, Critical, Grazing, TorusCondition
+from saltus.orbits.orbit import PeriodicOrbit, orbit_at
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import DIRECTION, DURATION, MEAN_END, WHOLE, Signature
+from saltus.progress import Reporter
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["OrbitLocusRun"]
+
+# Special points at which a TR locus ends, and why.
+_ENDS = {
+    "R1": "beyond it the two multipliers are real, of product 1",
+    "R2": "beyond it the two multipliers are real, of product 1",
+}
+
+_TOUCHING = 1e-6  # distance from a surface, over the event's size, or duration, over the period, that is a grazing
+_CRITICAL = 1e-3  # distance of a start from its critical condition up to which a locus starts there
+_MOVED = 1e-3  # change, over the unknowns' sizes, by which the first point of a locus may differ from the start
+_REGULAR = 1e-11  # least singular value of the extended equations, over the largest, of a regular start
+_UNFOLDED = 1e-7  # forcing from which on the branch points of a BP locus do not persist
+
+
+class OrbitLocusRun:
+    """One call of `continue_locus`: start, options and equations, which both directions share."""
+
+    def __init__(
+        self,
+        start: SpecialPoint | PeriodicOrbit,
+        orbit: PeriodicOrbit,
+        kind: str,
+        names: tuple[str, str],
+        intervals: tuple[tuple[float, float], tuple[float, float]],
+        control: StepControl,
+        stops: set[str],
+        reporter: Reporter,
+    ) -> None:
+        self.start, self.orbit, self.kind, self.names, self.control = start, orbit, kind, names, control
+        self.stops, self.reporter = stops, reporter
+        self.scales = np.array([high - low for low, high in intervals])
+        low = [(bound / scale) for (bound, _), scale in zip(intervals, self.scales, strict=True)]
+        high = [(bound / scale) for (_, bound), scale in zip(intervals, self.scales, strict=True)]
+        self.bounds = ((low[0], high[0]), (low[1], high[1]))
+        self.log: list[Failure] = []
+        self.branch: LocusZeroProblem
+
+    def _problem(self, signature: Signature, unknowns: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]]:
+        """Return the equations of a signature with the two parameters active, meshes made, and all unknowns."""
+        system = self.orbit.system
+        p = system.parameter_vector(self.orbit.parameters)
+        active = [system.parameter_names.index(name) for name in self.names]
+        values = p[active] / self.scales
+        for i, interval in enumerate(self.bounds):
+            for bound in interval:
+                values[i] = bound if abs(values[i] - bound) < ROUNDING else values[i]
+        problem = OrbitProblem(system, signature, p, active, self.scales, self.orbit.tolerance)
+        u = np.append(unknowns, values)
+        problem.start(u, self.start.sizes if isinstance(self.start, SpecialPoint) else None)
+        return problem, u
+
+    def begin(self, towards: int) -> Point:
+        """Return the first point, its tangent towards growing values of the parameter number `towards`."""
+        condition: Condition
+        if self.kind == "GR":
+            problem, u, vanishing = self._grazing()
+            condition, extra = vanishing, np.empty(0)
+        else:
+            problem, u = self._problem(self.orbit.form, self.orbit.unknowns)
+            condition, extra = self._condition(problem, u)
+        z = np.concatenate([u[: problem.size], extra, u[-2:]])
+        self.branch = LocusZeroProblem(problem, self.kind, condition, z, self.bounds)
+        values = np.linalg.svd(self.branch.evaluate(z)[1] * self.branch.scale(), compute_uv=False)
+        if values[-1] < _REGULAR * values[0]:
+            reason = "the extended equations have more than one solution direction there"
+            if isinstance(self.start, SpecialPoint) and self.start.type == "CP":
+                reason = "these do not unfold the cusp"
+            raise self._irregular(reason)
+        try:
+            point = start_point(self.branch, z)
+        except (ValueError, np.linalg.LinAlgError) as error:
+            raise self._irregular(str(error)) from None
+        sizes = np.maximum(self.branch.scale(), float(problem.state_scale.max()) * _MOVED)
+        moved = float(np.max(np.abs(point.u - z) / sizes))
+        if moved > _MOVED:
+            raise InputError(
+                "start", f"{moved:.2g} away", f"a located {self.kind}", "the nearest one lies that far from the orbit"
+            )
+        point.examined = self.branch.examine(point, None)
+        return turned(point, float(point.tangent[towards - 2]), LocusZeroProblem.odd)
+
+    def _irregular(self, reason: str) -> InputError:
+        wanted = f"two parameters in which the {self.kind} has a regular locus"
+        return InputError("parameters", self.names, wanted, reason)
+
+    def _condition(self, problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Condition, NDArray[np.float64]]:
+        """Return the condition of an SN, PD, TR or BP, and a guess of its further unknowns."""
+        J = problem.resolve(u)[1]
+        if self.kind == "BP":
+            branching = Branching(problem, self._branching_parameter(), u, J)
+            if not branching.distance(J) < _CRITICAL:
+                wanted = "an orbit at which branches meet"
+                raise InputError("start", f"{branching.distance(J):.2g} from a loss of rank", wanted)
+            return branching, np.zeros(1)
+        autonomous = self.orbit.system.phase is None
+        values = (self.orbit.multipliers[:-1] if autonomous else self.orbit.multipliers).tolist()
+        if self.kind == "TR":
+            pairs = [v for v in values if v.imag >= 0.0 and math.isfinite(abs(v))]
+            distances = [self._from_resonance(v, values) for v in pairs]
+            self._check_critical(min(distances, default=math.inf), "a pair of multipliers on the unit circle")
+            mu = pairs[int(np.argmin(distances))]
+            kappa = mu.real / abs(mu) if mu.imag > 0.0 else math.copysign(1.0, mu.real)
+            return TorusCondition(problem, kappa, u, J), np.array([kappa])
+        mu = 1.0 if self.kind == "SN" else -1.0
+        condition = Critical(problem, mu, u, J)
+        distance = min((abs(v - mu) for v in values), default=math.inf)
+        on_grazing = isinstance(self.start, SpecialPoint) and self.start.locus == "GR"
+        if on_grazing or not np.all(np.isfinite(values)):  # multipliers belong to another signature
+            distance = condition.distance(J)
+        self._check_critical(distance, f"a multiplier {mu:g}")
+        return condition, np.empty(0)
+
+    @staticmethod
+    def _from_resonance(value: complex, values: list[complex]) -> float:
+        """Return the distance of a multiplier from the unit circle, of a real one plus that from the nearest other."""
+        if value.imag > 0.0:
+            return abs(abs(value) - 1.0)
+        others = list(values)
+        others.remove(value)
+        return abs(abs(value) - 1.0) + min((abs(other - value) for other in others), default=math.inf)
+
+    def _check_critical(self, distance: float, wanted: str) -> None:
+        if not distance < _CRITICAL:
+            found = ", ".join(f"{v:.6g}" for v in self.orbit.multipliers.tolist())
+            raise InputError("start", f"multipliers {found}", f"an orbit with {wanted}, as every {self.kind} has")
+
+    def _branching_parameter(self) -> int:
+        varied = self.start.varied if isinstance(self.start, SpecialPoint) else (self.names[0],)
+        known = [name for name in varied if name in self.names]
+        if not known:
+            wanted = f"a pair with {varied[0]!r}, along which the branch point was found"
+            raise InputError("parameters", self.names, wanted)
+        return self.names.index(known[0])
+
+    def _grazing(self) -> tuple[OrbitProblem, NDArray[np.float64], Grazing]:
+        """Return the grazing orbit in the larger signature, its unknowns, and the condition that vanishes."""
+        problem, u = self._problem(self.orbit.form, self.orbit.unknowns)
+        found = _vanishing(problem, u)
+        if found is None:
+            survey = problem.survey(u)
+            heights = np.abs(survey.margins)
+            i, k = np.unravel_index(int(np.argmin(heights)), heights.shape) if heights.size else (0, 0)
+            sizes = np.array([problem.event_size(int(j), u[: problem.n]) for j in range(heights.shape[1])])
+            if not heights.size or not heights[i, k] < _TOUCHING * sizes[k]:
+                least = float(heights.min()) if heights.size else math.inf
+                raise InputError(
+                    "start", f"{least:.3g} from the nearest surface", "an orbit that grazes one", "a GR does"
+                )
+            if survey.places[i, k] == WHOLE:
+                return problem, u, Grazing(problem, "side", int(i), int(k))
+            larger = neighbour(problem, Monitor("margin", int(i), int(k)), u)
+            if not isinstance(larger, Neighbour):
+                larger = touching(problem, u, int(i), int(k))
+            problem, u = self._problem(larger.signature, larger.u[:-2])
+            found = _vanishing(problem, u)
+            if found is None:
+                raise self._irregular("the touching motion cannot be cut at its surface")
+        return problem, u, Grazing(problem, *found)
+
+    def trace(self, origin: Point, sign: float) -> OneSide:
+        """Return one direction of the locus, followed to its end."""
+        half = OneSide()
+        # meshes and the signs of null vectors are still those of the other direction's end
+        branch, start = self.branch, replace(origin, u=origin.u.copy(), tangent=origin.tangent.copy())
+        branch.problem.start(branch.orbit(start.u))
+        branch.evaluate(start.u)
+        start.examined = branch.examine(start, None)
+        point = turned(start, sign, LocusZeroProblem.odd)
+        for i, (low, high) in enumerate(self.bounds):
+            way = math.copysign(1.0, float(point.tangent[i - 2]))
+            if way * (float(point.u[i - 2]) - (high if way > 0.0 else low)) > -ROUNDING:
+                half.stopped = f"{self._place(point)}: bound reached"
+                return half
+        try:
+            half.stopped = self._follow(half, point, origin)
+        except KeyboardInterrupt:
+            half.stopped, half.interrupted = "interrupted", True
+        return half
+
+    def _place(self, point: Point) -> str:
+        values = point.u[-2:] * self.scales
+        return ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.names, values, strict=True))
+
+    def _follow(self, half: OneSide, point: Point, origin: Point) -> str:
+        last = point
+        for item in follow(self.branch, point, self.control, log=self.log):
+            if isinstance(item, str):
+                return f"{self._place(last)}: {item}"
+            if isinstance(item, Event):
+                end = self._event(half, item)
+                if end is not None:
+                    half.points.append((self.branch, item.point))
+                    return f"{self._place(item.point)}: {end}"
+                continue
+            if self.kind == "BP" and abs(float(item.u[self.branch.problem.size])) > _UNFOLDED:
+                return f"{self._place(last)}: the branch point does not persist: the parameters unfold it"
+            if last.arc > 0.0 and passes(self.branch, self.branch.problem, origin, last, item, self.control):
+                self._close(half, last, point)
+                return "the locus is closed"
+            half.points.append((self.branch, item))
+            if self.reporter.report is not None:
+                pairs = zip(self.names, item.u[-2:] * self.scales, strict=True)
+                self.reporter.step(1, ", ".join(f"{name} = {value:.6g}" for name, value in pairs))
+            if len(half.points) >= self.control.most:
+                return f"{self._place(item)}: {self.control.most} points"
+            last = item
+        raise AssertionError("follow ends with a reason")
+
+    def _close(self, half: OneSide, last: Point, start: Point) -> None:
+        """End a closed locus at its start; special points of the last step beyond the start are dropped."""
+        half.specials = [found for found in half.specials if found.after < len(half.points)]
+        half.closed = True
+        again = replace(start, u=alongside(self.branch.problem, start.u, last.u), tangent=start.tangent.copy())
+        again.arc = last.arc + math.sqrt(float(last.weights @ (again.u - last.u) ** 2))
+        again.J = self.branch.evaluate(again.u)[1]
+        again.examined = self.branch.examine(again, last)
+        found = events_between(self.branch, last, again)
+        for event in [] if isinstance(found, str) else found:
+            self._event(half, event)
+        half.points.append((self.branch, again))
+
+    def _event(self, half: OneSide, event: Event) -> str | None:
+        """Keep a special point; return the reason why the locus ends there, or None."""
+        kind, at = event.name.kind, event.name.segment
+        if kind in ("low", "high"):
+            event.point.u[at - 2] = self.bounds[at][kind == "high"]
+            return "bound reached"
+        of = ""
+        on_grazing = isinstance(self.start, SpecialPoint) and self.start.locus == "GR"
+        if on_grazing and event.point.arc < SAME and kind != "TP" and not at_grazing(event.name):
+            return None  # at a start on a grazing every determinant vanishes
+        if kind == "TP":
+            of = self.names[at]
+        elif at_grazing(event.name):
+            kind = "GR"
+        elif kind == "unfolded":
+            return None
+        elif event.name.side:
+            of = f"{event.name.side} signature"
+        if kind == "GR":  # where a duration or a velocity vanishes, its sign is rounding
+            if event.name.kind == "duration":
+                event.point.u[at * (self.branch.n + 1) + self.branch.n] = 0.0
+            data = event.point.examined.data
+            survey = replace(data.survey, faults=data.survey.faults & ~(DURATION | DIRECTION))
+            event.point.examined = replace(event.point.examined, data=replace(data, survey=survey))
+        orbit = self._orbit(event.point)
+        half.specials.append(Found(kind, orbit, event.value, len(half.points), event.point.arc, of))
+        if kind == "GR":
+            return "grazing: orbits beyond it are of another signature"
+        if self.kind == "TR" and kind in _ENDS:
+            return f"{kind}: {_ENDS[kind]}"
+        return kind if kind in self.stops else None
+
+    def _orbit(self, point: Point) -> PeriodicOrbit:
+        branch, data = self.branch, point.examined.data
+        return orbit_at(branch.problem, branch.orbit(point.u), point.J, data.survey, data.multipliers)
+
+    def _at_start(self, origin: Point) -> Found | None:
+        """Return the start as a special point of the locus, if it is one."""
+        start, monitors = self.start, origin.examined.monitors
+        if not isinstance(start, SpecialPoint) or (monitor := Monitor(start.type)) not in monitors:
+            return None
+        return Found(start.type, self._orbit(origin), monitors[monitor], 0, 0.0, start.of)
+
+    def assemble(self, origin: Point, halves: list[OneSide], options: dict[str, Any], order: tuple[str, ...]) -> Locus:
+        """Return the locus made of the directions from `origin`."""
+        joined = join((self.branch, origin), halves, "locus")
+        own = self._at_start(origin)
+        if own and all(found.name != own.name or abs(arc) > SAME for found, _, arc in joined.specials):
+            joined.specials = sorted([*joined.specials, (own, float(joined.offset), 0.0)], key=lambda item: item[2])
+        columns = [self.names.index(name) for name in order]
+        data: list[LocusData] = [point.examined.data for _, point in joined.rows]
+        return Locus(
+            system=self.orbit.system,
+            type=self.kind,
+            names=(order[0], order[1]),
+            parameters=dict(self.orbit.parameters),
+            values=np.array([point.u[-2:] * self.scales for _, point in joined.rows])[:, columns],
+            special_points=joined.special_points(order, self.kind),
+            rejected=tuple(
+                f"{self.names[1]} = {failure.parameter * self.scales[1]:.9g}, step {failure.step:.3g}: {failure.reason}"
+                for failure in self.log
+            ),
+            options=options,
+            tolerance=self.orbit.tolerance,
+            angle=np.array([d.angle for d in data]),
+            coefficient=np.array([d.coefficient for d in data]),
+            **joined.fields(),
+        )
+
+
+def _vanishing(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[str, int] | None:
+    """Return kind and segment of the first vanishing duration, or else rate; None where none vanishes."""
+    n = problem.n
+    blocks = u[: problem.size].reshape(problem.segments, n + 1)
+    period = float(np.abs(blocks[:, n]).sum())
+    for i, kind in enumerate(problem.signature.kinds):
+        if kind == MEAN_END and abs(blocks[i, n]) < _TOUCHING * period:
+            return "duration", i
+    rates = problem.survey(u).rates
+    for i, transition in enumerate(problem.signature.transitions):
+        if transition >= 0 and abs(rates[i, 0]) * period < _CRITICAL * _TOUCHING**0.5 * problem.event_size(
+            transition, u[: problem.n]
+        ):
+            return "rate", i
+    return None
