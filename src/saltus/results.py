@@ -36,6 +36,7 @@ _HOMES = {
     "PeriodicOrbit": "saltus.orbits.orbit",
     "Equilibrium": "saltus.equilibria.equilibrium",
     "EquilibriumBranch": "saltus.continuation.equilibrium_branch",
+    "Diagram": "saltus.continuation.diagram_tree",
     "EquilibriumLocus": "saltus.continuation.equilibrium_locus",
     "Branch": "saltus.continuation.branch",
     "Locus": "saltus.continuation.locus",

@@ -3,6 +3,8 @@
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.branch import Branch
 from saltus.continuation.cascade import Cascade
+from saltus.continuation.diagram_tracing import DiagramOptions, diagram
+from saltus.continuation.diagram_tree import Diagram
 from saltus.continuation.doublings import follow_cascade
 from saltus.continuation.equilibria import continue_equilibrium
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
@@ -21,6 +23,8 @@ __all__ = [
     "Branch",
     "BranchOptions",
     "Cascade",
+    "Diagram",
+    "DiagramOptions",
     "EquilibriumBranch",
     "EquilibriumLocus",
     "Family",
@@ -33,6 +37,7 @@ __all__ = [
     "continue_family",
     "continue_locus",
     "continue_orbit",
+    "diagram",
     "follow_cascade",
     "grazing_orbits",
     "switch_branch",

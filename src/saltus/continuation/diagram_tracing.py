@@ -1,0 +1,258 @@
+"""Whole bifurcation diagrams: from equilibria over Hopf points and branch points to cycles and their doublings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import checks
+from saltus.continuation.arclength import StepControl
+from saltus.continuation.branch import Branch
+from saltus.continuation.diagram_tree import Diagram, Origin, Place, place_of
+from saltus.continuation.equilibria import continue_equilibrium
+from saltus.continuation.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.orbits import continue_orbit
+from saltus.continuation.switching import switch_branch
+from saltus.equilibria import Equilibrium, find_equilibrium
+from saltus.equilibria.problem import check_autonomous
+from saltus.errors import InputError, SaltusError
+from saltus.orbits import PeriodicOrbit
+from saltus.progress import Progress, Report, Reporter
+from saltus.system import HybridSystem
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from saltus.continuation.special_points import SpecialPoint
+
+__all__ = ["DiagramOptions", "diagram"]
+
+_SWITCHED = {"equilibria": ("HB", "BP"), "orbits": ("PD", "BP")}  # special points from which other branches are sought
+_INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class DiagramOptions:
+    """How the branches of a diagram are traced.
+
+    Parameters
+    ----------
+    depth : int
+        Most special points between a branch and a start: 0 for the equilibria through the starts alone, 1 for what
+        meets them as well (cycles at HB, equilibria at BP), 2 for doubled cycles too.
+    most : int
+        Most branches.
+    equilibria, orbits : StepControl
+        Steps along branches of equilibria, and along those of orbits.
+
+    Raises
+    ------
+    InputError
+        A value that cannot be used; the message names it.
+
+    Examples
+    --------
+    >>> DiagramOptions(depth=1).most
+    40
+    """
+
+    depth: int = 2
+    most: int = 40
+    equilibria: StepControl = field(default_factory=StepControl)
+    orbits: StepControl = field(default_factory=lambda: StepControl(most=400))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "depth", checks.count("DiagramOptions.depth", self.depth, 0))
+        object.__setattr__(self, "most", checks.count("DiagramOptions.most", self.most))
+        for name in ("equilibria", "orbits"):
+            checks.instance(f"DiagramOptions.{name}", getattr(self, name), StepControl)
+
+
+def diagram(
+    system: HybridSystem,
+    parameter: str,
+    bounds: tuple[float, float],
+    x0: ArrayLike | None = None,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    options: DiagramOptions | None = None,
+    progress: bool | Report = False,
+) -> Diagram:
+    """Return the bifurcation diagram of an autonomous system, from its equilibria to a stated depth.
+
+    The equilibria through each start are followed to both bounds. Cycles are followed from each Hopf point, equilibria
+    from each branch point, doubled cycles from each period doubling. A point that two branches share is followed once.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        An autonomous system.
+    parameter : str
+        The parameter that varies.
+    bounds : (float, float)
+        Its interval. The starts have the parameter's given value, or the middle of the interval if that lies outside.
+    x0 : array_like, shape (states,) or (starts, states), optional
+        States near equilibria, one or several; by default the origin.
+    parameters : mapping of str to float, optional
+        Parameters that differ from the system's defaults.
+    options : DiagramOptions, optional
+        Depth, most branches, steps.
+    progress : bool or callable
+        True for a bar on stderr, or a function called with a `saltus.Progress` after each point.
+
+    Returns
+    -------
+    Diagram
+        All branches found, however the search ended: `Diagram.stopped` says why. An interrupt (Ctrl-C) ends it too.
+
+    Raises
+    ------
+    InputError
+        The system is forced; names, bounds, states or options that cannot be used.
+    ConvergenceError
+        There is no equilibrium near a start.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem, Mode
+    >>> brusselator = HybridSystem(
+    ...     ("x", "y"), {"A": 1.0, "B": 1.5}, {"flow": Mode({"x": "A - (B + 1)*x + x**2*y", "y": "B*x - x**2*y"})}
+    ... )
+    >>> found = diagram(brusselator, "B", (1.0, 3.0), [1.0, 1.0])
+    >>> [len(branch) > 9 for branch in found], [point.label for point in found.special_points]
+    ([True, True], ['HB1'])
+    """
+    checks.instance("system", system, HybridSystem)
+    check_autonomous(system)
+    chosen = DiagramOptions() if options is None else checks.instance("options", options, DiagramOptions)
+    low, high = checks.interval("bounds", bounds, finite=True)
+    values = system.resolve(parameters)
+    if not low <= values[checks.chosen("parameter", parameter, system.parameter_names)] <= high:
+        values[parameter] = 0.5 * (low + high)
+    starts = np.atleast_2d(
+        np.zeros(len(system.states)) if x0 is None else checks.array("x0", x0, "states", finite=True)
+    )
+    reporter = Reporter(progress)
+    run = _Run(system, parameter, (low, high), chosen, reporter)
+    equilibria = [find_equilibrium(system, values, state) for state in starts]
+    with reporter:
+        stopped = run.trace(equilibria)
+    told = {
+        "bounds": [low, high],
+        "depth": chosen.depth,
+        "most": chosen.most,
+        "equilibria": asdict(chosen.equilibria),
+        "orbits": asdict(chosen.orbits),
+        "x0": starts.tolist(),
+    }
+    return Diagram(system, parameter, tuple(run.branches), tuple(run.origins), tuple(run.failures), stopped, told)
+
+
+@dataclass
+class _Run:
+    """One call of `diagram`: branches found so far, and special points at which others may begin."""
+
+    system: HybridSystem
+    parameter: str
+    bounds: tuple[float, float]
+    options: DiagramOptions
+    reporter: Reporter
+
+    def __post_init__(self) -> None:
+        self.branches: list[EquilibriumBranch | Branch] = []
+        self.origins: list[Origin] = []
+        self.failures: list[str] = []
+        self._known: list[Place] = []
+        self._waiting: list[tuple[int, SpecialPoint[Any]]] = []
+
+    def trace(self, starts: list[Equilibrium]) -> str:
+        """Follow all branches; return why the search ended."""
+        try:
+            for start in starts:
+                if not self._lies_on_a_branch(start) and (end := self._follow(start, Origin(-1, "", 0))):
+                    return end
+            while self._waiting:
+                if len(self.branches) >= self.options.most:
+                    return f"{self.options.most} branches: {len(self._waiting)} special points are left"
+                parent, point = self._waiting.pop(0)
+                origin = Origin(parent, point.label, self.origins[parent].depth + 1)
+                other = self._other(parent, point)
+                if other is not None and (end := self._follow(other, origin)):
+                    return end
+        except KeyboardInterrupt:
+            return _INTERRUPTED
+        return f"all branches to depth {self.options.depth}"
+
+    def _other(self, parent: int, point: SpecialPoint[Any]) -> Equilibrium | PeriodicOrbit | None:
+        """Return a solution of the other branch at a special point; None where there is none within the bounds."""
+        told = f"{point.label} of branch {parent}"
+        try:
+            found = switch_branch(point)
+        except SaltusError as error:
+            self.failures.append(f"{told}: {error}")
+            return None
+        value = found.parameters[self.parameter]
+        if not self.bounds[0] <= value <= self.bounds[1]:
+            self.failures.append(f"{told}: the other branch begins out of bounds, at {self.parameter} = {value:.9g}")
+            return None
+        return found
+
+    def _follow(self, start: Equilibrium | PeriodicOrbit, origin: Origin) -> str:
+        """Follow the branch through a solution; return why the search must end, or an empty text."""
+        index = len(self.branches)
+
+        def told(progress: Progress) -> None:
+            self.reporter.step(1, f"branch {index}, {progress.text}")
+
+        report: bool | Report = False if self.reporter.report is None else told
+        branch: EquilibriumBranch | Branch
+        try:
+            if isinstance(start, Equilibrium):
+                steps = self.options.equilibria
+                branch = continue_equilibrium(start, self.parameter, self.bounds, steps=steps, progress=report)
+            else:
+                steps = self.options.orbits
+                branch = continue_orbit(start, self.parameter, self.bounds, steps=steps, progress=report)
+        except InputError as error:
+            self.failures.append(f"{origin.label or 'the start'} of branch {origin.parent}: {error}")
+            return ""
+        self.branches.append(branch)
+        self.origins.append(origin)
+        self._gather(index, branch)
+        return _INTERRUPTED if _INTERRUPTED in branch.stopped else ""
+
+    def _gather(self, index: int, branch: EquilibriumBranch | Branch) -> None:
+        """Note the special points of a new branch; those that other branches share are not followed again."""
+        kinds = _SWITCHED["equilibria" if isinstance(branch, EquilibriumBranch) else "orbits"]
+        width = self.bounds[1] - self.bounds[0]
+        ranges = np.maximum(Diagram(self.system, self.parameter, tuple(self.branches), ()).ranges, 1e-300)
+        for point in branch.special_points:
+            place = place_of(point, self.parameter)
+            if any(place.is_same(known, width, ranges) for known in self._known):
+                self._waiting = [(i, other) for i, other in self._waiting
+                                 if not place_of(other, self.parameter).is_same(place, width, ranges)]  # fmt: skip
+                continue
+            if point.type in (*kinds, "HB"):
+                self._known.append(place)
+                if point.type in kinds and self.origins[index].depth < self.options.depth:
+                    self._waiting.append((index, point))
+
+    def _lies_on_a_branch(self, start: Equilibrium) -> bool:
+        """Return whether an equilibrium lies on a branch that is known."""
+        value = start.parameters[self.parameter]
+        for branch in self.branches:
+            if not isinstance(branch, EquilibriumBranch):
+                continue
+            for i in range(len(branch) - 1):
+                first, last = branch.values[i], branch.values[i + 1]
+                if (first - value) * (last - value) > 0.0:
+                    continue
+                share = (value - first) / (last - first) if last != first else 0.0
+                there = branch.states[i] + share * (branch.states[i + 1] - branch.states[i])
+                reach = np.abs(branch.states[i + 1] - branch.states[i]) + 1e-6 * np.ptp(branch.states, axis=0)
+                if np.all(np.abs(start.state - there) <= np.maximum(reach, 1e-9 * np.abs(start.state))):
+                    return True
+        return False

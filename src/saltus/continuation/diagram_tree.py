@@ -1,0 +1,272 @@
+"""A whole bifurcation diagram as a result: branches of equilibria and of cycles, and how each was reached."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from saltus import checks
+from saltus.contents import Contents, as_json
+from saltus.continuation.branch import Branch
+from saltus.continuation.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.special_points import SpecialPoint, SpecialPoints
+from saltus.equilibria import Equilibrium
+from saltus.errors import InputError
+from saltus.results import Result
+from saltus.system import HybridSystem
+from saltus.system.plain import held_system
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+__all__ = ["Diagram", "Origin", "Place", "place_of"]
+
+_KINDS: Mapping[str, type[Branch] | type[EquilibriumBranch]] = {"orbits": Branch, "equilibria": EquilibriumBranch}
+_SAME_VALUE = 1e-6  # difference of the parameter, over the interval, up to which two special points are the same
+_SAME_STATE = 1e-4  # the same of the states, over their ranges in the diagram
+
+
+class Origin(NamedTuple):
+    """How a branch of a diagram was reached.
+
+    Attributes
+    ----------
+    parent : int
+        Index of the branch that it leaves; -1 for a branch through a start.
+    label : str
+        Label of the special point on that branch; empty for a start.
+    depth : int
+        Number of special points between the branch and a start.
+    """
+
+    parent: int
+    label: str
+    depth: int
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a special point lies: parameter and extremes of the states, whatever the phase or the number of rounds."""
+
+    value: float
+    lows: NDArray[np.float64]
+    highs: NDArray[np.float64]
+
+    def is_same(self, other: Place, width: float, ranges: NDArray[np.float64]) -> bool:
+        """Return whether both are one point, to the accuracy with which branches are located."""
+        if abs(self.value - other.value) > _SAME_VALUE * width:
+            return False
+        away = np.maximum(np.abs(self.lows - other.lows), np.abs(self.highs - other.highs))
+        return bool(np.all(away <= _SAME_STATE * ranges))
+
+
+def place_of(point: SpecialPoint[Any], parameter: str) -> Place:
+    """Return where a special point of orbits or of equilibria lies."""
+    solution, value = point.solution, point.parameters[parameter]
+    if isinstance(solution, Equilibrium):
+        return Place(value, solution.state, solution.state)
+    n = len(solution.system.states)
+    return Place(value, solution.lows[:n], solution.highs[:n])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagram(Result):
+    """Branches of equilibria and of periodic orbits along one parameter, and where they meet.
+
+    ``diagram[i]`` is branch `i`, ``len(diagram)`` counts the branches, iteration goes through them.
+
+    Attributes
+    ----------
+    system : HybridSystem
+        The system.
+    parameter : str
+        The parameter that varies.
+    branches : tuple of EquilibriumBranch or Branch
+        In the order in which they were found.
+    origins : tuple of Origin
+        How each branch was reached.
+    failures : tuple of str
+        Special points from which no other branch was found, and why.
+    stopped : str
+        Why the search ended: all branches to the depth, the most branches, or an interrupt.
+    options : mapping
+        Arguments of `saltus.diagram`.
+    """
+
+    system: HybridSystem
+    parameter: str
+    branches: tuple[EquilibriumBranch | Branch, ...]
+    origins: tuple[Origin, ...]
+    failures: tuple[str, ...] = ()
+    stopped: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.branches)
+
+    def __getitem__(self, index: int) -> EquilibriumBranch | Branch:
+        """Return a branch by its index."""
+        return self.branches[checks.count("index", index, -len(self), len(self) - 1)]
+
+    def __iter__(self) -> Iterator[EquilibriumBranch | Branch]:
+        """Go through the branches."""
+        return iter(self.branches)
+
+    @property
+    def ranges(self) -> NDArray[np.float64]:
+        """How far each state varies in the diagram, shape (state,)."""
+        n = len(self.system.states)
+        lows = [b.states.min(axis=0) if isinstance(b, EquilibriumBranch) else b.lows[:, :n].min(axis=0) for b in self]
+        highs = [b.states.max(axis=0) if isinstance(b, EquilibriumBranch) else b.highs[:, :n].max(axis=0) for b in self]
+        return np.asarray(np.max(highs, axis=0) - np.min(lows, axis=0))
+
+    @property
+    def special_points(self) -> SpecialPoints[Any]:
+        """The special points of all branches, each once, numbered by type over the diagram."""
+        return SpecialPoints([point for _, point in self._numbered()], (self.parameter,))
+
+    def _numbered(self) -> list[tuple[int, SpecialPoint[Any]]]:
+        found: list[tuple[int, SpecialPoint[Any]]] = []
+        places: list[tuple[str, Place]] = []
+        counts: dict[str, int] = {}
+        width = max(float(np.ptp(branch.values)) for branch in self) or 1.0
+        ranges = np.maximum(self.ranges, 1e-300)
+        for i, branch in enumerate(self.branches):
+            for point in branch.special_points:
+                place = place_of(point, self.parameter)
+                meets = {"BP": ("BP", "PD")}.get(point.type, (point.type,))
+                if any(kind in meets and place.is_same(other, width, ranges) for kind, other in places):
+                    continue
+                places.append((point.type, place))
+                counts[point.type] = counts.get(point.type, 0) + 1
+                found.append((i, replace(point, label=f"{point.type}{counts[point.type]}")))
+        return found
+
+    def table(self) -> Any:
+        """Return a table of the special points: label, type, parameter, branch, kind of solution, stability, period.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row for each special point, with the states of an equilibrium or of an orbit's start.
+        """
+        import pandas as pd
+
+        rows = []
+        for i, point in self._numbered():
+            solution = point.solution
+            rest = isinstance(solution, Equilibrium)
+            row: dict[str, Any] = {
+                "label": point.label,
+                "type": point.type,
+                self.parameter: point.parameters[self.parameter],
+                "branch": i,
+                "of": "equilibria" if rest else "orbits",
+                "stable": solution.stable,
+                "period": np.nan if rest else solution.period,
+            }
+            states = solution.state if rest else solution.x0
+            rows.append(row | {name: float(v) for name, v in zip(self.system.states, states, strict=True)})
+        return pd.DataFrame(rows)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return all branches as one Dataset: variables and dimensions of branch `i` have the prefix ``branch<i>_``."""
+        import xarray as xr
+
+        data: dict[str, Any] = {}
+        attributes = []
+        for i, branch in enumerate(self.branches):
+            dataset = branch.to_xarray()
+            own = {key: value for key, value in dataset.attrs.items() if key != "definition"}
+            attributes.append({"kind": "equilibria" if isinstance(branch, EquilibriumBranch) else "orbits",
+                               "attributes": own, "coordinates": [str(name) for name in dataset.coords]})  # fmt: skip
+            for name, variable in dataset.variables.items():
+                dims = [f"branch{i}_{dim}" for dim in variable.dims]
+                data[f"branch{i}_{name}"] = (dims, variable.values, variable.attrs)
+        attrs = {
+            "parameter": self.parameter,
+            "definition": json.dumps(self.system.definition()),
+            "branches": json.dumps(attributes),
+            "origins": json.dumps([list(origin) for origin in self.origins]),
+            "failures": json.dumps(list(self.failures)),
+            "stopped": self.stopped,
+            "options": json.dumps(dict(self.options)),
+        }
+        coordinates = {f"branch{i}_{name}" for i, own in enumerate(attributes) for name in own["coordinates"]}
+        return xr.Dataset(
+            {name: value for name, value in data.items() if name not in coordinates},
+            coords={name: value for name, value in data.items() if name in coordinates},
+            attrs=attrs,
+        )
+
+    @classmethod
+    def _read(cls, held: Contents) -> Diagram:
+        system, parameter = held_system(held), held.text("parameter")
+        checks.chosen("attribute 'parameter'", parameter, system.parameter_names)
+        branches = []
+        for i, told in enumerate(held.json("branches", list)):
+            kind = _KINDS[checks.chosen(f"kind of branch {i}", _part(told, "kind", i), _KINDS)]
+            branch = kind.from_xarray(_branch_dataset(held, i, _part(told, "attributes", i)))
+            if branch.parameter != parameter or branch.system != system:
+                raise InputError(f"branch {i}", branch.parameter, f"of the diagram's system, along {parameter}")
+            branches.append(branch)
+        origins = held.json("origins", list)
+        if len(origins) != len(branches):
+            raise InputError("attribute 'origins'", len(origins), f"one for each of {len(branches)} branches")
+        return cls(
+            system,
+            parameter,
+            tuple(branches),
+            tuple(_origin(origin, i) for i, origin in enumerate(origins)),
+            tuple(held.texts("failures")),
+            held.text("stopped"),
+            held.json("options", dict),
+        )
+
+    def __repr__(self) -> str:
+        of = self.system.name or "a hybrid system"
+        lines = [f"Diagram of {of}: {len(self)} branches along {self.parameter}, {self.stopped}"]
+        for i, (branch, origin) in enumerate(zip(self.branches, self.origins, strict=True)):
+            rest = isinstance(branch, EquilibriumBranch)
+            what = "equilibria" if rest else "orbits"
+            begin = "a start" if origin.parent < 0 else f"{origin.label} of branch {origin.parent}"
+            lines.append(
+                f"  {i}: {len(branch)} {what} from {begin}, {self.parameter} from {branch.values.min():.6g} "
+                f"to {branch.values.max():.6g}"
+            )
+        lines += [f"  {line}" for line in repr(self.special_points).splitlines()]
+        lines += [f"  no branch from {failure}" for failure in self.failures]
+        return "\n".join(lines)
+
+
+def _part(told: Any, name: str, index: int) -> Any:
+    if not isinstance(told, dict) or name not in told:
+        raise InputError(f"attribute 'branches'[{index}]", told, f"a mapping with {name!r}")
+    return told[name]
+
+
+def _origin(given: Any, index: int) -> Origin:
+    """Return the origin of a branch from a file, checked."""
+    if isinstance(given, list) and len(given) == 3:
+        parent, label, depth = given
+        whole = all(isinstance(number, int) and not isinstance(number, bool) for number in (parent, depth))
+        if whole and isinstance(label, str) and -1 <= parent < max(index, 1) and depth >= 0:
+            return Origin(parent, label, depth)
+    raise InputError(f"attribute 'origins'[{index}]", given, "an earlier branch, a label and a depth")
+
+
+def _branch_dataset(held: Contents, index: int, attributes: Any) -> xr.Dataset:
+    """Return the Dataset of one branch within that of a diagram."""
+    prefix = f"branch{index}_"
+    names = {name: str(name).removeprefix(prefix) for name in held.dataset.variables if str(name).startswith(prefix)}
+    part = held.dataset[[*names]]
+    dims = {dim: str(dim).removeprefix(prefix) for dim in part.dims if dim not in names}
+    dataset = part.rename(names | dims)
+    own = as_json(json.dumps(attributes), f"attributes of branch {index}", dict)
+    dataset.attrs = own | {"definition": held.text("definition")}
+    return dataset
