@@ -7,8 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 from scipy.optimize import brentq
+
+
+def free_motion(k: float, c: float, t: float) -> NDArray[np.float64]:
+    """Return the matrix that takes (x, v) of x'' + c x' + k x = 0 over a time `t`; the damping is below critical."""
+    w, fade = math.sqrt(k - c * c / 4.0), math.exp(-c * t / 2.0)
+    cosine, sine = fade * math.cos(w * t), fade * math.sin(w * t) / w
+    return np.array([[cosine + c / 2.0 * sine, sine], [-k * sine, cosine - c / 2.0 * sine]])
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,7 @@ class ImpactOrbit:
 
     @property
     def monodromy_without_impact(self) -> NDArray[np.float64]:
-        return expm(np.array([[0.0, 1.0], [-self.k, -self.c]]) * self.period)
+        return free_motion(self.k, self.c, self.period)
 
     @property
     def _al_be(self) -> tuple[float, float]:
