@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
 
@@ -42,7 +43,7 @@ class ImpactOrbit:
 
     @property
     def monodromy_without_impact(self) -> NDArray[np.float64]:
-        return free_motion(self.k, self.c, self.period)
+        return expm(np.array([[0.0, 1.0], [-self.k, -self.c]]) * self.period)
 
     @property
     def _al_be(self) -> tuple[float, float]:

@@ -268,14 +268,13 @@ class LocusZeroProblem:
         """
         return getattr(self, f"_at_{self.kind}")(point, survey, only)  # type: ignore[no-any-return]
 
-    def _data(self, survey: Survey | None, u: NDArray[np.float64], angle: float, coefficient: float) -> LocusData | None:
+    def _data(
+        self, survey: Survey | None, u: NDArray[np.float64], angle: float, coefficient: float,
+        values: NDArray[np.complex128] | None = None,
+    ) -> LocusData | None:  # fmt: skip
         if survey is None:
             return None
-        return self._data_of(survey, multipliers(self.problem, u, self._J), angle, coefficient)
-
-    def _data_of(
-        self, survey: Survey, values: NDArray[np.complex128], angle: float, coefficient: float
-    ) -> LocusData:
+        values = multipliers(self.problem, u, self._J) if values is None else values
         inner = nontrivial(values, autonomous=self._autonomous)
         away = np.abs(np.abs(inner) - 1.0) > 1e-6
         return LocusData(survey, values, unstable_count(inner[away]), angle, coefficient)
@@ -346,27 +345,25 @@ class LocusZeroProblem:
         return rough, rough.resolve(u)[1]
 
     def _at_BP(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
-        unfolded = {Monitor("unfolded"): float(point.u[self.problem.size])}
-        return unfolded, self._data(survey, self.orbit(point.u), math.nan, math.nan)
+        found = {Monitor("unfolded"): float(point.u[self.problem.size])}
+        return found, self._data(survey, self.orbit(point.u), math.nan, math.nan)
 
     def _at_GR(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         u, condition = self.orbit(point.u), self.condition
         assert isinstance(condition, Grazing)
-        if only is not None and only.side == "larger":
-            return self._critical_beside("larger", self.problem, u, self._J)[0], None
         found = {}
-        known = only is None and not _undetermined(self.problem, u, self._J)
+        known = not _undetermined(self.problem, u, self._J) if only is None else only.side == "larger"
         if TOUCH_END not in self.problem.signature.kinds and known:
             found = self._critical_beside("larger", self.problem, u, self._J)[0]
         values = np.full(len(self.problem.system.states), math.inf + 0j)
-        beside = neighbour(self.problem, _vanishing(condition), u)
+        beside = neighbour(self.problem, _vanishing(condition), u) if only is None or not found else None
         if isinstance(beside, Neighbour):
             p, active, scales = self.problem.parameters_at(u), self.problem.active, self.problem.scales
             problem = OrbitProblem(self.problem.system, beside.signature, p, active, scales, self.problem.tol)
             problem.start(beside.u)
             more, values = self._critical_beside("smaller", problem, beside.u, problem.resolve(beside.u)[1])
             found |= more
-        return found, None if survey is None else self._data_of(survey, values, math.nan, math.nan)
+        return found, self._data(survey, u, math.nan, math.nan, values)
 
     def _critical_beside(
         self, side: str, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
