@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import gc
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read where numpy is imported: threads of small products only wait
 
 import hypothesis
 import pytest

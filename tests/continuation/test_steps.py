@@ -37,61 +37,77 @@ def counts(branch):
     return {kind: kinds.count(kind) for kind in sorted(set(kinds))}
 
 
-def turned(x, y, radius, angle):
-    """Image of (x, y) turned by an angle about (1, 1) and stretched."""
-    c, s = math.cos(angle), math.sin(angle)
-    return (
-        f"1 + ({radius})*({c!r}*({x} - 1) - {s!r}*({y} - 1))",
-        f"1 + ({radius})*({s!r}*({x} - 1) + {c!r}*({y} - 1))",
-    )
+def turned(x, y, radius, c="c1", s="s1"):
+    """Image of (x, y) turned about (1, 1) by the angle whose cosine and sine are c and s, and stretched."""
+    return f"1 + ({radius})*({c}*({x} - 1) - {s}*({y} - 1))", f"1 + ({radius})*({s}*({x} - 1) + {c}*({y} - 1))"
 
 
 # several multipliers cross in one step
 
 
+OUT, IN = "1 + (a - first)/2", "1 - (a - second)/2"
+"""Sizes of multipliers that leave the unit circle, and that come back."""
+
+
+@pytest.fixture(scope="module")
+def two_pairs():
+    images = (*turned("x", "y", OUT), *turned("z", "w", IN, "c2", "s2"))
+    names = ("a", "first", "second", "c1", "s1", "c2", "s2")
+    return carried(dict(zip("xyzw", images, strict=True)), **dict.fromkeys(names, 0.0))
+
+
+@pytest.fixture(scope="module")
+def two_reals():
+    return carried({"x": f"1 - ({OUT})*(x - 1)", "y": f"1 - ({IN})*(y - 1)"}, a=0.0, first=0.0, second=0.0)
+
+
 @pytest.mark.parametrize("steps", STEPS)
 @pytest.mark.parametrize("apart", [1e-1, 1e-2, 1e-3, 1e-4])
 @pytest.mark.parametrize("angles", [(0.7, 2.0), (1.1, 1.2), (0.1, 3.0)])
-def test_two_pairs_that_cross_in_opposite_ways_are_both_found(angles, apart, steps):
+def test_two_pairs_that_cross_in_opposite_ways_are_both_found(two_pairs, angles, apart, steps):
     first, second = 0.37, 0.37 + apart
-    image = dict(
-        zip("xyzw", (*turned("x", "y", f"1 + (a - {first!r})/2", angles[0]),
-                     *turned("z", "w", f"1 - (a - {second!r})/2", angles[1])), strict=True)
-    )  # fmt: skip
-    branch = continue_orbit(cycle(carried(image, a=0.0), [(1.0, 1.0, 1.0, 1.0)]), "a", (-0.5, 1.0), steps=steps)
+    turns = {f"{name}{i}": of(angles[i - 1]) for name, of in (("c", math.cos), ("s", math.sin)) for i in (1, 2)}
+    start = cycle(two_pairs, [(1.0, 1.0, 1.0, 1.0)], first=first, second=second, **turns)
+    branch = continue_orbit(start, "a", (-0.5, 1.0), steps=steps)
     assert counts(branch) == {"TR": 2}
     np.testing.assert_allclose(values(branch, "TR"), [first, second], atol=1e-10)
 
 
 @pytest.mark.parametrize("steps", STEPS)
 @pytest.mark.parametrize("apart", [1e-1, 1e-2, 1e-3, 1e-4])
-def test_two_real_multipliers_that_cross_in_opposite_ways_are_both_found(apart, steps):
+def test_two_real_multipliers_that_cross_in_opposite_ways_are_both_found(two_reals, apart, steps):
     first, second = 0.37, 0.37 + apart
-    image = {"x": f"1 - (1 + (a - {first!r})/2)*(x - 1)", "y": f"1 - (1 - (a - {second!r})/2)*(y - 1)"}
-    branch = continue_orbit(cycle(carried(image, a=0.0), [(1.0, 1.0)]), "a", (-0.5, 1.0), steps=steps)
+    start = cycle(two_reals, [(1.0, 1.0)], first=first, second=second)
+    branch = continue_orbit(start, "a", (-0.5, 1.0), steps=steps)
     assert counts(branch) == {"PD": 2}
     np.testing.assert_allclose(values(branch, "PD"), [first, second], atol=1e-10)
+
+
+@pytest.fixture(scope="module")
+def turning_back():
+    """Maps whose multipliers have the size 1 + height - (a - 0.37)^2: a pair, or a negative one."""
+    size = "1 + height - (a - 0.37)**2"
+    pair = dict(zip("xy", turned("x", "y", size), strict=True))
+    real = {"x": f"1 - ({size})*(x - 1)", "y": "1 + (y - 1)/2"}
+    return {
+        "TR": carried(pair, a=0.0, height=0.0, c1=math.cos(0.8), s1=math.sin(0.8)),
+        "PD": carried(real, a=0.0, height=0.0),
+    }
 
 
 @pytest.mark.parametrize("steps", STEPS)
 @pytest.mark.parametrize("half", [3e-2, 3e-3, 3e-4])
 @pytest.mark.parametrize("kind", ["TR", "PD"])
-def test_a_multiplier_that_crosses_and_comes_back_is_found_twice(kind, half, steps):
-    """Its size is 1 + half^2 - (a - 0.37)^2."""
-    radius = f"1 + {half!r}**2 - (a - 0.37)**2"
-    if kind == "TR":
-        image = dict(zip("xy", turned("x", "y", radius, 0.8), strict=True))
-    else:
-        image = {"x": f"1 - ({radius})*(x - 1)", "y": "1 + (y - 1)/2"}
-    branch = continue_orbit(cycle(carried(image, a=0.0), [(1.0, 1.0)]), "a", (-0.5, 1.0), steps=steps)
+def test_a_multiplier_that_crosses_and_comes_back_is_found_twice(turning_back, kind, half, steps):
+    start = cycle(turning_back[kind], [(1.0, 1.0)], height=half**2)
+    branch = continue_orbit(start, "a", (-0.5, 1.0), steps=steps)
     assert counts(branch) == {kind: 2}
     np.testing.assert_allclose(values(branch, kind), [0.37 - half, 0.37 + half], atol=1e-9)
 
 
-def test_a_multiplier_that_nearly_crosses_is_not_found():
+def test_a_multiplier_that_nearly_crosses_is_not_found(turning_back):
     for depth in (1e-3, 1e-5, 1e-7):
-        image = dict(zip("xy", turned("x", "y", f"1 - {depth!r} - (a - 0.37)**2", 0.8), strict=True))
-        branch = continue_orbit(cycle(carried(image, a=0.0), [(1.0, 1.0)]), "a", (-0.5, 1.0))
+        branch = continue_orbit(cycle(turning_back["TR"], [(1.0, 1.0)], height=-depth), "a", (-0.5, 1.0))
         assert counts(branch) == {}
         assert branch.stable.all()
 
@@ -107,15 +123,19 @@ def test_two_folds_near_a_cusp_are_both_found(excess, steps):
     np.testing.assert_allclose(values(branch, "SN"), [-fold, fold], atol=1e-10)
 
 
+@pytest.fixture(scope="module")
+def near_resonance():
+    return carried({"x": "x + y", "y": "(1 + nu)*y + p + x**2 + c*x*y"}, p=-0.25, nu=0.0, c=1.0)
+
+
 @pytest.mark.parametrize("steps", STEPS)
 @pytest.mark.parametrize("apart", [1e-1, 1e-2, 1e-3])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize("c", [1.0, 3.0])
-def test_a_fold_and_a_torus_point_close_to_the_resonance_one_are_both_found(c, side, apart, steps):
+def test_a_fold_and_a_torus_point_close_to_the_resonance_one_are_both_found(near_resonance, c, side, apart, steps):
     """Fixed points y = 0, p + x^2 = 0 fold at x = 0; at x = +-apart the determinant is 1 and the trace 2 + 2 x."""
-    nu = side * apart * (2.0 - c)
-    image = {"x": "x + y", "y": f"(1 + {nu!r})*y + p + x**2 + {c!r}*x*y"}
-    branch = continue_orbit(cycle(carried(image, p=-0.25), [(0.5, 0.0)]), "p", (-0.3, 0.1), steps=steps)
+    start = cycle(near_resonance, [(0.5, 0.0)], nu=side * apart * (2.0 - c), c=c)
+    branch = continue_orbit(start, "p", (-0.3, 0.1), steps=steps)
     assert values(branch, "SN") == pytest.approx([0.0], abs=1e-10)
     assert values(branch, "TR") == pytest.approx([-(apart**2)] if side < 0.0 else [], abs=1e-9)
 

@@ -11,6 +11,13 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 
+def free_motion(k: float, c: float, t: float) -> NDArray[np.float64]:
+    """Return the matrix that takes (x, v) of x'' + c x' + k x = 0 over a time `t`; the damping is below critical."""
+    w, fade = math.sqrt(k - c * c / 4.0), math.exp(-c * t / 2.0)
+    cosine, sine = fade * math.cos(w * t), fade * math.sin(w * t) / w
+    return np.array([[cosine + c / 2.0 * sine, sine], [-k * sine, cosine - c / 2.0 * sine]])
+
+
 @dataclass(frozen=True)
 class ImpactOrbit:
     """Orbits of x'' + c x' + k x = A cos s, s' = w, with one impact v := -e v at x = d each m forcing periods.

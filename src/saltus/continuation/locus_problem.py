@@ -74,7 +74,7 @@ class LocusData:
     coefficient: float
 
 
-_Special = tuple[dict[Monitor, float], LocusData]
+_Special = tuple[dict[Monitor, float], LocusData | None]
 
 
 class LocusZeroProblem:
@@ -264,17 +264,19 @@ class LocusZeroProblem:
     def _special(self, point: Point, survey: Survey | None, only: Monitor | None = None) -> _Special:
         """Return the monitors of codimension-two points and the data of a point.
 
-        With `only`, monitors that are not asked for may be left out. Without a survey the data have none either.
+        With `only`, monitors that are not asked for may be left out. Without a survey there are no data.
         """
         return getattr(self, f"_at_{self.kind}")(point, survey, only)  # type: ignore[no-any-return]
 
     def _data(
-        self, survey: Survey | None, values: NDArray[np.complex128], angle: float, coefficient: float
-    ) -> LocusData:
+        self, survey: Survey | None, u: NDArray[np.float64], angle: float, coefficient: float,
+        values: NDArray[np.complex128] | None = None,
+    ) -> LocusData | None:  # fmt: skip
+        if survey is None:
+            return None
+        values = multipliers(self.problem, u, self._J) if values is None else values
         inner = nontrivial(values, autonomous=self._autonomous)
         away = np.abs(np.abs(inner) - 1.0) > 1e-6
-        if survey is None:
-            survey = Survey(0, False, *(np.empty(0) for _ in range(6)))
         return LocusData(survey, values, unstable_count(inner[away]), angle, coefficient)
 
     def _determinant(
@@ -298,8 +300,7 @@ class LocusZeroProblem:
             Monitor("R1"): condition.twist,
             _FF: self._determinant(_FF, -1.0, self.problem, u, self._J),
         }
-        values = multipliers(self.problem, u, self._J)
-        return found, self._data(survey, values, 0.0, coefficient)
+        return found, self._data(survey, u, 0.0, coefficient)
 
     def _at_PD(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         condition = self.condition
@@ -313,8 +314,7 @@ class LocusZeroProblem:
             value = _or_infinity(flip_coefficient, problem, u, J, condition.right, condition.left)
             coefficient = self._sized(_GPD, value * found[_FF])
             found[_GPD] = _known(coefficient, only)
-        values = multipliers(self.problem, u, self._J)
-        return found, self._data(survey, values, math.pi, coefficient)
+        return found, self._data(survey, u, math.pi, coefficient)
 
     def _at_TR(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         u = self.orbit(point.u)
@@ -328,8 +328,7 @@ class LocusZeroProblem:
             value = _or_infinity(_torus_coefficient, *self._graded(u, only), u, kappa)
             coefficient = self._sized(_CH, value * others)
             found[_CH] = _known(coefficient, only)
-        values = multipliers(self.problem, u, self._J)
-        return found, self._data(survey, values, math.acos(min(1.0, max(-1.0, kappa))), coefficient)
+        return found, self._data(survey, u, math.acos(min(1.0, max(-1.0, kappa))), coefficient)
 
     def _graded(self, u: NDArray[np.float64], only: Monitor | None) -> tuple[OrbitProblem, NDArray[np.float64]]:
         """Return equations and Jacobian for third derivatives.
@@ -346,25 +345,25 @@ class LocusZeroProblem:
         return rough, rough.resolve(u)[1]
 
     def _at_BP(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
-        values = multipliers(self.problem, self.orbit(point.u), self._J)
-        return {Monitor("unfolded"): float(point.u[self.problem.size])}, self._data(survey, values, math.nan, math.nan)
+        found = {Monitor("unfolded"): float(point.u[self.problem.size])}
+        return found, self._data(survey, self.orbit(point.u), math.nan, math.nan)
 
     def _at_GR(self, point: Point, survey: Survey | None, only: Monitor | None) -> _Special:
         u, condition = self.orbit(point.u), self.condition
         assert isinstance(condition, Grazing)
         found = {}
-        known = only is not None or not _undetermined(self.problem, u, self._J)
+        known = not _undetermined(self.problem, u, self._J) if only is None else only.side == "larger"
         if TOUCH_END not in self.problem.signature.kinds and known:
             found = self._critical_beside("larger", self.problem, u, self._J)[0]
         values = np.full(len(self.problem.system.states), math.inf + 0j)
-        beside = neighbour(self.problem, _vanishing(condition), u)
+        beside = neighbour(self.problem, _vanishing(condition), u) if only is None or not found else None
         if isinstance(beside, Neighbour):
             p, active, scales = self.problem.parameters_at(u), self.problem.active, self.problem.scales
             problem = OrbitProblem(self.problem.system, beside.signature, p, active, scales, self.problem.tol)
             problem.start(beside.u)
             more, values = self._critical_beside("smaller", problem, beside.u, problem.resolve(beside.u)[1])
             found |= more
-        return found, self._data(survey, values, math.nan, math.nan)
+        return found, self._data(survey, u, math.nan, math.nan, values)
 
     def _critical_beside(
         self, side: str, problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
