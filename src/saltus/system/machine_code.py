@@ -23,10 +23,11 @@ import numba
 from numba.core import sigutils
 from numba.core.caching import NullCache
 from numba.core.ccallback import CFunc
+from numba.core.compiler_lock import global_compiler_lock
 
 from saltus.system.cache import read_checked, warn_once, write_checked
 
-__all__ = ["cfunc", "keep_checked", "njit"]
+__all__ = ["Callback", "cfunc", "keep_checked", "njit"]
 
 
 def njit(**options: Any) -> Callable[[FunctionType], Any]:
@@ -40,16 +41,38 @@ def njit(**options: Any) -> Callable[[FunctionType], Any]:
     return compiled
 
 
-def cfunc(signature: Any, **options: Any) -> Callable[[FunctionType], Any]:
-    """Return a decorator that is `numba.cfunc`, whose compiled code is kept in checked files."""
+class Callback:
+    """A function that is called by its address, and compiled when that is first asked for.
+
+    Parameters
+    ----------
+    function : function
+        The function.
+    signature : tuple
+        Its arguments and what it returns, as Numba takes them apart.
+    options : dict of str to object
+        Options of `numba.cfunc`.
+    """
+
+    def __init__(self, function: FunctionType, signature: tuple[Any, ...], options: dict[str, Any]) -> None:
+        self.py_func = function
+        self._compiler = keep_checked(CFunc(function, signature, locals={}, options=options), function)
+        self._is_compiled = False
+
+    @property
+    def address(self) -> int:
+        """Where the compiled function begins; valid in this process only, as long as this object lives."""
+        with global_compiler_lock:  # compiled twice, the address of before would be free
+            if not self._is_compiled:
+                self._compiler.compile()
+                self._is_compiled = True
+        return int(self._compiler.address)
+
+
+def cfunc(signature: Any, **options: Any) -> Callable[[FunctionType], Callback]:
+    """Return a decorator as `numba.cfunc` is: compiled at first need, with the code kept in checked files."""
     arguments = sigutils.normalize_signature(signature)
-
-    def compiled(function: FunctionType) -> Any:
-        callback = keep_checked(CFunc(function, arguments, locals={}, options=dict(options)), function)
-        callback.compile()
-        return callback
-
-    return compiled
+    return lambda function: Callback(function, arguments, dict(options))
 
 
 def keep_checked(compiler: Any, function: FunctionType) -> Any:
