@@ -27,7 +27,7 @@ from numba.core.compiler_lock import global_compiler_lock
 
 from saltus.system.cache import read_checked, warn_once, write_checked
 
-__all__ = ["Callback", "cfunc", "keep_checked", "njit"]
+__all__ = ["cfunc", "keep_checked", "njit"]
 
 
 def njit(**options: Any) -> Callable[[FunctionType], Any]:
@@ -41,38 +41,14 @@ def njit(**options: Any) -> Callable[[FunctionType], Any]:
     return compiled
 
 
-class Callback:
-    """A function that is called by its address, and compiled when that is first asked for.
-
-    Parameters
-    ----------
-    function : function
-        The function.
-    signature : tuple
-        Its arguments and what it returns, as Numba takes them apart.
-    options : dict of str to object
-        Options of `numba.cfunc`.
-    """
-
-    def __init__(self, function: FunctionType, signature: tuple[Any, ...], options: dict[str, Any]) -> None:
-        self.py_func = function
-        self._compiler = keep_checked(CFunc(function, signature, locals={}, options=options), function)
-        self._is_compiled = False
-
-    @property
-    def address(self) -> int:
-        """Where the compiled function begins; valid in this process only, as long as this object lives."""
-        with global_compiler_lock:  # compiled twice, the address of before would be free
-            if not self._is_compiled:
-                self._compiler.compile()
-                self._is_compiled = True
-        return int(self._compiler.address)
-
-
-def cfunc(signature: Any, **options: Any) -> Callable[[FunctionType], Callback]:
-    """Return a decorator as `numba.cfunc` is: compiled at first need, with the code kept in checked files."""
+def cfunc(signature: Any, **options: Any) -> Callable[[FunctionType], Any]:
+    """Return a decorator as `numba.cfunc`: compiled when the address is first asked for, and kept in checked files."""
     arguments = sigutils.normalize_signature(signature)
-    return lambda function: Callback(function, arguments, dict(options))
+
+    def compiled(function: FunctionType) -> Any:
+        return keep_checked(_Callback(function, arguments, locals={}, options=dict(options)), function)
+
+    return compiled
 
 
 def keep_checked(compiler: Any, function: FunctionType) -> Any:
@@ -90,6 +66,21 @@ def keep_checked(compiler: Any, function: FunctionType) -> Any:
     base = cache._impl.filename_base  # the function's name, its first line and Python's version
     cache._cache_file = _CheckedFiles(Path(cache.cache_path), base, function, cache._cache_file._dump)
     return compiler
+
+
+class _Callback(CFunc):
+    """A function called by its address, compiled when that is first asked for."""
+
+    _wrapper_address: int | None
+
+    @property
+    def address(self) -> int:
+        """Where the machine code begins; valid in this process, as long as this object lives."""
+        with global_compiler_lock:  # compiled a second time, the code whose address was handed out would be freed
+            if self._wrapper_address is None:
+                self.compile()
+            assert self._wrapper_address is not None
+        return self._wrapper_address
 
 
 class _CheckedFiles:
