@@ -14,10 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from saltus import HybridSystem, InputError, Mode
+from saltus import Average, HybridSystem, InputError, Mode, lyapunov_spectrum, simulate
 from saltus.system import cache, generated
 from saltus.system.cache import let_numba_cache, read_checked, write_checked
-from saltus.system.compiled import FLOW
+from saltus.system.compiled import FLOW, FUNCTIONS
 
 TINY = """
 from saltus import HybridSystem, Mode
@@ -117,7 +117,7 @@ def test_damaged_compiled_code_is_compiled_anew(damage, tmp_path):
 
 
 def doubling(folder):
-    return loaded(
+    callback = loaded(
         folder / "doubling.py",
         "from numba import float64\n"
         "from saltus.system.machine_code import cfunc\n\n"
@@ -125,6 +125,8 @@ def doubling(folder):
         "def double(x):\n"
         "    return 2.0*x\n",
     ).double
+    assert callback.address  # for which it is compiled
+    return callback
 
 
 def loaded(file, text):
@@ -139,6 +141,17 @@ def loaded(file, text):
     finally:
         del sys.modules[file.stem]
     return module
+
+
+def test_derivatives_are_compiled_when_they_are_first_needed(folder):
+    def compiled():
+        return {file.name.split(".")[1].split("-")[0] for file in folder.rglob("*.nbc")}
+
+    system = tiny()
+    simulate(system, x0=[2.0], t_end=1.0)
+    assert compiled() == {"derive", "field", "event", "event_x", "reset", "guard"}
+    lyapunov_spectrum(system, x0=[2.0], average=Average(t_end=1.0))
+    assert compiled() == set(FUNCTIONS)
 
 
 def test_compiled_code_is_of_the_kernels_that_it_calls(tmp_path, monkeypatch):

@@ -77,15 +77,14 @@ ADDRESSED = (
     "begin",
     "move",
     "read",
-    "step",
     "turned",
-)  # functions called by address, in this order
+)  # functions called by address, in this order; the step of each pool comes behind them
 
 
 class Lanes(NamedTuple):
     """What the loop over lanes has of a system: its functions, modes of its pools, parameters, and other numbers.
 
-    functions: addresses in the order of `ADDRESSED`. mode_of: (pools,). p: parameters and the
+    functions: addresses in the order of `ADDRESSED`, then of each pool's step. mode_of: (pools,). p: parameters and the
     constants behind them. q: numbers as `CompiledLanes.quantities` names them.
     """
 

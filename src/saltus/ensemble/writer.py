@@ -35,7 +35,8 @@ from saltus.ensemble.labels import NL
 from saltus.system.machine_code import njit
 
 inner = dict(no_cpython_wrapper=True, no_cfunc_wrapper=True)
-lane = njit(nogil=True, error_model="numpy", fastmath=FAST, _nrt=False, **inner)
+LANE = {"fastmath": FAST, **SCALAR}
+lane = njit(**LANE, **inner)
 scalar = njit(**SCALAR, **inner)
 CALL = int64(int64, P, int64, P, P)
 """
@@ -57,7 +58,9 @@ class LaneWriter(LaneText):
         }
         yield _HEAD
         yield from texts
-        yield from map(self._addressed, ADDRESSED)
+        yield "\n\n"
+        yield from (self._addressed(name, "SCALAR") for name in ADDRESSED)
+        yield from (self._addressed(f"step_{k}", "LANE") for k in range(len(self.pools)))
 
     def _step(self, k: int, pool: Pool) -> str:
         """The text of a pool's steps: a loop over lanes around statements without branches."""
@@ -70,25 +73,28 @@ class LaneWriter(LaneText):
         return "\n".join(
             [
                 "\n\n@lane",
-                f"def step_{k}(S, n, p, q):",
+                f"def step_{k}(k, S, n, p, q):",
                 *(f"    {line}" for line in head),
                 "    for l in range(n):",
                 *(f"        {line}" for line in body),
+                "    return 0",
                 "",
             ]
         )
 
     @staticmethod
-    def _addressed(name: str) -> str:
-        """Text of a function that can be called by its address."""
-        return f"\n\n@cfunc(CALL, **OPTIONS)\ndef {name}_at(k, S, l, x, q):\n    return {name}(k, S, l, x, q)\n"
+    def _addressed(name: str, options: str) -> str:
+        """Text that lets a function be called by its address."""
+        return f"{name}_at = cfunc(CALL, **{options})({name}.py_func)\n"
 
     # ---- one lane at a time ----
 
     def _steps(self) -> str:
-        """The function that makes the step of pool k."""
-        cases = [f"    {'elif' if k else 'if'} k == {k}:\n        step_{k}(S, n, p, q)" for k in range(len(self.pools))]
-        return "\n".join(["\n\n@scalar", "def step(k, S, n, p, q):", *cases, "    return 0"]) + "\n"
+        """The function that makes the step of pool k on a graphics card, which calls none by address."""
+        lines = ["\n\n@scalar", "def step(k, S, n, p, q):"]
+        for k in range(len(self.pools)):
+            lines += [f"    {'elif' if k else 'if'} k == {k}:", f"        step_{k}(k, S, n, p, q)"]
+        return "\n".join([*lines, "    return 0"]) + "\n"
 
     def _move(self) -> str:
         """A lane's fields, into lane m of Q: in a loop the compiler would gather and scatter them, which is slower."""

@@ -77,7 +77,7 @@ class System(NamedTuple):
     Parameters
     ----------
     addresses : ndarray of int64
-        `Compiled.addresses`.
+        `Compiled.motion`, or `Compiled.addresses` where derivatives are needed.
     transitions : ndarray of int64, shape (transition, 3)
         Source, target, direction.
     p : ndarray

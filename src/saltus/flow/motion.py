@@ -86,7 +86,7 @@ class EventDrivenMotion:
         compiled, n = system.compiled, x.size
         self.kernels, self._run = kernels, run_kernel
         self.system, self.rtol, self.atol = system, float(rtol), float(atol)
-        self.addresses = compiled.addresses
+        self.addresses = compiled.motion
         self.p = compiled.extended(np.ascontiguousarray(p, dtype=np.float64))
         self.x = x
         self.rate = 0.0

@@ -226,6 +226,7 @@ def _run_rows(
     logs, ends = np.zeros((row_times.size, frame.shape[1])), np.zeros(row_times.size)
     rows = kernels.Rows(row_times, row_wraps, logs, ends)
     laws, tolerances, *buffers = run.records
+    laws = laws._replace(addresses=run.system.compiled.addresses)  # derivatives too
     again, done = run.kernels.AGAIN, run.kernels.DONE
     status, longest, stiff = again, 0.0, 0
     while status == again:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,17 +42,20 @@ __all__ = [
 FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p", "reset", "reset_x", "reset_p",
              "outputs", "guard")  # fmt: skip
 
+# Those that a motion needs.
+MOTION = ("derive", "field", "event", "event_x", "reset", "guard")
+
 # Names of the functions of second derivatives, in the order of `CompiledSecond.addresses`.
 SECOND = ("derive", "field_2", "event_2", "reset_2")
 
 
 class Compiled:
-    """The compiled functions of one system.
+    """The generated functions of one system, each compiled at first need.
 
     Attributes
     ----------
-    addresses : ndarray of int64, shape (functions,)
-        Where each of `FUNCTIONS` begins; valid in this process only.
+    motion : ndarray of int64, shape (functions,)
+        Where each of `FUNCTIONS` that is one of `MOTION` begins, 0 for others; valid in this process only.
     n, n_parameters, n_constants, n_outputs : int
         Sizes of the full state, of the parameters, of the constants made from them, of the outputs.
     rooted : ndarray of bool, shape (modes,)
@@ -65,7 +69,8 @@ class Compiled:
     """
 
     def __init__(self, module: Any, system: Definition) -> None:
-        self.addresses = np.array([getattr(module, name).address for name in FUNCTIONS], dtype=np.int64)
+        self._module = module  # addresses are valid as long as the module is
+        self.motion = self._addresses(MOTION)
         self.n = len(system.all_states)
         self.n_parameters = len(system.parameters)
         self.n_constants = int(module.CONSTANTS)
@@ -74,12 +79,20 @@ class Compiled:
         self.limits = np.array(module.LIMITS, dtype=np.bool_)
         self.jumps = tuple(module.JUMPS)
         self.too_steep = tuple(module.TOO_STEEP)
-        # valid as long as the module is, which `sys.modules` keeps
-        self._calls: dict[str, Any] = {name: callable_at(getattr(module, name)) for name in FUNCTIONS}
+        self._calls: dict[str, Any] = {}
+
+    @cached_property
+    def addresses(self) -> NDArray[np.int64]:
+        """Where each of `FUNCTIONS` begins, shape (functions,); derivatives are compiled when this is first read."""
+        return self._addresses(FUNCTIONS)
+
+    def _addresses(self, wanted: Sequence[str]) -> NDArray[np.int64]:
+        found = [getattr(self._module, name).address if name in wanted else 0 for name in FUNCTIONS]
+        return np.array(found, dtype=np.int64)
 
     def extended(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return parameters with the constants behind them, shape (n_parameters + n_constants,)."""
-        return with_constants(self._calls["derive"], p, self.n_constants)
+        return with_constants(self._callable("derive"), p, self.n_constants)
 
     def check_powers(self, system: Definition, modes: Sequence[int]) -> None:
         """Raise `DefinitionError` where the field of one of the modes is too steep at a surface for sensitivities."""
@@ -113,7 +126,12 @@ class Compiled:
         out: NDArray[np.float64],
     ) -> None:
         """Call one generated function; `p` is extended, arrays are contiguous."""
-        _call(self._calls[name], k, m, x, p, out)
+        _call(self._callable(name), k, m, x, p, out)
+
+    def _callable(self, name: str) -> Any:
+        if name not in self._calls:
+            self._calls[name] = callable_at(getattr(self._module, name))
+        return self._calls[name]
 
 
 class CompiledSeries:

@@ -23,6 +23,7 @@ import numba
 from numba.core import sigutils
 from numba.core.caching import NullCache
 from numba.core.ccallback import CFunc
+from numba.core.compiler_lock import global_compiler_lock
 
 from saltus.system.cache import read_checked, warn_once, write_checked
 
@@ -41,13 +42,11 @@ def njit(**options: Any) -> Callable[[FunctionType], Any]:
 
 
 def cfunc(signature: Any, **options: Any) -> Callable[[FunctionType], Any]:
-    """Return a decorator that is `numba.cfunc`, whose compiled code is kept in checked files."""
+    """Return a decorator as `numba.cfunc`: compiled when the address is first asked for, and kept in checked files."""
     arguments = sigutils.normalize_signature(signature)
 
     def compiled(function: FunctionType) -> Any:
-        callback = keep_checked(CFunc(function, arguments, locals={}, options=dict(options)), function)
-        callback.compile()
-        return callback
+        return keep_checked(_Callback(function, arguments, locals={}, options=dict(options)), function)
 
     return compiled
 
@@ -67,6 +66,21 @@ def keep_checked(compiler: Any, function: FunctionType) -> Any:
     base = cache._impl.filename_base  # the function's name, its first line and Python's version
     cache._cache_file = _CheckedFiles(Path(cache.cache_path), base, function, cache._cache_file._dump)
     return compiler
+
+
+class _Callback(CFunc):
+    """A function called by its address, compiled when that is first asked for."""
+
+    _wrapper_address: int | None
+
+    @property
+    def address(self) -> int:
+        """Where the machine code begins; valid in this process, as long as this object lives."""
+        with global_compiler_lock:  # compiled a second time, the code whose address was handed out would be freed
+            if self._wrapper_address is None:
+                self.compile()
+            assert self._wrapper_address is not None
+        return self._wrapper_address
 
 
 class _CheckedFiles:
