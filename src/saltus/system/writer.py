@@ -54,6 +54,7 @@ class Writer(ABC):
         self.constants: dict[sympy.Expr, int] = {}
         self.numbers: dict[str, object] = {}
         self._symbols: list[sympy.Dummy] = []
+        self._hoisted: dict[sympy.Expr, sympy.Expr] = {}
         self._parameters = set(system.p)
         self._printer = code_printer(clamped=True)
         self._names = {symbol: f"x[{i}]" for i, symbol in enumerate(system.x)}
@@ -107,6 +108,11 @@ class Writer(ABC):
 
     def _hoist(self, expression: sympy.Expr) -> sympy.Expr:
         """Replace what depends on parameters alone by a constant that `derive` computes."""
+        if expression not in self._hoisted:  # shared subexpressions are met again and again
+            self._hoisted[expression] = self._without_constants(expression)
+        return self._hoisted[expression]
+
+    def _without_constants(self, expression: sympy.Expr) -> sympy.Expr:
         if not expression.args or expression.is_number:
             return expression
         if expression.free_symbols <= self._parameters:
