@@ -85,7 +85,7 @@ def test_a_second_process_compiles_nothing(tmp_path):
 def test_steps_are_made_of_vector_instructions(make):
     lanes = Ensemble(make())._lanes
     numbers = types.CPointer(types.float64)
-    signature = types.void(numbers, types.int64, numbers, numbers)
+    signature = types.int64(types.int64, numbers, types.int64, numbers, numbers)
     for k in range(lanes.module.POOLS):
         step = getattr(lanes.module, f"step_{k}")
         step.compile(signature)

@@ -38,8 +38,8 @@ LIFE = ("begun", "goes_on", "looked_at", "after_step")  # functions that a graph
 BEGIN = ADDRESSED.index("begin")
 MOVE = ADDRESSED.index("move")
 READ = ADDRESSED.index("read")
-STEP = ADDRESSED.index("step")
 TURNED = ADDRESSED.index("turned")
+STEP = len(ADDRESSED)  # of the first pool
 TIME = FIELDS["t"]
 ITOL = FIELDS["itol"]
 COUNT = FIELDS["count"]
@@ -188,7 +188,7 @@ def run(lanes, motions, regions, boxes, settings, found, alive, work, scratch):
             if count[k] == 0 or (count[k] < few and count[k] < most):
                 continue
             R = S[k]
-            called(lanes.functions[STEP], k, pointer(R, 0), (count[k] + VECTOR - 1) // VECTOR * VECTOR, p, q)
+            called(lanes.functions[STEP + k], k, pointer(R, 0), (count[k] + VECTOR - 1) // VECTOR * VECTOR, p, q)
             work[k] += count[k]
             flags, steps = pointer(R, (x.size + FLAG) * NL), pointer(R, (x.size + COUNT) * NL)
             lane = 0

@@ -35,7 +35,8 @@ class CompiledLanes:
         self.module = module
         self.quantities: tuple[str, ...] = module.QUANTITIES
         self._n_constants = int(module.CONSTANTS)
-        self._functions = np.array([getattr(module, f"{name}_at").address for name in ADDRESSED])
+        names = (*ADDRESSED, *(f"step_{k}" for k in range(module.POOLS)))
+        self._functions = np.array([getattr(module, f"{name}_at").address for name in names])
         self._derive: Any = callable_at(module.derive)
 
     def constants(self, p: NDArray[np.float64]) -> NDArray[np.float64]:

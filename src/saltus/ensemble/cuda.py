@@ -191,7 +191,11 @@ def _kernel(module: ModuleType) -> tuple[Any, int]:
     numbers, queued = module.NF * NL, module.POOLS * NL
     fits = 8 * numbers + 4 * queued + 16 * (NL + module.POOLS) <= _SHARED_BYTES
     sizes = {"STATES": module.N, "LANES": NL, "POOLS": module.POOLS, "QUEUED": queued, "SHARED": numbers if fits else 0}
-    names = {**vars(_cuda_kernels), **sizes, **{f"system_{name}": getattr(module, name) for name in ADDRESSED}}
+    names = {
+        **vars(_cuda_kernels),
+        **sizes,
+        **{f"system_{name}": getattr(module, name) for name in (*ADDRESSED, "step")},
+    }
 
     def bound(source: ModuleType, name: str, names: dict[str, Any]) -> FunctionType:
         function = getattr(source, name)

@@ -77,16 +77,15 @@ ADDRESSED = (
     "begin",
     "move",
     "read",
-    "step",
     "turned",
-)  # functions called by address, in this order
+)  # functions called by address, in this order; behind them stand the steps of all pools
 
 
 class Lanes(NamedTuple):
     """What the loop over lanes has of a system: its functions, modes of its pools, parameters, and other numbers.
 
-    functions: addresses in the order of `ADDRESSED`. mode_of: (pools,). p: parameters and the
-    constants behind them. q: numbers as `CompiledLanes.quantities` names them.
+    functions: addresses in the order of `ADDRESSED`, then of the step of each pool. mode_of: (pools,). p: parameters
+    and the constants behind them. q: numbers as `CompiledLanes.quantities` names them.
     """
 
     functions: NDArray[np.int64]

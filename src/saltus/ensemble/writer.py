@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import sympy
 
 from saltus.ensemble.exact_step import exact_step
-from saltus.ensemble.labels import ADDRESSED, CHANGES, EVENT, GONE, HARD, HUGE, STUCK
+from saltus.ensemble.labels import CHANGES, EVENT, GONE, HARD, HUGE, STUCK
 from saltus.ensemble.lane_kinds import Pool
 from saltus.ensemble.lane_text import LaneText
 from saltus.ensemble.taylor_step import taylor_step
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 __all__ = ["LaneWriter"]
 
 _HEAD = """
-from saltus.ensemble._kernels import FAST, SCALAR, circular_cos, circular_sin, grown, ld, products, root
-from saltus.ensemble._kernels import short_cos, short_sin, st
+from saltus.ensemble._kernels import FAST, SCALAR, circular_cos, circular_sin, grown, halley, ld, polynomial
+from saltus.ensemble._kernels import products, rises_again, root, short_cos, short_sin, st
 from saltus.ensemble.labels import NL
 from saltus.system.machine_code import njit
 
@@ -38,6 +38,8 @@ inner = dict(no_cpython_wrapper=True, no_cfunc_wrapper=True)
 lane = njit(nogil=True, error_model="numpy", fastmath=FAST, _nrt=False, **inner)
 scalar = njit(**SCALAR, **inner)
 CALL = int64(int64, P, int64, P, P)
+lane_at = cfunc(CALL, **OPTIONS, fastmath=FAST)
+scalar_at = cfunc(CALL, **OPTIONS)
 """
 
 
@@ -57,7 +59,6 @@ class LaneWriter(LaneText):
         }
         yield _HEAD
         yield from texts
-        yield from map(self._addressed, ADDRESSED)
 
     def _step(self, k: int, pool: Pool) -> str:
         """The text of a pool's steps: a loop over lanes around statements without branches."""
@@ -69,31 +70,37 @@ class LaneWriter(LaneText):
         head = [*constants, *(f"p{place} = p[{place}]" for place in parameters), *self.reads()]
         return "\n".join(
             [
-                "\n\n@lane",
-                f"def step_{k}(S, n, p, q):",
+                f"\n\ndef step_{k}(k, S, n, p, q):",
                 *(f"    {line}" for line in head),
                 "    for l in range(n):",
                 *(f"        {line}" for line in body),
+                "    return 0",
                 "",
+                self._both(f"step_{k}", "lane"),
             ]
         )
 
     @staticmethod
-    def _addressed(name: str) -> str:
-        """Text of a function that can be called by its address."""
-        return f"\n\n@cfunc(CALL, **OPTIONS)\ndef {name}_at(k, S, l, x, q):\n    return {name}(k, S, l, x, q)\n"
+    def _both(name: str, kind: str) -> str:
+        """Compile a function as one that is called by its address, and for whoever calls it by name as well.
+
+        Each is compiled for itself: one that called the other would take its code in, to be optimised again.
+        """
+        return f"\n{name}_at = {kind}_at({name})\n{name} = {kind}({name})\n"
 
     # ---- one lane at a time ----
 
     def _steps(self) -> str:
-        """The function that makes the step of pool k."""
-        cases = [f"    {'elif' if k else 'if'} k == {k}:\n        step_{k}(S, n, p, q)" for k in range(len(self.pools))]
+        """The function that makes the step of pool k, where steps are not called by their addresses."""
+        cases = [
+            f"    {'elif' if k else 'if'} k == {k}:\n        step_{k}(k, S, n, p, q)" for k in range(len(self.pools))
+        ]
         return "\n".join(["\n\n@scalar", "def step(k, S, n, p, q):", *cases, "    return 0"]) + "\n"
 
     def _move(self) -> str:
         """A lane's fields, into lane m of Q: in a loop the compiler would gather and scatter them, which is slower."""
         lines = [f"    st(Q, {i}*NL, m, ld(S, {i}*NL, l))" for i in range(self.n_fields)]
-        return "\n".join(["\n\n@scalar", "def move(m, S, l, Q, q):", *lines, "    return 0"]) + "\n"
+        return "\n".join(["\n\ndef move(m, S, l, Q, q):", *lines, "    return 0", "", self._both("move", "scalar")])
 
     def _state_names(self) -> dict[sympy.Expr, str]:
         return {symbol: ("theta" if i == self.n_states else f"x{i}") for i, symbol in enumerate(self.system.x)}
@@ -142,7 +149,7 @@ class LaneWriter(LaneText):
         A motion that starts on a surface is left to `saltus.flow.motion.starting_mode`.
         """
         s, names = self.system, self._state_names()
-        lines = ["\n\n@scalar", "def begin(mode, S, l, p, q):", *(f"    {x}" for x in self._state_lines())]
+        lines = ["\n\ndef begin(mode, S, l, p, q):", *(f"    {x}" for x in self._state_lines())]
         for mode in range(len(s.field)):
             surfaces: list[str] = []
             conditions = [f"{self.text_of(s.domain[mode], names)} > 0.0"] if s.domain[mode] != 1 else []
@@ -162,13 +169,12 @@ class LaneWriter(LaneText):
                 f"    if mode == {mode} or (mode < 0 and {' and '.join(conditions) or 'True'}):",
                 f"        return enter_{mode}(S, l, 0, p, q)",
             ]
-        return "\n".join([*lines, f"    return {HARD}"]) + "\n"
+        return "\n".join([*lines, f"    return {HARD}", "", self._both("begin", "scalar")])
 
     def _turned(self) -> str:
         """The function called after a flagged step; it returns the pool in which the lane goes on, HARD or GONE."""
         lines = [
-            "\n\n@scalar",
-            "def turned(k, S, l, p, q):",
+            "\n\ndef turned(k, S, l, p, q):",
             f"    flag = {self.load('flag')}",
             f"    if flag == {STUCK!r}:",
             "        for i in range(N):",
@@ -179,7 +185,7 @@ class LaneWriter(LaneText):
         for k, pool in enumerate(self.pools):
             body = self._exact_left(k, pool) if pool.split is not None else self._taylor_left(pool)
             lines += [f"    {'if' if k == 0 else 'elif'} k == {k}:", *(f"        {line}" for line in body)]
-        return "\n".join([*lines, f"    return {HARD}"]) + "\n"
+        return "\n".join([*lines, f"    return {HARD}", "", self._both("turned", "scalar")])
 
     def _taylor_left(self, pool: Pool) -> list[str]:
         s, names = self.system, self._state_names()
@@ -241,9 +247,10 @@ class LaneWriter(LaneText):
 
     def _read(self) -> str:
         """The state of a lane at phase 0, into x."""
-        lines = ["\n\n@scalar", "def read(k, S, l, x, q):"]
+        lines = ["\n\ndef read(k, S, l, x, q):"]
         for k, pool in enumerate(self.pools):
             if pool.split is not None:
                 body = ["theta = 0.0", *self._from_modal(k, pool.split, "x[{}] = {}"), "return 0"]
                 lines += [f"    if k == {k}:", *(f"        {line}" for line in body)]
-        return "\n".join([*lines, "    for i in range(N):", "        x[i] = ld(S, i*NL, l)", "    return 0"]) + "\n"
+        lines += ["    for i in range(N):", "        x[i] = ld(S, i*NL, l)", "    return 0", ""]
+        return "\n".join([*lines, self._both("read", "scalar")])
