@@ -23,8 +23,10 @@ from saltus.errors import InputError
 SIMULATED = """
 import json
 import sys
+import time
 
 import numpy as np
+from numba.cuda.simulator.kernel import BlockThread
 
 from saltus import HybridSystem
 from saltus.errors import InputError
@@ -33,7 +35,17 @@ from saltus.ensemble.cuda import CudaEnsemble
 from saltus.ensemble.ensemble import Ensemble
 from saltus.ensemble.traps import Cells, Ellipsoids, Traps
 
-sys.setswitchinterval(1e-4)  # the simulator's threads wait for each other by polling
+is_alive = BlockThread.is_alive
+
+
+def is_alive_later(thread):
+    if thread.thread_id == 0:
+        time.sleep(1e-3)  # once for all threads of a block: those that work are not held up by the one that polls them
+    return is_alive(thread)
+
+
+BlockThread.is_alive = is_alive_later
+cuda._BLOCKS = 2  # the first takes as many motions as it has lanes, the second the others
 system = HybridSystem.from_definition(json.loads(sys.argv[2]))
 generator = np.random.default_rng(7)
 points = generator.uniform((-0.5, -1.0), (1.2, 1.0), (330, 2))  # more than a block has lanes

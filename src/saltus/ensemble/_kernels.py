@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 from llvmlite import ir
@@ -17,6 +18,7 @@ FAST = {"contract", "nsz", "arcp", "reassoc"}  # rounding may differ, infinities
 # Options of what is done for one lane. It makes no array; counting references to records would take longer than the
 # work itself. The code is kept with that of the generated text, whose name tells of the records too.
 SCALAR = {"nogil": True, "error_model": "numpy", "_nrt": False}
+_HALLEY = 2  # Halley's iterations of a landing
 _BIAS = float(1023 * 2**52)  # bits of the float 1.0, read as an integer
 _TWO_OVER_PI = 2.0 / math.pi
 _HALF_PI = math.pi / 2.0
@@ -77,6 +79,76 @@ def products(typingctx, *factors):
         return total
 
     return types.float64(pair), lower
+
+
+def _powers(builder, h, degree):
+    """The squares of h, of its square, and so on, as far as a polynomial of a degree needs them."""
+    powers = [h]
+    while 2 ** len(powers) <= degree:
+        powers.append(builder.fmul(powers[-1], powers[-1]))
+    return powers
+
+
+def _in_pairs(builder, terms, powers):
+    """A polynomial, in few steps that wait for each other (G. Estrin, 1960)."""
+    for power in powers:
+        pairs = [terms[i : i + 2] for i in range(0, len(terms), 2)]
+        terms = [builder.fadd(p[0], builder.fmul(p[1], power)) if len(p) == 2 else p[0] for p in pairs]
+    return terms[0]
+
+
+@intrinsic
+def polynomial(typingctx, h, *coefficients):
+    """Return c0 + c1*h + c2*h**2 + ...; as one call it compiles many times faster than as its operations."""
+    packed = types.StarArgTuple.from_types(coefficients)
+
+    def lower(context, builder, signature, arguments):
+        h, packed = arguments
+        terms = [builder.extract_value(packed, i) for i in range(len(coefficients))]
+        return _in_pairs(builder, terms, _powers(builder, h, len(terms) - 1))
+
+    return types.float64(types.float64, packed), lower
+
+
+@intrinsic
+def halley(typingctx, h, *coefficients):
+    """Two of Halley's iterations from h for a polynomial to vanish: where they end, the last change, the slope before it."""
+    packed = types.StarArgTuple.from_types(coefficients)
+
+    def lower(context, builder, signature, arguments):
+        h, packed = arguments
+        terms = [builder.extract_value(packed, i) for i in range(len(coefficients))]
+        number = ir.DoubleType()
+        first = [builder.fmul(number(float(k)), c) for k, c in enumerate(terms) if k >= 1]
+        second = [builder.fmul(number(float(k * (k - 1))), c) for k, c in enumerate(terms) if k >= 2]
+        for _ in range(_HALLEY):
+            powers = _powers(builder, h, len(terms) - 1)
+            y, dy, ddy = (
+                _in_pairs(builder, kept, powers[: (len(kept) - 1).bit_length()]) for kept in (terms, first, second)
+            )
+            above = builder.fmul(builder.fmul(number(2.0), y), dy)
+            below = builder.fmul(builder.fmul(number(2.0), dy), dy)
+            change = builder.fdiv(above, builder.fsub(below, builder.fmul(y, ddy)))
+            h = builder.fsub(h, change)
+        return context.make_tuple(builder, signature.return_type, (h, change, dy))
+
+    return types.UniTuple(types.float64, 3)(types.float64, packed), lower
+
+
+@intrinsic
+def rises_again(typingctx, *coefficients):
+    """Whether one of Bernstein's coefficients is positive behind one that is not."""
+    packed = types.StarArgTuple.from_types(coefficients)
+
+    def lower(context, builder, signature, arguments):
+        values = [builder.extract_value(arguments[0], i) for i in range(len(coefficients))]
+        zero, found = ir.DoubleType()(0.0), ir.IntType(1)(0)
+        for one, next_one in itertools.pairwise(values):
+            rise = builder.and_(builder.fcmp_ordered("<=", one, zero), builder.fcmp_ordered(">", next_one, zero))
+            found = builder.or_(found, rise)
+        return found
+
+    return types.boolean(packed), lower
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)

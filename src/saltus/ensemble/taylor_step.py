@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["taylor_step"]
 
-_HALLEY = 2  # Halley's iterations of a landing
 _LANDED = 1e-4  # last change of a landing, over the step, up to which it has converged: its cube is the error
 _AT_PHASE_ZERO = 1e-13  # time left to phase 0, in periods, that is none
 _RATIO = 0.9  # largest ratio of a step's last two terms
@@ -86,7 +85,6 @@ def taylor_step(lane: LaneText, pool: Pool) -> tuple[list[str], list[str]]:
         lines += _strobe_in_sigma(lane, order, time)
     else:
         lines += [f"strobe = strobe & (flag == {GOES_ON})", "tn = t + h"]
-    lines += _powers("h", order)
     lines += [f"n{i} = {_value(name, order, 'h')}" for i, name in zip(states, moving, strict=True)]
     lines += [f"flag = {AT_STROBE} if strobe else flag"]
     if form is not None:
@@ -122,14 +120,13 @@ def _without_series(
 def _landing_on_w(order: int, w: str, j: int) -> list[str]:
     """A crossing is w changing sign; past it the series runs back along the mirrored orbit."""
     return [
-        *_powers("h", order),
         f"wh = {_value(w, order, 'h')}",
         "lands = wh < 0.0",
-        f"c = (wh - {w}_0 - h*{w}_1)/h2",
+        f"c = (wh - {w}_0 - h*{w}_1)/(h*h)",
         f"s = math.sqrt(max({w}_1*{w}_1 - 4.0*c*{w}_0, 0.0))",
         f"g = 2.0*{w}_0/(s - {w}_1) if {w}_1 < 0.0 else ({w}_1 + s)/(-2.0*c)",
         "g = g if lands else h",
-        *_halley(w, order),
+        _halley(w, order),
         f"ok = (abs(dg) < {_LANDED!r}*h) & (g > 0.0) & (g <= h)",
         "is_stuck = lands & (not ok)",
         "ok = lands & ok",
@@ -141,13 +138,11 @@ def _landing_on_w(order: int, w: str, j: int) -> list[str]:
 def _strobe_in_sigma(lane: LaneText, order: int, t: str) -> list[str]:
     """Where a step would pass phase 0 it ends just before it instead, and the next two or three come there."""
     return [
-        *_powers("h", order),
         f"tn = t + {_value(t, order, 'h')}",
         f"left = {lane.number('period')} - t",
         "passes = tn >= t + left",
-        f"c = (tn - t - {t}_1*h)/h2",
+        f"c = (tn - t - {t}_1*h)/(h*h)",
         f"g = 2.0*left/({t}_1 + math.sqrt(max({t}_1*{t}_1 + 4.0*c*left, 0.0)))",
-        *_powers("g", order),
         f"tg = {_value(t, order, 'g')}",
         f"strobe = passes & (abs(tg - left) < {_AT_PHASE_ZERO!r}*{lane.number('period')})",
         "ok = strobe | ((g > 0.0) & (g <= h) & (tg < left))",
@@ -172,15 +167,14 @@ def _landing(lane: LaneText, order: int, event: str, j: int, transition: int) ->
     for i in range(order + 1):
         terms = ", ".join(f"{math.comb(i, m) / math.comb(order, m)!r}, c{m}" for m in range(i + 1))
         lines.append(f"b{i} = products({terms})" if i else "b0 = c0")
-    rises = " | ".join(f"((b{i} <= 0.0) & (b{i + 1} > 0.0))" for i in range(1, order))
     lines += [
         f"v{j} = b{order}",
         f"r{j} = {float(order)!r}*(b{order} - b{order - 1})/h",
         f"b0 = {float(order)!r}*b1 if on else b0",
-        f"rises = (not (b0 > 0.0)) | {rises}",
+        f"rises = (not (b0 > 0.0)) | rises_again({', '.join(f'b{i}' for i in range(1, order + 1))})",
         f"lands = (not rises) & (b{order} <= 0.0)",
         f"g = b0/(b0 - b{order}) if lands else 1.0",
-        *_halley("c", order, sep=""),
+        _halley("c", order, sep=""),
         f"ok = (abs(dg) < {_LANDED!r}*(g if on else 1.0)) & (dy < 0.0) & (g > 0.0) & (g <= 1.0)",
         "is_stuck = is_stuck | rises | (lands & (not ok))",
         "ok = lands & ok",
@@ -232,47 +226,14 @@ def _largest(terms: list[str]) -> str:
     return value
 
 
-def _powers(h: str, order: int) -> list[str]:
-    """Statements for the squares ``h2``, ``h4``, ... of `h`, by which a series is summed in pairs."""
-    lines, power = [], 1
-    while 2 * power <= order:
-        lines.append(f"{h}{2 * power} = {_power(h, power)}*{_power(h, power)}")
-        power *= 2
-    return lines
+def _value(name: str, order: int, h: str) -> str:
+    return f"polynomial({h}, {_coefficients(name, order)})"
 
 
-def _power(h: str, power: int) -> str:
-    return h if power == 1 else f"{h}{power}"
+def _halley(name: str, order: int, sep: str = "_") -> str:
+    """Halley's iterations from g, into g, for a series to vanish; ``dg`` is the last change, ``dy`` a slope."""
+    return f"g, dg, dy = halley(g, {_coefficients(name, order, sep)})"
 
 
-def _in_pairs(terms: list[str], h: str) -> str:
-    """A polynomial with the coefficients `terms`, in few steps that wait for each other (G. Estrin, 1960)."""
-    power = 1
-    while len(terms) > 1:
-        pairs = [terms[i : i + 2] for i in range(0, len(terms), 2)]
-        terms = [f"({p[0]} + {p[1]}*{_power(h, power)})" if len(p) == 2 else p[0] for p in pairs]
-        power *= 2
-    return terms[0]
-
-
-def _value(name: str, order: int, h: str, sep: str = "_") -> str:
-    return _in_pairs([f"{name}{sep}{k}" for k in range(order + 1)], h)
-
-
-def _halley(name: str, order: int, sep: str = "_") -> list[str]:
-    """Halley's iterations from g, into g, for a series to vanish; ``dg`` is the last change."""
-    coefficients = [f"{name}{sep}{k}" for k in range(order + 1)]
-    first = [f"d{k}" for k in range(1, order + 1)]
-    second = [f"dd{k}" for k in range(2, order + 1)]
-    lines = [f"{d} = {float(k)!r}*{coefficients[k]}" for k, d in enumerate(first, 1)]
-    lines += [f"{d} = {float(k * (k - 1))!r}*{coefficients[k]}" for k, d in enumerate(second, 2)]
-    for _ in range(_HALLEY):
-        lines += _powers("g", order)
-        lines += [
-            f"y = {_in_pairs(coefficients, 'g')}",
-            f"dy = {_in_pairs(first, 'g')}",
-            f"ddy = {_in_pairs(second, 'g')}",
-            "dg = 2.0*y*dy/(2.0*dy*dy - y*ddy)",
-            "g = g - dg",
-        ]
-    return lines
+def _coefficients(name: str, order: int, sep: str = "_") -> str:
+    return ", ".join(f"{name}{sep}{k}" for k in range(order + 1))

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 __all__ = ["LaneWriter"]
 
 _HEAD = """
-from saltus.ensemble._kernels import FAST, SCALAR, circular_cos, circular_sin, grown, ld, products, root
-from saltus.ensemble._kernels import short_cos, short_sin, st
+from saltus.ensemble._kernels import FAST, SCALAR, circular_cos, circular_sin, grown, halley, ld, polynomial
+from saltus.ensemble._kernels import products, rises_again, root, short_cos, short_sin, st
 from saltus.ensemble.labels import NL
 from saltus.system.machine_code import njit
 

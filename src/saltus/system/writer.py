@@ -54,7 +54,6 @@ class Writer(ABC):
         self.constants: dict[sympy.Expr, int] = {}
         self.numbers: dict[str, object] = {}
         self._symbols: list[sympy.Dummy] = []
-        self._hoisted: dict[sympy.Expr, sympy.Expr] = {}
         self._parameters = set(system.p)
         self._printer = code_printer(clamped=True)
         self._names = {symbol: f"x[{i}]" for i, symbol in enumerate(system.x)}
@@ -89,7 +88,8 @@ class Writer(ABC):
         keep_zero: bool = True,
     ) -> list[str]:
         locals_ = locals_ or []
-        hoisted = [self._hoist(e) for e in (*expressions, *locals_)]
+        known: dict[sympy.Expr, sympy.Expr] = {}
+        hoisted = [self._hoist(e, known) for e in (*expressions, *locals_)]
         return self._lines(hoisted, len(expressions), 0, name, keep_zero)
 
     def _lines(self, expressions: list[sympy.Expr], n_out: int, offset: int, name: str, keep_zero: bool) -> list[str]:
@@ -106,23 +106,27 @@ class Writer(ABC):
         text = str(self._printer.doprint(expression.xreplace(renamed)))
         return f"{text}.0" if text.lstrip("-").isdigit() else text
 
-    def _hoist(self, expression: sympy.Expr) -> sympy.Expr:
-        """Replace what depends on parameters alone by a constant that `derive` computes."""
-        if expression not in self._hoisted:  # shared subexpressions are met again and again
-            self._hoisted[expression] = self._without_constants(expression)
-        return self._hoisted[expression]
+    def _hoist(self, expression: sympy.Expr, known: dict[sympy.Expr, sympy.Expr] | None = None) -> sympy.Expr:
+        """Replace what depends on parameters alone by a constant that `derive` computes.
 
-    def _without_constants(self, expression: sympy.Expr) -> sympy.Expr:
+        `known` keeps what subexpressions have become: expressions that share them meet them again and again.
+        """
         if not expression.args or expression.is_number:
             return expression
+        known = {} if known is None else known
+        if expression not in known:
+            known[expression] = self._without_constants(expression, known)
+        return known[expression]
+
+    def _without_constants(self, expression: sympy.Expr, known: dict[sympy.Expr, sympy.Expr]) -> sympy.Expr:
         if expression.free_symbols <= self._parameters:
             return self._constant(expression)
         if isinstance(expression, sympy.Add | sympy.Mul):
             fixed = [a for a in expression.args if a.free_symbols <= self._parameters]
             if len(fixed) > 1 and not all(a.is_number for a in fixed):
-                rest = [self._hoist(a) for a in expression.args if not a.free_symbols <= self._parameters]
+                rest = [self._hoist(a, known) for a in expression.args if not a.free_symbols <= self._parameters]
                 return expression.func(self._constant(expression.func(*fixed)), *rest)
-        return expression.func(*(self._hoist(a) for a in expression.args))
+        return expression.func(*(self._hoist(a, known) for a in expression.args))
 
     def _constant(self, expression: sympy.Expr) -> sympy.Expr:
         index = self.constants.setdefault(expression, len(self.constants))
