@@ -33,6 +33,7 @@ from .errors import (
     DefinitionError as DefinitionError,
     DivergenceError as DivergenceError,
     InputError as InputError,
+    MapDivergenceError as MapDivergenceError,
     SaltusError as SaltusError,
     StickingError as StickingError,
     StiffnessError as StiffnessError,
@@ -41,6 +42,10 @@ from .flow import (
     Limits as Limits,
     Trajectory as Trajectory,
     simulate as simulate,
+)
+from .iteration import (
+    Iterates as Iterates,
+    iterate as iterate,
 )
 from .orbits import (
     PeriodicOrbit as PeriodicOrbit,
@@ -64,7 +69,9 @@ from .sweeps import (
 )
 from .system import (
     HybridSystem as HybridSystem,
+    Map as Map,
     Mode as Mode,
+    Piece as Piece,
     Transition as Transition,
 )
 from .version import __version__ as __version__

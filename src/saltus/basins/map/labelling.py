@@ -19,6 +19,7 @@ from saltus.ensemble.fallback import follow_alone
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.errors import InputError
 from saltus.system import HybridSystem
+from saltus.system.maps import flowing
 from saltus.system.plain import all_parameters, system_from
 from saltus.work import starting
 
@@ -116,7 +117,7 @@ class Labelling:
         wanted = ("system", "parameters", "traps", "tolerance", "longest", "interval", "engine", "preview")
         if not isinstance(definition, Mapping) or not set(wanted) <= set(definition):
             raise InputError("inputs", definition, f"a mapping of {', '.join(wanted)}")
-        system, given = system_from(definition["system"]), definition["parameters"]
+        system, given = flowing(system_from(definition["system"])), definition["parameters"]
         if not isinstance(given, Mapping):
             raise InputError("inputs' parameters", given, "a mapping")
         traps = traps_from_data(definition["traps"])
