@@ -130,14 +130,14 @@ def test_iterates_are_saved_and_loaded_equal(tmp_path):
 
 def test_observables_are_those_of_the_states():
     found = iterate(tent_of(), [0.2], n=99)
-    seen = found.observe(["max(x)", "min(x)", "mean(double)", "fraction(left)"])
+    seen = found.observe("max(x)", "min(x)", "mean(double)", "fraction(left)")
     x = found.states[:, 0]
     assert seen == pytest.approx(
         {"max(x)": x.max(), "min(x)": x.min(), "mean(double)": 2 * x.mean(), "fraction(left)": np.mean(x <= 0.5)}
     )
     assert np.array_equal(found.output("double + 1"), 2 * x + 1)
     with pytest.raises(InputError, match="a map has no phase and no transitions"):
-        found.observe(["amplitude(x, 1)"])
+        found.observe("amplitude(x, 1)")
 
 
 def test_a_map_in_billionths_moves_as_in_ones():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -98,12 +98,12 @@ class Iterates(Result):
         """
         return evaluate(self.system, expression, self.states, self.pieces, self.parameters)
 
-    def observe(self, observables: Sequence[str]) -> dict[str, float]:
+    def observe(self, *names: str) -> dict[str, float]:
         """Return observables of the motion.
 
         Parameters
         ----------
-        observables : sequence of str
+        *names : str
             Each ``max(e)``, ``min(e)`` or ``mean(e)`` of an expression, or ``fraction(piece)``, the share of the states
             at which a piece holds.
 
@@ -120,10 +120,9 @@ class Iterates(Result):
         Examples
         --------
         >>> doubling = Map(("x",), {}, {"x": "2*x*(1 - x)"})
-        >>> iterate(doubling, [0.5], n=3).observe(["mean(x)"])
+        >>> iterate(doubling, [0.5], n=3).observe("mean(x)")
         {'mean(x)': 0.5}
         """
-        names = checks.names("observables", observables, "texts, as ['mean(x)']")
         found = observe_states(self.system, self.parameters, self.states, self.pieces, names)
         return dict(zip(names, found, strict=True))
 
