@@ -23,7 +23,7 @@ from saltus.afm.galerkin import coefficients
 from saltus.basins import Attractors, Grid, find_attractors
 from saltus.basins.map.labelling import TOLERANCE
 from saltus.ensemble._kernels import fate
-from saltus.ensemble.ensemble import Ensemble, _regions
+from saltus.ensemble.ensemble import Ensemble, regions_of
 from saltus.ensemble.traps import UNDECIDED, Traps
 from saltus.flow.motion import starting_mode
 from saltus.flow.poincare import iterate
@@ -222,7 +222,7 @@ class Heyoka:
         self.integrator = hy.taylor_adaptive_batch(
             _regularised(hy), np.zeros((6, LANES)), pars=np.ones((1, LANES)), tol=tolerance, t_events=self._events(hy)
         )
-        self.regions = tuple(_regions(model.traps, 4))
+        self.regions = tuple(regions_of(model.traps, 4))
         self.fates = np.full(LANES, UNDECIDED)
         self.trapping = True
 

@@ -21,7 +21,8 @@ def strobed(image, states=("x",)):
         return x, np.zeros(len(x), np.int64)
 
     work = np.zeros(1, np.int64)
-    return SimpleNamespace(strobe=strobe, system=system, p=system.parameter_vector({}), work=work, left_over=0)
+    p = system.parameter_vector({})
+    return SimpleNamespace(strobe=strobe, system=system, p=p, work=work, left_over=0, admits=lambda x: True)
 
 
 def round_about(point, radius):

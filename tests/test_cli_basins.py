@@ -232,8 +232,8 @@ def test_options_that_do_not_belong_together_are_told(config, capsys, options, t
          "system = 'nowhere:x': must be a module that can be imported, and its attribute; No module named 'nowhere'"),
         ("system = 'wells:double_wel'\n[grid]",
          "system = 'wells:double_wel': must be an attribute of wells; did you mean 'double_well'?"),
-        ("system = 'wells:BOX'\n[grid]", "system = 'wells:BOX': must be a HybridSystem, or what makes one; it is "
-         "{{'x': (-2.0, 2.0, 30), 'v': (-2.0, 2.0, 20)}}"),
+        ("system = 'wells:BOX'\n[grid]", "system = 'wells:BOX': must be a HybridSystem or a Map, or what makes one; "
+         "it is {{'x': (-2.0, 2.0, 30), 'v': (-2.0, 2.0, 20)}}"),
         ("system = 'wells:double_well'\n[model]\nnme = 'x'\n[grid]",
          "key = 'nme': must be one of name in [model]; did you mean 'name'?"),
     ],

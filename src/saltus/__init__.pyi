@@ -43,6 +43,7 @@ from .errors import (
     DefinitionError as DefinitionError,
     DivergenceError as DivergenceError,
     InputError as InputError,
+    MapDivergenceError as MapDivergenceError,
     SaltusError as SaltusError,
     StickingError as StickingError,
     StiffnessError as StiffnessError,
@@ -51,6 +52,10 @@ from .flow import (
     Limits as Limits,
     Trajectory as Trajectory,
     simulate as simulate,
+)
+from .iteration import (
+    Iterates as Iterates,
+    iterate as iterate,
 )
 from .orbits import (
     PeriodicOrbit as PeriodicOrbit,
@@ -74,7 +79,9 @@ from .sweeps import (
 )
 from .system import (
     HybridSystem as HybridSystem,
+    Map as Map,
     Mode as Mode,
+    Piece as Piece,
     Transition as Transition,
 )
 from .version import __version__ as __version__

@@ -14,6 +14,7 @@ __all__ = [
     "DefinitionError",
     "DivergenceError",
     "InputError",
+    "MapDivergenceError",
     "SaltusError",
     "StickingError",
     "StiffnessError",
@@ -258,6 +259,38 @@ class DivergenceError(_MotionError):
         time, state, mode, reason = self.args
         where = f"t = {time:.12g} in mode {mode!r}, state {shortened(str(list(state)), _LONGEST_STATE)}"
         return shortened(f"the trajectory diverges at {where}: {reason}", _LONGEST)
+
+
+class MapDivergenceError(DivergenceError):
+    """A motion of a map leaves every bound.
+
+    Parameters
+    ----------
+    step : int
+        Iterations made.
+    state : sequence of float
+        State there.
+    reason : str
+        What was seen.
+    """
+
+    def __init__(self, step: int, state: Iterable[float], reason: str) -> None:
+        SaltusError.__init__(self, int(step), tuple(float(x) for x in state), reason)
+
+    @property
+    def step(self) -> int:
+        """Iterations made."""
+        return int(self.args[0])
+
+    @property
+    def mode(self) -> str:
+        """Nothing: a diverged state is in no piece."""
+        return ""
+
+    def __str__(self) -> str:
+        step, state, reason = self.args
+        where = f"iteration {step}, state {shortened(str(list(state)), _LONGEST_STATE)}"
+        return shortened(f"the motion diverges at {where}: {reason}", _LONGEST)
 
 
 class _Short(reprlib.Repr):

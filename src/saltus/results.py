@@ -33,6 +33,7 @@ __all__ = ["READ", "Result", "dataset_in", "frozen", "load", "look", "netcdf", "
 # The module of each kind of result.
 _HOMES = {
     "Trajectory": "saltus.flow.trajectory",
+    "Iterates": "saltus.iteration.iterates",
     "PeriodicOrbit": "saltus.orbits.orbit",
     "Equilibrium": "saltus.equilibria.equilibrium",
     "EquilibriumBranch": "saltus.continuation.equilibrium_branch",

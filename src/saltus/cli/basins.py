@@ -26,7 +26,7 @@ from saltus.progress import duration_text
 if TYPE_CHECKING:
     from saltus.basins import BasinOptions, Basins
     from saltus.basins.map.config import Config
-    from saltus.system import HybridSystem
+    from saltus.system import HybridSystem, Map
 
 __all__ = ["group"]
 
@@ -123,7 +123,9 @@ def _checked(
     return engine
 
 
-def _mapped(read: Config, system: HybridSystem, out: Path, *, engine: str, client: str | None, preview: bool) -> Basins:
+def _mapped(
+    read: Config, system: HybridSystem | Map, out: Path, *, engine: str, client: str | None, preview: bool
+) -> Basins:
     """Find the attractors, unless a store has them, and map the basins."""
     from saltus.basins import map_basins
 
@@ -153,7 +155,7 @@ def _search(read: Config) -> dict[str, Any]:
     return options
 
 
-def _tell_cost(read: Config, system: HybridSystem, engine: str) -> None:
+def _tell_cost(read: Config, system: HybridSystem | Map, engine: str) -> None:
     """Print the time and size of a configuration's basins, measured on a sample."""
     from saltus.basins.map.cost import estimate_cost
 

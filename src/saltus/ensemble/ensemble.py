@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,9 @@ from saltus.ensemble.labels import DIVERGED, LEFT_OVER, NOT_DONE, Boxes, Found, 
 from saltus.ensemble.modal import LinearPart, linear_parts
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
-from saltus.flow.motion import jumps_at_phase_zero
+from saltus.flow.event_logs import events_after
+from saltus.flow.motion import jumps_at_phase_zero, starting_mode
+from saltus.flow.variational import Average, Growth, growth_along
 from saltus.work import processors, starting
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from saltus.ensemble.compiled import CompiledLanes
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["Ensemble", "part_of"]
+__all__ = ["Ensemble", "boxes_of", "follow_pieces", "part_of", "regions_of"]
 
 _ORDER = 10  # last coefficient of the Taylor series
 _GROWTH = 4.5  # growth of a motion's tolerance a period: a late error equals a smaller one at the start
@@ -210,6 +212,39 @@ class Ensemble:
         labels, _, ends, modes = self._settled(points, traps, longest)
         return labels, ends, modes
 
+    def admits(self, x: NDArray[np.float64]) -> bool:
+        """Return whether a motion can start from a state: in a mode's domain, and before its events."""
+        try:
+            self.starting_mode(x)
+        except InputError:
+            return False
+        return True
+
+    def starting_mode(self, x: NDArray[np.float64]) -> int:
+        """Return the index of the mode in which a motion starts from a state; raise `InputError` without one."""
+        return starting_mode(self.system, self.system.full_state(x), self.p)
+
+    def growth(self, x: NDArray[np.float64], mode: int, periods: int, discard: int | None) -> Growth:
+        """Return how perturbations grow along a motion, over periods of the phase or intervals between strobes."""
+        full = self.system.full_state(x)
+        if self.system.phase is not None:
+            return growth_along(self.system, self.p, full, mode, average=Average(periods=periods, discard=discard))
+        wait = None if discard is None else discard * self.period
+        return growth_along(self.system, self.p, full, mode, average=Average(t_end=periods * self.period, discard=wait))
+
+    def visited(self, x: NDArray[np.float64], mode: int, periods: int) -> tuple[frozenset[int], bool]:
+        """Return the modes that a motion visits within some periods, and whether it meets an event."""
+        if self.system.phase is not None:
+            log = events_after(self.system, self.p, x, mode, periods=periods)
+        else:
+            log = events_after(self.system, self.p, x, mode, t_end=periods * self.period)
+        modes = {mode, *log.mode_before.tolist(), *log.mode_after.tolist()}
+        return frozenset(modes), bool(np.any(log.transition >= 0))
+
+    def alone(self, x: NDArray[np.float64], traps: Traps, longest: int) -> int:
+        """Return the label of one motion, followed by the event-driven flow at tolerance 1e-11."""
+        return follow_alone(self.system, self.parameters, x, -1, traps, longest, self.period)[0]
+
     def _settled(
         self, points: ArrayLike, traps: Traps, longest: int, modes: ArrayLike | None = None
     ) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.float64], NDArray[np.int64]]:
@@ -243,7 +278,7 @@ class Ensemble:
                 itol, 1.0 / _GROWTH if growth else 1.0, min(1.0 / _largest_tolerance(traps), itol),
                 float(traps.limit), longest, visits,
             )  # fmt: skip
-            regions, boxes = _regions(traps, self.n), _boxes(traps, self.n)
+            regions, boxes = regions_of(traps, self.n), boxes_of(traps, self.n)
             self._run(Motions(x, modes), regions, boxes, settings, Found(labels, strobes, ends, end_modes))
         alone = np.flatnonzero(labels == LEFT_OVER)
         self.left_over += len(alone)
@@ -269,26 +304,16 @@ class Ensemble:
         lanes = compiled.with_numbers(self._constants, self._quantities)
         piece = min(_PIECE, max(-(-count // self.threads), _ALIVE))
 
-        def follow(start: int) -> NDArray[np.int64]:
-            work, end = np.zeros_like(self.work), start + piece
+        def follow(start: int, end: int) -> NDArray[np.int64]:
+            work = np.zeros_like(self.work)
             run(
                 lanes, part_of(motions, start, end), regions, boxes, settings, part_of(found, start, end), _ALIVE, work,
                 compiled.scratch(piece),
             )  # fmt: skip
             return work
 
-        starts = range(0, count, piece)
-        if len(starts) < 2 or self.threads < 2:
-            for start in starts:
-                self.work += follow(start)
-            return
-        pool = ThreadPoolExecutor(self.threads)
-        try:
-            with starting("threads=1"):
-                for work in pool.map(follow, starts):
-                    self.work += work
-        finally:
-            pool.shutdown(cancel_futures=True)
+        for work in follow_pieces(follow, count, piece, self.threads):
+            self.work += work
 
     @cached_property
     def _linear(self) -> dict[int, LinearPart]:
@@ -340,12 +365,34 @@ def _largest_tolerance(traps: Traps) -> float:
     return min(_LARGEST_TOLERANCE, _OF_A_TRAP * traps.ellipsoids.narrowest())
 
 
+def follow_pieces(follow: Callable[[int, int], Any], count: int, piece: int, threads: int) -> list[Any]:
+    """Return what a function returns for pieces of motions, each given by its ends, by threads where there are several.
+
+    Parameters
+    ----------
+    follow : callable
+        Called with the first motion of a piece, and the one behind its last.
+    count, piece, threads : int
+        Motions, motions of a piece, and threads.
+    """
+    starts = range(0, count, piece)
+    if len(starts) < 2 or threads < 2:
+        return [follow(start, start + piece) for start in starts]
+    pool = ThreadPoolExecutor(threads)
+    try:
+        with starting("threads=1"):
+            return list(pool.map(follow, starts, (start + piece for start in starts)))
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
 def part_of(record: Any, start: int, end: int) -> Any:
     """Return motions `start` to `end` of `Motions`, or what is `Found` of them, which may be written there."""
     return type(record)(*(array[start:end] for array in record))
 
 
-def _regions(traps: Traps, n: int) -> Regions:
+def regions_of(traps: Traps, n: int) -> Regions:
+    """Return trapping regions as kernels read them."""
     labels = []
     cages = np.empty((0, 2 + n))
     if (c := traps.cages) is not None:
@@ -362,7 +409,8 @@ def _regions(traps: Traps, n: int) -> Regions:
     return Regions(cages, ellipsoids, np.concatenate([np.empty(0, np.int64), *labels]).astype(np.int64))
 
 
-def _boxes(traps: Traps, n: int) -> Boxes:
+def boxes_of(traps: Traps, n: int) -> Boxes:
+    """Return boxes as kernels read them."""
     if (cells := traps.cells) is None:
         return Boxes(np.zeros(n), np.ones(n), np.empty((0, n), np.int64), np.empty(0, np.int64))
     order = np.lexsort(cells.boxes.T[::-1])

@@ -42,6 +42,7 @@ from saltus.system.evaluate import check_expression, evaluate
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.system.definition import Definition
     from saltus.system.hybrid import HybridSystem
 
 __all__ = ["Motion", "Observable", "check_observables", "dense_states", "observe", "read_observable"]
@@ -212,7 +213,7 @@ def check_observables(system: HybridSystem, names: Iterable[str]) -> None:
         read_observable(system, name)
 
 
-def read_observable(system: HybridSystem, name: str) -> Observable:
+def read_observable(system: Definition, name: str) -> Observable:
     """Return an observable's name taken apart, and checked.
 
     Raises

@@ -41,6 +41,7 @@ from saltus.flow.sizes import RTOL, followed_in_size
 from saltus.flow.trajectory import Trajectory
 from saltus.results import frozen
 from saltus.system.hybrid import HybridSystem
+from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -157,7 +158,7 @@ def simulate(
     >>> print(round(fall.events["time"][0], 12), fall(1.5).round(12))
     1.0 [0.275 0.3  ]
     """
-    checks.instance("system", system, HybridSystem)
+    flowing(system, "iterate")
     p = system.parameter_vector(parameters)
     x = start_state(system, x0)
     rtol, atol = tolerances_of(tolerance)

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["BATCHES", "CONFIDENCE", "Average", "Growth", "growth_along"]
+__all__ = ["BATCHES", "CONFIDENCE", "ROWS", "Average", "Growth", "growth_along"]
 
 BATCHES = 20  # batches into which a stretch is cut for the errors of its exponents
 CONFIDENCE = 0.95  # probability that an exponent lies within its error, were the batches independent and normal
-_ROWS = 25 * BATCHES  # stretches of which the growth is kept, at most
+ROWS = 25 * BATCHES  # stretches of which the growth is kept, at most
 _STEPS_KEPT = 256  # steps of dense output between two clearances of the buffer
 _STEPS_A_PERIOD = 50_000  # steps of a period, beyond which a motion is stiff
 _SHRUNK = 100.0  # factor by which the steps of a stiff motion without a period are shorter than before
@@ -37,7 +37,7 @@ class Average:
     Parameters
     ----------
     periods : int, optional
-        Periods of the phase, at least 2, counted from phase 0 on.
+        Periods of the phase, at least 2, counted from phase 0 on; for a map, iterations.
     t_end : float, optional
         A time.
     discard : int or float, optional
@@ -198,12 +198,12 @@ def growth_along(
     run = EventDrivenMotion(system, p, start_state(system, x), mode, *tolerance, steps_kept=_STEPS_KEPT)
     if periods is None:
         first_time = 0.5 * length if average.discard is None else average.discard
-        row_times = first_time + np.linspace(0.0, length, _ROWS + 1)
+        row_times = first_time + np.linspace(0.0, length, ROWS + 1)
         row_wraps = np.full(row_times.size, most)
     else:
         dropped = periods // 2 if average.discard is None else int(average.discard)
         first = max(dropped, 1 if run.offset > 0.0 else 0)
-        row_wraps = first + np.round(np.linspace(0, periods, min(_ROWS, periods) + 1)).astype(np.int64)
+        row_wraps = first + np.round(np.linspace(0, periods, min(ROWS, periods) + 1)).astype(np.int64)
         row_times = np.full(row_wraps.size, math.inf)
         run.most_steps = _STEPS_A_PERIOD * int(row_wraps[-1])
     frame = np.zeros((len(system.all_states), columns))

@@ -18,6 +18,7 @@ from saltus.orbits.settling import Stretch, event_log, follow, rest_of, sizes_of
 from saltus.orbits.signature import CLOSED_END, EVENT_END, PHASE_END, Signature
 from saltus.orbits.solve import check_tol, converge, in_pieces
 from saltus.system import HybridSystem
+from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -106,7 +107,7 @@ def find_orbit(
     """
     from saltus.flow.motion import passed_event, starting_mode
 
-    checks.instance("system", system, HybridSystem)
+    flowing(system, "iterate, or find_attractors")
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)

@@ -18,6 +18,7 @@ from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, Signature
 from saltus.system import HybridSystem
+from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -86,7 +87,7 @@ def solve_orbit(
     >>> orbit.signature, round(orbit.period, 6)
     ((('flight', 'hit'),), 6.283185)
     """
-    checks.instance("system", system, HybridSystem)
+    flowing(system, "iterate")
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
     signature, u = _read_segments(system, p, segments)

@@ -20,6 +20,7 @@ _HOMES = {
     "saltus.continuation.branch.Branch": "saltus.plotting.branch",
     "saltus.orbits.orbit.PeriodicOrbit": "saltus.plotting.orbit",
     "saltus.flow.trajectory.Trajectory": "saltus.plotting.trajectory",
+    "saltus.iteration.iterates.Iterates": "saltus.plotting.iterates",
     "saltus.continuation.family.Family": "saltus.plotting.family",
     "saltus.continuation.cascade.Cascade": "saltus.plotting.cascade",
     "saltus.continuation.locus.Locus": "saltus.plotting.locus",
@@ -36,9 +37,9 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
 
     Parameters
     ----------
-    result : Branch, Cascade, Locus, Family, PeriodicOrbit, Trajectory, Sweep, LyapunovSpectrum, Basins, ErosionProfile
+    result : Result
         The result. Functions `plot_...` in `saltus.plotting.branch`, `.cascade`, `.locus`, `.family`, `.orbit`,
-        `.trajectory`, `.sweep`, `.lyapunov`, `.basin` and `.erosion` list the options of each kind.
+        `.trajectory`, `.iterates`, `.sweep`, `.lyapunov`, `.basin` and `.erosion` list the options of each kind.
     *args, **options
         Names of the quantities on the axes, and ``ax``, the Axes to draw into; by default in a new figure.
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from saltus.plotting import plot, style
 from saltus.sweeps.lyapunov import LyapunovSpectrum
+from saltus.system import Map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +36,7 @@ def plot_lyapunov(spectrum: LyapunovSpectrum, *, ax: Axes | None = None, legend:
     """
     style.check_options(ax, legend=legend)
     ax = style.axes(ax)
-    forced = spectrum.system.phase is not None
+    forced, is_map = spectrum.system.phase is not None, isinstance(spectrum.system, Map)
     t = spectrum.times / spectrum.period if forced else spectrum.times
     running, shown = spectrum.running, t.size // _SETTLED
     edges: list[float] = []
@@ -52,8 +53,8 @@ def plot_lyapunov(spectrum: LyapunovSpectrum, *, ax: Axes | None = None, legend:
     room = 0.06 * (high - low) or 1.0
     ax.set_xlim(0.0, float(t[-1]))
     ax.set_ylim(low - room, high + room)
-    ax.set_xlabel("periods" if forced else style.label_of("t"))
-    ax.set_ylabel("Lyapunov exponents per unit time")
+    ax.set_xlabel("iterations" if is_map else "periods" if forced else style.label_of("t"))
+    ax.set_ylabel(f"Lyapunov exponents per {'iteration' if is_map else 'unit time'}")
     if legend:
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     return ax

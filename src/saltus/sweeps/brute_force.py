@@ -15,6 +15,7 @@ Rules
   as long again, `Criteria.patience` times at most.
 * The exponents are measured over as many returns again, after those of the label. Where their error leaves open whether
   a motion without recurrence is chaotic, `Criteria.patience` times as many returns follow.
+* The motion of a map returns at each iteration, and its exponents are per iteration.
 * The observables are taken over the period of a periodic motion, else over the time of the returns kept.
 """
 
@@ -34,7 +35,7 @@ from saltus.sweeps.record import Record
 from saltus.sweeps.sweep import Sweep
 from saltus.sweeps.task import Task
 from saltus.sweeps.workers import Piece, rows_of
-from saltus.system import HybridSystem
+from saltus.system import HybridSystem, Map
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -43,7 +44,7 @@ __all__ = ["run_sweep"]
 
 
 def run_sweep(
-    system: HybridSystem,
+    system: HybridSystem | Map,
     parameter: str,
     values: ArrayLike,
     *,
@@ -60,7 +61,7 @@ def run_sweep(
 
     Parameters
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameter : str
         The swept parameter, or a group of parameters.
@@ -96,14 +97,11 @@ def run_sweep(
 
     Examples
     --------
-    The logistic map, carried by a hybrid system:
+    The logistic map:
 
-    >>> from saltus import HybridSystem, Mode, Transition
-    >>> carried = HybridSystem(
-    ...     ("x", "s"), {"r": 3.2}, {"carry": Mode({"x": "0", "s": "1"})},
-    ...     [Transition("carry", "carry", "s - 1", 1, {"x": "r*x*(1 - x)", "s": "0"}, name="map")],
-    ... )
-    >>> sweep = run_sweep(carried, "r", [3.2, 3.5, 3.7], x0=[0.3, 0.0], options=SweepOptions(section="map"))
+    >>> from saltus import Map
+    >>> logistic = Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"})
+    >>> sweep = run_sweep(logistic, "r", [3.2, 3.5, 3.7], x0=[0.3])
     >>> sweep.labels.tolist()
     [['period-2', 'period-4', 'chaotic']]
     """

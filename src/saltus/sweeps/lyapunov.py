@@ -1,4 +1,4 @@
-"""Lyapunov exponents of a motion of a hybrid system: docs/theory/lyapunov.md derives the formulas."""
+"""Lyapunov exponents of a motion of a hybrid system or a map: docs/theory/lyapunov.md derives the formulas."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.flow.motion import starting_mode, tolerances_of
 from saltus.flow.sizes import ATOL, fitting_atol
-from saltus.flow.variational import BATCHES, CONFIDENCE, Average, growth_along
+from saltus.flow.variational import BATCHES, CONFIDENCE, Average, Growth, growth_along
+from saltus.iteration.growth import growth_of_map
 from saltus.results import Result, frozen
-from saltus.system import HybridSystem
-from saltus.system.plain import held_parameters, held_system
+from saltus.system import HybridSystem, Map
+from saltus.system.maps import flowing
+from saltus.system.plain import held_any, held_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,11 +38,11 @@ class LyapunovSpectrum(Result):
     """Lyapunov exponents of a motion, per unit of time, and the logarithms of growth behind them.
 
     A forced system has one for each state without the phase. An autonomous one has 0 among them, for the direction of
-    its flow, unless it rests.
+    its flow, unless it rests. A map has one for each state, per iteration; its times count iterations.
 
     Attributes
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameters : mapping of str to float
         All its parameters.
@@ -58,14 +60,14 @@ class LyapunovSpectrum(Result):
     x_end : ndarray, shape (all states,)
         Full state at the end.
     mode_end : str
-        Mode there.
+        Mode there, or piece of a map.
     grazed : int
         Events that were grazed: no saltation matrix exists there, and none was applied.
     tolerance : (float, float)
-        Relative and absolute tolerance of a step of the motion.
+        Relative and absolute tolerance of a step of the motion; 0 for a map.
     """
 
-    system: HybridSystem
+    system: HybridSystem | Map
     parameters: Mapping[str, float]
     exponents: NDArray[np.float64]
     errors: NDArray[np.float64]
@@ -89,13 +91,15 @@ class LyapunovSpectrum(Result):
 
     @property
     def period(self) -> float:
-        """Period of the phase.
+        """Period of the phase; 1 for a map.
 
         Raises
         ------
         InputError
             The system has no phase.
         """
+        if isinstance(self.system, Map):
+            return 1.0
         if self.system.phase is None:
             raise InputError("system", self.system.name, "one with a phase", "its exponents are per unit of time only")
         return 2.0 * math.pi / float(self.system.field(self.mode_end, self.x_end, self.parameters)[-1])
@@ -135,7 +139,8 @@ class LyapunovSpectrum(Result):
 
     def __repr__(self) -> str:
         title = repr(self.system.name) if self.system.name else "a system"
-        span = f"t = {self.times[-1]:.8g}"
+        is_map = isinstance(self.system, Map)
+        span = f"{self.times[-1]:.0f} iterations" if is_map else f"t = {self.times[-1]:.8g}"
         if self.system.phase is not None:
             span += f" ({self.times[-1] / self.period:.6g} periods of {self.system.phase[0]})"
         lines = [f"LyapunovSpectrum of {title} over {span}, after {self.discarded:.6g} discarded"]
@@ -154,11 +159,12 @@ class LyapunovSpectrum(Result):
         """Return everything as a Dataset with dimensions exponent, row and state; rates are per unit of time."""
         import xarray as xr
 
+        unit = "1 / iteration" if isinstance(self.system, Map) else "1 / time"
         meaning = f"half width of the {CONFIDENCE:.0%} confidence interval, from at most {BATCHES} batch means"
         return xr.Dataset(
             {
-                "exponent": ("exponent", np.array(self.exponents), {"unit": "1 / time"}),
-                "error": ("exponent", np.array(self.errors), {"unit": "1 / time", "meaning": meaning}),
+                "exponent": ("exponent", np.array(self.exponents), {"unit": unit}),
+                "error": ("exponent", np.array(self.errors), {"unit": unit, "meaning": meaning}),
                 "log_growth": (("row", "exponent"), np.array(self.logs)),
                 "x_end": ("state", np.array(self.x_end)),
             },
@@ -176,7 +182,7 @@ class LyapunovSpectrum(Result):
 
     @classmethod
     def _read(cls, held: Contents) -> LyapunovSpectrum:
-        system = held_system(held)
+        system = held_any(held)
         held.names("state", system.all_states)
         held.size("row", least=1)
         if held.size("exponent", least=1) > len(system.states):
@@ -197,7 +203,7 @@ class LyapunovSpectrum(Result):
 
 
 def lyapunov_spectrum(
-    system: HybridSystem,
+    system: HybridSystem | Map,
     parameters: Mapping[str, float] | None = None,
     x0: ArrayLike = (),
     *,
@@ -210,26 +216,28 @@ def lyapunov_spectrum(
 
     The variational equations carry an orthonormal frame along the motion, and the saltation matrix carries it over each
     event. After every step and event the frame is made orthonormal again. An exponent is the mean rate at which the
-    logarithm of a direction's length grows. The phase is not perturbed.
+    logarithm of a direction's length grows. The phase is not perturbed. For a map, derivatives of its pieces take the
+    place of both, and exponents are per iteration.
 
     Parameters
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameters : mapping of str to float, optional
         Values that differ from the defaults.
     x0 : array_like, shape (states,) or (all states,)
         State at time 0; without the phase it starts at phase 0.
     average : Average
-        How long the exponents are measured, and how long motion and frame settle before.
+        How long the exponents are measured, and how long motion and frame settle before. Its `periods` are the
+        iterations of a map.
     mode : str, optional
-        Mode at time 0; chosen as in `simulate`.
+        Mode at time 0; chosen as in `simulate`. A map has none.
     exponents : int, optional
         How many exponents, the largest ones; by default all.
     tolerance : float or (float, float), optional
         Relative tolerance of a step of the motion, or the relative and the absolute one. The frame's tolerance is 1000
         times the relative one, at most 1e-4. The default absolute tolerance is 1e-12, and smaller in proportion to the
-        smallest state where this is below 1e-2.
+        smallest state where this is below 1e-2. A map has no steps, and needs none.
 
     Returns
     -------
@@ -244,6 +252,8 @@ def lyapunov_spectrum(
         Events accumulate.
     DivergenceError
         The state leaves every bound, or the domain of its mode.
+    DefinitionError
+        A motion of a map comes to a state at which no piece holds, or several do.
 
     Notes
     -----
@@ -274,14 +284,14 @@ def lyapunov_spectrum(
     >>> print(round(found.exponents[0], 2))
     0.92
     """
-    checks.instance("system", system, HybridSystem)
     checks.instance("average", average, Average)
-    p = system.parameter_vector(parameters)
-    x = system.full_state(x0)
-    start = starting_mode(system, x, p, mode)
-    rtol, absolute = tolerances_of(tolerance)
-    atol = absolute if absolute is not None else fitting_atol(system, p, x, start, ATOL)
-    growth = growth_along(system, p, x, start, average=average, exponents=exponents, tolerance=(rtol, atol))
+    if isinstance(system, Map):
+        if mode is not None:
+            raise InputError("mode", mode, "left out for a map", "the state decides which piece holds")
+        p, (rtol, atol) = system.parameter_vector(parameters), (0.0, 0.0)
+        growth = growth_of_map(system, p, system.full_state(x0), average=average, exponents=exponents)
+    else:
+        growth, (rtol, atol) = _along_flow(flowing(system), parameters, x0, mode, (average, exponents, tolerance))
     return LyapunovSpectrum(
         system=system,
         parameters=system.resolve(parameters),
@@ -295,3 +305,21 @@ def lyapunov_spectrum(
         grazed=growth.grazed,
         tolerance=(rtol, atol),
     )
+
+
+def _along_flow(
+    system: HybridSystem,
+    parameters: Mapping[str, float] | None,
+    x0: ArrayLike,
+    mode: str | None,
+    options: tuple[Average, int | None, float | tuple[float, float]],
+) -> tuple[Growth, tuple[float, float]]:
+    """Return the growth along a motion of a flow, and the tolerances of its steps."""
+    average, exponents, tolerance = options
+    p = system.parameter_vector(parameters)
+    x = system.full_state(x0)
+    start = starting_mode(system, x, p, mode)
+    rtol, absolute = tolerances_of(tolerance)
+    atol = absolute if absolute is not None else fitting_atol(system, p, x, start, ATOL)
+    tolerances = (rtol, atol)
+    return growth_along(system, p, x, start, average=average, exponents=exponents, tolerance=tolerances), tolerances

@@ -16,8 +16,8 @@ from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.results import Result, frozen
-from saltus.system import HybridSystem
-from saltus.system.plain import held_parameters, held_system, swept_parameter
+from saltus.system import HybridSystem, Map
+from saltus.system.plain import held_any, held_parameters, swept_parameter
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,7 +75,7 @@ class Sweep(Result):
 
     Attributes
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameter : str
         The swept parameter, or a group of parameters.
@@ -98,9 +98,9 @@ class Sweep(Result):
     curves : ndarray of int, shape (direction, value)
         Closed curves on the section to which the rotation number refers.
     exponents, errors : ndarray, shape (direction, value, exponent)
-        Largest Lyapunov exponents per unit of time, and the half widths of their 95 % intervals.
+        Largest Lyapunov exponents per unit of time or per iteration, and half widths of their 95 % intervals.
     return_times : ndarray, shape (direction, value)
-        Mean time between returns.
+        Mean time between returns; 1 for a map.
     observables : tuple of str
         Observables measured at each value.
     observed : ndarray, shape (direction, value, observable)
@@ -110,14 +110,14 @@ class Sweep(Result):
     states : ndarray, shape (direction, value, all states)
         Full states at the end of each value, from which the motion at the next value starts.
     modes : ndarray of int, shape (direction, value)
-        Indices of the modes at the end, -1 where there is no motion.
+        Indices of the modes, or pieces of a map, at the end; -1 where there is no motion.
     settings : mapping
         Options of `run_sweep`, thresholds included.
     stopped : str
         Why the sweep ended, in words.
     """
 
-    system: HybridSystem
+    system: HybridSystem | Map
     parameter: str
     values: NDArray[np.float64]
     parameters: Mapping[str, float]
@@ -251,12 +251,13 @@ class Sweep(Result):
         return self.directions.index(checks.chosen("direction", direction, self.directions))
 
     def __repr__(self) -> str:
-        count, settings = len(self.values), self.settings
+        count, settings, is_map = len(self.values), self.settings, isinstance(self.system, Map)
+        name = self.system.name or ("a map" if is_map else "a hybrid system")
+        what = "iterations" if is_map else f"returns to {_told(settings['section'])}"
         lines = [
-            f"Sweep of {self.system.name or 'a hybrid system'}: {self.parameter} from {self.values[0]:.6g} to "
-            f"{self.values[-1]:.6g}, {count} {'value' if count == 1 else 'values'}, {' and '.join(self.directions)}",
-            f"  {settings['discard']} returns to {_told(settings['section'])} dropped, {settings['keep']} kept: "
-            f"{', '.join(self.quantities)}",
+            f"Sweep of {name}: {self.parameter} from {self.values[0]:.6g} to {self.values[-1]:.6g}, "
+            f"{count} {'value' if count == 1 else 'values'}, {' and '.join(self.directions)}",
+            f"  {settings['discard']} {what} dropped, {settings['keep']} kept: {', '.join(self.quantities)}",
         ]
         for direction in self.directions:
             runs = self.runs(direction)
@@ -279,6 +280,7 @@ class Sweep(Result):
         import xarray as xr
 
         each = ("direction", "value")
+        unit = "per iteration" if isinstance(self.system, Map) else "per unit of time"
         named = json.dumps(dict(enumerate(self.system.mode_names)))
         data: dict[str, Any] = {
             "points": ((*each, "kept", "quantity"), np.array(self.points)),
@@ -286,8 +288,8 @@ class Sweep(Result):
             "period": (each, np.array(self.periods), {"units": "returns"}),
             "rotation": (each, np.array(self.rotations), {"units": "turns per return"}),
             "curves": (each, np.array(self.curves)),
-            "lyapunov": ((*each, "exponent"), np.array(self.exponents), {"units": "per unit of time"}),
-            "lyapunov_error": ((*each, "exponent"), np.array(self.errors), {"units": "per unit of time"}),
+            "lyapunov": ((*each, "exponent"), np.array(self.exponents), {"units": unit}),
+            "lyapunov_error": ((*each, "exponent"), np.array(self.errors), {"units": unit}),
             "return_time": (each, np.array(self.return_times)),
             "observed": ((*each, "observable"), np.array(self.observed)),
             "reason": (each, self.reasons.astype(object)),
@@ -314,7 +316,7 @@ class Sweep(Result):
     @classmethod
     def _read(cls, held: Contents) -> Sweep:
         each = ("direction", "value")
-        system = held_system(held)
+        system = held_any(held)
         held.names("state", system.all_states)
         values = checks.ascending("variable 'value'", held.array("value", ("value",)))
         directions = tuple(held.array("direction", ("direction",), str).tolist())

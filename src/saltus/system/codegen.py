@@ -43,7 +43,7 @@ class FlowWriter(Writer):
         yield self._function("reset_x", {k: self._assign(jacobian[k]) for k in transitions})
         yield self._by_parameter("reset_p", {k: s.reset[k] for k in transitions})
         yield self._function("outputs", {k: self._assign(s.outputs[k]) for k in modes})
-        guards = [*s.domain, *s.when]
+        guards = [*s.domain, *s.when, *(condition for part in s.conditions for condition in part)]
         yield self._function("guard", {k: self._assign([guard]) for k, guard in enumerate(guards)})
 
     def _by_parameter(self, name: str, expressions: dict[int, list[sympy.Expr]]) -> str:

@@ -36,13 +36,15 @@ __all__ = ["Definition"]
 
 
 class Definition:
-    """The checked data of a hybrid system, as `saltus.HybridSystem` takes them; all expressions are texts."""
+    """The checked data of a hybrid system or a map, as `saltus.HybridSystem` takes them; all expressions are texts."""
+
+    part = "mode"  # what messages call a part of the definition with equations of its own
 
     def __init__(
         self,
         states: Sequence[str],
         parameters: Mapping[str, float],
-        modes: Mapping[str, Mode],
+        modes: Mapping[str, Any],
         transitions: Iterable[Transition] = (),
         *,
         phase: tuple[str, Any] | None = None,
@@ -61,8 +63,7 @@ class Definition:
         self.parameters = {check_name(key, "parameters"): number_of(value, key) for key, value in parameters.items()}
         self.phase = clean_phase(phase, (*self.states, *self.parameters))
         names = (*self.all_states, *self.parameters)
-        modes = mapping_of(modes, "modes", "of names to Mode")
-        self.modes = {key: clean_mode(key, mode, names) for key, mode in modes.items()}
+        self.modes = self._clean_modes(modes, names)
         listed = sequence_of(transitions, "transitions", "of Transition")
         self.transitions = tuple(clean_transition(transition, names) for transition in listed)
         self.outputs = self._clean_outputs(mapping_of(outputs, "outputs", "of names to expressions"), names)
@@ -81,6 +82,16 @@ class Definition:
 
     def _prepare(self) -> None:
         """Do what a subclass needs once the data are checked."""
+
+    def _clean_modes(self, modes: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, Mode]:
+        """Return the modes with expressions that can be read."""
+        given = mapping_of(modes, "modes", "of names to Mode")
+        return {key: clean_mode(key, mode, names) for key, mode in given.items()}
+
+    @property
+    def conditions(self) -> dict[str, tuple[str, ...]]:
+        """Conditions on the state by which a part is chosen, for each part that has some: those of a map's pieces."""
+        return {}
 
     @property
     def all_states(self) -> tuple[str, ...]:
@@ -140,7 +151,7 @@ class Definition:
 
         Returns
         -------
-        HybridSystem
+        HybridSystem or Map
             Equal to the one that returned the data.
 
         Raises
@@ -158,7 +169,9 @@ class Definition:
             raise DefinitionError("definition", list(data), "as HybridSystem.definition returns it", hint) from error
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Definition) and json.dumps(self.definition()) == json.dumps(other.definition())
+        if not isinstance(other, Definition) or type(other).part != type(self).part:
+            return False
+        return json.dumps(self.definition()) == json.dumps(other.definition())
 
     def __hash__(self) -> int:
         return hash((self.name, self.states, self.parameter_names, self.mode_names, self.transition_names))
@@ -293,7 +306,7 @@ class Definition:
         InputError
             There is no mode of that name.
         """
-        return self.mode_names.index(checks.chosen("mode", mode, self.modes))
+        return self.mode_names.index(checks.chosen(self.part, mode, self.modes))
 
     def _clean_outputs(self, outputs: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, dict[str, str]]:
         clean: dict[str, dict[str, str]] = {}
@@ -302,7 +315,8 @@ class Definition:
             check_name(key, "outputs")
             by_mode = value if isinstance(value, Mapping) else dict.fromkeys(self.modes, value)
             if set(by_mode) != set(self.modes):
-                raise DefinitionError(where, list(by_mode), f"given for each of the modes {', '.join(self.modes)}")
+                wanted = f"given for each of the {self.part}s {', '.join(self.modes)}"
+                raise DefinitionError(where, list(by_mode), wanted)
             clean[key] = {mode: text_of(by_mode[mode], where, names) for mode in self.modes}
         return clean
 
@@ -313,15 +327,16 @@ class Definition:
                 raise DefinitionError("states, parameters, phase and outputs", name, "named once")
             taken.add(read)
         if not self.modes:
-            raise DefinitionError("modes", {}, "at least one mode")
+            raise DefinitionError(f"{self.part}s", {}, f"at least one {self.part}")
         for key, mode in self.modes.items():
             if missing := [name for name in self.states if name not in mode.field]:
                 wanted = f"an equation for each of {', '.join(self.states)}"
-                raise DefinitionError(f"mode {key!r}", list(mode.field), wanted, f"{missing[0]!r} is missing")
+                where = f"{self.part} {key!r}"
+                raise DefinitionError(where, list(mode.field), wanted, f"{missing[0]!r} is missing")
             if extra := [name for name in mode.field if name not in self.states]:
                 hint = "the phase has its rate already" if self.phase and extra[0] == self.phase[0] else ""
                 hint = hint or nearest(extra[0], self.states)
-                raise DefinitionError(f"mode {key!r}", extra[0], f"a state: {', '.join(self.states)}", hint)
+                raise DefinitionError(f"{self.part} {key!r}", extra[0], f"a state: {', '.join(self.states)}", hint)
         names = self.transition_names
         for transition in self.transitions:
             where = f"transition {transition.name!r}"

@@ -22,8 +22,8 @@ _ANGLES = (0.3, 1.7, 4.1)  # phases, in radians, at which a formula is compared 
 class Symbolic:
     """A definition parsed and differentiated.
 
-    Every list is indexed by mode or transition in the order of definition. `rate` is the Lie derivative of an event
-    function along the field of its source mode.
+    Every list is indexed by mode or transition in the order of definition; the modes of a map are its pieces. `rate` is
+    the Lie derivative of an event function along the field of its source mode. `conditions` has those of each piece.
     """
 
     def __init__(self, system: Definition) -> None:
@@ -35,7 +35,7 @@ class Symbolic:
         self.field = []
         self.domain = []
         for key, mode in system.modes.items():
-            where = f"mode {key!r}"
+            where = f"{system.part} {key!r}"
             self.field.append([self._read(mode.field[name], names, where) for name in system.states] + phase_rate)
             self.domain.append(sympy.Integer(1) if mode.domain is None else self._read(mode.domain, names, where))
         self.event, self.reset, self.when = [], [], []
@@ -53,6 +53,10 @@ class Symbolic:
             for mode in system.modes
         ]
         self.source = [system.mode_names.index(t.source) for t in system.transitions]
+        self.conditions = [
+            [self._read(text, names, f"{system.part} {key!r}") for text in texts]
+            for key, texts in system.conditions.items()
+        ]
 
     def _read(self, text: str, names: tuple[str, ...], where: str) -> sympy.Expr:
         expression = parse(text, names, where)
@@ -102,12 +106,16 @@ class Symbolic:
         """Equations as HTML with TeX, for a notebook; names and equations are escaped: a file may bring any."""
         escape, latex = html.escape, sympy.latex
         rows = [f"<b>{escape(title)}</b>"]
-        for key, field, domain in zip(self.system.modes, self.field, self.domain, strict=True):
-            lines = [rf"\dot{{{latex(s)}}} &= {latex(f)}" for s, f in zip(self.x, field, strict=True)]
-            where = "" if domain == 1 else escape(f", where ${latex(domain)} > 0$")
+        holds = [[domain] if domain != 1 else [] for domain in self.domain]
+        form = r"\dot{{{}}} &= {}"
+        if self.conditions:
+            holds, form = self.conditions, r"{} &\mapsto {}"
+        for key, field, positive in zip(self.system.modes, self.field, holds, strict=True):
+            lines = [form.format(latex(s), latex(f)) for s, f in zip(self.x, field, strict=True)]
+            where = escape(f", where {', '.join(f'${latex(c)} > 0$' for c in positive)}") if positive else ""
             body = r" \\ ".join(lines)
             equations = escape(f"$$\\begin{{aligned}}{body}\\end{{aligned}}$$")
-            rows.append(f"mode <code>{escape(key)}</code>{where}: {equations}")
+            rows.append(f"{self.system.part} <code>{escape(key)}</code>{where}: {equations}")
         for t, event, reset in zip(self.system.transitions, self.event, self.reset, strict=True):
             jumps = [rf"{latex(s)} \mapsto {latex(g)}" for s, g in zip(self.x, reset, strict=True) if g != s]
             arrow = {-1: r"\downarrow 0", 0: "= 0", 1: r"\uparrow 0"}[t.direction]

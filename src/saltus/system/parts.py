@@ -21,6 +21,7 @@ __all__ = [
     "clean_phase",
     "clean_transition",
     "interval_text",
+    "listed",
     "mapping_of",
     "names_of",
     "number_of",
@@ -167,9 +168,9 @@ def clean_bounds(parameter: str, interval: Any) -> tuple[float, float]:
     return low, high
 
 
-def clean_mode(key: str, mode: Mode, names: tuple[str, ...]) -> Mode:
+def clean_mode(key: str, mode: Mode, names: tuple[str, ...], part: str = "mode") -> Mode:
     """Return a mode whose expressions are texts that can be read."""
-    where = f"mode {key!r}"
+    where = f"{part} {key!r}"
     if not isinstance(mode, Mode):
         raise DefinitionError(where, mode, "a Mode")
     if not isinstance(mode.field, Mapping):
@@ -201,6 +202,7 @@ def clean_transition(transition: Transition, names: tuple[str, ...]) -> Transiti
 
 
 def listed(values: Mapping[str, Any], form: str) -> str:
+    """Return names and values in a form, one behind the other."""
     return "".join(form.format(name, value) for name, value in values.items())
 
 

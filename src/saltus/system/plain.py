@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from saltus import checks
 from saltus.errors import DefinitionError, InputError, nearest
 
 if TYPE_CHECKING:
     from saltus.contents import Contents
+    from saltus.system.definition import Definition
     from saltus.system.hybrid import HybridSystem
+    from saltus.system.maps import Map
 
 __all__ = [
     "all_parameters",
     "check_plain",
+    "held_any",
+    "held_map",
     "held_parameters",
     "held_system",
     "swept_parameter",
@@ -26,7 +31,7 @@ _NUMBER = (int, float)
 _TEXTS = [(str,)]
 _OPTIONAL = (str, type(None))
 # Keys that must be there.
-_NEEDED = ("states", "parameters", "modes", "transitions", "field", "source", "target", "event")
+_NEEDED = ("states", "parameters", "modes", "transitions", "field", "source", "target", "event", "pieces", "image")
 
 # What `HybridSystem.definition` returns: a tuple holds kinds, a list what its entries are, a mapping what stands under
 # each key, or under every key ("").
@@ -49,9 +54,16 @@ _FORM: Mapping[str, Any] = {
     "regimes": {"": _TEXTS},
 }  # fmt: skip
 
+# What `Map.definition` returns, in the same form.
+_MAP_FORM: Mapping[str, Any] = {
+    **{key: _FORM[key] for key in ("name", "states", "parameters")},
+    "pieces": {"": {"image": {"": _TEXT}, "where": _TEXTS}},
+    **{key: _FORM[key] for key in ("outputs", "groups", "positive", "parameter_bounds")},
+}
+
 
 def check_plain(definition: Any) -> None:
-    """Raise `DefinitionError` where plain data are not of the form that `HybridSystem.definition` returns.
+    """Raise `DefinitionError` where plain data are not what `HybridSystem.definition` or `Map.definition` returns.
 
     Examples
     --------
@@ -62,12 +74,13 @@ def check_plain(definition: Any) -> None:
     """
     if not isinstance(definition, Mapping):
         raise DefinitionError("definition", definition, "a mapping")
+    form = _MAP_FORM if "pieces" in definition else _FORM
     for key, value in definition.items():
-        if key not in _FORM:
-            raise DefinitionError("definition", key, f"one of {', '.join(_FORM)}", nearest(str(key), _FORM))
+        if key not in form:
+            raise DefinitionError("definition", key, f"one of {', '.join(form)}", nearest(str(key), form))
         if key != "phase" or value is not None:
-            _check(value, _FORM[key], f"definition's {key!r}")
-    _check_needed(definition, _FORM, "definition")
+            _check(value, form[key], f"definition's {key!r}")
+    _check_needed(definition, form, "definition")
 
 
 def _check(value: Any, form: Any, where: str) -> None:
@@ -94,25 +107,40 @@ def _check_needed(value: Mapping[str, Any], form: Mapping[str, Any], where: str)
         raise DefinitionError(where, list(value), f"a mapping with {missing[0]!r}")
 
 
-def system_from(definition: Any) -> HybridSystem:
-    """Return the system of a definition from outside."""
+def system_from(definition: Any) -> HybridSystem | Map:
+    """Return the hybrid system or the map of a definition from outside."""
     from saltus.system.hybrid import HybridSystem
+    from saltus.system.maps import Map
 
     check_plain(definition)
-    return HybridSystem.from_definition(definition)
+    return Map.from_definition(definition) if "pieces" in definition else HybridSystem.from_definition(definition)
 
 
-def held_system(contents: Contents) -> HybridSystem:
-    """Return the system in a result's file."""
+def held_any(contents: Contents) -> HybridSystem | Map:
+    """Return the hybrid system or the map in a result's file."""
     return system_from(contents.json("definition", dict))
 
 
-def held_parameters(contents: Contents, system: HybridSystem) -> dict[str, float]:
+def held_system(contents: Contents) -> HybridSystem:
+    """Return the hybrid system in a result's file; raise `InputError` where there is a map."""
+    from saltus.system.maps import flowing
+
+    return flowing(held_any(contents))
+
+
+def held_map(contents: Contents) -> Map:
+    """Return the map in a result's file; raise `InputError` where there is a hybrid system."""
+    from saltus.system.maps import Map
+
+    return checks.instance("system", held_any(contents), Map)
+
+
+def held_parameters(contents: Contents, system: Definition) -> dict[str, float]:
     """Return all parameters in a result's file; raise `InputError` where one is missing or cannot be."""
     return all_parameters(contents.json("parameters", dict), system)
 
 
-def swept_parameter(contents: Contents, system: HybridSystem) -> str:
+def swept_parameter(contents: Contents, system: Definition) -> str:
     """Return the name in the attribute ``parameter``; raise `InputError` where no parameter and no group has it."""
     name, known = contents.text("parameter"), (*system.parameter_names, *system.groups)
     if name not in known:
@@ -120,7 +148,7 @@ def swept_parameter(contents: Contents, system: HybridSystem) -> str:
     return name
 
 
-def all_parameters(given: Mapping[str, Any], system: HybridSystem) -> dict[str, float]:
+def all_parameters(given: Mapping[str, Any], system: Definition) -> dict[str, float]:
     """Return the values of all parameters; raise `InputError` where one is missing, unknown, or cannot be."""
     if set(given) != set(system.parameter_names):
         raise InputError("parameters", sorted(given), f"values of all of {', '.join(system.parameter_names)}")

@@ -124,9 +124,10 @@ def sweep_of(count: int, progress: bool | Report = False, part: Path | None = No
 
 def _portrait(sweep: Sweep, omega: float, periods: int) -> Trajectory:
     from saltus.flow import simulate
+    from saltus.system.maps import flowing
 
     found = sweep.at(omega)
-    return simulate(sweep.system, found.parameters, found.state, mode=found.mode, periods=periods)
+    return simulate(flowing(sweep.system), found.parameters, found.state, mode=found.mode, periods=periods)
 
 
 def summary(results: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,8 +17,9 @@ from saltus.ensemble.traps import DIVERGED, UNDECIDED, Traps
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.results import Result, frozen
-from saltus.system import HybridSystem
-from saltus.system.plain import held_parameters, held_system
+from saltus.system import HybridSystem, Map
+from saltus.system.definition import Definition
+from saltus.system.plain import held_any, held_parameters
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,7 +34,7 @@ class Attractors(Result):
 
     Attributes
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameters : mapping of str to float
         All parameters.
@@ -49,7 +50,7 @@ class Attractors(Result):
     points : mapping of str to ndarray, shape (k, n)
         States at strobes: the N points of a period-N attractor in the order of visits, a sample of any other.
     orbits : mapping of str to PeriodicOrbit
-        The periodic attractors, as the orbit solver returned them.
+        The periodic attractors, as the orbit solver returned them; none of a map.
     traps : Traps
         The trapping regions.
     notes : mapping of str to str
@@ -67,7 +68,7 @@ class Attractors(Result):
         proven.
     """
 
-    system: HybridSystem
+    system: HybridSystem | Map
     parameters: Mapping[str, float]
     region: Mapping[str, tuple[float, float]]
     interval: float | None
@@ -133,7 +134,7 @@ class Attractors(Result):
 
     @classmethod
     def _read(cls, held: Contents) -> Attractors:
-        system, names = held_system(held), tuple(held.texts("names"))
+        system, names = held_any(held), tuple(held.texts("names"))
         held.names("state", system.states)
         if len(set(names)) < len(names) or len(names) > DIVERGED:
             raise InputError("attribute 'names'", names, f"names, each once, at most {DIVERGED}")
@@ -170,7 +171,9 @@ class Attractors(Result):
         )
 
     def __repr__(self) -> str:
-        lines = [f"Attractors of {self.system.name or 'a hybrid system'}"]
+        lines = [
+            f"Attractors of {self.system.name or ('a map' if isinstance(self.system, Map) else 'a hybrid system')}"
+        ]
         for label, name in enumerate(self.names):
             point = ", ".join(f"{value:.6g}" for value in self.points[name][0])
             lines += [f"  {label}  {name}: {self.kinds[name]}, through [{point}]", f"     {self.notes[name]}"]
@@ -181,7 +184,7 @@ class Attractors(Result):
         return "\n".join(lines)
 
 
-def _check_said(said: Mapping[str, dict[str, Any]], names: tuple[str, ...], system: HybridSystem) -> None:
+def _check_said(said: Mapping[str, dict[str, Any]], names: tuple[str, ...], system: Definition) -> None:
     """Raise `InputError` where a file's entries on attractors have other names or another type."""
     for key in ("kinds", "notes"):
         if set(said[key]) != set(names) or not all(isinstance(text, str) for text in said[key].values()):

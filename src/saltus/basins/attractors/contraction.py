@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import InputError, SaltusError
-from saltus.flow.motion import starting_mode
-from saltus.flow.variational import Average, Growth, growth_along
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,22 +15,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.ensemble.ensemble import Ensemble
+    from saltus.ensemble.map_ensemble import MapEnsemble
+    from saltus.flow.variational import Growth
 
-__all__ = ["check_contraction", "growth_of", "nothing_attracts", "preserves"]
+__all__ = ["check_contraction", "nothing_attracts", "preserves"]
 
 _MOTIONS = 8  # motions along which volumes are watched
 _PERIODS = 16  # strobes for which they are watched
 
 _NEGLIGIBLE = 0.01  # change of a volume's logarithm over a whole search below which nothing attracts
-
-
-def growth_of(ensemble: Ensemble, x: NDArray[np.float64], mode: int, periods: int, discard: int | None) -> Growth:
-    """Return how perturbations grow along a motion, over periods of the phase or intervals between strobes."""
-    system = ensemble.system
-    if system.phase is not None:
-        return growth_along(system, ensemble.p, x, mode, average=Average(periods=periods, discard=discard))
-    wait = None if discard is None else discard * ensemble.period
-    return growth_along(system, ensemble.p, x, mode, average=Average(t_end=periods * ensemble.period, discard=wait))
 
 
 def preserves(growth: Growth, periods: int, longest: int) -> bool:
@@ -51,7 +42,7 @@ def preserves(growth: Growth, periods: int, longest: int) -> bool:
     return math.isfinite(change) and abs(change) * longest < _NEGLIGIBLE
 
 
-def check_contraction(ensemble: Ensemble, starts: NDArray[np.float64], longest: int) -> None:
+def check_contraction(ensemble: Ensemble | MapEnsemble, starts: NDArray[np.float64], longest: int) -> None:
     """Raise `InputError` where volumes keep their size along all of several motions: nothing attracts then.
 
     By Liouville's theorem the logarithm of a volume grows by the integral of the field's divergence. At an event it
@@ -69,9 +60,8 @@ def check_contraction(ensemble: Ensemble, starts: NDArray[np.float64], longest: 
     """
     seen = 0
     for x in starts[:: -(-len(starts) // _MOTIONS)]:
-        full = ensemble.system.full_state(x)
         try:
-            growth = growth_of(ensemble, full, starting_mode(ensemble.system, full, ensemble.p), _PERIODS, 0)
+            growth = ensemble.growth(x, ensemble.starting_mode(x), _PERIODS, 0)
         except SaltusError:  # it chatters or diverges: to be seen when it is followed
             return
         if not preserves(growth, _PERIODS, longest):
@@ -84,5 +74,5 @@ def nothing_attracts(name: str, parameters: Mapping[str, float], where: str, lon
     """Return the error of a system without attractors."""
     given = ", ".join(f"{key} = {value:.6g}" for key, value in parameters.items())
     allowed = f"one with attractors: {where} volumes change by less than 1 % in the {longest} periods followed"
-    return InputError("system", f"{name or 'a hybrid system'}{' at ' * bool(given)}{given}"[:120], allowed,
+    return InputError("system", f"{name or 'a system'}{' at ' * bool(given)}{given}"[:120], allowed,
                       "it conserves them, or the interval is far shorter than its decay")  # fmt: skip

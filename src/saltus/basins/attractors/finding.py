@@ -14,12 +14,15 @@ from saltus.basins.attractors.attractors import Attractors
 from saltus.basins.attractors.building import Building
 from saltus.basins.attractors.following import MOTIONS
 from saltus.basins.attractors.found import Found, Search
+from saltus.basins.attractors.map_search import MapSearch
 from saltus.basins.attractors.search import AttractorSearch
 from saltus.ensemble.traps import DIVERGED, UNDECIDED
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.progress import Report, Reporter
-from saltus.system import HybridSystem
+from saltus.system import HybridSystem, Map
+from saltus.system.definition import Definition
+from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,7 +34,7 @@ _DIGITS = (7, 2)
 
 
 def find_attractors(
-    system: HybridSystem,
+    system: HybridSystem | Map,
     parameters: Mapping[str, float] | None = None,
     region: Mapping[str, tuple[float, float] | float] | None = None,
     *,
@@ -53,7 +56,7 @@ def find_attractors(
 
     Parameters
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
@@ -63,7 +66,7 @@ def find_attractors(
         Count of motions.
     interval : float, optional
         Time between two strobes of a system without a phase. It must not be commensurate with the period of a limit
-        cycle, whose strobes then are few points, not a closed curve.
+        cycle, whose strobes then are few points, not a closed curve. For a map a strobe is an iteration.
     search : Search, optional
         How long motions are followed, how many samples measure the trapping regions, and further settings.
     motions : int, optional
@@ -117,7 +120,8 @@ def find_attractors(
     >>> found.names
     ('period-1 A', 'period-1 B')
     """
-    checks.instance("system", system, HybridSystem)
+    if not isinstance(system, Map):
+        flowing(system)
     parameters = checks.mapping("parameters", parameters, "names to numbers, or None")
     interval = None if interval is None else checks.positive("interval", interval)
     chosen = _checked_search(search)
@@ -126,7 +130,8 @@ def find_attractors(
     low, high = np.array(list(box.values())).T
     labelled = checks.count("motions", motions)
     with Reporter(progress) as reporter:
-        hunt = AttractorSearch(system, parameters, low, high, interval, chosen, labelled, reporter)
+        kind = MapSearch if isinstance(system, Map) else AttractorSearch
+        hunt = kind(system, parameters, low, high, interval, chosen, labelled, reporter)
         starts = hunt.seeds(count)
         if not len(starts):
             raise InputError("region", dict(box), "where motions can start: in a mode's domain and before its events")
@@ -190,7 +195,7 @@ def _checked_search(search: Search | None) -> Search:
     return Search() if search is None else checks.instance("search", search, Search)
 
 
-def _checked_region(system: HybridSystem, region: object) -> dict[str, tuple[float, float]]:
+def _checked_region(system: Definition, region: object) -> dict[str, tuple[float, float]]:
     given = checks.mapping("region", region, "each state to an interval or a number", known=system.states)
     box = {}
     for name in system.states:
@@ -222,11 +227,11 @@ def _rank(hunt: AttractorSearch, found: Found) -> tuple[Any, ...]:
     return order, len(found.visited), found.touches, found.period or np.inf, found.kind, size, place
 
 
-def _regime(system: HybridSystem, found: Found) -> str:
+def _regime(system: Definition, found: Found) -> str:
     return next((name for name, visited in system.regimes.items() if set(visited) == found.visited), "")
 
 
-def _named(system: HybridSystem, found: list[Found]) -> tuple[str, ...]:
+def _named(system: Definition, found: list[Found]) -> tuple[str, ...]:
     plain = [_regime(system, each) or each.kind for each in found]
     counts, seen, names = Counter(plain), Counter[str](), []
     for name in plain:

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.basins.attractors.found import Found, Search
-from saltus.basins.attractors.trapping import admits_start
 from saltus.ensemble.ensemble import Ensemble
 from saltus.errors import SaltusError
 from saltus.flow.motion import allowed_modes
 from saltus.flow.simulation import simulate
 from saltus.progress import Reporter
+from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from saltus.system import HybridSystem
+    from saltus.system import HybridSystem, Map
 
 __all__ = ["MOTIONS", "FollowedMotions"]
 
@@ -41,7 +41,7 @@ class FollowedMotions:
 
     Parameters
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
     parameters : mapping of str to float
     low, high : ndarray, shape (n,)
         The region.
@@ -56,7 +56,7 @@ class FollowedMotions:
 
     def __init__(
         self,
-        system: HybridSystem,
+        system: HybridSystem | Map,
         parameters: Mapping[str, float] | None,
         low: NDArray[np.float64],
         high: NDArray[np.float64],
@@ -69,10 +69,7 @@ class FollowedMotions:
         self.low, self.high, self.interval = low, high, interval
         self.scale = self._sizes()
         self.limit = search.limit * max(1.0, float(self.scale.max()))
-        self.ensemble, self.precise = (
-            Ensemble(system, self.parameters, tolerance=tolerance, interval=interval, scale=self.scale)
-            for tolerance in (search.tolerance, _PRECISE)
-        )
+        self.ensemble, self.precise = self._engines()
         self.p = self.ensemble.p
         self.rng = np.random.default_rng(search.random_seed)
         self.found: list[Found] = []
@@ -81,19 +78,36 @@ class FollowedMotions:
         self.neutral = 0
         self.motions, self.reporter = motions, reporter or Reporter(False)
 
+    @property
+    def sampled(self) -> bool:
+        """Whether strobes are returns to a section: those of a system with a phase, and the states of a map."""
+        return self.system.phase is not None
+
+    def _engines(self) -> tuple[Any, Any]:
+        """Return what follows motions, and the same with a tighter tolerance."""
+        system, interval = flowing(self.system), self.interval
+        first, second = (
+            Ensemble(system, self.parameters, tolerance=tolerance, interval=interval, scale=self.scale)
+            for tolerance in (self.search.tolerance, _PRECISE)
+        )
+        return first, second
+
+    def _way(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far a motion goes in each state between two strobes."""
+        how_long: dict[str, Any] = {"periods": 1} if self.interval is None else {"t_end": self.interval}
+        motion = simulate(flowing(self.system), self.parameters, start, **how_long)
+        states = motion(np.linspace(0.0, motion.t_end, _LOOKS))[:, : len(start)]
+        return np.asarray(np.abs(states - start).max(axis=0))
+
     def _sizes(self) -> NDArray[np.float64]:
         """Return the size of each state: half the region's width, or for a frozen state the distance motions go."""
         half = 0.5 * (self.high - self.low)
         if (half > 0.0).all():
             return np.asarray(half)
-        how_long: dict[str, Any] = {"periods": 1} if self.interval is None else {"t_end": self.interval}
         gone = []
         for part in _PLACES:
-            start = self.low + part * (self.high - self.low)
             with suppress(SaltusError):
-                motion = simulate(self.system, self.parameters, start, **how_long)
-                states = motion(np.linspace(0.0, motion.t_end, _LOOKS))[:, : len(half)]
-                gone.append(np.abs(states - start).max(axis=0))
+                gone.append(self._way(self.low + part * (self.high - self.low)))
         sizes = np.median(gone, axis=0) if gone else half
         return np.where(half > 0.0, half, np.where(sizes > 0.0, sizes, half.max() or 1.0))
 
@@ -101,12 +115,13 @@ class FollowedMotions:
     def overlap(self) -> bool:
         """Whether states of the region allow several modes; motions from samples start in the first."""
         x = np.random.default_rng(self.search.random_seed).uniform(self.low, self.high, (_STATES, len(self.low)))
-        return any(len(list(allowed_modes(self.system, self.system.full_state(row), self.p))) > 1 for row in x)
+        system = flowing(self.system)
+        return any(len(list(allowed_modes(system, self.system.full_state(row), self.p))) > 1 for row in x)
 
     @property
     def spent(self) -> float:
         """Time spent on motions so far, in periods of lanes."""
-        return self.ensemble.periods + _ALONE * self.ensemble.periods_alone
+        return float(self.ensemble.periods + _ALONE * self.ensemble.periods_alone)
 
     def in_lanes(self, x: NDArray[np.float64]) -> bool:
         """Return whether lanes follow motions from given states; other engines take a hundred times as long."""
@@ -120,7 +135,7 @@ class FollowedMotions:
 
         points = qmc.Sobol(len(self.low), seed=self.rng).random_base2(max(count - 1, 1).bit_length())[:count]
         x = self.low + (self.high - self.low) * points
-        kept: NDArray[np.float64] = x[[admits_start(self.ensemble, row) for row in x]]
+        kept: NDArray[np.float64] = x[[self.ensemble.admits(row) for row in x]]
         return kept
 
     def _bounded(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:

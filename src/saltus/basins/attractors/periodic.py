@@ -22,8 +22,8 @@ from saltus.basins.attractors.trapping import (
 )
 from saltus.errors import ConvergenceError, SaltusError
 from saltus.flow.event_logs import events_after
-from saltus.flow.motion import starting_mode
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
+from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,8 +48,9 @@ class PeriodicSearch(FollowedMotions):
 
     def find_caged(self) -> None:
         """Find the periodic orbit that each mode's cage holds."""
-        for index, mode in enumerate(self.system.mode_names):
-            cage = cage_of(self.system, self.parameters, mode)
+        system = flowing(self.system)
+        for index, mode in enumerate(system.mode_names):
+            cage = cage_of(system, self.parameters, mode)
             if cage is None:
                 continue
             found = self._corrected(cage.centre, index, 1)
@@ -127,16 +128,16 @@ class PeriodicSearch(FollowedMotions):
         if turns <= LONGEST:
             # one that is next to rest recurs by the region's size, but not by its own
             with suppress(ConvergenceError):
-                return find_orbit(self.system, self.parameters, x, self.system.mode_names[mode], settle=1.0)
+                return find_orbit(flowing(self.system), self.parameters, x, self.system.mode_names[mode], settle=1.0)
         names, start = self.system.mode_names, self.system.full_state(x)
-        log = events_after(self.system, self.p, start, mode, periods=turns)
+        log = events_after(flowing(self.system), self.p, start, mode, periods=turns)
         events = np.flatnonzero(log.transition >= 0)
         modes = [mode, *log.mode_after[events]]
         ends = [self.system.transition_names[k] for k in log.transition[events]]
         states = [start, *log.x_after[events]]
         durations = np.diff([0.0, *log.time[events], log.t_end])
         guess = zip([names[k] for k in modes], [*ends, None], states, durations, strict=True)
-        return solve_orbit(self.system, self.parameters, list(guess))
+        return solve_orbit(flowing(self.system), self.parameters, list(guess))
 
     def periodic(self, orbit: PeriodicOrbit) -> Found:
         """Return the attractor of a stable orbit of a forced system."""
@@ -158,7 +159,7 @@ class PeriodicSearch(FollowedMotions):
     def _strobes(self, orbit: PeriodicOrbit) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return states and modes at phase 0, one for each period of the phase."""
         x = orbit.x0[None, :]
-        mode = np.array([starting_mode(self.system, self.system.full_state(orbit.x0), self.p)], np.int64)
+        mode = np.array([self.ensemble.starting_mode(orbit.x0)], np.int64)
         points, modes = [orbit.x0], [mode[0]]
         for _ in range(orbit.form.turns - 1):
             x, mode = self.precise.strobe(x, mode)
@@ -170,8 +171,7 @@ class PeriodicSearch(FollowedMotions):
         """Give a periodic attractor the ellipsoid in which motions contract; return whether there is one."""
         metric = self._metric(found)
         if metric is not None and self.overlap:
-            full = [self.system.full_state(point) for point in found.points]
-            metric = replace(metric, modes=np.array([starting_mode(self.system, x, self.p) for x in full]))
+            metric = replace(metric, modes=np.array([self.ensemble.starting_mode(x) for x in found.points]))
         found.ellipsoid = None if metric is None else contracting(self.precise, metric, self.rng)
         found.core = None if found.ellipsoid is None else core_of(self.ensemble, found.ellipsoid, self.rng)
         return found.ellipsoid is not None
@@ -208,7 +208,7 @@ class PeriodicSearch(FollowedMotions):
             x = x - np.linalg.solve(slope, apart)
         else:
             return None
-        speed = np.abs(self.system.field(self.system.mode_names[mode], x, self.parameters))
+        speed = np.abs(flowing(self.system).field(self.system.mode_names[mode], x, self.parameters))
         if float(np.max(speed * self.ensemble.period / self.scale)) > SAME:
             return None
         name = self.system.mode_names[mode]

@@ -24,16 +24,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.basins.attractors.cloud import Cloud
-from saltus.basins.attractors.contraction import check_contraction, growth_of, nothing_attracts, preserves
+from saltus.basins.attractors.contraction import check_contraction, nothing_attracts, preserves
 from saltus.basins.attractors.found import LIMIT_CYCLE, NEAR, REST, SAME, Found, Stay
 from saltus.basins.attractors.periodic import LONGEST, MOST_ATTEMPTS, PeriodicSearch, in_order
 from saltus.ensemble.traps import DIVERGED, Traps
 from saltus.errors import InputError, SaltusError
-from saltus.flow.event_logs import events_after
-from saltus.flow.motion import starting_mode
 from saltus.flow.motion_kind import classify
 from saltus.orbits import PeriodicOrbit, find_orbit
 from saltus.orbits.floquet import nontrivial
+from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,7 +69,7 @@ class AttractorSearch(PeriodicSearch):
         self.find_caged()
         if not self.found:
             check_contraction(self.ensemble, x, self.search.longest)
-        modes = np.array([starting_mode(self.system, self.system.full_state(row), self.p) for row in x], np.int64)
+        modes = np.array([self.ensemble.starting_mode(row) for row in x], np.int64)
         done, stride = 0, _STRIDE
         self.reporter.expect(len(x))
         while len(x) and done < self.search.longest:
@@ -160,14 +159,11 @@ class AttractorSearch(PeriodicSearch):
 
     def _featured(self, cloud: NDArray[np.float64], x: NDArray[np.float64], mode: int, *, last: bool) -> Found | None:
         """Return the attractor on which a motion has settled; None for one still on its way to a periodic orbit."""
-        period, criteria, forced = self.ensemble.period, self.search.criteria, self.system.phase is not None
+        period, criteria, sampled = self.ensemble.period, self.search.criteria, self.sampled
         strobes = 2 * _WINDOW
         try:
-            growth = growth_of(self.ensemble, x, mode, strobes, None)
-            if forced:
-                log = events_after(self.system, self.p, x, mode, periods=_WINDOW)
-            else:
-                log = events_after(self.system, self.p, x, mode, t_end=_WINDOW * period)
+            growth = self.ensemble.growth(x, mode, strobes, None)
+            modes, touches = self.ensemble.visited(x, mode, _WINDOW)
         except SaltusError:
             return None
         if preserves(growth, strobes, self.search.longest):
@@ -177,18 +173,17 @@ class AttractorSearch(PeriodicSearch):
         rounding = criteria.noise * self.search.tolerance * self.scale
         kind = classify(cloud, exponent, error, criteria, rounding)
         is_periodic = kind.label.startswith("period-")
-        if is_periodic and forced and kind.period <= LONGEST and not last:
+        if is_periodic and sampled and kind.period <= LONGEST and not last:
             return None
-        indices = {mode, *log.mode_before.tolist(), *log.mode_after.tolist()}
         moved = np.ptp(cloud, axis=0) / self.scale
         found = Found(
-            REST if kind.period == 1 and not forced and float(moved.max()) < SAME else kind.label,
+            REST if kind.period == 1 and not sampled and float(moved.max()) < SAME else kind.label,
             in_order(cloud[-kind.period :], self.scale) if is_periodic else cloud,
             None,
-            frozenset(self.system.mode_names[k] for k in indices),
-            bool(np.any(log.transition >= 0)),
+            frozenset(self.system.mode_names[k] for k in modes),
+            touches,
         )
-        return found if forced or exponent > criteria.exponent + error else self._as_limit_cycle(found, x, mode)
+        return found if sampled or exponent > criteria.exponent + error else self._as_limit_cycle(found, x, mode)
 
     def _as_limit_cycle(self, found: Found, x: NDArray[np.float64], mode: int) -> Found | None:
         """Return the stable limit cycle near a motion; None for a known or unstable one.
@@ -202,7 +197,7 @@ class AttractorSearch(PeriodicSearch):
             Strobes would see only a few points of the cycle.
         """
         try:
-            orbit = find_orbit(self.system, self.parameters, x, self.system.mode_names[mode])
+            orbit = find_orbit(flowing(self.system), self.parameters, x, self.system.mode_names[mode])
         except SaltusError:
             return found
         if not orbit.stable:

@@ -14,7 +14,7 @@ from saltus.contents import Contents
 from saltus.ensemble.traps import DIVERGED, Cages, Cells, Ellipsoids, Traps
 from saltus.errors import InputError
 from saltus.results import frozen
-from saltus.system import HybridSystem
+from saltus.system.definition import Definition
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -92,7 +92,7 @@ def traps_from_variables(held: Contents) -> Traps:
     return Traps(held.size("state"), **regions, limit=held.number("limit", least=0.0, finite=False))
 
 
-def check_traps(traps: Traps, system: HybridSystem, labels: Collection[int]) -> None:
+def check_traps(traps: Traps, system: Definition, labels: Collection[int]) -> None:
     """Raise `InputError` where regions do not fit the system's states, modes and labels.
 
     Compiled functions trust shapes and indices.

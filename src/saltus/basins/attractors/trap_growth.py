@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.basins.attractors.trapping import admits_start
 from saltus.errors import ConvergenceError
 
 if TYPE_CHECKING:
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from saltus.basins.attractors.found import Search
     from saltus.basins.attractors.trapping import OrbitEllipsoids
     from saltus.ensemble.ensemble import Ensemble
+    from saltus.ensemble.map_ensemble import MapEnsemble
 
 __all__ = ["LEFT_OVER", "SOON", "Enlarging", "pieces"]
 
@@ -73,7 +73,7 @@ class Enlarging:
 
     def __init__(
         self,
-        ensemble: Ensemble,
+        ensemble: Ensemble | MapEnsemble,
         settles: Callable[[NDArray[np.float64], OrbitEllipsoids, int], NDArray[np.bool_]],
         widest: NDArray[np.float64],
         others: NDArray[np.float64],
@@ -191,7 +191,7 @@ class Enlarging:
 
     def _bad(self, x: NDArray[np.float64], within: OrbitEllipsoids, longest: int) -> NDArray[np.float64]:
         bad = ~self.settles(x, within, longest)
-        bad[bad] = [admits_start(self.ensemble, row) for row in x[bad]]
+        bad[bad] = [self.ensemble.admits(row) for row in x[bad]]
         return np.asarray(x[bad])
 
     def _cut(

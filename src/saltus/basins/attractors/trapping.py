@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.ensemble.traps import Ellipsoids
-from saltus.errors import InputError
 from saltus.flow.event_logs import events_after
 from saltus.flow.motion import starting_mode
 from saltus.orbits.problem import OrbitProblem
@@ -22,12 +21,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.ensemble.ensemble import Ensemble
+    from saltus.ensemble.map_ensemble import MapEnsemble
     from saltus.orbits import PeriodicOrbit
 
 __all__ = [
     "CONTRACTING",
     "OrbitEllipsoids",
-    "admits_start",
     "contracting",
     "core_of",
     "largest_multiplier",
@@ -239,7 +238,9 @@ def orbit_jacobians(orbit: PeriodicOrbit, points: NDArray[np.float64]) -> NDArra
     return np.array(jacobians)
 
 
-def map_jacobians(ensemble: Ensemble, points: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+def map_jacobians(
+    ensemble: Ensemble | MapEnsemble, points: NDArray[np.float64], scale: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return the Jacobians of the map from strobe to strobe at points, by central differences, shape (m, n, n).
 
     Parameters
@@ -302,7 +303,9 @@ def metric_of(
     return OrbitEllipsoids(points, np.array([np.linalg.cholesky(0.5 * (P + P.T)).T / scale for P in inorder]), 1.0)
 
 
-def contracting(ensemble: Ensemble, ellipsoid: OrbitEllipsoids, rng: np.random.Generator) -> OrbitEllipsoids | None:
+def contracting(
+    ensemble: Ensemble | MapEnsemble, ellipsoid: OrbitEllipsoids, rng: np.random.Generator
+) -> OrbitEllipsoids | None:
     """Return the largest of a ladder of levels at which samples contract, None without one.
 
     A level passes if each of `CONTRACTING` states, uniform in every ellipsoid, has its next strobe nearer to the next
@@ -317,7 +320,7 @@ def contracting(ensemble: Ensemble, ellipsoid: OrbitEllipsoids, rng: np.random.G
     return None
 
 
-def _contracts(ensemble: Ensemble, ellipsoid: OrbitEllipsoids, rng: np.random.Generator) -> bool:
+def _contracts(ensemble: Ensemble | MapEnsemble, ellipsoid: OrbitEllipsoids, rng: np.random.Generator) -> bool:
     period = len(ellipsoid.centres)
     x = ellipsoid.samples(period * CONTRACTING, rng)
     which = np.repeat(np.arange(period), CONTRACTING)
@@ -327,10 +330,10 @@ def _contracts(ensemble: Ensemble, ellipsoid: OrbitEllipsoids, rng: np.random.Ge
     clear = before > _CLEAR * ellipsoid.level
     # NaN, where a motion diverges, is not less
     contracts = (after < ellipsoid.level) & (~clear | (after < before))
-    return not any(admits_start(ensemble, row) for row in x[~contracts])
+    return not any(ensemble.admits(row) for row in x[~contracts])
 
 
-def core_of(ensemble: Ensemble, inner: OrbitEllipsoids, rng: np.random.Generator) -> OrbitEllipsoids:
+def core_of(ensemble: Ensemble | MapEnsemble, inner: OrbitEllipsoids, rng: np.random.Generator) -> OrbitEllipsoids:
     """Return the core of contracting ellipsoids: the small part that most motions from them soon reach.
 
     Motions count as settled once they are in the core. Where motions reach it too slowly, as near a bifurcation, the
@@ -344,12 +347,3 @@ def core_of(ensemble: Ensemble, inner: OrbitEllipsoids, rng: np.random.Generator
         if typical < inner.level / _CORES[0]:
             break
     return inner.at(inner.level / next((ratio for ratio in _CORES if typical < inner.level / ratio), 1.0))
-
-
-def admits_start(ensemble: Ensemble, x: NDArray[np.float64]) -> bool:
-    """Return whether a motion can start from a state: in a mode's domain, and before its events."""
-    try:
-        starting_mode(ensemble.system, ensemble.system.full_state(x), ensemble.p)
-    except InputError:
-        return False
-    return True

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.ensemble.ensemble import Ensemble
+    from saltus.ensemble.map_ensemble import MapEnsemble
 
 __all__ = ["Boxes", "boxes_along"]
 
@@ -43,7 +44,7 @@ class Boxes(NamedTuple):
 
 
 def boxes_along(
-    ensemble: Ensemble,
+    ensemble: Ensemble | MapEnsemble,
     clouds: dict[int, NDArray[np.float64]],
     others: NDArray[np.float64],
     scale: NDArray[np.float64],
@@ -93,7 +94,9 @@ def boxes_along(
     return best
 
 
-def _followed(ensemble: Ensemble, cloud: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+def _followed(
+    ensemble: Ensemble | MapEnsemble, cloud: NDArray[np.float64], rng: np.random.Generator
+) -> NDArray[np.float64]:
     """Return strobes of motions from beside an attractor, after their return and decorrelation."""
     starts = cloud[:: -(-len(cloud) // _MOTIONS)]
     x, _ = ensemble.strobe(starts + _PUSH * np.ptp(cloud, axis=0) * rng.standard_normal(starts.shape), count=_FORGOTTEN)

@@ -17,7 +17,7 @@ from saltus import checks
 from saltus.basins.map.grid import Plane
 from saltus.basins.map.options import TOLERANCES
 from saltus.errors import InputError, nearest
-from saltus.system import HybridSystem
+from saltus.system import HybridSystem, Map
 
 __all__ = ["AttractorOptions", "Config", "EngineOptions", "PlaneTable", "called", "read_config", "system_of"]
 
@@ -159,7 +159,9 @@ def _known(place: list[str | int]) -> tuple[str, ...]:
     return tuple(table.model_fields)
 
 
-def system_of(config: Config, known: Mapping[str, Callable[..., HybridSystem]], folder: Path) -> HybridSystem:
+def system_of(
+    config: Config, known: Mapping[str, Callable[..., HybridSystem | Map]], folder: Path
+) -> HybridSystem | Map:
     """Return the system of a configuration.
 
     Parameters
@@ -182,15 +184,17 @@ def system_of(config: Config, known: Mapping[str, Callable[..., HybridSystem]], 
             allowed = f"{', '.join(known)}, or module:attribute"
             raise InputError("system", config.system, allowed, nearest(config.system, known))
         make = _attribute(config.system, folder)
-    if isinstance(make, HybridSystem):
+    if isinstance(make, HybridSystem | Map):
         if config.model:
             raise InputError("model", config.model, "left out", f"{config.system} is made already")
         return make
     if not callable(make):
-        raise InputError("system", config.system, "a HybridSystem, or what makes one", f"it is {make!r}")
+        raise InputError("system", config.system, "a HybridSystem or a Map, or what makes one", f"it is {make!r}")
     system = called(make, config.model, "model")
-    if not isinstance(system, HybridSystem):
-        raise InputError("system", config.system, "what makes a HybridSystem", f"it made {type(system).__name__}")
+    if not isinstance(system, HybridSystem | Map):
+        raise InputError(
+            "system", config.system, "what makes a HybridSystem or a Map", f"it made {type(system).__name__}"
+        )
     return system
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from saltus.basins.map.grid import Grid, Plane
 from saltus.basins.map.mapping import attractors_for, settings_of, with_traps
 from saltus.basins.map.options import BasinOptions
-from saltus.system import HybridSystem
+from saltus.system import HybridSystem, Map
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,7 +63,7 @@ class Cost:
 
 
 def estimate_cost(
-    system: HybridSystem,
+    system: HybridSystem | Map,
     parameters: Mapping[str, float] | None,
     grid: Mapping[str, Any] | Plane | Grid,
     attractors: Any = None,

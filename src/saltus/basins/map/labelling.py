@@ -15,10 +15,9 @@ import numpy as np
 
 from saltus import checks
 from saltus.basins.attractors.trap_files import check_traps, traps_as_data, traps_from_data
-from saltus.ensemble.fallback import follow_alone
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.errors import InputError
-from saltus.system import HybridSystem
+from saltus.system import HybridSystem, Map
 from saltus.system.plain import all_parameters, system_from
 from saltus.work import starting
 
@@ -63,7 +62,7 @@ class Labelling:
 
     Attributes
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameters : mapping of str to float
         All parameters.
@@ -85,7 +84,7 @@ class Labelling:
         Unit of each state for errors, 1 by default.
     """
 
-    system: HybridSystem
+    system: HybridSystem | Map
     parameters: Mapping[str, float]
     traps: Traps
     interval: float | None
@@ -143,6 +142,12 @@ class Labelling:
     @cached_property
     def ensemble(self) -> Any:
         """The engine that follows motions."""
+        if isinstance(self.system, Map):
+            from saltus.ensemble.map_ensemble import MapEnsemble
+
+            if self.engine != "cpu":
+                raise InputError("BasinOptions.engine", self.engine, "'cpu' or 'dask' for a map")
+            return MapEnsemble(self.system, self.parameters, scale=self.scale, threads=self.threads)
         options: dict[str, Any] = {"tolerance": self.tolerance, "interval": self.interval, "scale": self.scale}
         if self.engine == "cuda":
             from saltus.ensemble.cuda import CudaEnsemble
@@ -180,21 +185,16 @@ class Labelling:
         )  # fmt: skip
 
     def by_events(self, points: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Return the labels, shape (m,), of motions followed one by one by the event-driven flow, at 1e-11."""
-        found = (
-            follow_alone(self.system, self.parameters, x, -1, self.traps, self.longest, self.ensemble.period)[0]
-            for x in points
-        )
+        """Return the labels, shape (m,), of motions followed one by one; a flow, from event to event at 1e-11."""
+        found = (self.ensemble.alone(x, self.traps, self.longest) for x in points)
         return np.fromiter(found, np.uint8, len(points))
 
     def undecided(self, points: NDArray[np.float64]) -> str:
         """Return why motions from points, shape (m, n), end in no trapping region, in words."""
-        from saltus.basins.attractors.trapping import admits_start
-
         ensemble = replace(self, engine="cpu").ensemble
         labels, states, _ = ensemble.arrivals(points, self.traps, self.longest)
         lost = (labels == UNDECIDED) & ~np.isfinite(states).all(axis=1)
-        barred = [not admits_start(ensemble, x) for x in points[lost]]
+        barred = [not ensemble.admits(x) for x in points[lost]]
         reasons = {
             f"reach no trapping region within {self.longest} periods": int((labels == UNDECIDED).sum() - lost.sum()),
             "start outside the domains of all modes": sum(barred),

@@ -5,6 +5,7 @@ Rules
 * The label belongs to the motion that starts at the cell's centre at phase 0.
 * It names the attractor in whose trapping region the motion is first seen at a strobe. It is ``diverged`` beyond every
   bound, and ``undecided`` after `BasinOptions.longest` periods.
+* For a map a strobe is an iteration, and so is a period.
 * Cells are labelled in units that follow from the grid alone, each written once and as a whole. The labels do not
   depend on the number of threads, workers or runs.
 """
@@ -39,7 +40,8 @@ from saltus.basins.map.store import Store, check_same
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED, Traps
 from saltus.errors import InputError, nearest
 from saltus.progress import Report, Reporter, ended
-from saltus.system import HybridSystem
+from saltus.system import HybridSystem, Map
+from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     import os
@@ -66,7 +68,7 @@ _SEEDS: int = signature(find_attractors).parameters["seeds"].default  # default 
 
 
 def map_basins(
-    system: HybridSystem,
+    system: HybridSystem | Map,
     parameters: Mapping[str, float] | None,
     grid: Mapping[str, Any] | Plane | Grid,
     attractors: Any = None,
@@ -79,7 +81,7 @@ def map_basins(
 
     Parameters
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameters : mapping of str to float or None
         Parameters that differ from the system's defaults.
@@ -250,7 +252,7 @@ def _path(path: object) -> Path | None:
     return None if path is None else checks.path("path", path, "the path of a folder")
 
 
-def _grid(system: HybridSystem, grid: Any) -> Grid:
+def _grid(system: HybridSystem | Map, grid: Any) -> Grid:
     if isinstance(grid, Mapping) and system.phase is not None and system.phase[0] in grid:
         raise InputError("grid", system.phase[0], "a state other than the phase", "all motions start at phase 0")
     if isinstance(grid, Grid):
@@ -261,13 +263,13 @@ def _grid(system: HybridSystem, grid: Any) -> Grid:
 
 
 def settings_of(
-    system: HybridSystem, parameters: Mapping[str, float] | None, options: BasinOptions | None
+    system: HybridSystem | Map, parameters: Mapping[str, float] | None, options: BasinOptions | None
 ) -> Labelling:
     """Return the settings of a labelling, still without trapping regions.
 
     Parameters
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameters : mapping of str to float or None
         Parameters that differ from the system's defaults.
@@ -279,7 +281,8 @@ def settings_of(
     InputError
         No system, parameters that it does not have, or no options.
     """
-    checks.instance("system", system, HybridSystem)
+    if not isinstance(system, Map):
+        flowing(system)
     options = BasinOptions() if options is None else checks.instance("options", options, BasinOptions)
     return Labelling(
         system,

@@ -15,8 +15,8 @@ from saltus.basins.map.grid import Grid
 from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.results import Result, frozen
-from saltus.system import HybridSystem
-from saltus.system.plain import held_parameters, held_system, swept_parameter
+from saltus.system import HybridSystem, Map
+from saltus.system.plain import held_any, held_parameters, swept_parameter
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,7 +31,7 @@ class ErosionProfile(Result):
 
     Attributes
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameter : str
         The parameter that varies.
@@ -55,7 +55,7 @@ class ErosionProfile(Result):
         Why it ended, in words.
     """
 
-    system: HybridSystem
+    system: HybridSystem | Map
     parameter: str
     values: NDArray[np.float64]
     parameters: Mapping[str, float]
@@ -151,7 +151,7 @@ class ErosionProfile(Result):
 
     @classmethod
     def _read(cls, held: Contents) -> ErosionProfile:
-        system, each = held_system(held), ("value", "attractor", "measure")
+        system, each = held_any(held), ("value", "attractor", "measure")
         grid = held.json("grid", dict)
         if Grid.from_definition(grid).states != system.states:
             raise InputError("the grid's states", grid["states"], f"those of the system: {', '.join(system.states)}")

@@ -41,7 +41,8 @@ from saltus.basins.measures.uncertainty import uncertainty_by_neighbours
 from saltus.errors import ConvergenceError, InputError
 from saltus.files import telling
 from saltus.progress import Report, Reporter, ended
-from saltus.system import HybridSystem
+from saltus.system import HybridSystem, Map
+from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     import os
@@ -147,7 +148,7 @@ class ErosionOptions:
 
 
 def erosion_profile(
-    system: HybridSystem,
+    system: HybridSystem | Map,
     parameter: str,
     values: ArrayLike,
     grid: Mapping[str, Any] | Plane | Grid,
@@ -161,7 +162,7 @@ def erosion_profile(
 
     Parameters
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameter : str
         The parameter that varies, or a group of parameters.
@@ -195,7 +196,8 @@ def erosion_profile(
     attraction, J. Sound Vib. 135 (1989) 453-475; G. Rega, S. Lenci, Dynamical integrity and control of nonlinear
     mechanical oscillators, J. Vib. Control 14 (2008) 159-179.
     """
-    checks.instance("system", system, HybridSystem)
+    if not isinstance(system, Map):
+        flowing(system)
     checks.chosen("parameter", parameter, (*system.parameter_names, *system.groups))
     chosen = ErosionOptions() if options is None else checks.instance("options", options, ErosionOptions)
     swept, asked = checks.ascending("values", values), chosen.measures
@@ -228,7 +230,7 @@ def erosion_profile(
 
 
 def _profile(
-    system: HybridSystem,
+    system: HybridSystem | Map,
     parameter: str,
     values: NDArray[np.float64],
     parameters: Mapping[str, float],

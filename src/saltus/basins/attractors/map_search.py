@@ -1,0 +1,110 @@
+"""Attractors of a map: the search of flows, with Newton's method on iterates in the place of the orbit solver."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.basins.attractors.found import SAME, Found
+from saltus.basins.attractors.periodic import in_order
+from saltus.basins.attractors.search import AttractorSearch
+from saltus.basins.attractors.trapping import OrbitEllipsoids, largest_multiplier, metric_of
+from saltus.ensemble.map_ensemble import MapEnsemble
+from saltus.errors import InputError, MapDivergenceError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.system import Map
+
+__all__ = ["MapSearch"]
+
+_STEPS = 30  # Newton steps, at most
+_CONVERGED = 1e-13  # largest Newton step, over the states' sizes, of a cycle that is found
+_ROUNDING = 1e-10  # the same where steps shrink no further, as where derivatives along the cycle are large
+_SINGULAR = 1e12  # condition of Newton's equations beyond which a cycle is not isolated
+
+
+class MapSearch(AttractorSearch):
+    """The search for all attractors of a map; its arguments are those of `FollowedMotions`."""
+
+    system: Map
+    overlap = False  # the state decides which piece holds
+
+    @property
+    def sampled(self) -> bool:
+        """Each state is a return."""
+        return True
+
+    def _engines(self) -> tuple[Any, Any]:
+        if self.interval is not None:
+            raise InputError("interval", self.interval, "left out for a map", "it is looked at after each iteration")
+        engine = MapEnsemble(self.system, self.parameters, scale=self.scale)
+        return engine, engine
+
+    def _way(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.abs(self.system.image(start, self.parameters) - start))
+
+    def find_caged(self) -> None:
+        """Find nothing: the theorem of cages is one on flows."""
+
+    def _corrected(self, x: NDArray[np.float64], mode: int, turns: int) -> Found | None:
+        """Return the stable cycle near a motion that recurs after a number of iterations, None without one."""
+        points = self._cycle(x, turns)
+        if points is None:
+            return None
+        apart = [float((np.abs(points[later] - points[0]) / self.scale).max()) for later in range(1, turns)]
+        period = next((later for later, gap in enumerate(apart, 1) if turns % later == 0 and gap < SAME), turns)
+        points = points[:period]
+        decay = largest_multiplier(self._jacobians(points))
+        if not decay < 1.0:
+            return None
+        pieces = frozenset(self.system.mode_names[self.system.piece_index(point, self.p)] for point in points)
+        return Found(
+            f"period-{period}", in_order(points, self.scale), None, pieces, False, decay=decay ** (1.0 / period)
+        )
+
+    def _cycle(self, x: NDArray[np.float64], turns: int) -> NDArray[np.float64] | None:
+        """Return the points of a cycle by Newton's method on the whole round; None where it does not converge."""
+        before = np.inf
+        for _ in range(_STEPS):
+            try:
+                points = self._round(x, turns)
+            except MapDivergenceError:
+                return None
+            slope = np.eye(len(x))
+            for jacobian in self._jacobians(points[:-1]):
+                slope = jacobian @ slope
+            # in parts of the states' sizes
+            matrix = (np.eye(len(x)) - slope) * self.scale / self.scale[:, None]
+            if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > _SINGULAR:
+                return None
+            step = np.linalg.solve(matrix, (points[-1] - x) / self.scale)
+            size = float(np.abs(step).max())
+            unit = max(1.0, float((np.abs(x) / self.scale).max()))
+            if size < _CONVERGED * unit or (size < _ROUNDING * unit and size >= 0.5 * before):
+                return points[:-1]
+            x, before = x + self.scale * step, size
+            if not self._bounded(x):
+                return None
+        return None
+
+    def _round(self, x: NDArray[np.float64], turns: int) -> NDArray[np.float64]:
+        """Return a state and its images, shape (turns + 1, n)."""
+        points = [x]
+        for _ in range(turns):
+            points.append(self.ensemble.strobe(points[-1][None])[0][0])
+            if not np.isfinite(points[-1]).all():
+                raise MapDivergenceError(len(points), points[-2], "it leaves every bound")
+        return np.array(points)
+
+    def _jacobians(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives of the map at points, shape (m, n, n)."""
+        compiled, p = self.system.compiled, self.system.compiled.extended(self.p)
+        pieces = [self.system.piece_index(point, self.p) for point in points]
+        return np.array([compiled.linearised(k, point, p)[1] for k, point in zip(pieces, points, strict=True)])
+
+    def _metric(self, found: Found) -> OrbitEllipsoids | None:
+        jacobians = self._jacobians(found.points)
+        return metric_of(found.points, jacobians, self.scale) if np.isfinite(jacobians).all() else None

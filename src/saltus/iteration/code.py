@@ -1,0 +1,57 @@
+"""What kernels need of a map at given parameters, and the errors of motions that end early."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from saltus.errors import MapDivergenceError, SaltusError
+from saltus.iteration import _map_kernels as kernels
+from saltus.system.compiled import FUNCTIONS
+from saltus.system.tiling import pieces_error
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.system.maps import Map
+
+__all__ = ["LIMIT", "MapCode", "code_of", "error_of"]
+
+LIMIT = 1e100  # modulus of a component beyond which a motion has diverged
+
+_CALLED = ("field", "vary", "guard")  # functions called by kernels, in the order of `MapCode.functions`
+
+
+class MapCode(NamedTuple):
+    """What kernels need of a map at given parameters.
+
+    Attributes
+    ----------
+    functions : ndarray of int64, shape (3,)
+        Addresses of the image, of its derivative along a frame, and of the conditions.
+    guards : ndarray of int64, shape (pieces + 1,)
+        `Map.guards`.
+    p : ndarray
+        Parameters, with the constants behind them.
+    """
+
+    functions: NDArray[np.int64]
+    guards: NDArray[np.int64]
+    p: NDArray[np.float64]
+
+
+def code_of(system: Map, p: NDArray[np.float64]) -> MapCode:
+    """Return what kernels need of a map at parameters as `Map.parameter_vector` returns them."""
+    addresses = system.compiled.addresses[[FUNCTIONS.index(name) for name in _CALLED]]
+    return MapCode(addresses, system.guards, system.compiled.extended(p))
+
+
+def error_of(
+    status: int, step: int, x: NDArray[np.float64], system: Map, p: NDArray[np.float64], limit: float = LIMIT
+) -> SaltusError:
+    """Return the error of a motion that ended early, by the status of a kernel."""
+    if status == kernels.NOWHERE:
+        return pieces_error(system, x, p)
+    reason = "a component is no number" if np.isnan(x).any() else f"a component is beyond {limit:.3g}"
+    return MapDivergenceError(step, x.tolist(), reason)

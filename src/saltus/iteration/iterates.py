@@ -1,0 +1,246 @@
+"""Iterates of a map from a state, as a result."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus import checks
+from saltus.contents import Contents
+from saltus.errors import InputError
+from saltus.iteration import _map_kernels as kernels
+from saltus.iteration.code import LIMIT, MapCode, code_of, error_of
+from saltus.iteration.observing import observe_states
+from saltus.results import Result, frozen
+from saltus.system.evaluate import evaluate
+from saltus.system.maps import Map
+from saltus.system.plain import held_map, held_parameters
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Iterates", "iterate", "path_from"]
+
+_RUNS = 8  # stretches of an itinerary that a `repr` lists
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Iterates(Result):
+    """A motion of a map: a state and its images, one after the other; made by `iterate`.
+
+    Attributes
+    ----------
+    system : Map
+        The map.
+    parameters : mapping of str to float
+        All its parameters.
+    first : int
+        Iterations made before the first state.
+    states : ndarray, shape (n + 1, state)
+        The states.
+    pieces : ndarray of int, shape (n + 1,)
+        Index of the piece that holds at each state.
+    """
+
+    system: Map
+    parameters: Mapping[str, float]
+    first: int
+    states: NDArray[np.float64]
+    pieces: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "states", frozen(self.states))
+        object.__setattr__(self, "pieces", frozen(self.pieces, np.int64))
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    @property
+    def steps(self) -> NDArray[np.int64]:
+        """Iterations made before each state, shape (n + 1,)."""
+        return np.arange(self.first, self.first + len(self.states))
+
+    @property
+    def itinerary(self) -> tuple[str, ...]:
+        """Names of the pieces that the motion visits, one for each state."""
+        names = self.system.piece_names
+        return tuple(names[k] for k in self.pieces)
+
+    @property
+    def x_end(self) -> NDArray[np.float64]:
+        """The last state, shape (state,)."""
+        return np.asarray(self.states[-1])
+
+    def output(self, expression: str) -> NDArray[np.float64]:
+        """Return an output, or any expression, at each state.
+
+        Parameters
+        ----------
+        expression : str
+            In the states, parameters and outputs.
+
+        Returns
+        -------
+        ndarray, shape (n + 1,)
+            Its values.
+
+        Raises
+        ------
+        InputError
+            A text that is no expression, or an unknown name in it.
+        """
+        return evaluate(self.system, expression, self.states, self.pieces, self.parameters)
+
+    def observe(self, *names: str) -> dict[str, float]:
+        """Return observables of the motion.
+
+        Parameters
+        ----------
+        *names : str
+            Each ``max(e)``, ``min(e)`` or ``mean(e)`` of an expression, or ``fraction(piece)``, the share of the states
+            at which a piece holds.
+
+        Returns
+        -------
+        dict of str to float
+            By name.
+
+        Raises
+        ------
+        InputError
+            No observable of a map, or an unknown name in it.
+
+        Examples
+        --------
+        >>> doubling = Map(("x",), {}, {"x": "2*x*(1 - x)"})
+        >>> iterate(doubling, [0.5], n=3).observe("mean(x)")
+        {'mean(x)': 0.5}
+        """
+        found = observe_states(self.system, self.parameters, self.states, self.pieces, names)
+        return dict(zip(names, found, strict=True))
+
+    def __repr__(self) -> str:
+        n = len(self.states) - 1
+        lines = [f"Iterates of {self.system.name or 'a map'}: iterations {self.first} to {self.first + n}"]
+        for label, row in (("from", self.states[0]), ("to", self.states[-1])):
+            values = ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.system.states, row, strict=True))
+            lines.append(f"  {label:5s} {values}")
+        if self.system.is_piecewise:
+            edges = np.flatnonzero(np.diff(self.pieces)) + 1
+            runs = np.split(self.pieces, edges)
+            shown = [
+                f"{self.system.piece_names[run[0]]}{f' x{len(run)}' if len(run) > 1 else ''}" for run in runs[:_RUNS]
+            ]
+            more = f", ... ({len(runs) - _RUNS} more)" if len(runs) > _RUNS else ""
+            lines.append(f"  pieces {', '.join(shown)}{more}")
+        return "\n".join(lines)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return everything as a Dataset with the dimensions iteration and state."""
+        import xarray as xr
+
+        named = json.dumps(dict(enumerate(self.system.piece_names)))
+        return xr.Dataset(
+            {
+                "x": (("iteration", "state"), np.array(self.states)),
+                "piece": ("iteration", np.array(self.pieces), {"meaning": named}),
+            },
+            coords={"iteration": self.steps, "state": list(self.system.states)},
+            attrs={
+                "definition": json.dumps(self.system.definition()),
+                "parameters": json.dumps(dict(self.parameters)),
+                "first": self.first,
+            },
+        )
+
+    @classmethod
+    def _read(cls, held: Contents) -> Iterates:
+        system = held_map(held)
+        held.names("state", system.states)
+        count, first = held.size("iteration", least=1), held.count("first")
+        steps = held.array("iteration", ("iteration",), int, least=0)
+        if not np.array_equal(steps, np.arange(first, first + count)):
+            raise InputError("variable 'iteration'", steps[:4].tolist(), f"counted from {first} on")
+        return cls(
+            system,
+            held_parameters(held, system),
+            first,
+            held.array("x", ("iteration", "state")),
+            held.array("piece", ("iteration",), int, least=0, most=len(system.pieces) - 1),
+        )
+
+
+def iterate(
+    map: Map,
+    x0: ArrayLike,
+    parameters: Mapping[str, float] | None = None,
+    n: int = 100,
+    discard: int = 0,
+) -> Iterates:
+    """Return a state and its images under a map.
+
+    Parameters
+    ----------
+    map : Map
+        The map.
+    x0 : array_like, shape (states,)
+        The state.
+    parameters : mapping of str to float, optional
+        Parameters that differ from the defaults.
+    n : int, optional
+        How many iterations are kept.
+    discard : int, optional
+        How many are made before; these take no memory.
+
+    Returns
+    -------
+    Iterates
+        ``n + 1`` states, the first after `discard` iterations.
+
+    Raises
+    ------
+    InputError
+        An argument that cannot be used, as a hybrid system in the place of the map.
+    DefinitionError
+        A state is met at which no piece holds, or several do.
+    MapDivergenceError
+        A component of the state grows beyond 1e100, or is no number.
+
+    Examples
+    --------
+    >>> logistic = Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"})
+    >>> found = iterate(logistic, [0.3], n=3, discard=1000)
+    >>> print(found.states[:, 0].round(6))
+    [0.799455 0.513045 0.799455 0.513045]
+    """
+    system = checks.instance("map", map, Map, "simulate follows a HybridSystem" if hasattr(map, "transitions") else "")
+    x = system.full_state(x0)
+    kept, dropped = checks.size("n", n, 0), checks.count("discard", discard, 0)
+    p = system.parameter_vector(parameters)
+    states, pieces = path_from(system, p, code_of(system, p), x, dropped, kept + 1)
+    return Iterates(system, system.resolve(parameters), dropped, states, pieces)
+
+
+def path_from(
+    system: Map, p: NDArray[np.float64], code: MapCode, x: NDArray[np.float64], discard: int, count: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return states of a motion, shape (count, states), the first after `discard` iterations, and their pieces.
+
+    Raises
+    ------
+    DefinitionError, MapDivergenceError
+        As `iterate`.
+    """
+    states, pieces = np.empty((count, len(system.states))), np.empty(count, np.int64)
+    at = np.array(x, dtype=np.float64)
+    status, step = kernels.path(at, np.empty_like(at), code, LIMIT, discard, states, pieces)
+    if status != kernels.DONE:
+        raise error_of(status, step, at, system, p)
+    return states, pieces

@@ -1,0 +1,265 @@
+"""Returns of a motion to a section, as a sweep follows and measures them: what is asked of a flow or a map."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+import numpy as np
+
+from saltus import checks
+from saltus.errors import ChatteringError, DivergenceError, InputError, StiffnessError
+from saltus.flow.motion import EventDrivenMotion, starting_mode, tolerances_of
+from saltus.flow.poincare import EventSection, Iterates, admits, iterate
+from saltus.flow.simulation import simulate
+from saltus.flow.sizes import fitting_atol
+from saltus.flow.variational import Average, Growth, growth_along
+from saltus.sweeps.section import Section, on_section
+from saltus.system import HybridSystem
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.flow.motion_kind import Criteria, Kind
+    from saltus.sweeps.options import SweepOptions
+
+__all__ = ["FlowReturns", "Returns"]
+
+_FIRST = 16  # dropped returns that tell the mean return time
+
+_STEPS_KEPT = 256  # steps of a motion that are kept in memory at once
+_ATOL = 1e-10  # absolute tolerance of a step for states of size 1 or more
+
+
+class Returns(Protocol):
+    """What a sweep asks of the motions of a system.
+
+    Attributes
+    ----------
+    faults : tuple of exception types
+        Errors of a motion that give it the label ``diverged``.
+    """
+
+    faults: ClassVar[tuple[type[Exception], ...]]
+
+    def described(self) -> dict[str, Any]:
+        """Return the settings as plain data."""
+
+    def ready(self, vectors: Sequence[NDArray[np.float64]], *, given: bool) -> Returns:
+        """Return the same with what follows from the first parameters that admit the start; raise `InputError`."""
+
+    def load(self, p: NDArray[np.float64]) -> None:
+        """Load the compiled functions, before threads ask for them."""
+
+    def start(
+        self, p: NDArray[np.float64], end: tuple[NDArray[np.float64], int] | None
+    ) -> tuple[NDArray[np.float64], int]:
+        """Return state and mode from which a motion starts that follows another one's end."""
+
+    def settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, count: int) -> Iterates:
+        """Return returns after those that are dropped, fewer where the motion stops returning."""
+
+    def mean_time(self, found: Iterates) -> float:
+        """Return the mean time between returns."""
+
+    def growth(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, returns: int, time: float) -> Growth:
+        """Return the growth of perturbations over some returns of a mean time."""
+
+    def compared(
+        self, p: NDArray[np.float64], found: Iterates, time: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return states whose recurrence is looked at, and differences of them that are rounding."""
+
+    def observed(
+        self, parameters: Mapping[str, float], found: Iterates, kind: Kind, observables: Sequence[str]
+    ) -> list[float]:
+        """Return observables of a motion."""
+
+    def check_observables(self, observables: Sequence[str]) -> None:
+        """Raise `InputError` where a name is no observable of a motion."""
+
+
+@dataclass(frozen=True)
+class FlowReturns:
+    """Returns of a hybrid system's motions; `steady` is the system with the section among its transitions."""
+
+    system: HybridSystem
+    steady: HybridSystem
+    section: tuple[int, ...] | None
+    surface: str | Section | None
+    x0: NDArray[np.float64]
+    mode: str | None
+    discard: int
+    keep: int
+    exponents: int
+    criteria: Criteria
+    rtol: float
+    atol: float
+    # the last of them where x0 is in no mode
+    faults: ClassVar[tuple[type[Exception], ...]] = (ChatteringError, DivergenceError, StiffnessError, InputError)
+
+    @classmethod
+    def checked(cls, system: HybridSystem, x0: ArrayLike | None, options: SweepOptions) -> FlowReturns:
+        """Return the returns of a system's motions after checks of the options that depend on it."""
+        if options.mode is not None:
+            checks.chosen("SweepOptions.mode", options.mode, system.mode_names)
+        steady, places = on_section(system, options.section)
+        rtol, atol = tolerances_of(options.tolerance)
+        return cls(
+            system=system,
+            steady=steady,
+            section=places,
+            surface=options.section,
+            x0=system.full_state(np.zeros(len(system.states)) if x0 is None else x0),
+            mode=options.mode,
+            discard=options.discard,
+            keep=options.keep,
+            exponents=options.exponents,
+            criteria=options.criteria,
+            rtol=rtol,
+            atol=math.nan if atol is None else atol,
+        )
+
+    def described(self) -> dict[str, Any]:
+        """Return the settings as plain data."""
+        return {
+            "x0": self.x0.tolist(),
+            "mode": self.mode,
+            "section": asdict(self.surface) if isinstance(self.surface, Section) else self.surface,
+            "rtol": self.rtol,
+            "atol": self.atol,
+        }
+
+    def ready(self, vectors: Sequence[NDArray[np.float64]], *, given: bool) -> FlowReturns:
+        """Return the same with an absolute tolerance that fits the states, where none was given.
+
+        Raises
+        ------
+        InputError
+            No parameters admit the start; the reason is that of the first ones.
+        """
+        refusals = []
+        for p in vectors:
+            try:
+                first = starting_mode(self.system, self.x0, p, self.mode)
+            except InputError as error:
+                refusals.append(error)
+                continue
+            fitted = fitting_atol(self.system, p, self.x0, first, _ATOL) if math.isnan(self.atol) else self.atol
+            return replace(self, atol=fitted)
+        if given or self.mode is not None:
+            raise refusals[0]
+        raise InputError("x0", None, "given for this system: no mode holds where all states are 0") from refusals[0]
+
+    def load(self, p: NDArray[np.float64]) -> None:
+        """Load the compiled functions, before threads ask for them."""
+        self._iterated(p, self.x0, 0, 0, 0, math.inf)
+
+    def start(
+        self, p: NDArray[np.float64], end: tuple[NDArray[np.float64], int] | None
+    ) -> tuple[NDArray[np.float64], int]:
+        """Return state and mode from which a motion starts that follows another one's end."""
+        if end is not None:
+            x, mode = end
+            if admits(self.system, p, x, mode):
+                return end
+            with suppress(InputError):
+                return x, starting_mode(self.system, x, p)
+        return self.x0, starting_mode(self.system, self.x0, p, self.mode)
+
+    def settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, count: int) -> Iterates:
+        """Return the returns from which the kind follows, fewer where the motion stops returning."""
+        dropped, unit = self.discard, math.inf if self.system.phase is None else self._period(p)
+        if self.section is not None and dropped >= _FIRST:
+            first = self._iterated(p, x, mode, _FIRST - 1, 1, self.criteria.absence * unit)
+            if not first.times.size:
+                return first
+            x, mode, dropped = first.x_end, first.mode_end, dropped - _FIRST
+            mean = float(first.times[0]) / _FIRST
+            unit = mean if self.system.phase is None else max(mean, unit)
+        return self._iterated(p, x, mode, dropped, count, self.criteria.absence * unit)
+
+    def mean_time(self, found: Iterates) -> float:
+        """Return the mean time between returns."""
+        return float((found.times[-1] - found.times[0]) / (len(found.times) - 1))
+
+    def growth(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, returns: int, time: float) -> Growth:
+        """Return the growth of perturbations over some returns of a mean time."""
+        aligned = max(returns // 4, 1)
+        tolerances: dict[str, Any] = {"tolerance": (self.rtol, self.atol), "exponents": self.exponents}
+        if self.section is None:
+            return growth_along(
+                self.system, p, x, mode, average=Average(periods=returns, discard=aligned), **tolerances
+            )
+        average = Average(t_end=returns * time, discard=aligned * time)
+        return growth_along(self.system, p, x, mode, average=average, **tolerances)
+
+    def compared(
+        self, p: NDArray[np.float64], found: Iterates, time: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return states whose recurrence is looked at, and differences of them that are rounding."""
+        states, rounding = found.states, self._rounding(p, found, time)
+        if self.system.phase is not None:
+            angle = states[:, -1:]
+            round_ = () if self.section is None else (np.cos(angle), np.sin(angle))
+            states = np.hstack([states[:, :-1], *round_])
+            rounding = np.append(rounding[:-1], [self.criteria.noise * (self.atol + self.rtol)] * len(round_))
+        return states, rounding
+
+    def observed(
+        self, parameters: Mapping[str, float], found: Iterates, kind: Kind, observables: Sequence[str]
+    ) -> list[float]:
+        """Return observables over the period of a periodic motion, else over the time of the returns kept."""
+        from saltus.flow.observables import observe, read_observable
+
+        orders = [read_observable(self.system, name).order for name in observables]
+        multiple = math.lcm(*(order.denominator for order in orders if order is not None))
+        time = self.mean_time(found) * (kind.period if kind.label.startswith("period-") else self.keep)
+        how_long: dict[str, Any] = {"t_end": time}
+        if self.system.phase is not None:
+            period = self._period(self.system.parameter_vector(parameters))
+            how_long = {"periods": multiple * math.ceil(time / period / multiple - 1e-6)}
+        name = self.system.mode_names[found.mode_end]
+        how_long |= {"tolerance": (self.rtol, self.atol)}
+        motion = simulate(self.system, parameters, found.x_end, mode=name, **how_long).motion()
+        return list(observe(motion, observables).values())
+
+    def check_observables(self, observables: Sequence[str]) -> None:
+        """Raise `InputError` where a name is no observable of a motion."""
+        from saltus.flow.observables import read_observable
+
+        for name in observables:
+            order = read_observable(self.system, name).order
+            if order is not None and order.denominator > 1 and self.system.phase is None:
+                raise InputError("observable", name, "of a whole order for a system without a phase")
+
+    def _iterated(
+        self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, discard: int, keep: int, longest: float
+    ) -> Iterates:
+        """Return the returns of a motion; none for one without a phase that takes too many steps without a return."""
+        section = None if self.section is None else EventSection(self.section, longest)
+        tolerance = (self.rtol, self.atol)
+        try:
+            return iterate(self.steady, p, x, mode, discard=discard, keep=keep, section=section, tolerance=tolerance)
+        except StiffnessError as error:
+            if self.system.phase is not None:
+                raise
+            none, state = np.empty((0, len(self.steady.all_states))), np.array(error.state)
+            return Iterates(none, np.empty(0, np.int64), np.empty(0), state, self.steady.mode_index(error.mode))
+
+    def _period(self, p: NDArray[np.float64]) -> float:
+        """Period of the phase."""
+        return 2.0 * math.pi / float(self.system.compiled.field(0, self.x0, p)[-1])
+
+    def _rounding(self, p: NDArray[np.float64], found: Iterates, time: float) -> NDArray[np.float64]:
+        """Return the differences of full states that are rounding, from their sizes over a mean return."""
+        run = EventDrivenMotion(
+            self.system, p, found.x_end.copy(), found.mode_end, self.rtol, self.atol, steps_kept=_STEPS_KEPT
+        )
+        run.follow(time, None, None)
+        sizes = np.abs(run.steps()[2]).max(axis=0)
+        return np.asarray(self.criteria.noise * (self.atol + self.rtol * sizes))
