@@ -33,6 +33,9 @@ from .continuation import (
     grazing_orbits as grazing_orbits,
     switch_branch as switch_branch,
 )
+from .cycles import (
+    MapOrbit as MapOrbit,
+)
 from .equilibria import (
     Equilibrium as Equilibrium,
     find_equilibrium as find_equilibrium,

@@ -34,6 +34,7 @@ __all__ = ["READ", "Result", "dataset_in", "frozen", "load", "look", "netcdf", "
 _HOMES = {
     "Trajectory": "saltus.flow.trajectory",
     "Iterates": "saltus.iteration.iterates",
+    "MapOrbit": "saltus.cycles.orbit",
     "PeriodicOrbit": "saltus.orbits.orbit",
     "Equilibrium": "saltus.equilibria.equilibrium",
     "EquilibriumBranch": "saltus.continuation.equilibrium_branch",

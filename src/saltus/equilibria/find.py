@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["find_equilibrium", "solve_equilibrium", "state_sizes"]
+    from saltus.equilibria.algebraic import AlgebraicProblem
+
+__all__ = ["find_equilibrium", "solve_equilibrium", "solve_zero", "state_sizes"]
 
 _ITERATIONS = 100  # most Newton steps
 _CONVERGED = 1e-13  # Newton step, over the states' sizes, of a converged equilibrium
@@ -30,6 +32,7 @@ _ROUNDED = 1e-14  # size of a state, over its typical size, up to which it may b
 _SINGULAR = 1e-6  # least singular value of the Jacobian, rows of size 1, up to which it is called singular
 _SHORTEST = 1e-6  # least share of a Newton step that is tried
 _NEARBY = 1.1  # factor on the state nearby at which sizes of terms are taken too
+_FUNCTION = {"equilibrium": "field", "cycle": "map"}  # what vanishes, or closes, at a solution
 _SMALL = 1e-8  # size of a state, over the largest, below which its steps are not judged by it alone
 
 
@@ -86,7 +89,7 @@ def find_equilibrium(
     return solve_equilibrium(problem, x)
 
 
-def state_sizes(problem: EquilibriumProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
+def state_sizes(problem: AlgebraicProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return typical sizes of the states, shape (n,).
 
     The size of a state is its modulus. A state at rest in 0 has the size that the others give it through the field.
@@ -116,45 +119,68 @@ def state_sizes(problem: EquilibriumProblem, u: NDArray[np.float64], J: NDArray[
 
 def solve_equilibrium(problem: EquilibriumProblem, x: NDArray[np.float64]) -> Equilibrium:
     """Return the equilibrium near the state `x` at fixed parameters; see `find_equilibrium`."""
+    u, sizes, iteration = solve_zero(problem, x, "equilibrium", "there may be no equilibrium in this mode")
+    found = equilibrium_at(problem, u, np.maximum(sizes, np.abs(u)))
+    if not found.residual <= _RESIDUAL:
+        raise ConvergenceError("equilibrium", found.residual, iteration, _why(problem.evaluate(u)[1]))
+    return found
+
+
+def solve_zero(
+    problem: AlgebraicProblem, x: NDArray[np.float64], what: str, none: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """Return the zero near `x` at fixed parameters, sizes of its unknowns, and the number of Newton steps.
+
+    Unknowns that are rounding of 0 are set to 0.
+
+    Parameters
+    ----------
+    problem : AlgebraicProblem
+        The equations, no parameter active.
+    x : ndarray, shape (n,)
+        The guess.
+    what, none : str
+        What is sought, and what a message says of its absence.
+
+    Raises
+    ------
+    InputError
+        The equations have no value at the guess.
+    ConvergenceError
+        The steps do not converge.
+    """
     u = x.astype(np.float64)
     known = max(float(np.abs(u).max()), 1e-300)
     F, J = problem.evaluate(u)
     if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
-        raise InputError("x0", x.tolist(), "a state at which the field and its derivatives are finite")
+        raise InputError("x0", x.tolist(), f"a state at which the {_FUNCTION[what]} and its derivatives are finite")
     before = math.inf
     for iteration in range(_ITERATIONS):
         step = _newton_step(F, J)
         sizes = np.maximum(state_sizes(problem, u, J), _FLOOR * known)
         length = float(np.max(np.abs(step) / sizes))
         if length <= _CONVERGED or (length <= _STALLED and length >= 0.5 * before):
-            return _polished(problem, u + step, sizes, iteration)
+            u = u + step
+            rounded = np.where(np.abs(u) < _ROUNDED * sizes, 0.0, u)
+            if float(np.abs(problem.evaluate(rounded)[0]).max()) <= float(np.abs(problem.evaluate(u)[0]).max()):
+                u = rounded
+            return u, sizes, iteration
         before = length
-        u, F, J = _damped(problem, u, F, J, step, iteration)
+        found = _damped(problem, u, F, J, step)
+        if found is None:
+            raise ConvergenceError(what, float(np.abs(F).max()), iteration, _why(J, none))
+        u, F, J = found
         known = max(known, float(np.abs(u).max()))
-    raise ConvergenceError("equilibrium", float(np.abs(F).max()), _ITERATIONS, _why(J))
+    raise ConvergenceError(what, float(np.abs(F).max()), _ITERATIONS, _why(J, none))
 
 
-def _polished(
-    problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64], iteration: int
-) -> Equilibrium:
-    """Return the equilibrium at `u`, states that are rounding of 0 set to 0."""
-    F, J = problem.evaluate(u)
-    rounded = np.where(np.abs(u) < _ROUNDED * sizes, 0.0, u)
-    if float(np.abs(problem.evaluate(rounded)[0]).max()) <= float(np.abs(F).max()):
-        u = rounded
-    found = equilibrium_at(problem, u, np.maximum(sizes, np.abs(u)))
-    if not found.residual <= _RESIDUAL:
-        raise ConvergenceError("equilibrium", found.residual, iteration, _why(J))
-    return found
-
-
-def _why(J: NDArray[np.float64]) -> str:
+def _why(J: NDArray[np.float64], none: str = "there may be no equilibrium in this mode") -> str:
     """Return why Newton's method may have failed, by the Jacobian where it ended."""
     if np.all(np.isfinite(J)):
         scaled = J / np.maximum(np.abs(J).max(axis=1, keepdims=True), 1e-300)
         if np.linalg.svd(scaled, compute_uv=False)[-1] < _SINGULAR:
             return "the Jacobian is singular there, as at a saddle-node; reach the point along a branch"
-    return "start from a nearer state; there may be no equilibrium in this mode"
+    return f"start from a nearer state; {none}"
 
 
 def _newton_step(F: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -166,14 +192,13 @@ def _newton_step(F: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _damped(
-    problem: EquilibriumProblem,
+    problem: AlgebraicProblem,
     u: NDArray[np.float64],
     F: NDArray[np.float64],
     J: NDArray[np.float64],
     step: NDArray[np.float64],
-    iteration: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return state, field and Jacobian a share of a Newton step ahead.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return unknowns, residual and Jacobian a share of a Newton step ahead; None where no share is an advance.
 
     The share is halved until the next simplified Newton step is shorter (the natural monotonicity test).
     """
@@ -187,4 +212,4 @@ def _damped(
             if simplified <= (1.0 - 0.25 * share) * length or simplified <= 1e-10 * float(np.linalg.norm(trial)):
                 return trial, there, slope
         share *= 0.5
-    raise ConvergenceError("equilibrium", float(np.abs(F).max()), iteration, _why(J))
+    return None

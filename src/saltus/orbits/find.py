@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
 from saltus import checks
-from saltus.errors import ConvergenceError, DefinitionError, SaltusError, StiffnessError
+from saltus.cycles import MapOrbit
+from saltus.cycles.solve import find_cycle
+from saltus.errors import ConvergenceError, DefinitionError, InputError, SaltusError, StiffnessError
 from saltus.flow.landings import warn_of
 from saltus.flow.sizes import ATOL, RTOL, STEPS_KEPT, sizes_along, sizes_on_the_way
 from saltus.orbits.orbit import PeriodicOrbit
@@ -18,7 +20,7 @@ from saltus.orbits.settling import Stretch, event_log, follow, rest_of, sizes_of
 from saltus.orbits.signature import CLOSED_END, EVENT_END, PHASE_END, Signature
 from saltus.orbits.solve import check_tol, converge, in_pieces
 from saltus.system import HybridSystem
-from saltus.system.maps import flowing
+from saltus.system.maps import Map, flowing
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -37,6 +39,7 @@ _FAR = 0.1  # largest distance of a motion from the orbit on which it settles, i
 _NOTHING = 1e-15  # size of a state, over the largest that the search has seen, below which it is at rest
 
 
+@overload
 def find_orbit(
     system: HybridSystem,
     parameters: Mapping[str, float] | None = None,
@@ -45,16 +48,34 @@ def find_orbit(
     *,
     settle: float | None = None,
     tolerance: float = 1e-12,
-) -> PeriodicOrbit:
+) -> PeriodicOrbit: ...
+@overload
+def find_orbit(
+    system: Map,
+    parameters: Mapping[str, float] | None = None,
+    x0: ArrayLike = (),
+    *,
+    settle: float | None = None,
+) -> MapOrbit: ...
+def find_orbit(
+    system: HybridSystem | Map,
+    parameters: Mapping[str, float] | None = None,
+    x0: ArrayLike = (),
+    mode: str | None = None,
+    *,
+    settle: float | None = None,
+    tolerance: float = 1e-12,
+) -> PeriodicOrbit | MapOrbit:
     """Return the periodic orbit on which a motion settles.
 
     The motion is simulated until it recurs after 1 to 16 periods of the phase (or, in an autonomous system, after a
     cycle of events, or on a section across the motion where there are none); its signature is read off and the orbit
-    corrected by Newton's method. What is found is stable and near the motion.
+    corrected by Newton's method. What is found is stable and near the motion. A motion of a map is iterated until it
+    recurs after 1 to 256 iterations.
 
     Parameters
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
@@ -64,13 +85,14 @@ def find_orbit(
         Mode there; by default the first that the state allows.
     settle : float, optional
         Periods of the phase after which the search is given up; in an autonomous system, transitions, or returns to a
-        section across the motion where there are none. By default 3000. It also bounds the steps, 1000 for each.
+        section across the motion where there are none. By default 3000. It also bounds the steps, 1000 for each. Of a
+        map iterations, by default 200 000.
     tolerance : float, optional
         Relative tolerance of the orbit's steps.
 
     Returns
     -------
-    PeriodicOrbit
+    PeriodicOrbit or MapOrbit
 
     Raises
     ------
@@ -83,6 +105,8 @@ def find_orbit(
         The steps that `settle` allows do not reach so many periods.
     ChatteringError, DivergenceError
         As `simulate`.
+    MapDivergenceError
+        The motion of a map leaves every bound.
 
     Warns
     -----
@@ -107,7 +131,11 @@ def find_orbit(
     """
     from saltus.flow.motion import passed_event, starting_mode
 
-    flowing(system, "iterate, or find_attractors")
+    if isinstance(system, Map):
+        if mode is not None or tolerance != 1e-12:
+            raise InputError("mode, tolerance", "given", "left out for a map", "the state decides on the piece")
+        return find_cycle(system, parameters, x0, settle)
+    flowing(system)
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from saltus import checks
+from saltus.cycles import MapOrbit
+from saltus.cycles.solve import solve_cycle
 from saltus.errors import ConvergenceError, InputError, nearest
 from saltus.flow.sticking import check_continuous
 from saltus.orbits.cuts import cut, stretched
@@ -18,7 +20,7 @@ from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, Signature
 from saltus.system import HybridSystem
-from saltus.system.maps import flowing
+from saltus.system.maps import Map, flowing
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -39,18 +41,38 @@ _FAMILY = (
 )
 
 
+@overload
 def solve_orbit(
     system: HybridSystem,
     parameters: Mapping[str, float] | None = None,
     segments: Sequence[tuple[str, str | None, ArrayLike, float]] = (),
     *,
     tolerance: float = 1e-12,
-) -> PeriodicOrbit:
-    """Return the periodic orbit near a guess, stable or not.
+) -> PeriodicOrbit: ...
+@overload
+def solve_orbit(
+    system: Map,
+    parameters: Mapping[str, float] | None = None,
+    *,
+    x0: ArrayLike | None = None,
+    period: int | None = None,
+    itinerary: Sequence[str] | None = None,
+) -> MapOrbit: ...
+def solve_orbit(
+    system: HybridSystem | Map,
+    parameters: Mapping[str, float] | None = None,
+    segments: Sequence[tuple[str, str | None, ArrayLike, float]] = (),
+    *,
+    tolerance: float = 1e-12,
+    x0: ArrayLike | None = None,
+    period: int | None = None,
+    itinerary: Sequence[str] | None = None,
+) -> PeriodicOrbit | MapOrbit:
+    """Return the periodic orbit of a system, or the cycle of a map, near a guess, stable or not.
 
     Parameters
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
@@ -61,17 +83,26 @@ def solve_orbit(
         name, or None, as its transition.
     tolerance : float, optional
         Relative tolerance of the flow's steps.
+    x0 : array_like, shape (states,) or (period, states), optional
+        Of a map: a point of the cycle, or all of them. By default the origin, where an itinerary is given.
+    period : int, optional
+        Of a map: how many points are sought. By default as many as `itinerary` or `x0` has, else 1.
+    itinerary : sequence of str, optional
+        Of a map in pieces: the piece at each point. By default those at the guess, then those at the cycle found.
 
     Returns
     -------
-    PeriodicOrbit
+    PeriodicOrbit or MapOrbit
+        A cycle of a map has its least period: it may be a divisor of `period`.
 
     Raises
     ------
     InputError
-        The segments do not fit the system.
+        The segments do not fit the system, or an itinerary names no piece of the map.
     ConvergenceError
         Newton's method finds no orbit near the guess.
+    MapDivergenceError
+        The guess of a map's cycle leaves every bound.
 
     Examples
     --------
@@ -86,8 +117,24 @@ def solve_orbit(
     >>> orbit = solve_orbit(ball, segments=[("flight", "hit", [0.6, 3.14, 0.5], 6.28)])
     >>> orbit.signature, round(orbit.period, 6)
     ((('flight', 'hit'),), 6.283185)
+
+    A cycle of a map:
+
+    >>> from saltus import Map
+    >>> logistic = Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"}, name="logistic map")
+    >>> orbit = solve_orbit(logistic, x0=[0.5], period=2)
+    >>> print(orbit.points[:, 0].round(6), orbit.multipliers.real.round(6), orbit.stable)
+    [0.513045 0.799455] [0.16] True
     """
-    flowing(system, "iterate")
+    if isinstance(system, Map):
+        if len(segments) or tolerance != 1e-12:
+            raise InputError(
+                "segments, tolerance", "given", "left out for a map", "x0, period and itinerary are its guess"
+            )
+        return solve_cycle(system, parameters, x0, period, itinerary)
+    flowing(system)
+    if any(option is not None for option in (x0, period, itinerary)):
+        raise InputError("x0, period, itinerary", "given", "left out for a HybridSystem", "its guess is in segments")
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
     signature, u = _read_segments(system, p, segments)

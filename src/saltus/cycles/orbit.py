@@ -1,0 +1,228 @@
+"""A cycle of a map as a result: points, itinerary, multipliers, stability, whether it is regular."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from saltus import checks
+from saltus.contents import Contents
+from saltus.cycles.problem import CycleProblem
+from saltus.cycles.spectrum import NEUTRAL, multipliers_of
+from saltus.errors import InputError
+from saltus.results import Result, frozen
+from saltus.system.evaluate import evaluate
+from saltus.system.maps import Map
+from saltus.system.plain import held_map, held_parameters
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+__all__ = ["MapOrbit", "cycle_at", "faults_of", "itinerary_of"]
+
+_ON_BORDER = 1e-9  # condition, over its variation with the states' sizes, up to which a point lies on the border
+_SHOWN = 4  # points that a `repr` lists
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MapOrbit(Result):
+    """A fixed point or a cycle of a map; made by `solve_orbit` and `find_orbit`.
+
+    Attributes
+    ----------
+    system : Map
+        The map.
+    parameters : mapping of str to float
+        All parameters.
+    points : ndarray, shape (period, states)
+        The points, each the image of the one before.
+    itinerary : tuple of str
+        The piece whose image is taken at each point.
+    multipliers : ndarray of complex, shape (states,)
+        Eigenvalues of the derivative along the cycle, the largest modulus first.
+    residual : float
+        Largest distance of an image from the next point, over the sizes of its terms.
+    reasons : tuple of str
+        Why the cycle is virtual: points that lie beyond a border of their pieces. Empty for a regular one.
+    """
+
+    system: Map
+    parameters: Mapping[str, float]
+    points: NDArray[np.float64]
+    itinerary: tuple[str, ...]
+    multipliers: NDArray[np.complex128]
+    residual: float
+    reasons: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", frozen(self.points))
+        object.__setattr__(self, "multipliers", frozen(self.multipliers, np.complex128))
+
+    @property
+    def period(self) -> int:
+        """Number of points, after which the cycle closes for the first time."""
+        return len(self.points)
+
+    @property
+    def x0(self) -> NDArray[np.float64]:
+        """The first point, shape (states,)."""
+        return np.asarray(self.points[0])
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers lie inside the unit circle, beyond rounding."""
+        return bool(np.all(np.abs(self.multipliers) < 1.0 - NEUTRAL))
+
+    @property
+    def regular(self) -> bool:
+        """Whether each point lies where its piece holds; a virtual cycle is none of the map."""
+        return not self.reasons
+
+    def problem(self, *active: str) -> CycleProblem:
+        """Return the equations, with some parameters among the unknowns.
+
+        Parameters
+        ----------
+        *active : str
+            Names of parameters, in the order of the definition.
+
+        Returns
+        -------
+        CycleProblem
+            Its parameters have unit 1.
+
+        Raises
+        ------
+        InputError
+            A parameter of another name.
+        """
+        names = self.system.parameter_names
+        indices = [names.index(checks.chosen("parameter", name, names)) for name in active]
+        p, pieces = self.system.parameter_vector(self.parameters), itinerary_of(self.system, self.itinerary)
+        return CycleProblem(self.system, pieces, p, indices, np.ones(len(indices)))
+
+    def output(self, expression: str) -> NDArray[np.float64]:
+        """Return an output, or any expression, at each point.
+
+        Parameters
+        ----------
+        expression : str
+            In the states, parameters and outputs.
+
+        Returns
+        -------
+        ndarray, shape (period,)
+            Its values.
+
+        Raises
+        ------
+        InputError
+            A text that is no expression, or an unknown name in it.
+        """
+        pieces = itinerary_of(self.system, self.itinerary)
+        return evaluate(self.system, expression, self.points, np.array(pieces), self.parameters)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the cycle as a Dataset: points against ``iteration`` and ``state``."""
+        import xarray as xr
+
+        data = {
+            "x": (("iteration", "state"), np.array(self.points)),
+            "multiplier_re": ("multiplier", self.multipliers.real),
+            "multiplier_im": ("multiplier", self.multipliers.imag),
+        }
+        attrs = {
+            "parameters": json.dumps(dict(self.parameters)),
+            "definition": json.dumps(self.system.definition()),
+            "itinerary": json.dumps(list(self.itinerary)),
+            "residual": self.residual,
+            "reasons": json.dumps(list(self.reasons)),
+        }
+        return xr.Dataset(data, coords={"state": list(self.system.states)}, attrs=attrs)
+
+    @classmethod
+    def _read(cls, held: Contents) -> Self:
+        system = held_map(held)
+        held.names("state", system.states)
+        held.expect(multiplier=len(system.states))
+        itinerary = tuple(held.texts("itinerary"))
+        itinerary_of(system, itinerary)
+        if len(itinerary) != held.size("iteration", least=1):
+            raise InputError("attribute 'itinerary'", itinerary, "a piece for each point")
+        real, imaginary = (held.array(f"multiplier_{part}", ("multiplier",), finite=False) for part in ("re", "im"))
+        multipliers = np.empty(real.shape, dtype=np.complex128)
+        multipliers.real, multipliers.imag = real, imaginary
+        return cls(
+            system=system,
+            parameters=held_parameters(held, system),
+            points=held.array("x", ("iteration", "state")),
+            itinerary=itinerary,
+            multipliers=multipliers,
+            residual=held.number("residual", least=0.0),
+            reasons=tuple(held.texts("reasons")),
+        )
+
+    def __repr__(self) -> str:
+        what = "Fixed point" if self.period == 1 else f"Cycle of period {self.period}"
+        regular = "regular" if self.regular else f"virtual: {'; '.join(self.reasons)}"
+        stable = "stable" if self.stable else "unstable"
+        lines = [f"{what} of {self.system.name or 'a map'}: {stable}, {regular}"]
+        for piece, row in list(zip(self.itinerary, self.points, strict=True))[:_SHOWN]:
+            place = ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.system.states, row, strict=True))
+            lines.append(f"  {place}" + (f" in {piece}" if self.system.is_piecewise else ""))
+        if self.period > _SHOWN:
+            lines.append(f"  ... ({self.period - _SHOWN} more)")
+        values = ", ".join(_short(value) for value in self.multipliers.tolist())
+        return "\n".join([*lines, f"  multipliers {values}", f"  residual {self.residual:.2g}"])
+
+
+def _short(value: complex) -> str:
+    return f"{value.real:.6g}" if value.imag == 0.0 else f"{value.real:.6g}{value.imag:+.6g}i"
+
+
+def itinerary_of(system: Map, names: object) -> tuple[int, ...]:
+    """Return the indices of pieces by their names, in turn.
+
+    Raises
+    ------
+    InputError
+        An itinerary that names no piece of the map.
+    """
+    given = (names,) if isinstance(names, str) else names
+    listed = checks.listed("itinerary", given, f"names of pieces, of {', '.join(system.piece_names)}")
+    if not listed:
+        raise InputError("itinerary", names, "a piece for each point")
+    return tuple(system.piece_names.index(checks.chosen("itinerary", name, system.piece_names)) for name in listed)
+
+
+def cycle_at(problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> MapOrbit:
+    """Return the cycle with the unknowns `u`; `sizes` are those of the points, shape (n,)."""
+    system, p = problem.system, problem.parameters_at(u)
+    return MapOrbit(
+        system=system,
+        parameters=dict(zip(system.parameter_names, p.tolist(), strict=True)),
+        points=problem.points(u),
+        itinerary=tuple(system.piece_names[k] for k in problem.itinerary),
+        multipliers=multipliers_of(problem.slopes(u)[1]),
+        residual=problem.rounding(u, problem.evaluate(u)[1], sizes),
+        reasons=tuple(faults_of(problem, u, sizes)),
+    )
+
+
+def faults_of(problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> list[str]:
+    """Return why a cycle is virtual: points beyond a border of their pieces, farther than rounding."""
+    system, reasons = problem.system, []
+    texts = [text for conditions in system.conditions.values() for text in conditions]
+    for point, guard, height in problem.heights(u):
+        if height < 0.0:
+            gradient = problem.border(point, guard, u)[1][: problem.n]
+            if -height > _ON_BORDER * float(np.abs(gradient) @ sizes):
+                piece = system.piece_names[problem.itinerary[point]]
+                text = texts[guard - len(system.pieces)]
+                reasons.append(f"point {point} lies beyond the border of {piece}: {text} is {height:.6g}")
+    return reasons

@@ -1,0 +1,110 @@
+"""Multipliers of a cycle: order, stability, test functions. docs/theory/cycles.md, "Test functions"."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["FAINT", "NEUTRAL", "flip_product", "fold_product", "multipliers_of", "pair_product", "unstable_count"]
+
+NEUTRAL = 1e-9  # distance of a multiplier's modulus from 1, up to which it is rounding of 1
+FAINT = 1e-13  # product of the pairs' test functions, each at most 1, up to which it is rounding
+
+
+def multipliers_of(slopes: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the eigenvalues of a product of matrices, the largest modulus first, of a pair the upper one first.
+
+    That of two columns has its determinant from those of the factors: a small multiplier keeps its digits beside a
+    large one. One that is too large for a number is infinite.
+
+    Parameters
+    ----------
+    slopes : ndarray, shape (period, states, states)
+        Derivatives at the points, the first one applied first.
+    """
+    product, power, determinant, shift = np.eye(slopes.shape[1]), 0, 1.0, 0
+    for slope in slopes:
+        product, own = _normalised(slope @ product)
+        power += own
+        mantissa, exponent = math.frexp(determinant * _determinant(slope))
+        determinant, shift = mantissa, shift + exponent
+    if slopes.shape[1] == 1:
+        values = product.ravel().astype(np.complex128)
+    elif slopes.shape[1] == 2:
+        values = _of_two(product, math.ldexp(determinant, max(shift - 2 * power, -2000)))
+    else:
+        values = np.linalg.eigvals(product).astype(np.complex128)
+    with np.errstate(over="ignore"):
+        values = np.ldexp(values.real, power) + 1j * np.ldexp(values.imag, power)
+    values.imag[values.imag == 0.0] = 0.0
+    return np.asarray(values[np.lexsort((-values.imag, -values.real, -np.round(np.abs(values), 14)))])
+
+
+def _normalised(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
+    top = float(np.abs(matrix).max())
+    if top == 0.0 or not math.isfinite(top):
+        return matrix, 0
+    power = math.frexp(top)[1]
+    return np.ldexp(matrix, -power), power
+
+
+def _determinant(slope: NDArray[np.float64]) -> float:
+    if slope.shape[0] == 2:
+        return float(slope[0, 0] * slope[1, 1] - slope[0, 1] * slope[1, 0])
+    return float(np.linalg.det(slope))
+
+
+def _of_two(A: NDArray[np.float64], determinant: float) -> NDArray[np.complex128]:
+    half, apart = 0.5 * float(A[0, 0] + A[1, 1]), 0.5 * float(A[0, 0] - A[1, 1])
+    inner = apart * apart + float(A[0, 1] * A[1, 0])
+    if inner < 0.0:
+        modulus, imaginary = math.sqrt(max(determinant, 0.0)), math.sqrt(-inner)
+        if modulus > abs(half):
+            imaginary = math.sqrt((modulus - half) * (modulus + half))
+        return np.array([complex(half, imaginary), complex(half, -imaginary)])
+    large = half + math.copysign(math.sqrt(inner), half)
+    return np.array([large, determinant / large if large != 0.0 else 0.0], dtype=np.complex128)
+
+
+def unstable_count(values: NDArray[np.complex128]) -> int:
+    """Return the number of multipliers outside the unit circle, those on it but for rounding left out."""
+    return int(np.sum(np.abs(values) > 1.0 + NEUTRAL))
+
+
+def fold_product(values: NDArray[np.complex128], without: Collection[int] = ()) -> float:
+    """Return the product of 1 - mu over sqrt(1 + abs(mu)^2); it vanishes with a multiplier 1."""
+    return _single(values, 1.0, without)
+
+
+def flip_product(values: NDArray[np.complex128], without: Collection[int] = ()) -> float:
+    """Return the product of 1 + mu over sqrt(1 + abs(mu)^2); it vanishes with a multiplier -1."""
+    return _single(values, -1.0, without)
+
+
+def _single(values: NDArray[np.complex128], goal: float, without: Collection[int]) -> float:
+    product = complex(1.0)
+    for i, value in enumerate(values.tolist()):
+        if i not in without:
+            size = abs(value)
+            product *= (1.0 - goal * value) / math.hypot(1.0, size) if math.isfinite(size) else 1.0
+    return product.real
+
+
+def pair_product(values: NDArray[np.complex128]) -> float:
+    """Return the product over pairs of m - 1 over sqrt(1 + abs(m)^2), with the product m of the pair.
+
+    It vanishes where a complex pair is on the unit circle, or where the product of two real multipliers is 1.
+    """
+    total = complex(1.0)
+    for i in range(values.size):
+        for j in range(i + 1, values.size):
+            product = complex(values[i] * values[j])
+            size = abs(product)
+            total *= (product - 1.0) / math.hypot(1.0, size) if math.isfinite(size) else 1.0
+    return total.real
