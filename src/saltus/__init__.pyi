@@ -22,6 +22,7 @@ from .continuation import (
     EquilibriumLocus as EquilibriumLocus,
     Family as Family,
     Locus as Locus,
+    MapBranch as MapBranch,
     SpecialPoint as SpecialPoint,
     StepControl as StepControl,
     continue_equilibrium as continue_equilibrium,

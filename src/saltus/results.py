@@ -40,6 +40,7 @@ _HOMES = {
     "EquilibriumBranch": "saltus.continuation.equilibrium_branch",
     "Diagram": "saltus.continuation.diagram_tree",
     "EquilibriumLocus": "saltus.continuation.equilibrium_locus",
+    "MapBranch": "saltus.continuation.map_curve",
     "Branch": "saltus.continuation.branch",
     "Locus": "saltus.continuation.locus",
     "Family": "saltus.continuation.family",

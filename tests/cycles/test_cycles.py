@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from known_maps import henon, logistic, tent
 
 import saltus
+from known_maps import henon, logistic, tent
 from saltus import ConvergenceError, HybridSystem, InputError, Map, MapDivergenceError, Mode, Transition
 from saltus.cycles.spectrum import multipliers_of
 

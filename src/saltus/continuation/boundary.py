@@ -11,7 +11,7 @@ Ponce, Int. J. Bifurcation Chaos 18 (2008) 1377-1392 (Filippov systems).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from saltus.continuation.zero_problem import Point
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["Crossing", "beyond_boundary"]
+__all__ = ["CONTINUOUS", "FOLDS", "PERSISTS", "Crossing", "beyond_boundary", "slope_of"]
 
-_CONTINUOUS = 1e-7  # field of the other mode, over its terms, up to which the equilibrium is one of that mode too
-_PERSISTS = "persistence"
-_FOLDS = "nonsmooth fold"
+CONTINUOUS = 1e-7  # field of the other mode, over its terms, up to which the equilibrium is one of that mode too
+PERSISTS = "persistence"
+FOLDS = "nonsmooth fold"
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,8 @@ class Crossing:
     ----------
     kind : str
         ``persistence``, ``nonsmooth fold``, or empty where neither is told.
-    mode : int
-        The neighbouring mode.
+    beside : int or tuple of int
+        The neighbouring mode, or the neighbouring itinerary of a map.
     u : ndarray, shape (n + 1,), or None
         The equilibrium in the neighbouring mode; None where there is none.
     outwards : ndarray, shape (n + 1,)
@@ -47,7 +47,7 @@ class Crossing:
     """
 
     kind: str
-    mode: int
+    beside: Any
     u: NDArray[np.float64] | None
     outwards: NDArray[np.float64]
     reason: str = ""
@@ -92,19 +92,19 @@ def beyond_boundary(
     own = problem.evaluate(u)[1]
     A = own[:, :n]
     terms = (np.abs(J[:, :n]) + np.abs(A)) @ sizes
-    if np.all(np.abs(F) <= _CONTINUOUS * np.maximum(terms, 1e-12 * terms.max())):
+    if np.all(np.abs(F) <= CONTINUOUS * np.maximum(terms, 1e-12 * terms.max())):
         # each branch's parameter, where its own event function grows to its regular side
-        sides = [_slope(A, own, inwards), _slope(J[:, :n], J, -inwards)]
-        kind = "" if 0.0 in sides else _PERSISTS if sides[0] * sides[1] < 0.0 else _FOLDS
+        sides = [slope_of(A, own, inwards), slope_of(J[:, :n], J, -inwards)]
+        kind = "" if 0.0 in sides else PERSISTS if sides[0] * sides[1] < 0.0 else FOLDS
         return Crossing(kind, mode, landed, -inwards)
     if np.array_equal(landed, u):
         weight = float(inwards[:n] @ np.linalg.lstsq(A, F, rcond=None)[0])
-        kind = "" if weight == 0.0 else _PERSISTS if weight < 0.0 else _FOLDS
+        kind = "" if weight == 0.0 else PERSISTS if weight < 0.0 else FOLDS
         return Crossing(kind, mode, None, -inwards, "the field jumps: what goes on is a pseudo-equilibrium")
     return Crossing("", mode, None, -inwards, f"its reset by {leaves.name} is no equilibrium")
 
 
-def _slope(A: NDArray[np.float64], J: NDArray[np.float64], inwards: NDArray[np.float64]) -> float:
+def slope_of(A: NDArray[np.float64], J: NDArray[np.float64], inwards: NDArray[np.float64]) -> float:
     """Return the sign of the parameter's change for which an equilibrium moves to the regular side; 0 for none."""
     n = A.shape[0]
     moved = np.linalg.lstsq(A, -J[:, n], rcond=1e-12)[0]

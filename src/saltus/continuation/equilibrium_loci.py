@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.continuation.algebraic_problem import closes, extents
 from saltus.continuation.arclength import Failure, StepControl, follow
 from saltus.continuation.equilibria import joined_fields
 from saltus.continuation.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.equilibrium_locus_problem import EquilibriumLocusProblem
-from saltus.continuation.equilibrium_problem import closes, extents
 from saltus.continuation.options import ROUNDING
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.two_sided import SAME, Found, OneSide, join, traced, turned

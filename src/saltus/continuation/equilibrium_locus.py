@@ -57,8 +57,8 @@ class EquilibriumLocus(EquilibriumCurve):
         """The two parameters."""
         return self.names
 
-    def _columns(self) -> dict[str, NDArray[np.float64]]:
-        return {"frequency": self.frequency, "coefficient": self.coefficient} | super()._columns()
+    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
+        return {"frequency": self.frequency, "coefficient": self.coefficient}
 
     def point(self, index: int) -> SpecialPoint[Equilibrium]:
         """Return one point of the locus as a special point of the locus' type; another locus can start from it.

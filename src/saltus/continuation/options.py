@@ -14,7 +14,7 @@ from saltus.continuation.special_points import SpecialPoint
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError, nearest
 from saltus.orbits.orbit import PeriodicOrbit
-from saltus.system import HybridSystem
+from saltus.system import HybridSystem, Map
 
 __all__ = [
     "ROUNDING",
@@ -106,7 +106,7 @@ def read_interval(
 
 
 def checked_interval(
-    system: HybridSystem, parameters: Mapping[str, float], parameter: str, bounds: object, directions: str
+    system: HybridSystem | Map, parameters: Mapping[str, float], parameter: str, bounds: object, directions: str
 ) -> tuple[float, float]:
     """Return the interval of a parameter, cut to the values that the system allows; all arguments are checked."""
     checks.chosen("parameter", parameter, system.parameter_names)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -13,19 +13,21 @@ from saltus import checks
 from saltus.continuation.arclength import Failure, StepControl, follow
 from saltus.continuation.branch import Branch
 from saltus.continuation.closure import passes
+from saltus.continuation.cycles import continue_cycle
 from saltus.continuation.grazing import Neighbour, neighbour
+from saltus.continuation.map_curve import MapBranch
 from saltus.continuation.monitor import BIFURCATIONS, at_grazing
 from saltus.continuation.options import ROUNDING, read_events, read_interval, read_stops, unit_of
+from saltus.continuation.orbit_points import amplitude_of, found_at, sharpened
 from saltus.continuation.orbit_problem import Interest, OrbitData, OrbitZeroProblem
 from saltus.continuation.period_halving import halved
 from saltus.continuation.shrinking import equilibrium_ahead
 from saltus.continuation.two_sided import SAME, Found, OneSide, join, traced, turned
 from saltus.continuation.unbounded import grows_at_last, grows_for_ever, too_stiff
 from saltus.continuation.zero_problem import Event, Examined, Point, start_point
+from saltus.cycles import MapOrbit
 from saltus.errors import InputError
-from saltus.orbits.critical import solve_branch_point
 from saltus.orbits.cuts import cut, stretched
-from saltus.orbits.floquet import distance_from_circle
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
@@ -39,9 +41,9 @@ __all__ = ["continue_orbit"]
 
 _NOTHING = 1e-14  # parameter, over its interval, up to which it reads 0
 _TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
-_NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
+@overload
 def continue_orbit(
     orbit: PeriodicOrbit,
     parameter: str,
@@ -52,19 +54,43 @@ def continue_orbit(
     events: Mapping[str, float] | None = None,
     stop_at: str | Iterable[str] = (),
     progress: bool | Report = False,
-) -> Branch:
-    """Return the branch of periodic orbits through an orbit, as one parameter varies.
+) -> Branch: ...
+@overload
+def continue_orbit(
+    orbit: MapOrbit,
+    parameter: str,
+    bounds: tuple[float, float],
+    *,
+    steps: StepControl | None = None,
+    directions: str = "both",
+    events: Mapping[str, float] | None = None,
+    stop_at: str | Iterable[str] = (),
+    progress: bool | Report = False,
+) -> MapBranch: ...
+def continue_orbit(
+    orbit: PeriodicOrbit | MapOrbit,
+    parameter: str,
+    bounds: tuple[float, float],
+    *,
+    steps: StepControl | None = None,
+    directions: str = "both",
+    events: Mapping[str, float] | None = None,
+    stop_at: str | Iterable[str] = (),
+    progress: bool | Report = False,
+) -> Branch | MapBranch:
+    """Return the branch of periodic orbits, or of cycles of a map, through an orbit, as one parameter varies.
 
     Saddle-nodes (SN), period doublings (PD), torus bifurcations (TR), branch points (BP) and grazings (GR) are located
     by Newton's method. At a grazing the branch goes on in the neighbouring signature, or ends where there is none. An
     orbit that repeats a shorter one there goes on as the shorter one. `StepControl.at_grazing` and `stop_at` change
     this. A branch of doubled period ends where the period halves. A branch of autonomous cycles ends at the Hopf point
-    (HB) to which the cycle shrinks. Points with a residual above 1e-8 of the orbit's size are rejected.
-    docs/theory/continuation.md derives the method.
+    (HB) to which the cycle shrinks. Points with a residual above 1e-8 of the orbit's size are rejected. Cycles of a map
+    have border collisions (BC) in place of grazings.
+    docs/theory/continuation.md derives the method, docs/theory/cycles.md that of maps.
 
     Parameters
     ----------
-    orbit : PeriodicOrbit
+    orbit : PeriodicOrbit or MapOrbit
         Where the branch starts.
     parameter : str
         The parameter that varies.
@@ -77,7 +103,7 @@ def continue_orbit(
     events : mapping of str to float, optional
         Users' events. ``{"gap": 0.02}`` records where an extreme of that output or state passes the value. With
         ``"min_gap"`` or ``"max_gap"`` only one extreme counts. With the parameter's name, the parameter passes the
-        value.
+        value. Of a map a state or an output at the cycle's first point passes the value.
     stop_at : str or iterable of str, optional
         Types of special points, as ``"SN"`` or a key of `events`; the branch ends at the first.
     progress : bool or callable
@@ -85,7 +111,7 @@ def continue_orbit(
 
     Returns
     -------
-    Branch
+    Branch or MapBranch
         All points found, however the branch ended: `Branch.stopped` says why. An interrupt (Ctrl-C) ends it likewise.
 
     Raises
@@ -106,6 +132,11 @@ def continue_orbit(
     >>> f"{branch['SN1'].parameters['A']:.9f} {branch['GR1'].parameters['A']:.9f}"
     '0.099970754 0.100000000'
     """
+    if isinstance(orbit, MapOrbit):
+        return continue_cycle(
+            orbit, parameter, bounds, steps=steps, directions=directions, events=events, stop_at=stop_at,
+            progress=progress,
+        )  # fmt: skip
     control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
     checks.instance("orbit", orbit, PeriodicOrbit)
     reporter = Reporter(progress)
@@ -277,7 +308,7 @@ class _Run:
         """End a branch at the Hopf point that is its last point."""
         data = end.examined.data
         orbit = orbit_at(piece.problem, end.u, end.J, data.survey, data.multipliers)
-        half.specials.append(Found("HB", orbit, _amplitude(orbit), len(half.points), end.arc))
+        half.specials.append(Found("HB", orbit, amplitude_of(orbit), len(half.points), end.arc))
         half.points.append((piece, end))
         return f"{self._place(end)}: the cycle shrinks to an equilibrium"
 
@@ -297,21 +328,21 @@ class _Run:
         else:
             name = kind
         if name == "BP" and (birth := halved(branch, point)) is not None:
-            half.specials.append(_found(name, branch, replace(event, point=birth), half))
+            half.specials.append(found_at(name, branch, replace(event, point=birth), half))
             half.points.append((branch, birth))
             return f"{self._place(birth)}: the period halves"
         if name != "GR":
             if name == "BP":
-                event = replace(event, point=_sharpened(branch, point))
-            half.specials.append(_found(name, branch, event, half))
+                event = replace(event, point=sharpened(branch, point))
+            half.specials.append(found_at(name, branch, event, half))
             return self._end_at(half, branch, event.point, name)
         if any(s.name == "GR" and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
             return None
         if self.control.at_grazing == "pass":
-            half.specials.append(_found(name, branch, event, half))
+            half.specials.append(found_at(name, branch, event, half))
             return self._end_at(half, branch, point, name)
         found = neighbour(branch.problem, event.name, point.u)
-        half.specials.append(_found(name, branch, event, half))
+        half.specials.append(found_at(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
             fewer = self.piece(found.signature, found.u)
             orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
@@ -399,35 +430,3 @@ def _assemble(
         tolerance=orbit.tolerance,
         **joined.fields(),
     )
-
-
-def _sharpened(branch: OrbitZeroProblem, point: Point) -> Point:
-    """Return a branch point located by equations that are regular there; unchanged where they have no solution."""
-    u = solve_branch_point(branch.problem, point.u, branch.evaluate(point.u)[1])
-    if u is None or float(point.weights @ (u - point.u) ** 2) > _NEAR**2:
-        return point
-    found = replace(point, u=u, J=branch.evaluate(u)[1])
-    found.examined = branch.examine(found, None)
-    return point if found.examined.data is None else found
-
-
-def _amplitude(orbit: PeriodicOrbit) -> float:
-    """Return half the range of the state that varies most."""
-    n = len(orbit.system.states)
-    return 0.5 * float(np.max(orbit.highs[:n] - orbit.lows[:n]))
-
-
-def _found(name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
-    point, data = event.point, event.point.examined.data
-    orbit = orbit_at(branch.problem, point.u, point.J, data.survey, data.multipliers)
-    value = event.value
-    if name == "PD":
-        finite = orbit.multipliers[np.isfinite(orbit.multipliers)]
-        value = float(np.abs(finite + 1.0).min())
-    elif name == "TR":
-        value = distance_from_circle(orbit.multipliers)
-    tangent = None
-    if name == "BP":  # it is undetermined at the point itself: the last point's is taken
-        last = half.points[-1][1] if half.points else point
-        tangent = (last if last.u.size == point.u.size else point).tangent.copy()
-    return Found(name, orbit, value, len(half.points), point.arc, tangent=tangent)

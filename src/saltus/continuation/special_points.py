@@ -1,4 +1,4 @@
-"""Special points of a curve of periodic orbits or of equilibria."""
+"""Special points of a curve of periodic orbits, of equilibria or of cycles of a map."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Generic, overload
 import numpy as np
 
 from saltus import checks
+from saltus.cycles import MapOrbit
+from saltus.cycles.normal_forms import map_normal_form
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.normal_forms import EquilibriumNormalForm, normal_form as equilibrium_form
 from saltus.errors import InputError
@@ -25,11 +27,11 @@ __all__ = ["Solution", "SpecialPoint", "SpecialPoints"]
 if TYPE_CHECKING:
     from typing_extensions import TypeVar
 
-    Solution = TypeVar("Solution", bound=PeriodicOrbit | Equilibrium, default=PeriodicOrbit)
+    Solution = TypeVar("Solution", bound=PeriodicOrbit | Equilibrium | MapOrbit, default=PeriodicOrbit)
 else:
     from typing import TypeVar
 
-    Solution = TypeVar("Solution", bound=PeriodicOrbit | Equilibrium)
+    Solution = TypeVar("Solution", bound=PeriodicOrbit | Equilibrium | MapOrbit)
 
 # What each type of special point means, in a `repr`.
 _MEANING = {
@@ -40,6 +42,7 @@ _MEANING = {
     "GR": "grazing",
     "HB": "Hopf",
     "BE": "boundary equilibrium",
+    "BC": "border collision",
     "CP": "cusp",
     "GPD": "generalised period doubling",
     "CH": "Chenciner",
@@ -70,8 +73,8 @@ class SpecialPoint(Generic[Solution]):
         `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list those of equilibria.
     label : str
         The type with its number along the curve, as in ``SN1``.
-    solution : PeriodicOrbit or Equilibrium
-        The orbit or the equilibrium at the point; its parameters are those of the point.
+    solution : PeriodicOrbit, Equilibrium or MapOrbit
+        The orbit, the equilibrium or the cycle at the point; its parameters are those of the point.
     test : float
         Test function at the point, whose zero defines the type:
 
@@ -98,9 +101,9 @@ class SpecialPoint(Generic[Solution]):
     tangent : ndarray, shape (unknowns + 1,), or None
         At a BP the tangent of its own branch, the parameter last.
     kind : str
-        Of a BE ``persistence`` or ``nonsmooth fold``; empty where neither is told.
-    scale : ndarray, shape (states,), or None
-        Typical sizes of the states on a curve of equilibria; None on one of orbits.
+        Of a BE or BC ``persistence`` or ``nonsmooth fold``; empty where neither is told.
+    scale : ndarray, shape (unknowns,), or None
+        Typical sizes of the unknowns on a curve of equilibria or of cycles of a map; None on one of orbits.
     """
 
     type: str
@@ -127,6 +130,11 @@ class SpecialPoint(Generic[Solution]):
         return checks.instance(f"solution of {self.label}", self.solution, Equilibrium, "use .orbit")
 
     @property
+    def cycle(self) -> MapOrbit:
+        """The cycle at the point of a curve of cycles of a map."""
+        return checks.instance(f"solution of {self.label}", self.solution, MapOrbit, "use .orbit or .equilibrium")
+
+    @property
     def parameters(self) -> Mapping[str, float]:
         """All parameters at the point."""
         return self.solution.parameters
@@ -145,7 +153,8 @@ class SpecialPoint(Generic[Solution]):
         """Normal form at the point, computed on first access.
 
         For orbits that of the Poincare map at an SN, PD or TR: docs/theory/loci.md, "Normal forms". For equilibria that
-        of the field at an SN, HB, CP or BT: docs/theory/equilibria.md, "Normal forms".
+        of the field at an SN, HB, CP or BT: docs/theory/equilibria.md, "Normal forms". For cycles of maps that of the
+        iterate at an SN, PD or TR: docs/theory/cycles.md, "Normal forms".
 
         Raises
         ------
@@ -156,6 +165,8 @@ class SpecialPoint(Generic[Solution]):
             problem = self.solution.problem(*self.varied)
             values = [self.parameters[name] for name in self.varied]
             return equilibrium_form(problem, np.append(self.solution.state, values), self.type)
+        if isinstance(self.solution, MapOrbit):
+            return NormalForm(self.type, *map_normal_form(self.solution, self.type))
         if self.type not in NORMAL_FORMS:
             raise InputError("type", self.type, f"one of {', '.join(NORMAL_FORMS)}", "no normal form belongs to it")
         return normal_form(self.orbit, self.type)
@@ -166,12 +177,16 @@ class SpecialPoint(Generic[Solution]):
         return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}\n{self.solution!r}"
 
 
-def _row(solution: PeriodicOrbit | Equilibrium) -> dict[str, Any]:
-    """Return what a table of special points says of an orbit or of an equilibrium."""
+def _row(solution: PeriodicOrbit | Equilibrium | MapOrbit) -> dict[str, Any]:
+    """Return what a table of special points says of a solution."""
     states = solution.system.states
     if isinstance(solution, Equilibrium):
         row: dict[str, Any] = dict(zip(states, solution.state.tolist(), strict=True))
         return row | {"stable": solution.stable, "mode": solution.mode, "regular": solution.regular}
+    if isinstance(solution, MapOrbit):
+        row = dict(zip(states, solution.points[0].tolist(), strict=True))
+        row |= {"period": solution.period, "stable": solution.stable, "itinerary": solution.itinerary}
+        return row | {"regular": solution.regular}
     row = {f"x0_{name}": value for name, value in zip(states, solution.x0, strict=True)}
     row |= {f"min_{name}": value for name, value in solution.min.items()}
     row |= {f"max_{name}": value for name, value in solution.max.items()}

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.monitor import Monitor
+    from saltus.cycles import MapOrbit
     from saltus.equilibria import Equilibrium
     from saltus.orbits.orbit import PeriodicOrbit
 
@@ -31,8 +32,8 @@ class Found:
     ----------
     name : str
         Type, or the name of a user's event.
-    solution : PeriodicOrbit or Equilibrium
-        An orbit in the signature in which it is shown, or an equilibrium.
+    solution : PeriodicOrbit, Equilibrium or MapOrbit
+        An orbit in the signature in which it is shown, an equilibrium, or a cycle of a map.
     value : float
         Test function.
     after : int
@@ -44,7 +45,7 @@ class Found:
     """
 
     name: str
-    solution: PeriodicOrbit | Equilibrium
+    solution: PeriodicOrbit | Equilibrium | MapOrbit
     value: float
     after: int
     arc: float

@@ -1,0 +1,248 @@
+"""Equilibria, or cycles of maps, as a zero problem with a parameter: metric, monitor functions, checks of a step.
+
+docs/theory/equilibria.md, "Test functions", and docs/theory/cycles.md derive the monitor functions.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+import numpy as np
+
+from saltus.continuation.monitor import Monitor
+from saltus.continuation.zero_problem import Event, Examined, Point
+from saltus.equilibria.find import state_sizes
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.arclength import StepControl
+    from saltus.continuation.orbit_problem import Interest
+    from saltus.equilibria.algebraic import AlgebraicProblem
+
+__all__ = ["AlgebraicData", "AlgebraicZeroProblem", "closes", "extents"]
+
+_LOW = Monitor("low")  # parameter less its lower bound
+_HIGH = Monitor("high")  # parameter less its upper bound
+_SN = Monitor("SN")  # parameter's component of the tangent
+_BP = Monitor("BP")  # determinant of the bordered Jacobian
+
+_RESIDUAL = 1e-8  # most residual of a point, over the sizes of its terms
+_NEAR = 1e-2  # share of a state's modulus below which its size on a branch is not chosen
+_SHORT = 1e-5  # arclength of a step up to which several critical values may be passed in it
+_CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
+_RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it rests
+
+
+class AlgebraicData(Protocol):
+    """Data of a point: eigenvalues or multipliers, the number of unstable ones, why the solution is virtual."""
+
+    @property
+    def values(self) -> NDArray[np.complex128]:
+        """Eigenvalues, or multipliers."""
+
+    @property
+    def unstable(self) -> int:
+        """How many are unstable."""
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the solution is virtual."""
+
+    @property
+    def stable(self) -> bool:
+        """Whether all of them are stable."""
+
+
+def extents(problem: AlgebraicProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sizes at the start of a curve, shape (n,): how far the parameters move the unknowns, and their moduli.
+
+    A state may be large and yet hardly move, as a temperature in kelvins: its size is then how far it moves.
+    """
+    J = problem.evaluate(u)[1]
+    n, x = problem.n, np.abs(u[: problem.n])
+    sizes = state_sizes(problem, u, J)
+    moved = np.abs(np.linalg.lstsq(J[:, :n], J[:, n:], rcond=1e-12)[0]).max(axis=1)
+    return np.where((x > _NEAR * sizes) & (moved > 0.0), np.clip(moved, _NEAR * x, x), sizes)
+
+
+class AlgebraicZeroProblem(ABC):
+    """Solutions of an `AlgebraicProblem` as a `ZeroProblem`.
+
+    Parameters
+    ----------
+    problem : AlgebraicProblem
+        The equations, with one active parameter.
+    sizes : ndarray, shape (n,)
+        Typical sizes of the unknowns; they grow with the branch.
+    interest : Interest
+        Bounds and users' events.
+    """
+
+    singular = frozenset({_BP})
+    odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
+    noise: Mapping[Monitor, float] = MappingProxyType({})
+    critical: ClassVar[tuple[str, ...]]  # kinds of monitor functions at whose zeros something bifurcates
+    single: ClassVar[tuple[str, ...]]  # those at which one value becomes critical
+    paired: ClassVar[Monitor]  # that at which a pair of them does
+    vanishing: ClassVar[str]  # the fault of a point that is no solution
+
+    def __init__(self, problem: Any, sizes: NDArray[np.float64], interest: Interest) -> None:
+        self.problem, self.interest, self.n = problem, interest, problem.n
+        self.sizes = sizes.copy()
+        self._origin: NDArray[np.float64] = np.empty(0)
+        self._log: float | None = None
+        self._units: dict[Monitor, float] = {}
+
+    @abstractmethod
+    def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> AlgebraicData:
+        """Return the data of a point."""
+
+    @abstractmethod
+    def own_monitors(self, point: Point, values: NDArray[np.complex128]) -> dict[Monitor, float]:
+        """Return the monitor functions that only this kind of solution has."""
+
+    @abstractmethod
+    def own_monitor(self, name: Monitor, point: Point) -> float:
+        """Return one of them at a point that may be corrected roughly only."""
+
+    @abstractmethod
+    def observed(self, index: int, point: Point) -> float:
+        """Return the quantity of a user's event that is no parameter."""
+
+    @abstractmethod
+    def is_pair(self, values: NDArray[np.complex128]) -> bool:
+        """Return whether the pair that is critical where `paired` vanishes is a complex one."""
+
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the equations and their derivatives."""
+        found: tuple[NDArray[np.float64], NDArray[np.float64]] = self.problem.evaluate(u)
+        return found
+
+    def accurate(self) -> bool:
+        """Return True: the equations are no discretisation."""
+        return True
+
+    def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return weights: states in their sizes, 1 for the parameter."""
+        return np.append(1.0 / self.sizes**2, 1.0)
+
+    def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far the unknowns are from those of the start, shape (n,)."""
+        return np.asarray(np.abs(u[: self.n] - self._origin))
+
+    def scale(self) -> NDArray[np.float64]:
+        """Return typical sizes of the unknowns."""
+        return np.append(self.sizes, 1.0)
+
+    def examine(self, point: Point, before: Point | None) -> Examined:
+        """Return monitors, data and fault of a point."""
+        u = point.u
+        point.J = self.problem.evaluate(u)[1]
+        if self.problem.rounding(u, point.J, np.maximum(self.sizes, np.abs(u[: self.n]))) > _RESIDUAL:
+            return Examined({}, f"residual: {self.vanishing}")
+        data = self.data(u, point.J)
+        monitors = {name: self.monitor(name, point) for name in (_LOW, _HIGH, _SN, _BP)}
+        monitors |= self.own_monitors(point, data.values)
+        monitors |= {
+            name: self.monitor(name, point) for name in (Monitor("event", i) for i in range(len(self.interest.events)))
+        }
+        if (pair := monitors.get(self.paired)) is not None and self.is_rounding(pair, before):
+            monitors[self.paired] = math.nan  # as along a family of centres
+        if not self._origin.size:
+            self._origin = u[: self.n].copy()
+        self.sizes = np.maximum(self.sizes, self.grown(u))
+        point.weights = self.metric(u)
+        point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
+        return Examined(monitors, None if before is None else self._fault(point, before, monitors, data), data)
+
+    @abstractmethod
+    def is_rounding(self, pair: float, before: Point | None) -> bool:
+        """Return whether the value of `paired` is rounding, as it was at the point before."""
+
+    def monitor(self, name: Monitor, point: Point) -> float:
+        """Return one monitor function at a point that may be corrected roughly only."""
+        kind = name.kind
+        if kind in ("low", "high"):
+            distance = point.parameter - (self.interest.low if kind == "low" else self.interest.high)
+            return distance if abs(distance) > 1e-12 else 0.0
+        if kind == "SN":
+            along = float(point.tangent[-1])
+            return along if abs(along) > _RESTS else 0.0
+        if kind == "BP":
+            self._log = point.log if self._log is None else self._log
+            return point.sign * math.exp(min(max(point.log - self._log, -600.0), 600.0))
+        if kind != "event":
+            return self.own_monitor(name, point)
+        _, what, value = self.interest.events[name.segment]
+        if what == "parameter":
+            return point.parameter * self.interest.scale - value
+        return self.observed(name.segment, point) - value
+
+    def over_unit(self, name: Monitor, height: float, gradient: NDArray[np.float64]) -> float:
+        """Return the distance from a surface in units of its variation with the states' sizes."""
+        unit = self._units.setdefault(name, float(np.abs(gradient[: self.n]) @ self.sizes) or 1.0)
+        return height / unit
+
+    def depart(self, point: Point) -> None:
+        """Do nothing: the equations have no normalisation."""
+        return
+
+    def recover(self, point: Point) -> bool:
+        """Return False: there is no discretisation to refine."""
+        return False
+
+    def leading(self, names: list[Monitor]) -> list[Monitor]:
+        """Return all names: none is another's shadow."""
+        return names
+
+    def sort_out(self, events: list[Event]) -> list[Event] | str:
+        """Return the events without folds at branch points, and without critical pairs that are real.
+
+        A test function of pairs vanishes too where two real values are related as the critical ones are.
+        """
+        if any(event.point.examined.data is None for event in events):
+            return f"location: {self.vanishing}"
+        branchings = [event.point.arc for event in events if event.name == _BP]
+        kept = [e for e in events if e.name != _SN or all(abs(e.point.arc - arc) > 1e-5 for arc in branchings)]
+        return [event for event in kept if event.name != self.paired or self.is_pair(event.point.examined.data.values)]
+
+    def crowded(self, names: list[Monitor]) -> bool:
+        """Return whether more than one bifurcation lies in a step."""
+        return sum(name.kind in self.critical for name in names) > 1
+
+    def _fault(self, point: Point, before: Point, monitors: Mapping[Monitor, float], data: AlgebraicData) -> str | None:
+        """Return the reason why a point may not follow the point before, or None if it may."""
+        if point.arc - before.arc < _SHORT:
+            return None
+        known = before.examined.monitors
+        changed = {
+            name.kind
+            for name, value in monitors.items()
+            if name in known and (known[name] < 0.0) != (value < 0.0) and math.isfinite(known[name] + value)
+        }
+        old: AlgebraicData = before.examined.data
+        crossed = abs(data.unstable - old.unstable)
+        real = sum(kind in changed for kind in self.single)
+        centre = any(math.isnan(table.get(self.paired, 0.0)) for table in (known, monitors))
+        most = real + 2 * (self.paired.kind in changed or centre)
+        if crossed > most or (not centre and (crossed - real) % 2):
+            return "stability changes without a bifurcation that explains it"
+        return None
+
+
+def closes(origin: Point, last: Point, new: Point, control: StepControl) -> bool:
+    """Return whether the step from `last` to `new` passes the start of a curve of solutions."""
+    if new.arc < _CLOSING * control.initial:
+        return False
+    w, chord, away = last.weights, new.u - last.u, origin.u - last.u
+    length = float(w @ chord**2)
+    share = float(w @ (away * chord)) / length
+    if not 0.0 < share <= 1.0:
+        return False
+    aside = math.sqrt(float(w @ (away - share * chord) ** 2))
+    return aside < 20.0 * control.deviation and aside < 0.5 * math.sqrt(length)

@@ -1,0 +1,132 @@
+"""Continuation of fixed points and cycles of maps along one parameter, across borders of pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import checks
+from saltus.continuation.algebraic_problem import extents
+from saltus.continuation.algebraic_run import AlgebraicRun, read_point_events
+from saltus.continuation.arclength import StepControl
+from saltus.continuation.border import beyond_border
+from saltus.continuation.cycle_problem import CYCLE_POINTS, CycleZeroProblem, in_lockstep
+from saltus.continuation.map_curve import MapBranch
+from saltus.continuation.options import checked_interval, read_stops, unit_of
+from saltus.continuation.orbit_problem import Interest
+from saltus.cycles.orbit import MapOrbit, cycle_at, itinerary_of
+from saltus.cycles.problem import CycleProblem
+from saltus.progress import Report, Reporter
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.boundary import Crossing
+    from saltus.continuation.monitor import Monitor
+    from saltus.continuation.two_sided import BothSides
+    from saltus.continuation.zero_problem import Event, Point
+
+__all__ = ["continue_cycle", "cycle_fields"]
+
+_HALVED = 1e-5  # distance of a cycle's halves, in the states' sizes, at which the period halves
+
+
+def continue_cycle(
+    orbit: MapOrbit,
+    parameter: str,
+    bounds: tuple[float, float],
+    *,
+    steps: StepControl | None = None,
+    directions: str = "both",
+    events: Mapping[str, float] | None = None,
+    stop_at: str | Iterable[str] = (),
+    progress: bool | Report = False,
+) -> MapBranch:
+    """Return the branch of cycles through a cycle; `continue_orbit` describes the arguments."""
+    control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
+    reporter = Reporter(progress)
+    system = orbit.system
+    low, high = checked_interval(system, orbit.parameters, parameter, bounds, directions)
+    events = checks.mapping("events", events, "names to values, as {'x': 0.5}")
+    scale = unit_of(low, high, orbit.parameters[parameter])
+    interest = Interest(low / scale, high / scale, scale, read_point_events(orbit, parameter, events))
+    run = _CycleRun(orbit, parameter, interest, control, read_stops(stop_at, [*CYCLE_POINTS, *events]), reporter)
+    joined = run.joined(directions)
+    return MapBranch(
+        system=system,
+        parameter=parameter,
+        parameters=dict(orbit.parameters),
+        values=np.array([point.parameter * scale for _, point in joined.rows]),
+        special_points=joined.special_points((parameter,)),
+        rejected=run.rejected(),
+        options=run.options((low, high), directions, events),
+        **cycle_fields(joined),
+    )
+
+
+def cycle_fields(joined: BothSides) -> dict[str, Any]:
+    """Return the fields of `MapCurve` that a branch and a locus fill in the same way."""
+    forms = list(dict.fromkeys(piece.problem.itinerary for piece, _ in joined.rows))
+    data = [point.examined.data for _, point in joined.rows]
+    return {
+        "points": np.array([piece.problem.points(point.u) for piece, point in joined.rows]),
+        "multipliers": np.array([d.values for d in data]),
+        "stable": np.array([d.stable for d in data]),
+        "regular": np.array([not d.reasons for d in data]),
+        "forms": tuple(forms),
+        "form": np.array([forms.index(piece.problem.itinerary) for piece, _ in joined.rows]),
+        "residual": np.array([point.residual for _, point in joined.rows]),
+        "arclength": np.array(joined.arcs) - joined.arcs[0],
+        "stopped": joined.stopped,
+    }
+
+
+class _CycleRun(AlgebraicRun):
+    """One call of `continue_cycle`."""
+
+    solution: MapOrbit
+    what = "cycle"
+    border = "BC"
+    at_border = "border collision"
+
+    def piece(
+        self, form: tuple[int, ...], u: NDArray[np.float64], sizes: NDArray[np.float64] | None
+    ) -> CycleZeroProblem:
+        """See `AlgebraicRun.piece`; `form` is the itinerary."""
+        system = self.solution.system
+        p, index = system.parameter_vector(self.solution.parameters), system.parameter_names.index(self.name)
+        problem = CycleProblem(system, form, p, [index], np.array([self.scale]))
+        if sizes is None:
+            sizes = in_lockstep(extents(problem, u), problem.period)
+        return CycleZeroProblem(problem, sizes, self.interest)
+
+    def given(self) -> tuple[tuple[int, ...], NDArray[np.float64]]:
+        """See `AlgebraicRun.given`."""
+        return itinerary_of(self.solution.system, self.solution.itinerary), self.solution.points.ravel().copy()
+
+    def solution_at(self, branch: CycleZeroProblem, u: NDArray[np.float64]) -> MapOrbit:
+        """See `AlgebraicRun.solution_at`."""
+        return cycle_at(branch.problem, u, branch.sizes)
+
+    def crossing(self, branch: CycleZeroProblem, event: Event) -> tuple[str, Crossing]:
+        """See `AlgebraicRun.crossing`."""
+        problem, (_, point, guard, _) = branch.problem, event.name
+        found = beyond_border(problem, point, guard, event.point.u, branch.sizes)
+        texts = [text for conditions in problem.system.conditions.values() for text in conditions]
+        return texts[guard - len(problem.system.pieces)], found
+
+    def inside(self, branch: CycleZeroProblem, event: Monitor) -> float:
+        """See `AlgebraicRun.inside`."""
+        return 1.0
+
+    def closed_up(self, branch: CycleZeroProblem, point: Point) -> str | None:
+        """See `AlgebraicRun.closed_up`: where the second half of a cycle meets the first one, its period halves."""
+        problem = branch.problem
+        half, odd = divmod(problem.period, 2)
+        if odd or problem.itinerary[:half] != problem.itinerary[half:]:
+            return None
+        points, sizes = problem.points(point.u), branch.sizes[: problem.states]
+        apart = float(np.max(np.abs(points[:half] - points[half:]) / sizes))
+        return "the period halves" if apart < _HALVED else None

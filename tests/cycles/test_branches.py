@@ -1,0 +1,158 @@
+"""Branches of cycles of maps against closed forms, and against the same maps with a clock."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import saltus
+from known_maps import cusp, delayed, henon, logistic, tent
+from saltus import HybridSystem, InputError, Map, Mode, Piece, StepControl, Transition
+
+
+def branch_of(system, parameter, bounds, x0, parameters=None, period=1, **options):
+    return saltus.continue_orbit(
+        saltus.solve_orbit(system, parameters, x0=x0, period=period), parameter, bounds, **options
+    )
+
+
+def places(branch):
+    return {point.label: point.parameters[branch.parameter] for point in branch.special_points}
+
+
+def test_the_fixed_point_of_the_logistic_map_doubles_at_three():
+    branch = branch_of(logistic(), "r", (0.5, 4.0), [0.6])
+    assert places(branch) == {"BP1": pytest.approx(1.0, abs=1e-10), "PD1": pytest.approx(3.0, abs=1e-10)}
+    assert branch.multipliers[:, 0].real == pytest.approx(2 - branch.column("r"), abs=1e-11)
+    assert branch.column("x") == pytest.approx(1 - 1 / branch.column("r"), abs=1e-11)
+    assert np.array_equal(branch.stable, np.abs(branch.multipliers[:, 0]) < 1)
+
+
+def test_the_doubled_cycle_ends_where_its_period_halves_and_doubles_at_one_plus_the_root_of_six():
+    branch = branch_of(logistic(), "r", (2.5, 3.6), [0.5], period=2)
+    assert branch.stopped[0] == "r = 3: the period halves"
+    assert branch["PD1"].parameters["r"] == pytest.approx(1 + math.sqrt(6), abs=1e-10)
+    assert branch.iteration("x", 1).shape == branch.column("x").shape
+
+
+def test_the_cycle_of_period_three_is_born_at_one_plus_the_root_of_eight():
+    branch = branch_of(logistic(), "r", (3.0, 4.0), [0.15], {"r": 3.84}, period=3)
+    assert branch["SN1"].parameters["r"] == pytest.approx(1 + math.sqrt(8), abs=1e-10)
+    assert branch["PD1"].parameters["r"] == pytest.approx(3.841499007543509, abs=1e-9)
+
+
+def test_the_fixed_points_of_the_henon_map_fold_and_double_where_they_should():
+    b = 0.3
+    branch = branch_of(henon(), "a", (-1.0, 2.0), [0.7, 0.2], {"a": 0.1})
+    assert branch["SN1"].parameters["a"] == pytest.approx(-((1 - b) ** 2) / 4, abs=1e-10)
+    assert branch["PD1"].parameters["a"] == pytest.approx(3 * (1 - b) ** 2 / 4, abs=1e-10)
+    assert branch.stopped[0].endswith("the cycle grows without bound")
+    assert np.prod(branch.multipliers, axis=1).real == pytest.approx(-b, abs=1e-9)
+
+
+def test_the_delayed_logistic_map_has_its_neimark_sacker_point_at_two():
+    branch = branch_of(delayed(), "r", (1.5, 2.5), [0.47, 0.47])
+    point = branch["TR1"]
+    assert point.parameters["r"] == pytest.approx(2.0, abs=1e-10)
+    assert np.angle(point.cycle.multipliers[0]) == pytest.approx(math.pi / 3, abs=1e-10)
+
+
+def test_the_cusp_map_folds_twice_and_doubles_twice():
+    """At x^2 = (h - 1)/3 and at x^2 = (h + 1)/3, on r = x - h x + x^3."""
+    branch = branch_of(cusp(), "r", (-1.0, 1.0), [0.9])
+    for kind, x in (("SN", math.sqrt(0.5 / 3)), ("PD", math.sqrt(2.5 / 3))):
+        r = abs(x - 1.5 * x + x**3)
+        found = sorted(value for label, value in places(branch).items() if label.startswith(kind))
+        assert found == pytest.approx([-r, r], abs=1e-10)
+
+
+@pytest.mark.parametrize(("b", "kind", "going_on"), [(-0.6, "persistence", 1.0), (2.0, "nonsmooth fold", -1.0)])
+def test_a_border_collision_is_persistence_or_a_nonsmooth_fold(b, kind, going_on):
+    """di Bernardo et al. 2008, section 3.1: with slopes a < 1 and b the fixed point persists for b < 1."""
+    branch = branch_of(tent(), "mu", (-1.0, 1.0), [-0.4], {"b": b}, directions="up")
+    point = branch["BC1"]
+    assert point.parameters["mu"] == pytest.approx(0.0, abs=1e-14)
+    assert (point.kind, point.of) == (kind, "-x")
+    assert branch.column("mu")[-1] == pytest.approx(going_on)
+    assert branch.itinerary[0] == ("left",)
+    assert branch.itinerary[-1] == ("right",)
+    assert branch.regular.all()
+
+
+def test_a_branch_can_go_on_virtual_or_stop_at_a_border():
+    passed = branch_of(tent(), "mu", (-1.0, 1.0), [-0.4], steps=StepControl(at_grazing="pass"))
+    assert np.array_equal(passed.regular, passed.column("mu") <= 0)
+    stopped = branch_of(tent(), "mu", (-1.0, 1.0), [-0.4], directions="up", stop_at="BC")
+    assert stopped.stopped[1] == "mu = 0: BC"
+
+
+def test_a_branch_ends_where_the_map_jumps():
+    jump = Map(
+        ("x",), {"mu": -0.2},
+        pieces={"left": Piece({"x": "x/2 + mu"}, "-x"), "right": Piece({"x": "x/2 + mu - 1"}, "x")},
+    )  # fmt: skip
+    branch = branch_of(jump, "mu", (-1.0, 1.0), [-0.4], directions="up")
+    assert branch.stopped[1] == "mu = 0: border collision, the map jumps there"
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_units_do_not_matter(unit):
+    scaled = Map(("x",), {"r": 3.2, "u": 1.0}, {"x": "r*x*(1 - x/u)"})
+    branch = branch_of(scaled, "r", (2.5, 3.6), [0.5 * unit], {"u": unit}, period=2)
+    assert branch["PD1"].parameters["r"] == pytest.approx(1 + math.sqrt(6), abs=1e-9)
+    assert branch.stopped[0] == "r = 3: the period halves"
+
+
+def test_the_branch_is_that_of_the_map_with_a_clock():
+    clocked = HybridSystem(
+        ("x", "s"), {"r": 2.8}, {"carry": Mode({"x": "0", "s": "1"})},
+        [Transition("carry", "carry", "s - 1", 1, {"x": "r*x*(1 - x)", "s": "0"}, name="map")],
+    )  # fmt: skip
+    orbit = saltus.solve_orbit(clocked, {}, [("carry", "map", [0.64, 0.0], 1.0)])
+    other = saltus.continue_orbit(orbit, "r", (2.5, 3.4))["PD1"]
+    own = branch_of(logistic(), "r", (2.5, 3.4), [0.64], {"r": 2.8})["PD1"]
+    assert own.parameters["r"] == pytest.approx(other.parameters["r"], abs=1e-9)
+    assert own.normal_form.coefficient == pytest.approx(other.normal_form.coefficient, rel=1e-6)
+
+
+def test_events_and_types_stop_a_branch():
+    branch = branch_of(logistic(), "r", (2.0, 4.0), [0.6], {"r": 2.5}, events={"x": 0.65}, directions="up")
+    assert branch["x1"].parameters["r"] == pytest.approx(1 / 0.35, abs=1e-9)
+    stopped = branch_of(logistic(), "r", (2.0, 4.0), [0.6], {"r": 2.5}, stop_at="PD", directions="up")
+    assert stopped.stopped[1] == "r = 3: PD"
+    assert branch.at(branch["x1"], "x") == pytest.approx(0.65)
+
+
+def test_a_branch_is_saved_and_loaded(tmp_path):
+    for branch in (
+        branch_of(tent(), "mu", (-1.0, 1.0), [-0.4]),
+        branch_of(logistic(), "r", (0.5, 4.0), [0.5], {"r": 3.3}, period=2),
+    ):
+        assert saltus.load(branch.save(tmp_path / "branch.nc")) == branch
+        again = branch.orbit(3)
+        assert again.points == pytest.approx(branch.points[3])
+
+
+def test_an_interrupt_keeps_what_is_done():
+    told = []
+
+    def interrupt(progress):
+        told.append(progress)
+        if len(told) == 5:
+            raise KeyboardInterrupt
+
+    branch = branch_of(logistic(), "r", (2.0, 4.0), [0.6], {"r": 2.5}, progress=interrupt)
+    assert len(branch) == 6
+    assert "interrupted" in branch.stopped
+
+
+def test_what_cannot_be_used_is_named():
+    orbit = saltus.solve_orbit(logistic(), {"r": 2.5}, x0=[0.6])
+    with pytest.raises(InputError, match="parameter"):
+        saltus.continue_orbit(orbit, "q", (2.0, 3.0))
+    with pytest.raises(InputError, match="stop_at"):
+        saltus.continue_orbit(orbit, "r", (2.0, 3.0), stop_at="GR")
+    with pytest.raises(InputError, match="events"):
+        saltus.continue_orbit(orbit, "r", (2.0, 3.0), events={"y": 1.0})
