@@ -23,6 +23,7 @@ from .continuation import (
     Family as Family,
     Locus as Locus,
     MapBranch as MapBranch,
+    MapCascade as MapCascade,
     SpecialPoint as SpecialPoint,
     StepControl as StepControl,
     continue_equilibrium as continue_equilibrium,

@@ -41,6 +41,7 @@ _HOMES = {
     "Diagram": "saltus.continuation.diagram_tree",
     "EquilibriumLocus": "saltus.continuation.equilibrium_locus",
     "MapBranch": "saltus.continuation.map_curve",
+    "MapCascade": "saltus.continuation.map_cascade",
     "Branch": "saltus.continuation.branch",
     "Locus": "saltus.continuation.locus",
     "Family": "saltus.continuation.family",

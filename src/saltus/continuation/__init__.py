@@ -12,6 +12,7 @@ from saltus.continuation.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.family import Family
 from saltus.continuation.loci import continue_locus
 from saltus.continuation.locus import Locus
+from saltus.continuation.map_cascade import MapCascade
 from saltus.continuation.map_curve import MapBranch
 from saltus.continuation.members import continue_family
 from saltus.continuation.options import BranchOptions
@@ -31,6 +32,7 @@ __all__ = [
     "Family",
     "Locus",
     "MapBranch",
+    "MapCascade",
     "OrbitCurve",
     "SpecialPoint",
     "SpecialPoints",

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["Cascade"]
+__all__ = ["Cascade", "Doublings"]
 
 _FEIGENBAUM = 4.669201609  # limit of a cascade's ratios
 
@@ -36,14 +36,14 @@ _START = {"special": "start.point", "special_ragged": "start.ragged", "tangent_r
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Cascade(Result):
-    """Successive period doublings along a parameter.
+class Doublings(Result):
+    """Successive period doublings along a parameter: the base of `Cascade` and `MapCascade`.
 
     Attributes
     ----------
     start : SpecialPoint
         The first doubling, a PD of a branch.
-    branches : tuple of Branch
+    branches : tuple of Branch or of MapBranch
         The branch of doubled orbits from each doubling to the next; the last may end without one.
     stopped : str
         Why the cascade ended.
@@ -51,15 +51,10 @@ class Cascade(Result):
         Arguments of `follow_cascade`: ``bounds``, ``doublings`` and ``steps`` (the fields of `StepControl`).
     """
 
-    start: SpecialPoint
-    branches: tuple[Branch, ...]
+    start: SpecialPoint[Any]
+    branches: tuple[Any, ...]
     stopped: str
     options: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def system(self) -> HybridSystem:
-        """The system."""
-        return self.start.orbit.system
 
     @property
     def parameter(self) -> str:
@@ -67,7 +62,7 @@ class Cascade(Result):
         return self.start.varied[0]
 
     @cached_property
-    def points(self) -> tuple[SpecialPoint, ...]:
+    def points(self) -> tuple[SpecialPoint[Any], ...]:
         """The period doublings: of the orbit, of the doubled one, and so on."""
         return (self.start, *(found[0] for b in self.branches if (found := b.special_points.of_type("PD"))))
 
@@ -101,10 +96,32 @@ class Cascade(Result):
             {
                 "doublings": range(len(self.points)),
                 self.parameter: self.values,
-                "period": [point.orbit.period for point in self.points],
+                "period": [point.solution.period for point in self.points],
                 "ratio": ratios,
             }
         )
+
+    def __repr__(self) -> str:
+        lines = [f"{type(self).__name__} of {len(self.points)} period doublings along {self.parameter}"]
+        for k, point in enumerate(self.points):
+            ratio = f", ratio {self.ratios[k - 1]:.6g}" if 0 < k < len(self.points) - 1 else ""
+            lines.append(
+                f"  period {2**k:<3d} doubles at {self.values[k]:.12g}{ratio}, T = {point.solution.period:.6g}"
+            )
+        return "\n".join([*lines, f"  ended: {self.stopped}"])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Cascade(Doublings):
+    """Successive period doublings of periodic orbits along a parameter; `Doublings` lists the attributes."""
+
+    start: SpecialPoint
+    branches: tuple[Branch, ...]
+
+    @property
+    def system(self) -> HybridSystem:
+        """The system."""
+        return self.start.orbit.system
 
     def to_xarray(self) -> xr.Dataset:
         """Return all branches as one Dataset, and the first doubling.
@@ -153,13 +170,6 @@ class Cascade(Result):
         if not all(branch.special_points.of_type("PD") for branch in branches[:-1]):
             raise InputError("special points", "no PD", "a PD on each branch but the last")
         return cls(start, tuple(branches), held.text("stopped"), held.json("options", dict))
-
-    def __repr__(self) -> str:
-        lines = [f"Cascade of {len(self.points)} period doublings along {self.parameter}"]
-        for k, point in enumerate(self.points):
-            ratio = f", ratio {self.ratios[k - 1]:.6g}" if 0 < k < len(self.points) - 1 else ""
-            lines.append(f"  period {2**k:<3d} doubles at {self.values[k]:.12g}{ratio}, T = {point.orbit.period:.6g}")
-        return "\n".join([*lines, f"  ended: {self.stopped}"])
 
 
 def _read_start(held: Contents, system: HybridSystem, parameter: str) -> SpecialPoint:

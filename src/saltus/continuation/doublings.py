@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 from functools import partial
+from typing import Any, cast, overload
 
 from saltus import checks
 from saltus.continuation.arclength import StepControl
-from saltus.continuation.branch import Branch
 from saltus.continuation.cascade import Cascade
-from saltus.continuation.options import read_interval, read_steps
+from saltus.continuation.cycle_switching import doubled_cycle
+from saltus.continuation.map_cascade import MapCascade
+from saltus.continuation.options import checked_interval, read_steps
 from saltus.continuation.orbits import continue_orbit
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.switching import doubled_orbit
+from saltus.cycles import MapOrbit
 from saltus.errors import ConvergenceError, InputError
 from saltus.progress import Progress, Report, Reporter
 
 __all__ = ["follow_cascade"]
 
 
+@overload
 def follow_cascade(
     start: SpecialPoint,
     bounds: tuple[float, float],
@@ -26,7 +30,24 @@ def follow_cascade(
     doublings: int = 4,
     steps: StepControl | None = None,
     progress: bool | Report = False,
-) -> Cascade:
+) -> Cascade: ...
+@overload
+def follow_cascade(
+    start: SpecialPoint[MapOrbit],
+    bounds: tuple[float, float],
+    *,
+    doublings: int = 4,
+    steps: StepControl | None = None,
+    progress: bool | Report = False,
+) -> MapCascade: ...
+def follow_cascade(
+    start: SpecialPoint | SpecialPoint[MapOrbit],
+    bounds: tuple[float, float],
+    *,
+    doublings: int = 4,
+    steps: StepControl | None = None,
+    progress: bool | Report = False,
+) -> Cascade | MapCascade:
     """Return the cascade of period doublings that begins at a given one.
 
     docs/theory/loci.md, "Other branches", describes the steps from each doubling to the next.
@@ -47,9 +68,9 @@ def follow_cascade(
 
     Returns
     -------
-    Cascade
+    Cascade or MapCascade
         The doublings found, however the cascade ended: `Cascade.stopped` says why. It ends at a grazing, since
-        doublings beyond it belong to other orbits.
+        doublings beyond it belong to other orbits; that of a map at a border collision.
 
     Raises
     ------
@@ -78,30 +99,34 @@ def follow_cascade(
         raise InputError("start", start.type, "a PD of a branch", "branch['PD1'] is one")
     doublings = checks.count("doublings", doublings)
     name = start.varied[0]
-    low, high = read_interval(start.orbit, name, bounds, "both")
+    low, high = checked_interval(start.solution.system, start.parameters, name, bounds, "both")
     control = read_steps(steps, "a cascade")
     options = {"bounds": [low, high], "doublings": doublings, "steps": asdict(control)}
+    of_map = isinstance(start.solution, MapOrbit)
     with Reporter(progress) as reporter:
         branches, stopped = _followed(start, bounds, doublings, control, reporter)
-    return Cascade(start, tuple(branches), stopped, options)
+    if of_map:
+        return MapCascade(cast("SpecialPoint[MapOrbit]", start), tuple(branches), stopped, options)
+    return Cascade(cast("SpecialPoint", start), tuple(branches), stopped, options)
 
 
 def _followed(
-    start: SpecialPoint, bounds: tuple[float, float], doublings: int, control: StepControl, reporter: Reporter
-) -> tuple[list[Branch], str]:
+    start: SpecialPoint[Any], bounds: tuple[float, float], doublings: int, control: StepControl, reporter: Reporter
+) -> tuple[list[Any], str]:
     """Return the branches of doubled orbits, and the reason why the cascade ended."""
-    branches: list[Branch] = []
+    branches: list[Any] = []
     name, point = start.varied[0], start
+    of_map = isinstance(start.solution, MapOrbit)
+    double: Any = doubled_cycle if of_map else doubled_orbit
     for level in range(doublings):
         try:
-            orbit = doubled_orbit(point, level)
+            orbit = double(point, level)
         except ConvergenceError as error:
             return branches, str(error)
         report = partial(_told, reporter, 2 ** (level + 1)) if reporter.report is not None else False
         way = "up" if orbit.parameters[name] > point.parameters[name] else "down"
-        branch = continue_orbit(
-            orbit, name, bounds, steps=control, directions=way, stop_at=("PD", "GR"), progress=report
-        )
+        stops = ("PD", "BC" if of_map else "GR")
+        branch = continue_orbit(orbit, name, bounds, steps=control, directions=way, stop_at=stops, progress=report)
         branches.append(branch)
         found = branch.special_points.of_type("PD")
         if not found:

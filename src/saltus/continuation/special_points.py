@@ -122,12 +122,12 @@ class SpecialPoint(Generic[Solution]):
     @property
     def orbit(self) -> PeriodicOrbit:
         """The orbit at the point of a curve of orbits."""
-        return checks.instance(f"solution of {self.label}", self.solution, PeriodicOrbit, "use .equilibrium")
+        return checks.instance(f"solution of {self.label}", self.solution, PeriodicOrbit, "use .equilibrium or .cycle")
 
     @property
     def equilibrium(self) -> Equilibrium:
         """The equilibrium at the point of a curve of equilibria."""
-        return checks.instance(f"solution of {self.label}", self.solution, Equilibrium, "use .orbit")
+        return checks.instance(f"solution of {self.label}", self.solution, Equilibrium, "use .orbit or .cycle")
 
     @property
     def cycle(self) -> MapOrbit:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
 from saltus import checks
 from saltus.continuation.births import cycle_born, equilibrium_of_cycle, other_equilibrium
+from saltus.continuation.cycle_switching import other_cycle
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.zero_problem import correct
+from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.critical import Branching, scaling
@@ -34,7 +36,15 @@ _PERHAPS_ZERO = 1e-6  # value of a parameter, in its own unit, up to which it ma
 _ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the same direction
 
 
-def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]) -> PeriodicOrbit | Equilibrium:
+@overload
+def switch_branch(
+    point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium],
+) -> PeriodicOrbit | Equilibrium: ...
+@overload
+def switch_branch(point: SpecialPoint[MapOrbit]) -> MapOrbit: ...
+def switch_branch(
+    point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium] | SpecialPoint[MapOrbit],
+) -> PeriodicOrbit | Equilibrium | MapOrbit:
     """Return a solution of the other branch that meets the point's own branch at a special point.
 
     docs/theory/loci.md, "Other branches", derives the directions for orbits, docs/theory/equilibria.md those for
@@ -43,11 +53,12 @@ def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]
     Parameters
     ----------
     point : SpecialPoint
-        Of orbits: a PD, BP, GR or HB of a branch, or a PD or GR of a locus. Of equilibria: an HB or BP of a branch.
+        Of orbits: a PD, BP, GR or HB of a branch, or a PD or GR of a locus. Of equilibria: an HB or BP of a branch. Of
+        cycles of a map: a PD or BP of a branch, or a PD of a locus.
 
     Returns
     -------
-    PeriodicOrbit or Equilibrium
+    PeriodicOrbit, Equilibrium or MapOrbit
         At a PD an orbit of doubled period, at a BP an orbit of the other branch. Both lie a short step from the point
         and have their own value of the parameter. At a GR the grazing orbit itself in a neighbouring signature: the
         second of `grazing_orbits`. `continue_orbit` follows the branch through the orbit. At an HB of equilibria a
@@ -78,6 +89,8 @@ def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]
     (2, True, True)
     """
     checks.instance("point", point, SpecialPoint)
+    if isinstance(point.solution, MapOrbit):
+        return other_cycle(point)
     if isinstance(point.solution, Equilibrium):
         return _from_equilibrium(point, point.solution)
     if point.type == "HB":

@@ -1,0 +1,81 @@
+"""Cycles of the other branches that meet at a special point of a map: doubled ones, those of a branch point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from saltus.continuation.branching import everywhere, other_branch, parameter_scale, stepped
+from saltus.continuation.cycle_problem import CycleZeroProblem
+from saltus.continuation.special_points import SpecialPoint
+from saltus.cycles.normal_forms import null_vectors
+from saltus.cycles.orbit import MapOrbit, cycle_at
+from saltus.cycles.solve import sizes_of
+from saltus.errors import ConvergenceError, InputError
+
+__all__ = ["doubled_cycle", "other_cycle"]
+
+_AMPLITUDES = tuple(1e-3 * 0.25**k for k in range(8))  # steps onto the doubled branch, in sizes of the states, in turn
+
+
+def other_cycle(point: SpecialPoint[MapOrbit]) -> MapOrbit:
+    """Return a cycle of another branch that meets the point's own one.
+
+    Raises
+    ------
+    InputError
+        The point is no PD or BP.
+    ConvergenceError
+        No cycle of the other branch was found.
+    """
+    if point.type == "PD":
+        return doubled_cycle(point)
+    if point.type != "BP":
+        raise InputError("point", point.type, "of type PD or BP", "no other branch meets there")
+    orbit, name = point.cycle, point.varied[-1]
+    problem = orbit.problem(name)
+    u = np.append(orbit.points.ravel(), orbit.parameters[name])
+    if problem.period % 2 == 0 and point.tangent is not None:
+        half = problem.n // 2
+        if np.allclose(u[:half], u[half:-1], rtol=0.0, atol=1e-5 * float(np.abs(u[:-1]).max())):
+            return _single(orbit)
+    return cycle_at(problem, *other_branch(problem, u, point.tangent, CycleZeroProblem))
+
+
+def _single(orbit: MapOrbit) -> MapOrbit:
+    """Return the cycle of half the period at the point to which a doubled one has shrunk."""
+    half = orbit.period // 2
+    points = 0.5 * (orbit.points[:half] + orbit.points[half:])
+    names = orbit.system.piece_names
+    problem = orbit.problem().along(tuple(names.index(name) for name in orbit.itinerary[:half]))
+    u = points.ravel()
+    for _ in range(3):
+        F, J = problem.evaluate(u)
+        u = u - np.linalg.solve(J, F)
+    return cycle_at(problem, u, sizes_of(problem, u))
+
+
+def doubled_cycle(point: SpecialPoint[MapOrbit], level: int = 0) -> MapOrbit:
+    """Return the cycle of doubled period beside a period doubling, the `level`-th of a cascade, counted from 0."""
+    orbit, name = point.cycle, point.varied[-1]
+    single = orbit.problem(name)
+    u = np.append(orbit.points.ravel(), orbit.parameters[name])
+    q = null_vectors(single, single.evaluate(u)[1], -1.0)[0].real
+    scale = parameter_scale(single, u)
+    problem = single.along(single.itinerary * 2)
+    problem.scales[0] = scale
+    start = np.concatenate([u[:-1], u[:-1], [u[-1] / scale]])
+    sizes = sizes_of(problem, start)
+    direction = np.concatenate([q, -q, [0.0]])
+    direction = direction / float(np.abs(direction[:-1] / sizes).max())
+    reason = ""
+    for amplitude in _AMPLITUDES:
+        branch = CycleZeroProblem(problem, sizes, everywhere(scale))
+        found = stepped(branch, start, 0.5**level * amplitude * direction, sizes)
+        if isinstance(found, str):
+            reason = found
+            continue
+        doubled = cycle_at(problem, found, sizes)
+        if doubled.regular or not orbit.regular:
+            return doubled
+        reason = "; ".join(doubled.reasons)
+    raise ConvergenceError("doubled cycle", _AMPLITUDES[-1], len(_AMPLITUDES), reason)
