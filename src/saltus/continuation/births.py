@@ -147,7 +147,12 @@ def equilibrium_of_cycle(orbit: PeriodicOrbit) -> Equilibrium:
     return found
 
 
-def other_equilibrium(equilibrium: Equilibrium, parameter: str, tangent: NDArray[np.float64] | None) -> Equilibrium:
+def other_equilibrium(
+    equilibrium: Equilibrium,
+    parameter: str,
+    tangent: NDArray[np.float64] | None,
+    known: NDArray[np.float64] | None = None,
+) -> Equilibrium:
     """Return an equilibrium of the other branch at a branch point, a short step from the point.
 
     Parameters
@@ -158,6 +163,8 @@ def other_equilibrium(equilibrium: Equilibrium, parameter: str, tangent: NDArray
         The parameter that is free.
     tangent : ndarray, shape (n + 1,), or None
         Tangent of the point's own branch.
+    known : ndarray, shape (n,), optional
+        Sizes of the states along it.
 
     Raises
     ------
@@ -167,7 +174,6 @@ def other_equilibrium(equilibrium: Equilibrium, parameter: str, tangent: NDArray
         No equilibrium of the other branch was found.
     """
     problem = equilibrium.problem(parameter)
-    u, sizes = other_branch(
-        problem, np.append(equilibrium.state, equilibrium.parameters[parameter]), tangent, EquilibriumZeroProblem
-    )
+    u = np.append(equilibrium.state, equilibrium.parameters[parameter])
+    u, sizes = other_branch(problem, u, tangent, EquilibriumZeroProblem, known)
     return equilibrium_at(problem, u, sizes)

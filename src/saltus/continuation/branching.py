@@ -34,11 +34,13 @@ def everywhere(scale: float) -> Interest:
     return Interest(-math.inf, math.inf, scale)
 
 
-def parameter_scale(problem: AlgebraicProblem, u: NDArray[np.float64]) -> float:
+def parameter_scale(
+    problem: AlgebraicProblem, u: NDArray[np.float64], known: NDArray[np.float64] | None = None
+) -> float:
     """Return the change of the parameter that alters the Jacobian by its own size, along the branch."""
     n = problem.n
     J = problem.evaluate(u)[1]
-    sizes = state_sizes(problem, u, J)
+    sizes = state_sizes(problem, u, J) if known is None else known
     moved = np.linalg.lstsq(J[:, :n], -J[:, n], rcond=1e-8)[0]
     change = problem.second(u, np.append(moved, 1.0))[:, :n]
     sizes = np.maximum(sizes, 1e-300)
@@ -52,6 +54,7 @@ def other_branch(
     u: NDArray[np.float64],
     tangent: NDArray[np.float64] | None,
     zero_problem: type[AlgebraicZeroProblem],
+    known: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return a solution of the other branch at a branch point, a short step from the point, and sizes, (n,).
 
@@ -65,6 +68,8 @@ def other_branch(
         Tangent of the point's own branch.
     zero_problem : type
         How the equations are followed.
+    known : ndarray, shape (n,), optional
+        Sizes of the unknowns along the point's own branch.
 
     Raises
     ------
@@ -75,10 +80,10 @@ def other_branch(
     """
     if tangent is None:
         raise InputError("point", "a BP without tangent", "a branch point of a branch")
-    n, scale = problem.n, parameter_scale(problem, u)
+    n, scale = problem.n, parameter_scale(problem, u, known)
     problem.scales[0], u = scale, np.append(u[:n], u[n] / scale)
     J = problem.evaluate(u)[1]
-    sizes = np.append(state_sizes(problem, u, J), 1.0)
+    sizes = np.append(state_sizes(problem, u, J) if known is None else known, 1.0)
     terms = np.abs(J * sizes).max(axis=1)
     rows = 1.0 / np.where(terms > _FAINT * terms.max(), terms, terms.max() or 1.0)
     left, _, right = np.linalg.svd(J * sizes * rows[:, None])

@@ -38,7 +38,7 @@ def other_cycle(point: SpecialPoint[MapOrbit]) -> MapOrbit:
         half = problem.n // 2
         if np.allclose(u[:half], u[half:-1], rtol=0.0, atol=1e-5 * float(np.abs(u[:-1]).max())):
             return _single(orbit)
-    return cycle_at(problem, *other_branch(problem, u, point.tangent, CycleZeroProblem))
+    return cycle_at(problem, *other_branch(problem, u, point.tangent, CycleZeroProblem, point.scale))
 
 
 def _single(orbit: MapOrbit) -> MapOrbit:
@@ -60,11 +60,11 @@ def doubled_cycle(point: SpecialPoint[MapOrbit], level: int = 0) -> MapOrbit:
     single = orbit.problem(name)
     u = np.append(orbit.points.ravel(), orbit.parameters[name])
     q = null_vectors(single, single.evaluate(u)[1], -1.0)[0].real
-    scale = parameter_scale(single, u)
+    scale = parameter_scale(single, u, point.scale)
     problem = single.along(single.itinerary * 2)
     problem.scales[0] = scale
     start = np.concatenate([u[:-1], u[:-1], [u[-1] / scale]])
-    sizes = sizes_of(problem, start)
+    sizes = sizes_of(problem, start) if point.scale is None else np.tile(point.scale, 2)
     direction = np.concatenate([q, -q, [0.0]])
     direction = direction / float(np.abs(direction[:-1] / sizes).max())
     reason = ""
