@@ -24,6 +24,7 @@ from .continuation import (
     Locus as Locus,
     MapBranch as MapBranch,
     MapCascade as MapCascade,
+    MapLocus as MapLocus,
     SpecialPoint as SpecialPoint,
     StepControl as StepControl,
     continue_equilibrium as continue_equilibrium,

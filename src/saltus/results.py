@@ -42,6 +42,7 @@ _HOMES = {
     "EquilibriumLocus": "saltus.continuation.equilibrium_locus",
     "MapBranch": "saltus.continuation.map_curve",
     "MapCascade": "saltus.continuation.map_cascade",
+    "MapLocus": "saltus.continuation.map_locus",
     "Branch": "saltus.continuation.branch",
     "Locus": "saltus.continuation.locus",
     "Family": "saltus.continuation.family",

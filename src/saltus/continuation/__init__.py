@@ -14,6 +14,7 @@ from saltus.continuation.loci import continue_locus
 from saltus.continuation.locus import Locus
 from saltus.continuation.map_cascade import MapCascade
 from saltus.continuation.map_curve import MapBranch
+from saltus.continuation.map_locus import MapLocus
 from saltus.continuation.members import continue_family
 from saltus.continuation.options import BranchOptions
 from saltus.continuation.orbit_curve import OrbitCurve
@@ -33,6 +34,7 @@ __all__ = [
     "Locus",
     "MapBranch",
     "MapCascade",
+    "MapLocus",
     "OrbitCurve",
     "SpecialPoint",
     "SpecialPoints",

@@ -4,24 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, cast, overload
+from typing import cast, overload
 
 from saltus import checks
 from saltus.continuation.arclength import StepControl
+from saltus.continuation.cycle_loci import CycleLocusRun
 from saltus.continuation.equilibrium_loci import EquilibriumLocusRun
 from saltus.continuation.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.locus import Locus
+from saltus.continuation.map_locus import MapLocus
 from saltus.continuation.monitor import BIFURCATIONS
-from saltus.continuation.options import EQUILIBRIUM_LOCI, read_parameters, read_start, read_steps, read_stops
+from saltus.continuation.options import (
+    CYCLE_LOCI,
+    EQUILIBRIUM_LOCI,
+    read_parameters,
+    read_start,
+    read_steps,
+    read_stops,
+)
 from saltus.continuation.orbit_loci import OrbitLocusRun
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.two_sided import traced
+from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.progress import Report, Reporter
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["continue_locus"]
 
@@ -52,8 +59,9 @@ def continue_locus(
     stop_at: str | Iterable[str] = (),
     progress: bool | Report = False,
 ) -> EquilibriumLocus: ...
+@overload
 def continue_locus(
-    start: SpecialPoint | SpecialPoint[Equilibrium] | PeriodicOrbit | Equilibrium,
+    start: SpecialPoint[MapOrbit] | MapOrbit,
     parameters: tuple[str, str],
     bounds: Mapping[str, tuple[float, float]],
     *,
@@ -62,23 +70,35 @@ def continue_locus(
     directions: str = "both",
     stop_at: str | Iterable[str] = (),
     progress: bool | Report = False,
-) -> Locus | EquilibriumLocus:
+) -> MapLocus: ...
+def continue_locus(
+    start: SpecialPoint | SpecialPoint[Equilibrium] | SpecialPoint[MapOrbit] | PeriodicOrbit | Equilibrium | MapOrbit,
+    parameters: tuple[str, str],
+    bounds: Mapping[str, tuple[float, float]],
+    *,
+    type: str | None = None,
+    steps: StepControl | None = None,
+    directions: str = "both",
+    stop_at: str | Iterable[str] = (),
+    progress: bool | Report = False,
+) -> Locus | EquilibriumLocus | MapLocus:
     """Return the locus of critical orbits or equilibria through a special point, as two parameters vary.
 
     Every point is a corrected critical orbit. A multiplier is 1 (SN), -1 (PD) or on the unit circle (TR), a contact is
     tangential (GR), or branches meet (BP). An equilibrium has an eigenvalue 0 (SN), an imaginary pair (HB), or lies on
-    a boundary of its mode (BE). Points of codimension two are located. docs/theory/loci.md and
-    docs/theory/equilibria.md derive the equations.
+    a boundary of its mode (BE). A cycle of a map has a point on a border (BC) in place of a contact. Points of
+    codimension two are located. docs/theory/loci.md, docs/theory/equilibria.md and docs/theory/cycles.md derive the
+    equations.
 
     Parameters
     ----------
-    start : SpecialPoint, PeriodicOrbit or Equilibrium
+    start : SpecialPoint, PeriodicOrbit, Equilibrium or MapOrbit
         Where the locus starts: a special point of a branch or of a locus, a `Locus.point`, or a solution with `type`.
     parameters : (str, str)
         The two parameters that vary.
     bounds : mapping of str to (float, float)
         Interval of each of the two parameters; the start must lie in both.
-    type : {"SN", "PD", "TR", "BP", "GR", "HB", "BE"}, optional
+    type : {"SN", "PD", "TR", "BP", "GR", "HB", "BE", "BC"}, optional
         Type of the locus. By default that of the start; at a point of codimension two the simplest through it.
     steps : StepControl, optional
         Sizes of steps and their limits. A locus ends at a grazing: `StepControl.at_grazing` must have its default.
@@ -91,7 +111,7 @@ def continue_locus(
 
     Returns
     -------
-    Locus or EquilibriumLocus
+    Locus, EquilibriumLocus or MapLocus
         All points found, however the locus ended: `Locus.stopped` says why. An interrupt (Ctrl-C) ends it likewise. A
         locus ends at a grazing, since orbits beyond have another signature. A TR locus also ends at R1 and R2. One of
         equilibria ends at a boundary of its mode, an HB locus also at BT.
@@ -129,6 +149,10 @@ def continue_locus(
         begin = cast("SpecialPoint[Equilibrium] | Equilibrium", start)
         at_rest = EquilibriumLocusRun(begin, orbit, kind, names, intervals, control, stops, reporter)
         return at_rest.locus(tuple(parameters), directions)
+    if isinstance(orbit, MapOrbit):
+        stops = read_stops(stop_at, (*_STOPS[:9], *CYCLE_LOCI))
+        of_map = CycleLocusRun(start, orbit, kind, names, intervals, control, stops, reporter)
+        return of_map.locus(tuple(parameters), directions)
     stops = read_stops(stop_at, _STOPS)
     first = cast("SpecialPoint | PeriodicOrbit", start)
     run = OrbitLocusRun(first, orbit, kind, names, intervals, control, stops, reporter)

@@ -11,6 +11,7 @@ from saltus import checks
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.monitor import BIFURCATIONS
 from saltus.continuation.special_points import SpecialPoint
+from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError, nearest
 from saltus.orbits.orbit import PeriodicOrbit
@@ -41,6 +42,12 @@ _LOCI = {
 
 EQUILIBRIUM_LOCI = ("SN", "HB", "BE")  # types of special points of equilibria that have loci
 _EQUILIBRIUM_LOCI = {"SN": "SN", "HB": "HB", "BE": "BE", "CP": "SN", "BT": "HB", "GH": "HB", "ZH": "SN", "HH": "HB"}
+
+CYCLE_LOCI = ("SN", "PD", "TR", "BC")  # types of special points of cycles of maps that have loci
+_CYCLE_LOCI = {
+    "SN": "SN", "PD": "PD", "TR": "TR", "BC": "BC", "CP": "SN", "GPD": "PD", "CH": "TR", "R1": "SN", "R2": "PD",
+    "R3": "TR", "R4": "TR", "FF": "SN",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -152,16 +159,18 @@ def read_events(
     return tuple(found)
 
 
-def read_start(
-    start: SpecialPoint | SpecialPoint[Equilibrium] | PeriodicOrbit | Equilibrium, kind: str | None
-) -> tuple[Any, str]:
-    """Return the orbit or the equilibrium at which a locus starts, and the type of the locus."""
+def read_start(start: SpecialPoint[Any] | PeriodicOrbit | Equilibrium | MapOrbit, kind: str | None) -> tuple[Any, str]:
+    """Return the solution at which a locus starts, and the type of the locus."""
     solution = start.solution if isinstance(start, SpecialPoint) else start
-    of_equilibria = isinstance(solution, Equilibrium)
-    known, loci = (EQUILIBRIUM_LOCI, _EQUILIBRIUM_LOCI) if of_equilibria else (BIFURCATIONS, _LOCI)
+    known: tuple[str, ...]
+    known, loci = BIFURCATIONS, _LOCI
+    if isinstance(solution, Equilibrium):
+        known, loci = EQUILIBRIUM_LOCI, _EQUILIBRIUM_LOCI
+    if isinstance(solution, MapOrbit):
+        known, loci = CYCLE_LOCI, _CYCLE_LOCI
     if kind is not None:
         checks.chosen("type", kind, known)
-    if isinstance(start, PeriodicOrbit | Equilibrium):
+    if isinstance(start, PeriodicOrbit | Equilibrium | MapOrbit):
         if kind is None:
             what = type(start).__name__
             raise InputError("start", what, "a special point, or a solution with its type", "type='SN'")
@@ -176,7 +185,9 @@ def read_start(
 
 
 def read_parameters(
-    orbit: PeriodicOrbit | Equilibrium, parameters: tuple[str, str], bounds: Mapping[str, tuple[float, float]]
+    orbit: PeriodicOrbit | Equilibrium | MapOrbit,
+    parameters: tuple[str, str],
+    bounds: Mapping[str, tuple[float, float]],
 ) -> tuple[tuple[str, str], tuple[tuple[float, float], tuple[float, float]]]:
     """Return the two names in the system's order, and their intervals."""
     known = orbit.system.parameter_names

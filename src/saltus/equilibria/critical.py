@@ -17,6 +17,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.equilibria.algebraic import AlgebraicProblem
     from saltus.equilibria.problem import EquilibriumProblem
 
 __all__ = ["Boundary", "Condition", "Hopf", "Singular", "solve_branch_point"]
@@ -54,19 +55,28 @@ class Singular:
 
     Parameters
     ----------
-    problem : EquilibriumProblem
+    problem : AlgebraicProblem
         The equations, two parameters active.
     u : ndarray, shape (n + 2,)
-        An equilibrium near the condition.
+        A solution near the condition.
     sizes : ndarray, shape (n,)
         Typical sizes of the states.
+    shift : ndarray, shape (n, n), optional
+        What is added to the Jacobian, as for a multiplier -1 of a map.
     """
 
     extra, rows = 0, 1
 
-    def __init__(self, problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> None:
+    def __init__(
+        self,
+        problem: AlgebraicProblem,
+        u: NDArray[np.float64],
+        sizes: NDArray[np.float64],
+        shift: NDArray[np.float64] | None = None,
+    ) -> None:
         self.problem, self.sizes = problem, sizes
-        A = problem.evaluate(u)[1][:, : problem.n]
+        self._shift = np.zeros((problem.n, problem.n)) if shift is None else shift
+        A = problem.evaluate(u)[1][:, : problem.n] + self._shift
         scaled = A * sizes / sizes[:, None]
         left, _, right = np.linalg.svd(scaled)
         self.right, self.left = right[-1] * sizes, left[:, -1] / sizes
@@ -81,7 +91,7 @@ class Singular:
         """See `Condition.evaluate`."""
         n = self.problem.n
         unit = np.append(np.zeros(n), 1.0)
-        bordered = np.block([[J[:, :n], self._column[:, None]], [self._row[None, :], np.zeros((1, 1))]])
+        bordered = np.block([[J[:, :n] + self._shift, self._column[:, None]], [self._row[None, :], np.zeros((1, 1))]])
         v, w = np.linalg.solve(bordered, unit), np.linalg.solve(bordered.T, unit)
         self.right, self.left = v[:n], w[:n]
         bend = self.problem.second(u, np.append(self.right, np.zeros(u.size - n)))
@@ -200,7 +210,7 @@ class Boundary:
 
 
 def solve_branch_point(
-    problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
+    problem: AlgebraicProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
     """Return the branch point near `u`, shape (n + 1,), one parameter active; None where there is none.
 

@@ -1,0 +1,249 @@
+"""One continuation of a locus, of equilibria or of cycles of a map: its start, its directions, its events."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from saltus.continuation.algebraic_locus_problem import AlgebraicLocusProblem
+from saltus.continuation.algebraic_problem import closes, extents
+from saltus.continuation.arclength import Failure, StepControl, follow
+from saltus.continuation.options import ROUNDING
+from saltus.continuation.special_points import SpecialPoint
+from saltus.continuation.two_sided import SAME, BothSides, Found, OneSide, join, traced, turned
+from saltus.continuation.zero_problem import Event, Point, start_point
+from saltus.errors import InputError
+from saltus.progress import Reporter
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.monitor import Monitor
+
+__all__ = ["AlgebraicLocusRun"]
+
+_MOVED = 1e-3  # change, over the unknowns' sizes, by which the first point of a locus may differ from the start
+_REGULAR = 1e-11  # least singular value of the extended equations, over the largest, of a regular start
+
+
+@dataclass
+class AlgebraicLocusRun(ABC):
+    """One call of `continue_locus` from an equilibrium or from a cycle of a map.
+
+    Attributes
+    ----------
+    start : SpecialPoint, Equilibrium or MapOrbit
+        Where the locus starts.
+    solution : Equilibrium or MapOrbit
+        The solution there.
+    kind : str
+        Type of the locus.
+    names, intervals
+        The two parameters in the system's order, and their intervals.
+    control, stops, reporter
+        Steps, types of special points that end the locus, progress.
+    """
+
+    start: Any
+    solution: Any
+    kind: str
+    names: tuple[str, str]
+    intervals: tuple[tuple[float, float], tuple[float, float]]
+    control: StepControl
+    stops: set[str]
+    reporter: Reporter
+
+    codimension_two: ClassVar[tuple[str, ...]]  # types of special points that a start may be
+    zero_problem: ClassVar[type[AlgebraicLocusProblem]]  # how the equations are followed
+
+    def __post_init__(self) -> None:
+        self.scales = np.array([high - low for low, high in self.intervals])
+        first, second = ((low / unit, high / unit) for (low, high), unit in
+                         zip(self.intervals, self.scales.tolist(), strict=True))  # fmt: skip
+        self.bounds = (first, second)
+        self.log: list[Failure] = []
+
+    @abstractmethod
+    def equations(self, p: NDArray[np.float64], active: list[int]) -> Any:
+        """Return the equations of the start."""
+
+    @abstractmethod
+    def given(self) -> NDArray[np.float64]:
+        """Return the unknowns of the start without the parameters."""
+
+    @abstractmethod
+    def condition(
+        self, problem: Any, u: NDArray[np.float64], sizes: NDArray[np.float64]
+    ) -> tuple[Any, NDArray[np.float64]]:
+        """Return the condition of the locus, and a guess of its further unknowns."""
+
+    @abstractmethod
+    def solution_at(self, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> Any:
+        """Return the solution with the unknowns `u`."""
+
+    @abstractmethod
+    def end(self, kind: str) -> str | None:
+        """Return why the locus ends at a special point of some type; None where it does not."""
+
+    @abstractmethod
+    def met(self, name: Monitor) -> str:
+        """Return what is met at the zero of a monitor function of a border; empty for others."""
+
+    def passed(self, point: Point) -> str | None:
+        """Return why the locus ended before a point; None where it did not."""
+        return None
+
+    def extents(self, problem: Any, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return typical sizes of the unknowns at the start, shape (n,)."""
+        return extents(problem, u)
+
+    def joined(self, order: tuple[str, ...], directions: str) -> BothSides:
+        """Return the locus in both directions, its parameters in the order that the user gave."""
+        origin = self.begin(self.names.index(order[1]))
+        with self.reporter:
+            halves = traced(lambda sign: self.trace(origin, sign), directions)
+        joined = join((self.branch, origin), halves, "locus")
+        if (own := self._at_start(origin)) is not None and all(
+            found.name != own.name or abs(arc) > SAME for found, _, arc in joined.specials
+        ):
+            joined.specials = sorted([*joined.specials, (own, float(joined.offset), 0.0)], key=lambda item: item[2])
+        return joined
+
+    def fields(self, joined: BothSides, order: tuple[str, ...], directions: str) -> dict[str, Any]:
+        """Return the fields that loci of equilibria and of cycles fill in the same way."""
+        columns = [self.names.index(name) for name in order]
+        options: dict[str, Any] = {
+            "bounds": {name: list(interval) for name, interval in zip(self.names, self.intervals, strict=True)},
+            "steps": asdict(self.control),
+            "directions": directions,
+            "stop_at": sorted(self.stops),
+        }
+        return {
+            "system": self.solution.system,
+            "type": self.kind,
+            "names": (order[0], order[1]),
+            "parameters": dict(self.solution.parameters),
+            "values": np.array([point.u[-2:] * self.scales for _, point in joined.rows])[:, columns],
+            "special_points": joined.special_points(order, self.kind),
+            "rejected": tuple(
+                f"{self.names[1]} = {failure.parameter * self.scales[1]:.9g}, step {failure.step:.3g}: {failure.reason}"
+                for failure in self.log
+            ),
+            "options": options,
+        }
+
+    def begin(self, towards: int) -> Point:
+        """Return the first point, its tangent towards growing values of the parameter number `towards`."""
+        system = self.solution.system
+        p = system.parameter_vector(self.solution.parameters)
+        active = [system.parameter_names.index(name) for name in self.names]
+        values = p[active] / self.scales
+        for i, interval in enumerate(self.bounds):
+            for bound in interval:
+                values[i] = bound if abs(values[i] - bound) < ROUNDING else values[i]
+        problem = self.equations(p, active)
+        u = np.append(self.given(), values)
+        known = self.start.scale if isinstance(self.start, SpecialPoint) else None
+        sizes = self.extents(problem, u) if known is None else known
+        condition, extra = self.condition(problem, u, sizes)
+        z = np.concatenate([u[: problem.n], extra, u[-2:]])
+        self.branch = self.zero_problem(problem, self.kind, condition, sizes, self.bounds)
+        found = np.linalg.svd(self.branch.evaluate(z)[1] * self.branch.scale(), compute_uv=False)
+        if not found[-1] > _REGULAR * found[0]:
+            raise self._irregular("the extended equations have more than one solution direction there")
+        try:
+            point = start_point(self.branch, z)
+        except (ValueError, np.linalg.LinAlgError) as error:
+            raise self._irregular(str(error)) from None
+        away = np.abs(point.u - z)[np.r_[: problem.n, -2:0]]
+        if float(np.max(away / np.append(sizes, [1.0, 1.0]))) > _MOVED:
+            raise InputError("start", f"{float(np.max(away)):.2g} away", f"a located {self.kind}")
+        examined = self.branch.examine(point, None)
+        own = self.start.type if isinstance(self.start, SpecialPoint) else ""
+        # a test function that vanishes at the start itself has no sign there
+        monitors = {name: math.nan if name.kind == own else value for name, value in examined.monitors.items()}
+        point.examined = replace(examined, monitors=monitors)
+        return turned(point, float(point.tangent[towards - 2]), AlgebraicLocusProblem.odd)
+
+    def _irregular(self, reason: str) -> InputError:
+        wanted = f"two parameters in which the {self.kind} has a regular locus"
+        return InputError("parameters", self.names, wanted, reason)
+
+    def trace(self, origin: Point, sign: float) -> OneSide:
+        """Return one direction of the locus, followed to its end."""
+        half = OneSide()
+        point = turned(origin, sign, AlgebraicLocusProblem.odd)
+        point.u = point.u.copy()
+        if hasattr(self.branch.condition, "restart"):
+            at = slice(self.branch.n, -2)
+            J = self.branch.problem.evaluate(self.branch.unknowns(point.u))[1]
+            self.branch.condition.restart(J, point.u[at])
+        for i, (low, high) in enumerate(self.bounds):
+            way = math.copysign(1.0, float(point.tangent[i - 2]))
+            beyond = way * (float(point.u[i - 2]) - (high if way > 0.0 else low))
+            if beyond > -ROUNDING and abs(float(point.tangent[i - 2])) > ROUNDING:
+                half.stopped = f"{self._place(point)}: bound reached"
+                return half
+        try:
+            half.stopped = self._follow(half, point, origin)
+        except KeyboardInterrupt:
+            half.stopped, half.interrupted = "interrupted", True
+        return half
+
+    def _place(self, point: Point) -> str:
+        values = point.u[-2:] * self.scales
+        return ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.names, values, strict=True))
+
+    def _follow(self, half: OneSide, point: Point, origin: Point) -> str:
+        last = point
+        for item in follow(self.branch, point, self.control, log=self.log):
+            if isinstance(item, str):
+                return f"{self._place(last)}: {item}"
+            if isinstance(item, Event):
+                if (end := self._event(half, item)) is not None:
+                    half.points.append((self.branch, item.point))
+                    return f"{self._place(item.point)}: {end}"
+                continue
+            if (passed := self.passed(item)) is not None:
+                return f"{self._place(last)}: {passed}"
+            if closes(origin, last, item, self.control):
+                half.points.append((self.branch, origin))
+                half.closed = True
+                return "the locus is closed"
+            half.points.append((self.branch, item))
+            if self.reporter.report is not None:
+                pairs = zip(self.names, item.u[-2:] * self.scales, strict=True)
+                self.reporter.step(1, ", ".join(f"{name} = {value:.6g}" for name, value in pairs))
+            if len(half.points) >= self.control.most:
+                return f"{self._place(item)}: {self.control.most} points"
+            last = item
+        raise AssertionError("follow ends with a reason")
+
+    def _event(self, half: OneSide, event: Event) -> str | None:
+        """Keep a special point; return the reason why the locus ends there, or None."""
+        kind, at = event.name.kind, event.name.segment
+        if kind in ("low", "high"):
+            event.point.u[at - 2] = self.bounds[at][kind == "high"]
+            return "bound reached"
+        of = self.names[at] if kind == "TP" else ""
+        of = of or self.met(event.name)
+        half.specials.append(self._found(kind, event.point, event.value, len(half.points), of))
+        if (end := self.end(kind)) is not None:
+            return f"{kind}: {end}"
+        return kind if kind in self.stops else None
+
+    def _found(self, kind: str, point: Point, value: float, after: int, of: str) -> Found:
+        sizes = self.branch.sizes.copy()
+        solution = self.solution_at(self.branch.unknowns(point.u), sizes)
+        return Found(kind, solution, value, after, point.arc, of, scale=sizes)
+
+    def _at_start(self, origin: Point) -> Found | None:
+        """Return the start as a special point of the locus, if it is one of codimension two."""
+        start = self.start
+        if not isinstance(start, SpecialPoint) or start.type not in self.codimension_two:
+            return None
+        return self._found(start.type, origin, 0.0, 0, start.of)

@@ -1,0 +1,121 @@
+"""Continuation of loci of cycles of maps along two parameters: critical multipliers, border collisions."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.algebraic_loci import AlgebraicLocusRun
+from saltus.continuation.cycle_locus_problem import CycleLocusProblem
+from saltus.continuation.cycle_problem import in_lockstep
+from saltus.continuation.cycles import cycle_fields
+from saltus.continuation.map_locus import MapLocus
+from saltus.cycles.critical import OnBorder, Rotation
+from saltus.cycles.orbit import MapOrbit, cycle_at, itinerary_of
+from saltus.cycles.problem import CycleProblem
+from saltus.equilibria.critical import Singular
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.monitor import Monitor
+    from saltus.continuation.zero_problem import Point
+    from saltus.equilibria.critical import Condition
+
+__all__ = ["CycleLocusRun"]
+
+_CRITICAL = 1e-3  # distance of a start's multiplier from the critical one
+_ENDS = {
+    "R1": "beyond it two real multipliers have the product 1",
+    "R2": "beyond it two real multipliers have the product 1",
+    "BC": "cycles beyond it belong to another itinerary",
+}  # special points at which a locus ends, and why
+
+
+class CycleLocusRun(AlgebraicLocusRun):
+    """One call of `continue_locus` from a cycle of a map; see `AlgebraicLocusRun`."""
+
+    solution: MapOrbit
+    codimension_two = ("CP", "GPD", "CH", "R1", "R2", "R3", "R4", "FF")
+    zero_problem = CycleLocusProblem
+
+    def locus(self, order: tuple[str, ...], directions: str) -> MapLocus:
+        """Return the locus, its parameters in the order that the user gave."""
+        joined = self.joined(order, directions)
+        data = [point.examined.data for _, point in joined.rows]
+        return MapLocus(
+            angle=np.array([d.angle for d in data]),
+            coefficient=np.array([d.coefficient for d in data]),
+            **self.fields(joined, order, directions),
+            **cycle_fields(joined),
+        )
+
+    def equations(self, p: NDArray[np.float64], active: list[int]) -> CycleProblem:
+        """See `AlgebraicLocusRun.equations`."""
+        system = self.solution.system
+        return CycleProblem(system, itinerary_of(system, self.solution.itinerary), p, active, self.scales)
+
+    def given(self) -> NDArray[np.float64]:
+        """See `AlgebraicLocusRun.given`."""
+        return self.solution.points.ravel().copy()
+
+    def extents(self, problem: CycleProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `AlgebraicLocusRun.extents`."""
+        return in_lockstep(super().extents(problem, u), problem.period)
+
+    def solution_at(self, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> MapOrbit:
+        """See `AlgebraicLocusRun.solution_at`."""
+        return cycle_at(self.branch.problem, u, sizes)
+
+    def end(self, kind: str) -> str | None:
+        """See `AlgebraicLocusRun.end`."""
+        return _ENDS[kind] if kind in _ENDS and (kind == "BC" or self.kind == "TR") else None
+
+    def met(self, name: Monitor) -> str:
+        """See `AlgebraicLocusRun.met`."""
+        system = self.solution.system
+        texts = [text for conditions in system.conditions.values() for text in conditions]
+        return texts[name.transition - len(system.pieces)] if name.kind == "BC" else ""
+
+    def passed(self, point: Point) -> str | None:
+        """See `AlgebraicLocusRun.passed`."""
+        cosine = float(point.u[-3]) if self.kind == "TR" else 0.0
+        return None if abs(cosine) < 1.0 else f"{'R1' if cosine > 0.0 else 'R2'}: {_ENDS['R1']}"
+
+    def condition(
+        self, problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
+    ) -> tuple[Condition, NDArray[np.float64]]:
+        """See `AlgebraicLocusRun.condition`."""
+        values = self.solution.multipliers
+        if self.kind == "SN":
+            self._check_critical(float(np.abs(values - 1.0).min()), "a multiplier 1")
+            return Singular(problem, u, sizes), np.empty(0)
+        if self.kind == "PD":
+            self._check_critical(float(np.abs(values + 1.0).min()), "a multiplier -1")
+            return Singular(problem, u, sizes, 2.0 * problem.closing), np.empty(0)
+        if self.kind == "TR":
+            pairs = values[values.imag > 0.0]
+            distances = np.abs(np.abs(pairs) - 1.0)
+            self._check_critical(float(distances.min(initial=math.inf)), "a complex pair on the unit circle")
+            pair = complex(pairs[np.argmin(distances)])
+            condition = Rotation(problem, u, sizes, pair.real / abs(pair))
+            return condition, condition.guess
+        heights = {
+            (i, guard): abs(height) / (float(np.abs(problem.border(i, guard, u)[1][: problem.n]) @ sizes) or 1.0)
+            for i, guard, height in problem.heights(u)
+        }
+        nearest = min(heights, key=heights.__getitem__, default=None)
+        if nearest is None:
+            raise InputError("type", "BC", "a locus of a map in pieces", "a smooth map has no borders")
+        if not heights[nearest] < _CRITICAL:
+            least = f"{heights[nearest]:.3g} from the nearest border"
+            raise InputError("start", least, "a cycle with a point on one", "a BC lies there")
+        return OnBorder(problem, *nearest), np.empty(0)
+
+    def _check_critical(self, distance: float, wanted: str) -> None:
+        if not distance < _CRITICAL:
+            found = ", ".join(f"{v:.6g}" for v in self.solution.multipliers.tolist())
+            raise InputError("start", f"multipliers {found}", f"a cycle with {wanted}, as every {self.kind} has")
