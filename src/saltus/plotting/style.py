@@ -81,6 +81,7 @@ SPECIAL: Mapping[str, Marker] = MappingProxyType(
     {
         "SN": Marker("saddle-node", "o", "#b8101f"),
         "GR": Marker("grazing", "o", "#35b755"),
+        "BC": Marker("border collision", "o", "#35b755"),
         "PD": Marker("period doubling", "o", "#7b3294", size=3.5),
         "TR": Marker("torus", "D", "#0f5fa8", filled=False),
         "BP": Marker("branch point", "s", "#000000"),
