@@ -23,7 +23,15 @@ from saltus.system import HybridSystem, Map
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["AlgebraicCurve", "held_varied", "special_rows", "special_table", "special_variables_of"]
+__all__ = [
+    "AlgebraicCurve",
+    "OneParameter",
+    "TwoParameters",
+    "held_varied",
+    "special_rows",
+    "special_table",
+    "special_variables_of",
+]
 
 Solved = TypeVar("Solved", bound=Equilibrium | MapOrbit)
 
@@ -222,6 +230,59 @@ class AlgebraicCurve(Result, Generic[Solved]):
         lines += [f"  began: {self.stopped[0]}", f"  ended: {self.stopped[1]}"]
         lines += [f"  {line}" for line in repr(self.special_points).splitlines()]
         return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class OneParameter:
+    """What branches have: one parameter that varies.
+
+    Attributes
+    ----------
+    parameter : str
+        The parameter. Its values along the branch are in `values`, shape (point,).
+    """
+
+    parameter: str
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """The parameter, in a tuple."""
+        return (self.parameter,)
+
+    @classmethod
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
+        held.expect(parameter=1)
+        return {"parameter": varied[0], "values": values[:, 0]}
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class TwoParameters:
+    """What loci have: a type, and two parameters that vary.
+
+    Attributes
+    ----------
+    type : str
+        Type of the locus' points.
+    names : tuple of str
+        The two parameters. Their values along the locus are in `values`, shape (point, 2).
+    coefficient : ndarray, shape (point,)
+        Coefficient of the normal form; NaN where the type has none.
+    """
+
+    type: str
+    names: tuple[str, str]
+    coefficient: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """The two parameters."""
+        return self.names
+
+    @classmethod
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
+        held.expect(parameter=2)
+        found = held.array("coefficient", ("point",), finite=False)
+        return {"type": held.text("type"), "names": varied, "values": values, "coefficient": found}
 
 
 def _output(solution: Any, name: str) -> float:

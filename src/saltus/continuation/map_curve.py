@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from saltus.contents import Contents, as_json
 from saltus.continuation.algebraic_curve import (
     AlgebraicCurve,
+    OneParameter,
     held_varied,
     special_rows,
     special_table,
@@ -191,30 +192,14 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MapBranch(MapCurve):
+class MapBranch(OneParameter, MapCurve):
     """Fixed points or cycles of a map along one parameter.
 
     Types of `special_points` are ``SN``, ``PD``, ``TR`` (Neimark-Sacker), ``BP``, ``BC`` (border collision) and users'
-    events. `SpecialPoint.kind` of a BC is ``persistence`` where the cycle goes on in the neighbouring itinerary, and
-    ``nonsmooth fold`` where both lie on the same side of the parameter. `MapCurve` lists the other attributes.
-
-    Attributes
-    ----------
-    parameter : str
-        The parameter that varies. Its values along the branch are in `values`, shape (point,).
+    events. `SpecialPoint.kind` of a BC is ``persistence`` where the cycle goes on in the neighbouring itinerary. It is
+    ``nonsmooth fold`` where both lie on the same side of the parameter. `OneParameter` and `MapCurve` list the
+    attributes.
     """
-
-    parameter: str
-
-    @property
-    def varied(self) -> tuple[str, ...]:
-        """The parameter, in a tuple."""
-        return (self.parameter,)
-
-    @classmethod
-    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
-        held.expect(parameter=1)
-        return {"parameter": varied[0], "values": values[:, 0]}
 
     def __repr__(self) -> str:
         return self._described("MapBranch")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.continuation.algebraic_curve import TwoParameters
 from saltus.continuation.cycle_problem import in_lockstep
 from saltus.continuation.map_curve import MapCurve
 from saltus.continuation.special_points import SpecialPoint
@@ -23,40 +24,27 @@ __all__ = ["MapLocus"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MapLocus(MapCurve):
+class MapLocus(TwoParameters, MapCurve):
     """Critical cycles of a map along two parameters, with the parameters' values in `values`, shape (point, 2).
 
     Special points of an SN locus are ``CP`` (cusp), ``R1`` and ``FF`` (fold-flip). Those of a PD locus are ``GPD``,
     ``R2`` and ``FF``. Those of a TR locus are ``CH`` (Chenciner) and ``R1`` to ``R4``. A BC locus has ``SN``, ``PD``
     and ``TR``: there the cycle is critical too. At ``BC`` another border is met. At ``TP`` the parameter
-    `SpecialPoint.of` turns. `MapCurve` lists the other attributes.
+    `SpecialPoint.of` turns. `TwoParameters` and `MapCurve` list the
+    other attributes.
 
     Attributes
     ----------
-    type : str
-        ``SN``, ``PD``, ``TR`` or ``BC``.
-    names : tuple of str
-        The two parameters.
     angle : ndarray, shape (point,)
         Angle of the critical pair on a TR locus, in radians; NaN on other loci.
-    coefficient : ndarray, shape (point,)
-        Coefficient of the normal form on an SN, PD or TR locus, else NaN.
     """
 
-    type: str
-    names: tuple[str, str]
     angle: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    coefficient: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("angle", "coefficient"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
-
-    @property
-    def varied(self) -> tuple[str, ...]:
-        """The two parameters."""
-        return self.names
 
     def _own_columns(self) -> dict[str, NDArray[np.float64]]:
         return {"angle": self.angle, "coefficient": self.coefficient}
@@ -94,14 +82,8 @@ class MapLocus(MapCurve):
 
     @classmethod
     def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
-        held.expect(parameter=2)
-        return {
-            "type": held.text("type"),
-            "names": varied,
-            "values": values,
-            "angle": held.array("angle", ("point",), finite=False),
-            "coefficient": held.array("coefficient", ("point",), finite=False),
-        }
+        found = held.array("angle", ("point",), finite=False)
+        return super()._own_fields(held, varied, values) | {"angle": found}
 
     def __repr__(self) -> str:
         return self._described(f"{self.type} locus")
