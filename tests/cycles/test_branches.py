@@ -97,6 +97,21 @@ def test_a_branch_ends_where_the_map_jumps():
     assert branch.stopped[1] == "mu = 0: border collision, the map jumps there"
 
 
+def test_a_branch_ends_where_a_linear_flip_makes_all_cycles_meet_one_value():
+    """Right of the border x -> t x - d x' doubles at t = -1 - d, where each point has period two."""
+    planar = Map(
+        ("x", "y"), {"a": 0.5, "c": 0.3, "t": -2.0, "d": 0.4, "mu": 0.2},
+        pieces={
+            "left": Piece({"x": "a*x + y + mu", "y": "-c*x"}, "-x"),
+            "right": Piece({"x": "t*x + y + mu", "y": "-d*x"}, "x"),
+        },
+    )  # fmt: skip
+    orbit = saltus.solve_orbit(planar, itinerary=("left", "right"))
+    branch = saltus.continue_orbit(orbit, "t", (-4.0, 1.0), directions="up")
+    assert branch.stopped[1] == "t = -1.4: border collision, beyond it all lie at one value of t"
+    assert [point.type for point in branch.special_points] == ["BC"]
+
+
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_units_do_not_matter(unit):
     scaled = Map(("x",), {"r": 3.2, "u": 1.0}, {"x": "r*x*(1 - x/u)"})

@@ -36,6 +36,7 @@ _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
 _GROWN = 1e3  # size of a state, over that at the start, from which on a branch may grow without bound
 _RESTS = 1e-5  # change of the parameter per unit of arclength, below which such a branch does
+_AT_REST = 1e-7  # the same, below which all solutions beyond a border have one parameter
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
@@ -268,6 +269,8 @@ class AlgebraicRun(ABC):
             point = start_point(beside, crossing.u)
         except (ValueError, np.linalg.LinAlgError) as error:
             return f"{self.place(old)}: {self.at_border}, no branch goes on: {error}"
+        if abs(float(point.tangent[-1])) < _AT_REST:
+            return f"{self.place(old)}: {self.at_border}, beyond it all lie at one value of {self.name}"
         point = turned(point, crossing.sign(point), beside.odd)
         point.arc = old.arc
         found = beside.examine(point, None)
