@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -255,7 +256,8 @@ class _Run:
     ) -> str | tuple[EquilibriumZeroProblem, Point, float]:
         """Follow the equilibria of one mode; return why the branch ended, or what `_Run.trace` goes on with."""
         last = point
-        for item in follow(branch, point, self.control, log=self.log, first_step=first):
+        ahead = partial(branch.ahead, self.control)
+        for item in follow(branch, point, self.control, log=self.log, first_step=first, ahead=ahead):
             if isinstance(item, str):
                 return f"{self._place(last)}: {item}"
             if isinstance(item, Event):

@@ -50,7 +50,7 @@ class EquilibriumLocusData:
     Attributes
     ----------
     values, unstable, reasons
-        As in `EquilibriumData`; critical eigenvalues are not counted as unstable.
+        As in `PointData`; critical eigenvalues are not counted as unstable.
     frequency : float
         Imaginary part of the critical pair on an HB locus, in radians per unit of time; NaN on other loci.
     coefficient : float

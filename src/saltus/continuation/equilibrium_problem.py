@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.continuation.monitor import Monitor
+from saltus.continuation.stretches import PointData, Stretch
 from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.equilibria.equilibrium import faults_of
 from saltus.equilibria.find import state_sizes
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from saltus.continuation.orbit_problem import Interest
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["CRITICAL", "EquilibriumData", "EquilibriumZeroProblem", "closes", "extents", "has_pair"]
+__all__ = ["CRITICAL", "EquilibriumZeroProblem", "closes", "extents", "has_pair"]
 
 _LOW = Monitor("low")  # parameter less its lower bound
 _HIGH = Monitor("high")  # parameter less its upper bound
@@ -35,6 +35,8 @@ _BP = Monitor("BP")  # determinant of the bordered Jacobian
 _HB = Monitor("HB")  # product of the sums of two eigenvalues
 _DOMAIN = Monitor("domain")  # domain function of the mode
 
+_QUIET = (_SN, _BP, _HB, _LOW, _HIGH)  # test functions that must keep their signs where many steps are taken at once
+
 CRITICAL = ("SN", "BP", "HB", "BE")  # kinds of monitor functions at whose zeros something bifurcates
 
 _RESIDUAL = 1e-8  # most residual of a point, over the sizes of the field's terms
@@ -42,20 +44,6 @@ _NEAR = 1e-2  # share of a state's modulus below which its size on a branch is n
 _SHORT = 1e-5  # arclength of a step up to which several eigenvalues may cross the imaginary axis in it
 _CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
 _RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it rests
-
-
-@dataclass(frozen=True)
-class EquilibriumData:
-    """Data of a point: eigenvalues, the number of unstable ones, why the equilibrium is virtual."""
-
-    values: NDArray[np.complex128]
-    unstable: int
-    reasons: tuple[str, ...]
-
-    @property
-    def stable(self) -> bool:
-        """Whether all eigenvalues have negative real parts."""
-        return self.unstable == 0 and bool(np.all(self.values.real < 0.0))
 
 
 def extents(problem: EquilibriumProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -119,7 +107,7 @@ class EquilibriumZeroProblem:
             return Examined({}, "residual: the field does not vanish there")
         values = eigenvalues(point.J[:, : self.n])
         reasons = tuple(faults_of(self.problem, u, self.sizes))
-        data = EquilibriumData(values, unstable_count(values), reasons)
+        data = PointData(values, unstable_count(values), reasons)
         monitors = self._monitors(point, values)
         if _HB in monitors and abs(monitors[_HB]) < FAINT and (before is None or not _seen(before)):
             monitors[_HB] = math.nan  # rounding, as along a family of centres
@@ -179,6 +167,24 @@ class EquilibriumZeroProblem:
         compiled.call("outputs", self.problem.mode, 0, np.ascontiguousarray(u[: self.n]), p, out)
         return out
 
+    def ahead(self, control: StepControl, before: Point, point: Point, step: float) -> tuple[list[Point], float]:
+        """Return many points at once, as far as nothing happens, and the length of the step behind the last one.
+
+        Only in a mode without surfaces, and without users' events.
+        """
+        problem = self.problem
+        if problem.ways_out or self._guarded or self.interest.events or self._origin is None:
+            return [], step
+        found = Stretch(problem, before, point, step, control, (self.interest, self.sizes, self._origin))
+        self._log = point.log if self._log is None else self._log
+        kept = found.quiet(before, point, self._log, _QUIET)
+        if kept < found.taken:
+            step = float(found.numbers[kept, 4])
+        points = found.points(point, kept)
+        if points:
+            self.sizes = found.sizes[kept - 1].copy()
+        return points, step if kept < found.taken else found.step
+
     def depart(self, point: Point) -> None:
         """Do nothing: the equations have no normalisation."""
 
@@ -222,7 +228,7 @@ def has_pair(values: NDArray[np.complex128]) -> bool:
     return pair
 
 
-def _fault(point: Point, before: Point, monitors: Mapping[Monitor, float], data: EquilibriumData) -> str | None:
+def _fault(point: Point, before: Point, monitors: Mapping[Monitor, float], data: PointData) -> str | None:
     """Return the reason why a point may not follow the point before, or None if it may."""
     if point.arc - before.arc < _SHORT:
         return None
@@ -232,7 +238,7 @@ def _fault(point: Point, before: Point, monitors: Mapping[Monitor, float], data:
         for name, value in monitors.items()
         if name in known and (known[name] < 0.0) != (value < 0.0) and math.isfinite(known[name] + value)
     }
-    old: EquilibriumData = before.examined.data
+    old: PointData = before.examined.data
     crossed = abs(data.unstable - old.unstable)
     real = ("SN" in changed) + ("BP" in changed)
     centre = any(math.isnan(table.get(_HB, 0.0)) for table in (known, monitors))
@@ -245,6 +251,8 @@ def _fault(point: Point, before: Point, monitors: Mapping[Monitor, float], data:
 def closes(origin: Point, last: Point, new: Point, control: StepControl) -> bool:
     """Return whether the step from `last` to `new` passes the start of a curve of equilibria."""
     if new.arc < _CLOSING * control.initial:
+        return False
+    if abs(origin.parameter - last.parameter) > 2.0 * abs(new.parameter - last.parameter) + control.initial:
         return False
     w, chord, away = last.weights, new.u - last.u, origin.u - last.u
     length = float(w @ chord**2)
