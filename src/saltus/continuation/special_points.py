@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from saltus import checks
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.normal_forms import NORMAL_FORMS, NormalForm, normal_form
@@ -98,6 +99,28 @@ class SpecialPoint:
         """All parameters at the point."""
         return self.orbit.parameters
 
+    def value(self, name: str) -> float:
+        """Return a parameter at the point, or the quantity along which the branch goes.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        InputError
+            It is neither.
+        """
+        fixed = self.orbit.fixed
+        if fixed is not None and name in self.varied and name == fixed.quantity:
+            return fixed.value
+        return self.parameters[checks.chosen("name", name, [*self.parameters, *self.varied])]
+
     @property
     def sizes(self) -> NDArray[np.float64] | None:
         """Sizes of the states by the branch's tangent, for an orbit at rest; None without a tangent."""
@@ -160,7 +183,7 @@ class SpecialPoints(Sequence[SpecialPoint]):
         for p in self._points:
             row: dict[str, Any] = {"label": p.label, "type": p.type}
             row |= {"of": p.of} if len(self._parameters) > 1 else {}
-            row |= {name: p.parameters[name] for name in self._parameters}
+            row |= {name: p.value(name) for name in self._parameters}
             row |= {f"x0_{name}": value for name, value in zip(p.orbit.system.states, p.orbit.x0, strict=True)}
             row |= {f"min_{name}": value for name, value in p.orbit.min.items()}
             row |= {f"max_{name}": value for name, value in p.orbit.max.items()}
@@ -176,6 +199,6 @@ class SpecialPoints(Sequence[SpecialPoint]):
     def __repr__(self) -> str:
         lines = []
         for p in self._points:
-            values = ", ".join(f"{name} = {p.parameters[name]:.12g}" for name in self._parameters)
+            values = ", ".join(f"{name} = {p.value(name):.12g}" for name in self._parameters)
             lines.append(f"{p.label:5s} {values}" + (f" ({p.of})" if p.of else ""))
         return "\n".join(lines) or "no special points"

@@ -11,6 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.monitor import Monitor
+from saltus.continuation.options import check_along_parameter
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.zero_problem import correct
@@ -72,7 +73,7 @@ def switch_branch(point: SpecialPoint) -> PeriodicOrbit:
     >>> len(doubled.signature), doubled.stable, doubled.parameters["r"] > 3.0
     (2, True, True)
     """
-    checks.instance("point", point, SpecialPoint)
+    check_along_parameter("point", checks.instance("point", point, SpecialPoint))
     if point.type == "GR":
         _, *others = grazing_orbits(point)
         if not others:

@@ -106,12 +106,14 @@ class UnfoldedEquations:
         Direction of the gap, in the units of the equations; zero where a parameter is freed.
     size : float
         How much the quantity varies with the sizes of the unknowns.
+    unit : float
+        Factor on the quantity's equation that gives it the size of the others.
     """
 
     def __init__(self, problem: OrbitProblem, quantity: Quantity, value: float) -> None:
         self.problem, self.quantity, self.value = problem, quantity, value
         self.gap = np.zeros(problem.size)
-        self.size = 0.0
+        self.size, self.unit = 0.0, 1.0
         self._known: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
     @property
@@ -136,6 +138,7 @@ class UnfoldedEquations:
         """Take the quantity's size from the orbit `u`."""
         sizes = np.append(sizes_of_unknowns(self.problem, u), 1.0)
         self.size = float(np.abs(self.gradient(u) * sizes)[: self.problem.size].max())
+        self.unit = float(self.problem.state_scale.max()) / (self.size or 1.0)
 
     def turn_gap(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> bool:
         """Lay the gap along the left null vector of the equations at `u`; return whether it was turned.
@@ -170,8 +173,7 @@ class UnfoldedEquations:
         if not self.by_parameter:
             F[:m] += u[m] * self.gap
             J[:m, m] = self.gap
-        unit = float(problem.state_scale.max()) / (self.size or 1.0)
-        F[m], J[m] = unit * beyond, unit * gradient
+        F[m], J[m] = self.unit * beyond, self.unit * gradient
         return F, J
 
     def scaled(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
