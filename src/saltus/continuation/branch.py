@@ -53,7 +53,23 @@ class Branch(OrbitCurve):
         return (self.parameter,)
 
     def column(self, name: str) -> NDArray[np.float64]:
-        """Return a quantity along the branch, as `OrbitCurve.column` does; the free parameter too."""
+        """Return a quantity along the branch.
+
+        Parameters
+        ----------
+        name : str
+            As `OrbitCurve.column` takes it, or the free parameter.
+
+        Returns
+        -------
+        ndarray, shape (point,)
+            In the units of the definition.
+
+        Raises
+        ------
+        InputError
+            A quantity of another name.
+        """
         if self.fixed is not None and self.fixed.free and name == self.fixed.free:
             return self.freed
         return super().column(name)

@@ -6,7 +6,7 @@ docs/theory/continuation.md, "Special points", explains how the point is found.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -40,7 +40,52 @@ def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> 
     before, point : Point
         The last two points, examined.
     """
-    problem = branch.problem
+    problem, seen = branch.problem, _extrapolated(branch.problem, before, point)
+    if seen is None:
+        return None
+    value = point.parameter + (point.parameter - before.parameter) * seen.ahead
+    found = solve_hopf(problem, seen.centre, value, seen.frequency)
+    if found is None or not seen.agrees(problem, found):
+        return None
+    if abs(found.parameter - value) > _AGREES * abs(value - point.parameter) + _ROUNDING * max(1.0, abs(value)):
+        return None
+    return _at_rest(branch, point, found)
+
+
+class _Extrapolated(NamedTuple):
+    """Where cycles that shrink would come to rest.
+
+    Attributes
+    ----------
+    ahead : float
+        Change up to there of what differs by the square of the amplitude, over its change in the last step.
+    period, last : float
+        Period there, and of the last cycle.
+    centre : ndarray, shape (states,)
+        Centre of the last cycle.
+    near : float
+        Amplitude of the last cycle, over the states' sizes.
+    """
+
+    ahead: float
+    period: float
+    last: float
+    centre: NDArray[np.float64]
+    near: float
+
+    @property
+    def frequency(self) -> float:
+        return 2.0 * math.pi / self.period
+
+    def agrees(self, problem: OrbitProblem, found: HopfPoint) -> bool:
+        """Return whether an equilibrium lies within the last cycle and has the period that was extrapolated."""
+        if not np.max(np.abs(found.state - self.centre) / problem.state_scale) < self.near:
+            return False
+        return abs(found.period - self.period) <= _AGREES * abs(self.period - self.last) + 1e-3 * self.period
+
+
+def _extrapolated(problem: OrbitProblem, before: Point, point: Point) -> _Extrapolated | None:
+    """Return where the cycles of the last two points would come to rest; None if not within a few steps."""
     if problem.system.phase is not None or len(set(problem.signature.modes)) > 1:
         return None
     far, near = _amplitude(problem, before), _amplitude(problem, point)
@@ -48,17 +93,9 @@ def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> 
         return None
     ahead = near * near / (far * far - near * near)
     last, other = _period(problem, point), _period(problem, before)
-    value = point.parameter + (point.parameter - before.parameter) * ahead
-    period = last + (last - other) * ahead
     survey, n = point.examined.data.survey, problem.n
     centre = 0.5 * (survey.lows[:n] + survey.highs[:n])
-    found = solve_hopf(problem, centre, value, 2.0 * math.pi / period)
-    if found is None or not np.max(np.abs(found.state - centre) / problem.state_scale) < near:
-        return None
-    left = _AGREES * abs(value - point.parameter) + _ROUNDING * max(1.0, abs(value))
-    if abs(found.parameter - value) > left or abs(found.period - period) > _AGREES * abs(period - last) + 1e-3 * period:
-        return None
-    return _at_rest(branch, point, found)
+    return _Extrapolated(ahead, last + (last - other) * ahead, last, centre, near)
 
 
 def centre_ahead(
@@ -83,21 +120,14 @@ def centre_ahead(
     tuple of (OrbitProblem, ndarray, ndarray)
         Equations, unknowns with the further one, and multipliers of the equilibrium as a cycle.
     """
-    if problem.system.phase is not None or len(set(problem.signature.modes)) > 1:
+    seen, further = _extrapolated(problem, before, point), float(point.u[problem.size])
+    if seen is None:
         return None
-    far, near = _amplitude(problem, before), _amplitude(problem, point)
-    if not 0.0 < near < _WITHIN * (far - near):
-        return None
-    ahead = near * near / (far * far - near * near)
-    last, other, further = _period(problem, point), _period(problem, before), float(point.u[problem.size])
-    period = last + (last - other) * ahead
-    survey, n = point.examined.data.survey, problem.n
-    centre = 0.5 * (survey.lows[:n] + survey.highs[:n])
-    frequency = 2.0 * math.pi / period
-    found = solve_centre(problem, centre, frequency) if family else solve_hopf(problem, centre, further, frequency)
-    if found is None or not np.max(np.abs(found.state - centre) / problem.state_scale) < near:
-        return None
-    if abs(found.period - period) > _AGREES * abs(period - last) + 1e-3 * period:
+    if family:
+        found = solve_centre(problem, seen.centre, seen.frequency)
+    else:
+        found = solve_hopf(problem, seen.centre, further, seen.frequency)
+    if found is None or not seen.agrees(problem, found):
         return None
     signature = Signature((problem.signature.modes[0],), (-1,), (CLOSED_END,), 0)
     rest = OrbitProblem(problem.system, signature, problem.parameters_at(point.u), problem.active, problem.scales)

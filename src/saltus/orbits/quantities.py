@@ -98,8 +98,8 @@ def read_quantity(system: HybridSystem, name: object) -> Quantity:
     system : HybridSystem
         The system.
     name : str
-        ``period``, ``min_`` or ``max_`` and a state or output, a state or output that is constant along the motion, or
-        an observable as in ``"mean(x)"``.
+        ``period``; ``min_`` or ``max_`` and a state or output; an observable, as ``"mean(x)"``. A state or output alone
+        must be constant along the motion.
 
     Raises
     ------

@@ -74,9 +74,9 @@ def solve_orbit(
     period : float, optional
         Period of a smooth orbit, about. With a phase, one forcing period by default.
     fix : mapping of str to float, optional
-        A quantity and the value that it is to have, as ``{"max_x": 1.0}``. It is ``period``, ``min_`` or ``max_`` and a
-        state or output, a state or output that is constant along the motion (an energy), or an observable, as
-        ``mean(x)``. In a conservative system the orbits at given parameters are a family, and it picks one of them.
+        A quantity and the value that it is to have, as ``{"max_x": 1.0}``. It is ``period``, an extreme as ``max_x``,
+        or an observable as ``mean(x)``. A state or output alone, as an energy, must be constant along the motion. In a
+        conservative system the orbits at given parameters are a family, and the quantity picks one of them.
     free : str, optional
         The parameter that is sought such that the quantity has its value. Without it the orbit must be one of a family.
     tolerance : float, optional
@@ -114,7 +114,7 @@ def solve_orbit(
     >>> pendulum = HybridSystem.smooth({"x": "v", "v": "-sin(x)"})
     >>> swing = solve_orbit(pendulum, x0=[2.0, 0.0], period=9.0, fix={"period": 10.0})
     >>> print(f"{swing.max['x']:.9f}")
-    2.303137168
+    2.439906972
     """
     checks.instance("system", system, HybridSystem)
     tol = check_tol(tolerance)

@@ -113,12 +113,13 @@ class HybridSystem(Definition):
 
         Examples
         --------
-        >>> print(HybridSystem.smooth({"x": "y", "y": "-x"}, name="centre"))
-        HybridSystem 'centre'
+        >>> print(HybridSystem.smooth({"x": "y", "y": "-k*x"}, {"k": 2.0}, name="spring"))
+        HybridSystem 'spring'
           states      x, y
+          parameters  k = 2.0
           mode smooth
             x' = y
-            y' = -x
+            y' = -k*x
         """
         rates = mapping_of(field, "field", "of states to expressions")
         values = {} if parameters is None else parameters
