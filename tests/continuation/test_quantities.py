@@ -242,6 +242,23 @@ def test_a_branch_goes_on_from_an_orbit_of_another(swinging):
     assert branch.period == pytest.approx(4.0 * ellipk(np.sin(0.5 * branch.column("max_x")) ** 2), rel=1e-10)
 
 
+def test_cycles_shrink_to_their_hopf_point_along_their_size():
+    system = HybridSystem.smooth({"x": "v", "v": "mu*v - x - x**2*v"}, {"mu": 0.5})
+    orbit = solve_orbit(system, x0=[1.2, 0.0], period=6.3, fix={"max_x": 1.0}, free="mu")
+    branch = continue_orbit(orbit, "max_x", (-1.0, 3.0))
+    assert branch["HB1"].parameters["mu"] == pytest.approx(0.0, abs=1e-12)
+    assert branch["HB1"].orbit.period == pytest.approx(2.0 * math.pi, rel=1e-12)
+
+
+def test_a_freed_parameter_keeps_to_its_bounds():
+    field = {"x": "v", "v": "-0.1*v - x - x**3 + A*cos(s)"}
+    system = HybridSystem.smooth(field, {"A": 0.3, "w": 1.2}, phase=("s", "w"), positive=["A"])
+    orbit = solve_orbit(system, x0=[-0.6, 0.1], fix={"max_x": 0.3}, free="A")
+    branch = continue_orbit(orbit, "max_x", (-0.3, 0.4))
+    assert np.all(branch.freed > 0.0)
+    assert branch.freed[0] < 1e-4
+
+
 def test_a_quantity_that_turns_has_a_turning_point():
     """x'' = -x + x^3 - 0.4 x^5: the period grows with the amplitude, then falls."""
     system = HybridSystem.smooth({"x": "v", "v": "-x + x**3 - 0.4*x**5"})

@@ -238,3 +238,33 @@ def test_an_isotropic_oscillator_has_too_many_orbits():
     field = {"x": "u", "y": "v", "u": "-x", "v": "-y"}
     with pytest.raises(ConvergenceError, match="family of more than one dimension"):
         solve_orbit(HybridSystem.smooth(field), x0=[1.0, 0.0, 0.0, 0.5], period=6.28, fix={"max_x": 1.0})
+
+
+def test_a_guess_next_to_its_maximum_is_as_good_as_any():
+    """x'' = mu x' - x - x^2 x': the greatest x is next to the start, where the period ends as well."""
+    system = HybridSystem.smooth({"x": "v", "v": "mu*v - x - x**2*v"}, {"mu": 0.5})
+    orbit = solve_orbit(system, x0=[1.2, 0.0], period=6.3, fix={"max_x": 1.0}, free="mu")
+    again = solve_orbit(system, {"mu": orbit.parameters["mu"]}, x0=orbit.x0, period=orbit.period)
+    assert again.max["x"] == pytest.approx(1.0, rel=1e-10)
+
+
+def test_a_parameter_that_may_not_be_negative_stays_positive():
+    field = {"x": "v", "v": "-0.1*v - x + A*cos(s)"}
+    system = HybridSystem.smooth(field, {"A": 0.3, "w": 1.2}, phase=("s", "w"), positive=["A"])
+    orbit = solve_orbit(system, x0=[-0.6, 0.1], fix={"max_x": 0.3}, free="A")
+    assert orbit.parameters["A"] == pytest.approx(0.3 * math.hypot(1.0 - 1.44, 0.12), rel=1e-10)
+    with pytest.raises(ConvergenceError):
+        solve_orbit(system, x0=[-0.6, 0.1], fix={"max_x": -0.3}, free="A")
+
+
+def test_predators_and_prey_have_a_first_integral():
+    """x' = x (1 - y), y' = y (x - 1): the means of both are 1 over any period."""
+    system = HybridSystem.smooth({"x": "x*(1 - y)", "y": "y*(x - 1)"}, outputs={"V": "x - log(x) + y - log(y)"})
+    orbit = solve_orbit(system, x0=[1.5, 1.0], period=6.5, fix={"V": 2.5})
+    assert orbit.observe("mean(x)", "mean(y)") == pytest.approx({"mean(x)": 1.0, "mean(y)": 1.0}, rel=1e-10)
+
+
+def test_the_planets_are_a_family_of_more_than_one_dimension():
+    field = {"x": "u", "y": "v", "u": "-x/(x**2 + y**2)**1.5", "v": "-y/(x**2 + y**2)**1.5"}
+    with pytest.raises(ConvergenceError, match="family of more than one dimension"):
+        solve_orbit(HybridSystem.smooth(field), x0=[1.0, 0.0, 0.0, 1.1], period=8.0, fix={"max_x": 1.0})

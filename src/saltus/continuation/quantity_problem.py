@@ -100,6 +100,12 @@ class QuantityZeroProblem(OrbitZeroProblem):
 
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return monitors, data and fault of a point; in a family the gap must stay closed."""
+        if self.home is None:
+            name = self.problem.system.parameter_names[int(self.problem.active[0])]
+            low, high = self.problem.system.allowed(name)
+            value = float(point.u[self.problem.size] * self.problem.scales[0])
+            if not low <= value <= high:
+                return Examined({}, f"{name} = {value:.6g} leaves [{low:g}, {high:g}]")
         found = super().examine(point, before)
         if self.home is None or found.fault is not None:
             return found

@@ -305,6 +305,11 @@ def within_family(
     own, at = u[: problem.size], problem.parameters_at(u)
     family = not wish.free
     if wish.free:
+        low, high = problem.system.allowed(wish.free)
+        value = float(at[int(problem.active[0])])
+        if not low <= value <= high:
+            hint = f"it needs {wish.free} = {value:.6g}, which must lie in [{low:g}, {high:g}]"
+            raise ConvergenceError(f"orbit with {wish}", 0.0, 0, hint)
         alone = OrbitProblem(problem.system, problem.signature, at, tol=problem.tol)
         family = of_a_family(alone, own)
         index = int(problem.active[0])

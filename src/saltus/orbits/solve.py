@@ -39,7 +39,8 @@ _RESIDUAL_LEAST = 1e-11  # residual, over the largest state's size, that no near
 _REMESHED = 12  # most times that the meshes of one orbit are moved
 _PERHAPS_ONE = 1e-2  # distance of a multiplier from 1 below which an orbit may be one of a family
 _FAMILY = (
-    "orbits form a family there at fixed parameters, as in a conservative system: add damping and a drive, or simulate"
+    "orbits form a family there at fixed parameters, as in a conservative system: "
+    "solve_orbit(..., fix={'period': ...}) picks one"
 )
 
 

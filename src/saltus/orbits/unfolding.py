@@ -163,11 +163,17 @@ class UnfoldedEquations:
         return True
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the residual, shape (size + 1,), and the Jacobian, shape (size + 1, size + 1)."""
+        """Return the residual, shape (size + 1,), and the Jacobian, shape (size + 1, size + 1).
+
+        Both are NaN where the freed parameter has a value that the system does not allow.
+        """
         problem, m = self.problem, self.problem.size
-        gradient = self.gradient(u)
-        beyond = self.quantity.beyond(self.quantity.value(problem, u), self.value)
         F, J = np.empty(m + 1), np.zeros((m + 1, m + 1))
+        try:
+            gradient = self.gradient(u)
+            beyond = self.quantity.beyond(self.quantity.value(problem, u), self.value)
+        except InputError:
+            return np.full_like(F, np.nan), np.full_like(J, np.nan)
         own, slopes = problem.evaluate(u[: m + len(problem.active)])
         F[:m], J[:m, : slopes.shape[1]] = own, slopes
         if not self.by_parameter:
