@@ -424,6 +424,8 @@ def _of_systems(made: Objects) -> dict[str, Call]:
     steps = {"tolerance": (1e-8, 1e-10)}
     part = {"t_start": 0.0, "t_end": 6.0}
     averaged = Grouped(saltus.lyapunov_spectrum, average=saltus.Average)
+    field = {"x": "v", "v": "-0.1*v - x - x**3 + A*cos(s)"}
+    smooth = saltus.HybridSystem.smooth(field, {"A": 0.3, "w": 1.2}, phase=("s", "w"))
     return {
         "HybridSystem": Call(_defined, _definition()),
         "HybridSystem.from_definition": Call(saltus.HybridSystem.from_definition, {"definition": system.definition()}),
@@ -446,6 +448,20 @@ def _of_systems(made: Objects) -> dict[str, Call]:
                 "parameters": {},
                 "segments": [("free", "impact", [1.0, -1.3, 0.1], 6.28)],
                 "tolerance": 1e-10,
+            },
+        ),
+        "solve_orbit at a maximum": Call(
+            saltus.solve_orbit,
+            {
+                "system": smooth, "parameters": {"A": 0.3}, "x0": [0.5, 0.0], "period": 5.236, "fix": {"max_x": 0.6},
+                "free": "A",
+            },
+        ),
+        "HybridSystem.smooth": Call(
+            saltus.HybridSystem.smooth,
+            {
+                "field": {"x": "v", "v": "-k*x"}, "parameters": {"k": 1.0}, "phase": ("s", "k"),
+                "outputs": {"e": "x*v"}, "positive": ["k"], "name": "spring",
             },
         ),
         "a segment": Call(

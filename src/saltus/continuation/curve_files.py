@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,13 +14,27 @@ from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.orbit import MOST_FAULTS, complex_of
 from saltus.orbits.signature import Signature
+from saltus.orbits.unfolding import Fixed
 from saltus.system import HybridSystem
 from saltus.system.plain import all_parameters
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["complex_table", "ragged_rows", "special_points_of", "special_variables", "texts_array"]
+__all__ = ["column_name", "complex_table", "ragged_rows", "special_points_of", "special_variables", "texts_array"]
+
+
+def column_name(name: str, taken: Collection[str]) -> str:
+    """Return the variable of a curve's dataset that holds a varied parameter or quantity.
+
+    Examples
+    --------
+    >>> column_name("A", ["form"]), column_name("form", ["form"]), column_name("amplitude(x, 1/2)", [])
+    ('A', 'varied_form', 'varied_quantity')
+    """
+    if "(" in name:
+        return "varied_quantity"
+    return f"varied_{name}" if name in taken else name
 
 
 def special_variables(
@@ -45,13 +60,15 @@ def special_variables(
     blocks = [orbit.unknowns for orbit in orbits]
     tangents = [np.empty(0) if point.tangent is None else point.tangent for point in specials]
     states, quantities = len(system.states), len(system.all_states) + len(system.output_names)
-    values = [[point.parameters[name] for name in varied] for point in specials]
+    values = [[point.value(name) for name in varied] for point in specials]
+    freed = [orbit.fixed.free and orbit.parameters[orbit.fixed.free] for orbit in orbits if orbit.fixed is not None]
 
     def stack(rows: list[Any], width: int) -> NDArray[np.float64]:
         return np.array(rows, dtype=np.float64).reshape(len(rows), width)
 
     width = multipliers
-    return {
+    further = {} if len(freed) < len(orbits) or not freed else {"special_freed": ("special", _numbers(freed))}
+    return further | {
         "special_type": ("special", texts_array([point.type for point in specials])),
         "special_label": ("special", texts_array([point.label for point in specials])),
         "special_of": ("special", texts_array([point.of for point in specials])),
@@ -78,12 +95,15 @@ def special_variables(
 def special_points_of(
     held: Contents,
     system: HybridSystem,
-    parameters: Mapping[str, float],
-    varied: tuple[str, ...],
+    along: tuple[Mapping[str, float], tuple[str, ...], Fixed | None],
     forms: list[Signature],
     tolerance: float,
 ) -> list[SpecialPoint]:
-    """Return the special points that `special_variables` wrote to a curve's file."""
+    """Return the special points that `special_variables` wrote to a curve's file.
+
+    along: parameters at the start, what varies, and what is fixed and freed along a quantity.
+    """
+    parameters, varied, fixed = along
     special = ("special",)
     wide, number = len(system.all_states) + 1, held.array("special_form", special, int, least=0, most=len(forms) - 1)
     sizes = [len(forms[i]) * wide for i in number.tolist()]
@@ -101,12 +121,16 @@ def special_points_of(
     x0 = held.array("special_x0", ("special", "state"), finite=False)
     lows, highs = (held.array(f"special_{end}", ("special", "quantity"), finite=False) for end in ("low", "high"))
     faults = held.array("special_faults", special, int, least=0, most=MOST_FAULTS)
+    freed = held.array("special_freed", special, finite=False) if "special_freed" in held.dataset else None
     specials = []
     for i, block in enumerate(blocks):
+        own = dict(zip(varied, values[i].tolist(), strict=True))
+        if fixed is not None:
+            own = {fixed.free: float(freed[i])} if fixed.free and freed is not None else {}
         table = block.reshape(-1, wide)
         orbit = PeriodicOrbit(
             system,
-            all_parameters({**parameters, **dict(zip(varied, values[i].tolist(), strict=True))}, system),
+            all_parameters({**parameters, **own}, system),
             forms[number[i]],
             table[:, :-1],
             table[:, -1],
@@ -117,6 +141,7 @@ def special_points_of(
             lows[i],
             highs[i],
             tolerance,
+            None if fixed is None else replace(fixed, value=float(values[i, 0])),
         )
         specials.append(
             SpecialPoint(
@@ -138,6 +163,11 @@ def special_points_of(
 def texts_array(texts: list[str]) -> NDArray[np.object_]:
     """Return texts as an array that a Dataset can hold, also where there is none."""
     return np.array(texts, dtype=object)
+
+
+def _numbers(values: list[Any]) -> NDArray[np.float64]:
+    """Return numbers, NaN in place of an empty text."""
+    return np.array([np.nan if value == "" else value for value in values], dtype=float)
 
 
 def complex_table(held: Contents, name: str, dims: tuple[str, ...]) -> NDArray[np.complex128]:

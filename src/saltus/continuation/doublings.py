@@ -9,7 +9,7 @@ from saltus import checks
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.branch import Branch
 from saltus.continuation.cascade import Cascade
-from saltus.continuation.options import read_interval, read_steps
+from saltus.continuation.options import check_along_parameter, read_interval, read_steps
 from saltus.continuation.orbits import continue_orbit
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.switching import doubled_orbit
@@ -76,6 +76,7 @@ def follow_cascade(
     checks.instance("start", start, SpecialPoint)
     if start.type != "PD" or len(start.varied) != 1:
         raise InputError("start", start.type, "a PD of a branch", "branch['PD1'] is one")
+    check_along_parameter("start", start)
     doublings = checks.count("doublings", doublings)
     name = start.varied[0]
     low, high = read_interval(start.orbit, name, bounds, "both")

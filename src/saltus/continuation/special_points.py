@@ -131,6 +131,28 @@ class SpecialPoint(Generic[Solution]):
         """All parameters at the point."""
         return self.solution.parameters
 
+    def value(self, name: str) -> float:
+        """Return a parameter at the point, or the quantity along which the branch goes.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        InputError
+            It is neither.
+        """
+        fixed = self.solution.fixed if isinstance(self.solution, PeriodicOrbit) else None
+        if fixed is not None and name in self.varied and name == fixed.quantity:
+            return fixed.value
+        return self.parameters[checks.chosen("name", name, [*self.parameters, *self.varied])]
+
     @property
     def sizes(self) -> NDArray[np.float64] | None:
         """Sizes of the states by the branch's tangent, for an orbit at rest; None without a tangent."""
@@ -215,7 +237,7 @@ class SpecialPoints(Sequence[SpecialPoint[Solution]]):
         for p in self._points:
             row: dict[str, Any] = {"label": p.label, "type": p.type}
             row |= {"of": p.of} if len(self._parameters) > 1 else {}
-            row |= {name: p.parameters[name] for name in self._parameters}
+            row |= {name: p.value(name) for name in self._parameters}
             row |= _row(p.solution)
             rows.append(row | {"test": p.test})
         return pd.DataFrame(rows)
@@ -223,6 +245,6 @@ class SpecialPoints(Sequence[SpecialPoint[Solution]]):
     def __repr__(self) -> str:
         lines = []
         for p in self._points:
-            values = ", ".join(f"{name} = {p.parameters[name]:.12g}" for name in self._parameters)
+            values = ", ".join(f"{name} = {p.value(name):.12g}" for name in self._parameters)
             lines.append(f"{p.label:5s} {values}" + (f" ({p.of})" if p.of else ""))
         return "\n".join(lines) or "no special points"

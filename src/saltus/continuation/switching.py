@@ -12,6 +12,7 @@ from saltus import checks
 from saltus.continuation.births import cycle_born, equilibrium_of_cycle, other_equilibrium
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.monitor import Monitor
+from saltus.continuation.options import check_along_parameter
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.zero_problem import correct
@@ -82,6 +83,7 @@ def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]
         return _from_equilibrium(point, point.solution)
     if point.type == "HB":
         return equilibrium_of_cycle(point.solution)
+    check_along_parameter("point", point)
     if point.type == "GR":
         _, *others = grazing_orbits(point)
         if not others:

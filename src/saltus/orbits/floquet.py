@@ -33,7 +33,9 @@ __all__ = [
 _ERROR = 10.0  # change of the Jacobian's entries, in tolerances of the flow, by which errors are estimated
 _LOST = 100.0  # size of a multiplier, in tolerances of the flow and beside the trivial one, below which it is error
 _RESTING = 1e-9  # way of a state in a period, over its size, below which it rests
+_ROUNDED = 1e-13  # size of a state, over the largest, that may be rounding of 0
 _ON_CIRCLE = 1e-9  # height on the Riemann sphere within which a multiplier is on neither side of the unit circle
+_NEUTRAL = 1e-5  # distance from the unit circle that is rounding in a conservative system
 _REAL = 1e-12  # imaginary part, over the modulus, that is rounding
 _CLEARLY = 2.0  # least ratio of the distances of an exchanged pairing to those of a sure one
 _ROUNDS = 60  # most rounds of orthogonal iteration: what has not parted by then has sizes within a factor of two
@@ -83,7 +85,7 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     if closing == PHASE_END:
         values = np.linalg.eigvals(P[:-1, :-1]).astype(np.complex128)
     elif closing == CLOSED_END:
-        values = _across(P, flow, period)
+        values = _across(*_without_rounding(P, flow, problem.state_scale), period)
         values[np.abs(values) < _LOST * problem.tol * float(np.abs(P).max())] = 0.0
     elif n == 3:
         values = np.empty(2, dtype=np.complex128)
@@ -132,6 +134,24 @@ def _across(P: NDArray[np.float64], flow: NDArray[np.float64], period: float) ->
         return np.linalg.eigvals(_quotient(P, flow)).astype(np.complex128)
     values = np.linalg.eigvals(P).astype(np.complex128)
     return np.delete(values, int(np.argmin(np.abs(values - 1.0))))
+
+
+def _without_rounding(
+    P: NDArray[np.float64], flow: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the linearised flow and the flow's direction, without states that are rounding of 0.
+
+    An orbit in an invariant plane has such states. In units of their own sizes the flow along them is arbitrary, and so
+    is what moves them. They are left out if the flow then is the better eigenvector.
+    """
+    resting = sizes < _ROUNDED * float(sizes.max())
+    if not np.any(resting):
+        return P, flow
+    bare, apart = np.where(resting, 0.0, flow), P.copy()
+    apart[np.ix_(resting, ~resting)] = 0.0
+    before = np.linalg.norm(P @ flow - flow) * np.linalg.norm(bare)
+    after = np.linalg.norm(apart @ bare - bare) * np.linalg.norm(flow)
+    return (apart, bare) if after < before else (P, flow)
 
 
 def _of_pieces(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -231,9 +251,13 @@ def nontrivial(values: NDArray[np.complex128], *, autonomous: bool) -> NDArray[n
     return values[:-1] if autonomous else values
 
 
-def unstable_count(values: NDArray[np.complex128]) -> int:
-    """Return how many of the given multipliers lie outside the unit circle."""
-    return sum(1 for value in values.tolist() if abs(value) > 1.0)
+def unstable_count(values: NDArray[np.complex128], *, neutral: bool = False) -> int:
+    """Return how many of the given multipliers lie outside the unit circle.
+
+    neutral: whether multipliers may lie on the circle but for rounding, as in a conservative system.
+    """
+    most = 1.0 + _NEUTRAL if neutral else 1.0
+    return sum(1 for value in values.tolist() if abs(value) > most)
 
 
 def distance_from_circle(values: NDArray[np.complex128]) -> float:

@@ -112,7 +112,7 @@ class OrbitProblem:
     def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return all parameters, shape (parameters,), where the unknowns are `u`."""
         p = self.p.copy()
-        p[self._active] = u[self.size :] * self.scales
+        p[self._active] = u[self.size : self.size + self._active.size] * self.scales
         return p
 
     def set_parameters(self, u: NDArray[np.float64]) -> None:

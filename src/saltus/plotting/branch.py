@@ -185,7 +185,7 @@ def _twins(branch: Branch, specials: list[SpecialPoint]) -> dict[int, int]:
     for i, point in enumerate(specials):
         for row in (int(np.floor(point.position)), int(np.ceil(point.position))):
             if point.type == "GR" and 0 < row < len(branch) - 1:
-                apart = abs(branch.values[row] - point.parameters[branch.parameter])
+                apart = abs(branch.values[row] - point.value(branch.parameter))
                 near = np.allclose(branch.x0[row], point.orbit.x0, rtol=_NEAREST, atol=_NEAREST)
                 if near and apart < _NEAREST * width:
                     twins[i] = row
