@@ -121,14 +121,15 @@ def follow(
     """
     h = min(first_step or control.initial, control.largest)
     point, before, earlier = start, None, None
-    held = False
+    held, rejected = False, False
     while True:
-        if ahead is not None and held and before is not None:
+        if ahead is not None and held and before is not None and not rejected:
             quiet, h = ahead(before, point, h)
             for new in quiet:
                 yield point
                 earlier, before, point = before, point, new
         step = _attempt(problem, before, point, h, control)
+        rejected = isinstance(step, str)
         if isinstance(step, str):
             log.append(Failure(point.parameter, h, step))
             h *= 0.5

@@ -178,12 +178,11 @@ class EquilibriumZeroProblem:
         found = Stretch(problem, before, point, step, control, (self.interest, self.sizes, self._origin))
         self._log = point.log if self._log is None else self._log
         kept = found.quiet(before, point, self._log, _QUIET)
-        if kept < found.taken:
-            step = float(found.numbers[kept, 4])
         points = found.points(point, kept)
         if points:
             self.sizes = found.sizes[kept - 1].copy()
-        return points, step if kept < found.taken else found.step
+            step = float(found.numbers[kept, 4]) if kept < found.taken else found.step
+        return points, step
 
     def depart(self, point: Point) -> None:
         """Do nothing: the equations have no normalisation."""
