@@ -24,12 +24,12 @@ GONE = 1e-30  # square of a direction's length, over that before it was made ort
 
 @part
 def least_of(k, x, code, out):
-    """Least condition of piece k at a state; infinite where it has none."""
+    """Least condition of piece k at a state: infinite where it has none, -infinite where one is no number."""
     least = math.inf
     for guard in range(code.guards[k], code.guards[k + 1]):
         call(code.functions[2], guard, 0, x, 0, code.p, out, 0)
         if not out[0] >= least:
-            least = out[0]
+            least = -math.inf if math.isnan(out[0]) else out[0]
     return least
 
 
