@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 import sympy
 
+import discrete
 import saltus
 import systems
 import wells
@@ -354,7 +355,9 @@ def objects() -> Objects:
 
 def calls(made: Objects, folder: Path) -> dict[str, Call]:
     """Return public functions and methods with arguments that they take; none compiles a system of its own."""
-    return _of_systems(made) | _of_curves(made) | _of_basins(made) | _of_afm(made) | _of_files(made, folder)
+    return (
+        _of_systems(made) | _of_maps() | _of_curves(made) | _of_basins(made) | _of_afm(made) | _of_files(made, folder)
+    )
 
 
 def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
@@ -495,6 +498,50 @@ def _of_systems(made: Objects) -> dict[str, Call]:
         "Sweep.runs": Call(sweep.runs, {"direction": "up"}),
         "Sweep.plot": Call(sweep.plot, {"y": "x", "panels": None, "ax": None, "legend": True}),
         "LyapunovSpectrum.plot": Call(made.spectrum.plot, {"ax": None, "legend": True}),
+    }  # fmt: skip
+
+
+def _of_maps() -> dict[str, Call]:
+    tent = discrete.tent_of()
+    start = {"parameters": {"a": 1.5}, "x0": [0.3]}
+    iterates = saltus.iterate(tent, [0.3], n=5)
+    piece = {"x": [0.3], "parameters": {"a": 1.5}}
+    return {
+        "Map": Call(
+            saltus.Map,
+            {
+                "states": ("x",), "parameters": {"a": 1.5}, "image": {"x": "a*x*(1 - x)"}, "pieces": None,
+                "outputs": {"double": "2*x"}, "groups": {"all": ["a"]}, "positive": ("a",),
+                "parameter_bounds": {"a": (0.0, 4.0)}, "name": "fuzz",
+            },
+        ),
+        "Map of pieces": Call(
+            lambda image, where: saltus.Map(
+                ("x",), {}, pieces={"low": saltus.Piece(image, where), "high": saltus.Piece({"x": "x"}, "x")}
+            ),
+            {"image": {"x": "x/2"}, "where": "-x"},
+        ),
+        "Map.from_definition": Call(saltus.Map.from_definition, {"definition": tent.definition()}),
+        "Map.piece_of": Call(tent.piece_of, dict(piece)),
+        "Map.image": Call(tent.image, dict(piece)),
+        "Map.jacobian": Call(tent.jacobian, dict(piece)),
+        "iterate": Call(saltus.iterate, {"map": tent, **start, "n": 3, "discard": 2}),
+        "Iterates.output": Call(iterates.output, {"expression": "double + a"}),
+        "Iterates.observe": Call(iterates.observe, {"*names": "mean(x)"}),
+        "Iterates.plot": Call(
+            iterates.plot, {"x": "n", "y": "x", "cobweb": False, "ax": None, "legend": True}
+        ),
+        "lyapunov_spectrum of a map": Call(
+            Grouped(saltus.lyapunov_spectrum, average=saltus.Average),
+            {"system": tent, **start, "mode": None, "periods": 5, "discard": 2, "exponents": 1},
+        ),
+        "run_sweep of a map": Call(
+            Grouped(saltus.run_sweep, options=saltus.SweepOptions),
+            {
+                "system": tent, **start, "mode": None, "parameter": "a", "values": [1.5], "discard": 3, "keep": 2,
+                "section": None, "quantities": ["x"], "observables": ["max(x)"], "exponents": 1, "path": None,
+            },
+        ),
     }  # fmt: skip
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 import systems
+from discrete import tent_of
 from saltus import (
     Average,
     HybridSystem,
@@ -21,15 +22,19 @@ from saltus import (
     continue_family,
     continue_locus,
     continue_orbit,
+    find_attractors,
     find_orbit,
     follow_cascade,
+    iterate,
     load,
     lyapunov_spectrum,
+    map_basins,
     run_sweep,
     simulate,
     solve_orbit,
 )
 from saltus.basins.attractors.attractors import Attractors
+from saltus.basins.attractors.found import Search
 from saltus.basins.map.basins import Basins
 from saltus.basins.map.grid import Grid
 from saltus.basins.map.labelling import Labelling
@@ -107,7 +112,20 @@ def samples() -> dict[str, Result]:
         "basins": basins(held),
         "array": Basins.from_array([0, 1, 1, 0], {"x": np.arange(4.0)}, {"a": 0, "b": 1}, {"a": [[1.0]]}),
         "profile": profile,
+        **_of_maps(),
     }  # fmt: skip
+
+
+def _of_maps() -> dict[str, Result]:
+    tent, region = tent_of(), {"x": (-0.2, 1.2)}
+    found = find_attractors(tent, {"a": 1.7}, region, seeds=16, search=Search(samples=100))
+    return {
+        "iterates": iterate(tent, [0.2], n=6),
+        "map sweep": run_sweep(tent, "a", [0.8, 1.7], x0=[0.3], options=SweepOptions(discard=50, keep=10)),
+        "map spectrum": lyapunov_spectrum(tent, {}, [0.2], average=Average(periods=20)),
+        "map attractors": found,
+        "map basins": map_basins(tent, {"a": 1.7}, {"x": (-0.2, 1.2, 12)}, found),
+    }
 
 
 def use(found: Any) -> None:
@@ -119,6 +137,11 @@ def use(found: Any) -> None:
 def _use_trajectory(found: Any) -> None:
     times = np.linspace(0.0, found.t_end, 7)
     found(times), found.mode_at(times), found.output(found.system.states[0], times)
+    found.observe(f"max({found.system.states[0]})")
+
+
+def _use_iterates(found: Any) -> None:
+    found.itinerary, found.steps, found.output(found.system.states[0])
     found.observe(f"max({found.system.states[0]})")
 
 
@@ -184,7 +207,8 @@ def _use_profile(found: Any) -> None:
 
 
 _USES: Mapping[str, Callable[[Any], None]] = {
-    "Trajectory": _use_trajectory, "PeriodicOrbit": _use_orbit, "Branch": _use_curve, "Locus": _use_curve,
+    "Trajectory": _use_trajectory, "Iterates": _use_iterates,
+    "PeriodicOrbit": _use_orbit, "Branch": _use_curve, "Locus": _use_curve,
     "Family": _use_family, "Cascade": _use_cascade,
     "Sweep": _use_sweep, "LyapunovSpectrum": _use_spectrum, "Attractors": _use_attractors,
     "Basins": _use_basins, "ErosionProfile": _use_profile,
