@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["RESTS", "Failure", "StepControl", "follow"]
+__all__ = ["RESTS", "ROUNDED", "Failure", "StepControl", "follow"]
 
 RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it is rounding: the parameter rests
+ROUNDED = 1e-11  # change of the parameter within a step, up to which it is rounding
 _BENT = 2.0  # factor on the curvature of a monitor function when two zeros within a step are suspected
 
 
@@ -203,7 +204,8 @@ def _misstep(point: Point, new: Point, moved: float, angle: float, control: Step
         return "angle: the branch turns too sharply for the step"
     if moved > 15.0 * control.deviation or moved > 0.5 * length:
         return "deviation: the corrected point lies too far from the predicted one"
-    if _turns_twice(float(point.tangent[-1]), float(new.tangent[-1]), float(new.u[-1] - point.u[-1]) / length):
+    slopes = float(point.tangent[-1]), float(new.tangent[-1]), float(new.u[-1] - point.u[-1]) / length
+    if max(map(abs, slopes)) * length > ROUNDED and _turns_twice(*slopes):
         return "folds: the parameter turns twice within the step"
     return None
 
