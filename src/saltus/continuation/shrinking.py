@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 
 __all__ = ["equilibrium_ahead"]
 
-_WITHIN = 5.0  # most steps, of the last one's length, to the extrapolated zero of the amplitude
+_WITHIN = 5.0  # steps, of the last one's length, to the extrapolated zero of the amplitude, within which it is sought
+_AFAR = 100.0  # the same for a small cycle round 0: its size is the unit of its steps, and these shrink with it
 _AGREES = 0.1  # most difference of Hopf point and extrapolation, over the distance from the last cycle
+_AGREES_AFAR = 0.01  # the same farther than the nearer number of steps
 _ROUNDING = 1e-9  # relative difference of the parameter that is rounding
 
 
@@ -44,8 +46,9 @@ def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> 
     if problem.system.phase is not None or len(set(problem.signature.modes)) > 1:
         return None
     far, near = _amplitude(problem, before), _amplitude(problem, point)
-    if not 0.0 < near < _WITHIN * (far - near):
+    if not 0.0 < near < _AFAR * (far - near):
         return None
+    agrees = _AGREES if near < _WITHIN * (far - near) else _AGREES_AFAR
     ahead = near * near / (far * far - near * near)
     last, other = _period(problem, point), _period(problem, before)
     value = point.parameter + (point.parameter - before.parameter) * ahead
@@ -55,8 +58,8 @@ def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> 
     found = solve_hopf(problem, centre, value, 2.0 * math.pi / period)
     if found is None or not np.max(np.abs(found.state - centre) / problem.state_scale) < near:
         return None
-    left = _AGREES * abs(value - point.parameter) + _ROUNDING * max(1.0, abs(value))
-    if abs(found.parameter - value) > left or abs(found.period - period) > _AGREES * abs(period - last) + 1e-3 * period:
+    left = agrees * abs(value - point.parameter) + _ROUNDING * max(1.0, abs(value))
+    if abs(found.parameter - value) > left or abs(found.period - period) > agrees * abs(period - last) + 1e-3 * period:
         return None
     return _at_rest(branch, point, found)
 
