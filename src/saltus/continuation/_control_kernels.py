@@ -11,6 +11,7 @@ from saltus.flow._kernels import INNER
 from saltus.system.machine_code import njit
 
 RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it is rounding: the parameter rests
+ROUNDED = 1e-11  # change of the parameter within a step, up to which it is rounding
 TAKEN, ANGLE, DEVIATION, FOLDS = 0, 1, 2, 3  # what `judge` says of a step
 _FAR = 3.0  # length of a step, over that of the last one, from which on a parabola predicts, not a cubic
 
@@ -55,7 +56,9 @@ def judge(weights, last, new, guess, limits):
         return ANGLE, moved, angle, length
     if moved > 15.0 * deviation or moved > 0.5 * length:
         return DEVIATION, moved, angle, length
-    if length > 0.0 and _turns_twice(last[1, m], new[1, m], (new[0, m] - last[0, m]) / length):
+    chord = (new[0, m] - last[0, m]) / max(length, 1e-300)
+    moves = max(abs(last[1, m]), abs(new[1, m]), abs(chord)) * length > ROUNDED
+    if moves and _turns_twice(last[1, m], new[1, m], chord):
         return FOLDS, moved, angle, length
     return TAKEN, moved, angle, length
 

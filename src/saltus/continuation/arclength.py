@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.continuation._control_kernels import ANGLE, DEVIATION, FOLDS, RESTS, TAKEN, growth, judge, predict
+from saltus.continuation._control_kernels import ANGLE, DEVIATION, FOLDS, RESTS, ROUNDED, TAKEN, growth, judge, predict
 from saltus.continuation.locating import CROWDED, events_between
 from saltus.continuation.zero_problem import Event, Point, ZeroProblem, correct
 from saltus.errors import InputError
@@ -21,7 +21,7 @@ from saltus.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["RESTS", "Failure", "StepControl", "follow"]
+__all__ = ["RESTS", "ROUNDED", "Failure", "StepControl", "follow"]
 
 # Why a step is rejected, by what `judge` says of it.
 _MISSTEPS = {
@@ -29,6 +29,7 @@ _MISSTEPS = {
     DEVIATION: "deviation: the corrected point lies too far from the predicted one",
     FOLDS: "folds: the parameter turns twice within the step",
 }
+_DOUBTS = 100  # most steps that are taken back without getting farther
 _BENT = 2.0  # factor on the curvature of a monitor function when two zeros within a step are suspected
 
 
@@ -121,7 +122,7 @@ def follow(
     """
     h = min(first_step or control.initial, control.largest)
     point, before, earlier = start, None, None
-    held, rejected = False, False
+    held, rejected, furthest, doubts = False, False, -math.inf, 0
     while True:
         if ahead is not None and held and before is not None and not rejected:
             quiet, h = ahead(before, point, h)
@@ -141,6 +142,10 @@ def follow(
             continue
         if held and before is not None:
             if (doubt := _returns(step.point, point, before)) is not None:
+                furthest, doubts = (point.arc, 0) if point.arc > furthest else (furthest, doubts + 1)
+                if doubts > _DOUBTS:
+                    yield f"no step past {doubts} doubts: {doubt}"
+                    return
                 h, held = 0.5 * (point.arc - before.arc), False
                 log.append(Failure(before.parameter, 2.0 * h, doubt))
                 point, before, earlier = before, earlier, None

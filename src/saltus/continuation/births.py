@@ -15,8 +15,8 @@ from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.zero_problem import Point, correct
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.equilibrium import equilibrium_at
-from saltus.equilibria.find import solve_equilibrium, state_sizes
-from saltus.equilibria.normal_forms import hopf_terms
+from saltus.equilibria.find import solve_equilibrium
+from saltus.equilibria.normal_forms import HopfTerms, hopf_terms
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
@@ -38,7 +38,7 @@ _FAINT = 1e-12  # size of an equation's terms, over the largest, up to which it 
 _ITERATIONS = 12  # most Newton steps to a first solution
 
 
-def cycle_born(equilibrium: Equilibrium, parameter: str) -> PeriodicOrbit:
+def cycle_born(equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float64]) -> PeriodicOrbit:
     """Return a small cycle near a Hopf point, on the branch that is born there as the parameter varies.
 
     Parameters
@@ -47,6 +47,8 @@ def cycle_born(equilibrium: Equilibrium, parameter: str) -> PeriodicOrbit:
         The Hopf point, located.
     parameter : str
         The parameter that is free.
+    sizes : ndarray, shape (n,)
+        Sizes of the states along the point's own branch.
 
     Raises
     ------
@@ -56,7 +58,7 @@ def cycle_born(equilibrium: Equilibrium, parameter: str) -> PeriodicOrbit:
         No cycle was found near the point.
     """
     problem, n = equilibrium.problem(parameter), equilibrium.state.size
-    scale = _parameter_scale(problem, equilibrium, parameter)
+    scale = _parameter_scale(problem, equilibrium, parameter, sizes)
     problem.scales[0] = scale
     u = np.append(equilibrium.state, equilibrium.parameters[parameter] / scale)
     J = problem.evaluate(u)[1]
@@ -68,7 +70,7 @@ def cycle_born(equilibrium: Equilibrium, parameter: str) -> PeriodicOrbit:
     terms = hopf_terms(problem, u, A, w)
     tangent = np.append(-np.linalg.solve(A, J[:, n]), 1.0)
     speed = complex(terms.p.conj() @ (problem.second(u, tangent)[:, :n] @ terms.q)).real
-    size = _nonlinear_size(problem, u, terms.q, w)
+    size = _nonlinear_size(sizes, terms)
     reason = ""
     for share in _AMPLITUDES:
         z = 0.5 * share * min(size, _room(problem, u, terms.q))
@@ -84,19 +86,12 @@ def cycle_born(equilibrium: Equilibrium, parameter: str) -> PeriodicOrbit:
     raise ConvergenceError("cycle at the Hopf point", _AMPLITUDES[0], len(_AMPLITUDES), reason)
 
 
-def _nonlinear_size(problem: EquilibriumProblem, u: NDArray[np.float64], q: NDArray[np.complex128], w: float) -> float:
-    """Return the amplitude along q at which terms of second or third order are as large as linear ones."""
-    n, still = problem.n, np.zeros(1)
-    parts = [part for part in (q.real.copy(), q.imag.copy()) if np.linalg.norm(part) > 0.0]
-    unit = np.max(np.abs(q)) / np.maximum(np.abs(q), 1e-6 * np.max(np.abs(q)))
-    second = max(float(np.linalg.norm(unit * (problem.second(u, np.append(a, still))[:, :n] @ b)))
-                 for a in parts for b in parts)  # fmt: skip
-    third = max(float(np.linalg.norm(unit * problem.third(u, a, a, b))) for a in parts for b in parts)
-    sizes = [w / second if second > 0.0 else math.inf, math.sqrt(w / third) if third > 0.0 else math.inf]
-    if math.isfinite(min(sizes)):
-        return min(sizes)
-    states = state_sizes(problem, u, problem.evaluate(u)[1])
-    return float(np.min(states[np.abs(q) > 1e-6] / np.abs(q)[np.abs(q) > 1e-6]))
+def _nonlinear_size(states: NDArray[np.float64], terms: HopfTerms) -> float:
+    """Return the amplitude along q at which other terms matter; where there are none, that of the states' sizes."""
+    if math.isfinite(terms.reach):
+        return terms.reach
+    q = np.abs(terms.q)
+    return float(np.min(states[q > 1e-6] / q[q > 1e-6]))
 
 
 def _room(problem: EquilibriumProblem, u: NDArray[np.float64], q: NDArray[np.complex128]) -> float:
@@ -131,15 +126,15 @@ def _corrected(
     return orbit_at(orbits, point.u, orbits.evaluate(point.u)[1])
 
 
-def _parameter_scale(problem: EquilibriumProblem, equilibrium: Equilibrium, parameter: str) -> float:
+def _parameter_scale(
+    problem: EquilibriumProblem, equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float64]
+) -> float:
     """Return the change of the parameter that alters the Jacobian by its own size, along the branch."""
     n = problem.n
     u = np.append(equilibrium.state, equilibrium.parameters[parameter])
     J = problem.evaluate(u)[1]
-    sizes = state_sizes(problem, u, J)
     moved = np.linalg.lstsq(J[:, :n], -J[:, n], rcond=1e-8)[0]
     change = problem.second(u, np.append(moved, 1.0))[:, :n]
-    sizes = np.maximum(sizes, 1e-300)
     parts = [float(np.linalg.norm(part * sizes / sizes[:, None])) for part in (J[:, :n], change)]
     value = abs(equilibrium.parameters[parameter])
     return parts[0] / parts[1] if parts[0] > 0.0 and parts[1] > 0.0 else value or 1.0
@@ -163,7 +158,9 @@ def equilibrium_of_cycle(orbit: PeriodicOrbit) -> Equilibrium:
     return found
 
 
-def other_equilibrium(equilibrium: Equilibrium, parameter: str, tangent: NDArray[np.float64] | None) -> Equilibrium:
+def other_equilibrium(
+    equilibrium: Equilibrium, parameter: str, tangent: NDArray[np.float64] | None, states: NDArray[np.float64]
+) -> Equilibrium:
     """Return an equilibrium of the other branch at a branch point, a short step from the point.
 
     Parameters
@@ -174,6 +171,8 @@ def other_equilibrium(equilibrium: Equilibrium, parameter: str, tangent: NDArray
         The parameter that is free.
     tangent : ndarray, shape (n + 1,), or None
         Tangent of the point's own branch.
+    states : ndarray, shape (n,)
+        Sizes of the states along that branch; at the point itself all may be rounding of 0.
 
     Raises
     ------
@@ -185,11 +184,11 @@ def other_equilibrium(equilibrium: Equilibrium, parameter: str, tangent: NDArray
     if tangent is None:
         raise InputError("point", "a BP without tangent", "a branch point of a branch")
     problem, n = equilibrium.problem(parameter), equilibrium.state.size
-    scale = _parameter_scale(problem, equilibrium, parameter)
+    scale = _parameter_scale(problem, equilibrium, parameter, states)
     problem.scales[0] = scale
     u = np.append(equilibrium.state, equilibrium.parameters[parameter] / scale)
     J = problem.evaluate(u)[1]
-    sizes = np.append(state_sizes(problem, u, J), 1.0)
+    sizes = np.append(states, 1.0)
     terms = np.abs(J * sizes).max(axis=1)
     rows = 1.0 / np.where(terms > _FAINT * terms.max(), terms, terms.max() or 1.0)
     left, _, right = np.linalg.svd(J * sizes * rows[:, None])

@@ -20,7 +20,7 @@ from saltus.continuation.orbit_problem import Interest
 from saltus.continuation.two_sided import BothSides, Found, OneSide, join, traced, turned
 from saltus.continuation.zero_problem import Event, Point, start_point
 from saltus.equilibria import Equilibrium
-from saltus.equilibria.critical import solve_branch_point
+from saltus.equilibria.critical import solve_branch_point, solve_saddle_node
 from saltus.equilibria.equilibrium import equilibrium_at
 from saltus.equilibria.problem import EquilibriumProblem, check_autonomous
 from saltus.errors import InputError, nearest
@@ -35,7 +35,7 @@ _NOTHING = 1e-14  # parameter, over its interval, up to which it reads 0
 _AT_START = 1e-10  # test function, over its usual size, up to which a start is critical
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
-_NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
+_NEAR = 1e-3  # distance in arclength between a special point and the zero of its test function
 
 
 def continue_equilibrium(
@@ -288,8 +288,9 @@ class _Run:
             half.points.append((branch, point))
             return f"{self._place(point)}: the domain of mode {self.equilibrium.mode} ends"
         name = self.interest.events[event.name.segment][0] if kind == "event" else kind
-        if kind == "BP":
-            u = solve_branch_point(branch.problem, point.u, branch.sizes)
+        if kind in ("SN", "BP"):
+            solve = solve_branch_point if kind == "BP" else solve_saddle_node
+            u = solve(branch.problem, point.u, branch.sizes)
             if u is not None and float(point.weights @ (u - point.u) ** 2) < _NEAR**2:
                 point.u = u
         if kind != "BE":

@@ -16,7 +16,7 @@ from saltus.continuation.monitor import Monitor
 from saltus.continuation.stretches import PointData, Stretch
 from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.equilibria.equilibrium import faults_of
-from saltus.equilibria.find import state_sizes
+from saltus.equilibria.find import responses, state_sizes
 from saltus.equilibria.spectrum import FAINT, eigenvalues, pair_product, unstable_count
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ CRITICAL = ("SN", "BP", "HB", "BE")  # kinds of monitor functions at whose zeros
 _RESIDUAL = 1e-8  # most residual of a point, over the sizes of the field's terms
 _NEAR = 1e-2  # share of a state's modulus below which its size on a branch is not chosen
 _SHORT = 1e-5  # arclength of a step up to which several eigenvalues may cross the imaginary axis in it
+_LONG = 1e-3  # arclength of a step from which on it must not end where the test function of HB is rounding
 _CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
 _RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it rests
 
@@ -54,7 +55,7 @@ def extents(problem: EquilibriumProblem, u: NDArray[np.float64]) -> NDArray[np.f
     J = problem.evaluate(u)[1]
     n, x = problem.n, np.abs(u[: problem.n])
     sizes = state_sizes(problem, u, J)
-    moved = np.abs(np.linalg.lstsq(J[:, :n], J[:, n:], rcond=1e-12)[0]).max(axis=1)
+    moved = np.abs(responses(J[:, :n], J[:, n:], sizes)).max(axis=1)
     return np.where((x > _NEAR * sizes) & (moved > 0.0), np.clip(moved, _NEAR * x, x), sizes)
 
 
@@ -103,7 +104,7 @@ class EquilibriumZeroProblem:
         """Return monitors, data and fault of a point."""
         u = point.u
         point.J = self.problem.evaluate(u)[1]
-        if self.problem.rounding(u, point.J, np.maximum(self.sizes, np.abs(u[: self.n]))) > _RESIDUAL:
+        if not self.problem.rounding(u, point.J, np.maximum(self.sizes, np.abs(u[: self.n]))) <= _RESIDUAL:
             return Examined({}, "residual: the field does not vanish there")
         values = eigenvalues(point.J[:, : self.n])
         reasons = tuple(faults_of(self.problem, u, self.sizes))
@@ -141,7 +142,8 @@ class EquilibriumZeroProblem:
             self._log = point.log if self._log is None else self._log
             return point.sign * math.exp(min(max(point.log - self._log, -600.0), 600.0))
         if kind == "HB":
-            return pair_product(eigenvalues(self.problem.evaluate(point.u)[1][:, : self.n]))
+            A = self.problem.evaluate(point.u)[1][:, : self.n]
+            return pair_product(eigenvalues(A)) if np.all(np.isfinite(A)) else math.nan
         if kind == "domain":
             return self.problem.guard(self.problem.mode, point.u)
         if kind == "BE":
@@ -232,6 +234,8 @@ def _fault(point: Point, before: Point, monitors: Mapping[Monitor, float], data:
     if point.arc - before.arc < _SHORT:
         return None
     known = before.examined.monitors
+    if point.arc - before.arc > _LONG and abs(monitors.get(_HB, 1.0)) < FAINT and _seen(before):
+        return "events: the step ends at a zero of HB, and may have passed over another"
     changed = {
         name.kind
         for name, value in monitors.items()

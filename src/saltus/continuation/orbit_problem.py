@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.arclength import RESTS
+from saltus.continuation.arclength import RESTS, ROUNDED
 from saltus.continuation.grazing import turned
 from saltus.continuation.guards import INFINITE, residual_fault, unconfirmed
 from saltus.continuation.monitor import Monitor, at_grazing, bifurcates
@@ -53,6 +53,7 @@ _BP = Monitor("BP")  # determinant of the bordered Jacobian
 
 _FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
 _SHARPER = 1e-6  # relative Newton step up to which a further correction of an orbit in pieces is kept
+_STEADY = 1e-7  # change of the parameter per unit of arclength, up to which it rests if its ends agree
 _SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
 _SLOWED = 0.05  # least velocity of an event at a step's end, over that at its start
 _CRITICAL = 1e-6  # height of a multiplier on the Riemann sphere up to which it is critical
@@ -246,6 +247,8 @@ class OrbitZeroProblem:
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         if before is None:
             return Examined(monitors, None, data)
+        if _rests(before, point):
+            monitors[_SN] = math.nan  # its sign is rounding
         self._step = before, point
         return Examined(monitors, _fault(point, before, monitors, data, None if self.neutral else way), data)
 
@@ -406,7 +409,9 @@ def shadowed_rates(vanishing: list[int], count: int) -> set[Monitor]:
 
 def _rests(a: Point, b: Point) -> bool:
     """Return whether the parameter rests in a step, as along a family of orbits at one value of the parameter."""
-    return max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1]))) < RESTS
+    slope = max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1])))
+    short = abs(b.arc - a.arc) <= _SHORT
+    return slope < RESTS or (slope < _STEADY and abs(b.parameter - a.parameter) < ROUNDED and not short)
 
 
 def _beyond(distance: float) -> float:

@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 
 __all__ = ["at_rest", "centre_ahead", "equilibrium_ahead"]
 
-_WITHIN = 5.0  # most steps, of the last one's length, to the extrapolated zero of the amplitude
+_WITHIN = 5.0  # steps, of the last one's length, to the extrapolated zero of the amplitude, within which it is sought
+_AFAR = 100.0  # the same for a small cycle round 0: its size is the unit of its steps, and these shrink with it
 _AGREES = 0.1  # most difference of Hopf point and extrapolation, over the distance from the last cycle
+_AGREES_AFAR = 0.01  # the same farther than the nearer number of steps
 _ROUNDING = 1e-9  # relative difference of the parameter that is rounding
 
 
@@ -47,7 +49,7 @@ def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> 
     found = solve_hopf(problem, seen.centre, value, seen.frequency)
     if found is None or not seen.agrees(problem, found):
         return None
-    if abs(found.parameter - value) > _AGREES * abs(value - point.parameter) + _ROUNDING * max(1.0, abs(value)):
+    if abs(found.parameter - value) > seen.share * abs(value - point.parameter) + _ROUNDING * max(1.0, abs(value)):
         return None
     return _at_rest(branch, point, found)
 
@@ -65,6 +67,8 @@ class _Extrapolated(NamedTuple):
         Centre of the last cycle.
     near : float
         Amplitude of the last cycle, over the states' sizes.
+    share : float
+        Most difference of the equilibrium from the extrapolation, over the distance from the last cycle.
     """
 
     ahead: float
@@ -72,6 +76,7 @@ class _Extrapolated(NamedTuple):
     last: float
     centre: NDArray[np.float64]
     near: float
+    share: float
 
     @property
     def frequency(self) -> float:
@@ -81,7 +86,7 @@ class _Extrapolated(NamedTuple):
         """Return whether an equilibrium lies within the last cycle and has the period that was extrapolated."""
         if not np.max(np.abs(found.state - self.centre) / problem.state_scale) < self.near:
             return False
-        return abs(found.period - self.period) <= _AGREES * abs(self.period - self.last) + 1e-3 * self.period
+        return abs(found.period - self.period) <= self.share * abs(self.period - self.last) + 1e-3 * self.period
 
 
 def _extrapolated(problem: OrbitProblem, before: Point, point: Point) -> _Extrapolated | None:
@@ -89,13 +94,14 @@ def _extrapolated(problem: OrbitProblem, before: Point, point: Point) -> _Extrap
     if problem.system.phase is not None or len(set(problem.signature.modes)) > 1:
         return None
     far, near = _amplitude(problem, before), _amplitude(problem, point)
-    if not 0.0 < near < _WITHIN * (far - near):
+    if not 0.0 < near < _AFAR * (far - near):
         return None
+    share = _AGREES if near < _WITHIN * (far - near) else _AGREES_AFAR
     ahead = near * near / (far * far - near * near)
     last, other = _period(problem, point), _period(problem, before)
     survey, n = point.examined.data.survey, problem.n
     centre = 0.5 * (survey.lows[:n] + survey.highs[:n])
-    return _Extrapolated(ahead, last + (last - other) * ahead, last, centre, near)
+    return _Extrapolated(ahead, last + (last - other) * ahead, last, centre, near, share)
 
 
 def centre_ahead(

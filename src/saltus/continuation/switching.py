@@ -99,10 +99,11 @@ def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]
 def _from_equilibrium(point: SpecialPoint[Equilibrium], equilibrium: Equilibrium) -> PeriodicOrbit | Equilibrium:
     """Return the other solution at a special point of equilibria."""
     parameter = point.varied[0]
+    sizes = np.ones(equilibrium.state.size) if point.scale is None else np.maximum(point.scale, 1e-300)
     if point.type == "HB":
-        return cycle_born(equilibrium, parameter)
+        return cycle_born(equilibrium, parameter, sizes)
     if point.type == "BP":
-        return other_equilibrium(equilibrium, parameter, point.tangent)
+        return other_equilibrium(equilibrium, parameter, point.tangent, sizes)
     raise InputError("point", point.type, "of type HB or BP", "no other branch meets there")
 
 

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["Boundary", "Condition", "Hopf", "Singular", "solve_branch_point"]
+__all__ = ["Boundary", "Condition", "Hopf", "Singular", "solve_branch_point", "solve_saddle_node"]
 
-_ITERATIONS = 12  # Newton steps to a branch point, at most
+_ITERATIONS = 12  # Newton steps to a critical point, at most
 _FAINT = 1e-12  # size of an equation's terms, over the largest, up to which it has no size of its own
-_CONVERGED = 1e-12  # largest relative Newton step of a converged branch point
+_CONVERGED = 1e-12  # largest relative Newton step of a converged point
 
 
 class Condition(Protocol):
@@ -55,8 +55,8 @@ class Singular:
     Parameters
     ----------
     problem : EquilibriumProblem
-        The equations, two parameters active.
-    u : ndarray, shape (n + 2,)
+        The equations, two parameters active, or one for a single point.
+    u : ndarray, shape (n + active,)
         An equilibrium near the condition.
     sizes : ndarray, shape (n,)
         Typical sizes of the states.
@@ -71,7 +71,11 @@ class Singular:
         left, _, right = np.linalg.svd(scaled)
         self.right, self.left = right[-1] * sizes, left[:, -1] / sizes
         # a matrix that vanishes as a whole has the size of its change along the null vector
-        change = problem.second(u, np.append(self.right, [0.0, 0.0]))[:, : problem.n] * sizes / sizes[:, None]
+        change = (
+            problem.second(u, np.append(self.right, np.zeros(u.size - problem.n)))[:, : problem.n]
+            * sizes
+            / sizes[:, None]
+        )
         self._unit = max(float(np.linalg.norm(scaled)), float(np.linalg.norm(change))) or 1.0
         self.adjust()
 
@@ -197,6 +201,32 @@ class Boundary:
 
     def adjust(self) -> None:
         """Do nothing: there are no borders."""
+
+
+def solve_saddle_node(
+    problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Return the saddle-node near `u`, shape (n + 1,), one parameter active; None where there is none.
+
+    Newton's method solves f = 0 together with `Singular`.
+    """
+    scale, u = np.append(sizes, 1.0), u.copy()
+    try:
+        condition = Singular(problem, u, sizes)
+        for _ in range(_ITERATIONS):
+            F, J = problem.evaluate(u)
+            value, gradient, _ = condition.evaluate(u, np.zeros(0), J)
+            matrix = np.vstack([J, gradient]) * scale
+            rows = 1.0 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
+            step = np.linalg.solve(matrix * rows[:, None], -rows * np.append(F, value))
+            if not float(np.abs(step).max()) < 1.0:
+                return None
+            u = u + scale * step
+            if float(np.abs(step).max()) < _CONVERGED:
+                return u
+    except np.linalg.LinAlgError:
+        return None
+    return None
 
 
 def solve_branch_point(

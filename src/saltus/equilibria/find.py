@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["find_equilibrium", "solve_equilibrium", "state_sizes"]
+__all__ = ["find_equilibrium", "responses", "solve_equilibrium", "state_sizes"]
 
 _ITERATIONS = 100  # most Newton steps
 _CONVERGED = 1e-13  # Newton step, over the states' sizes, of a converged equilibrium
 _STALLED = 1e-8  # the same where rounding keeps steps from shrinking further
 _RESIDUAL = 1e-10  # most residual, over the field's terms, of an equilibrium
-_FLOOR = 1e-3  # size of a state, over the largest on the way, below which its steps are judged by this size
+_FLOOR = 1e-3  # size of a state, over its largest on the way, below which its steps are judged by this size
 _ROUNDED = 1e-14  # size of a state, over its typical size, up to which it may be rounding of 0
 _SINGULAR = 1e-6  # least singular value of the Jacobian, rows of size 1, up to which it is called singular
 _SHORTEST = 1e-6  # least share of a Newton step that is tried
@@ -102,35 +102,47 @@ def state_sizes(problem: EquilibriumProblem, u: NDArray[np.float64], J: NDArray[
         nearby = np.append(_NEARBY * u[:n], u[n:])
         A = np.abs(J[:, :n])
         A = np.fmax(A, np.abs(problem.evaluate(nearby)[1][:, :n]))
+        # a state in other units may be as small, but not its share in the rates of the others
+        shares = (A - np.diag(np.diag(A))) * x
+        fastest = float(np.abs(np.linalg.eigvals(J[:, :n])).max())
+        small &= ~np.any(shares > _SMALL * np.maximum(A @ x, fastest * x)[:, None], axis=0)
         rates = A @ np.where(small, 0.0, x)
         own = np.maximum(np.diag(A), A.max(axis=0))
         given = np.divide(rates, own, out=np.full(n, top), where=own > 0.0)
         return np.asarray(np.where(small, np.where(given > 0.0, np.minimum(given, top), top), x))
     response = np.abs(J[:, n:]).max(axis=1) if J.shape[1] > n else np.zeros(n)
     if float(response.max(initial=0.0)) > 0.0:
-        moved = np.abs(np.linalg.lstsq(J[:, :n], J[:, n:], rcond=None)[0]).max(axis=1)
+        moved = np.abs(responses(J[:, :n], J[:, n:], np.ones(n))).max(axis=1)
         if float(moved.max()) > 0.0:
             return np.asarray(np.where(moved > _SMALL * moved.max(), moved, moved.max()))
     return np.ones(n)
 
 
+def responses(A: NDArray[np.float64], B: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the shortest least-squares solution of A X = B, rows of one size and unknowns in units of `sizes`."""
+    scaled = A * sizes
+    rows = np.abs(scaled).max(axis=1, keepdims=True)
+    rows = 1.0 / np.where(rows > 0.0, rows, 1.0)
+    return np.asarray(sizes[:, None] * np.linalg.lstsq(scaled * rows, B * rows, rcond=1e-12)[0])
+
+
 def solve_equilibrium(problem: EquilibriumProblem, x: NDArray[np.float64]) -> Equilibrium:
     """Return the equilibrium near the state `x` at fixed parameters; see `find_equilibrium`."""
     u = x.astype(np.float64)
-    known = max(float(np.abs(u).max()), 1e-300)
+    known = np.abs(u)
     F, J = problem.evaluate(u)
     if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
         raise InputError("x0", x.tolist(), "a state at which the field and its derivatives are finite")
     before = math.inf
     for iteration in range(_ITERATIONS):
-        step = _newton_step(F, J)
         sizes = np.maximum(state_sizes(problem, u, J), _FLOOR * known)
+        step = _newton_step(F, J, sizes)
         length = float(np.max(np.abs(step) / sizes))
         if length <= _CONVERGED or (length <= _STALLED and length >= 0.5 * before):
             return _polished(problem, u + step, sizes, iteration)
         before = length
-        u, F, J = _damped(problem, u, F, J, step, iteration)
-        known = max(known, float(np.abs(u).max()))
+        u, F, J = _damped(problem, u, F, J, step, sizes, iteration)
+        known = np.maximum(known, np.abs(u))
     raise ConvergenceError("equilibrium", float(np.abs(F).max()), _ITERATIONS, _why(J))
 
 
@@ -157,12 +169,13 @@ def _why(J: NDArray[np.float64]) -> str:
     return "start from a nearer state; there may be no equilibrium in this mode"
 
 
-def _newton_step(F: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
+def _newton_step(F: NDArray[np.float64], J: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the Newton step, with rows and columns of the Jacobian scaled; the shortest where it is singular."""
-    rows = 1.0 / np.maximum(np.abs(J).max(axis=1), 1e-300)
-    columns = 1.0 / np.maximum((np.abs(J) * rows[:, None]).max(axis=0), 1e-300)
-    scaled = J * rows[:, None] * columns
-    return np.asarray(columns * np.linalg.lstsq(scaled, -F * rows, rcond=1e-15)[0])
+    scaled = J * sizes
+    rows = 1.0 / np.maximum(np.abs(scaled).max(axis=1), 1e-300)
+    columns = 1.0 / np.maximum((np.abs(scaled) * rows[:, None]).max(axis=0), 1e-300)
+    scaled = scaled * rows[:, None] * columns
+    return np.asarray(sizes * columns * np.linalg.lstsq(scaled, -F * rows, rcond=1e-15)[0])
 
 
 def _damped(
@@ -171,6 +184,7 @@ def _damped(
     F: NDArray[np.float64],
     J: NDArray[np.float64],
     step: NDArray[np.float64],
+    sizes: NDArray[np.float64],
     iteration: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return state, field and Jacobian a share of a Newton step ahead.
@@ -178,13 +192,13 @@ def _damped(
     The share is halved until the next simplified Newton step is shorter (the natural monotonicity test).
     """
     share = 1.0
-    length = float(np.linalg.norm(step))
+    length = float(np.linalg.norm(step / sizes))
     while share > _SHORTEST:
         trial = u + share * step
         there, slope = problem.evaluate(trial)
         if np.all(np.isfinite(there)) and np.all(np.isfinite(slope)):
-            simplified = float(np.linalg.norm(_newton_step(there, J)))
-            if simplified <= (1.0 - 0.25 * share) * length or simplified <= 1e-10 * float(np.linalg.norm(trial)):
+            simplified = float(np.linalg.norm(_newton_step(there, J, sizes) / sizes))
+            if simplified <= (1.0 - 0.25 * share) * length or simplified <= 1e-10:
                 return trial, there, slope
         share *= 0.5
     raise ConvergenceError("equilibrium", float(np.abs(F).max()), iteration, _why(J))

@@ -10,6 +10,7 @@ coefficient is his (5.39). Kuznetsov, Int. J. Bifurcation Chaos 15 (2005) 3535-3
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -166,6 +167,9 @@ class HopfTerms:
         Shift of the mean.
     double : ndarray of complex, shape (n,)
         Second harmonic.
+    reach : float
+        The amplitude abs(z) at which a term of second or third order of z' is as large as the linear one; inf without
+        such terms. It does not depend on the units of the states but for those of q.
     """
 
     l1: float
@@ -173,6 +177,7 @@ class HopfTerms:
     p: NDArray[Any]
     mean: NDArray[np.float64]
     double: NDArray[Any]
+    reach: float
 
 
 def hopf_terms(problem: EquilibriumProblem, u: NDArray[np.float64], A: NDArray[np.float64], w: float) -> HopfTerms:
@@ -188,15 +193,20 @@ def hopf_terms(problem: EquilibriumProblem, u: NDArray[np.float64], A: NDArray[n
     cubes = {key: problem.third(u, *ways) for key, ways in
              {"aaa": (a, a, a), "abb": (a, b, b), "aab": (a, a, b), "bbb": (b, b, b)}.items()}  # fmt: skip
     cubic = cubes["aaa"] + cubes["abb"] + 1j * (cubes["aab"] + cubes["bbb"])
-    mean = -np.linalg.solve(A, _bilinear(problem, u, q, q.conj()).real)
-    double = np.linalg.solve(2j * w * np.eye(n) - A, _bilinear(problem, u, q, q))
+    across, along = _bilinear(problem, u, q, q.conj()), _bilinear(problem, u, q, q)
+    mean = -np.linalg.solve(A, across.real)
+    double = np.linalg.solve(2j * w * np.eye(n) - A, along)
     parts = [
         p.conj() @ cubic,
         2.0 * (p.conj() @ _bilinear(problem, u, q, mean)),
         p.conj() @ _bilinear(problem, u, q.conj(), double),
     ]
     l1 = _seen(float(sum(parts).real) / (2.0 * w), *(abs(part) / (2.0 * w) for part in parts))
-    return HopfTerms(l1, q, p, mean, double)
+    second = max(abs(complex(p.conj() @ term)) for term in (across, along)) / w
+    third = sum(abs(complex(part)) for part in parts) / (2.0 * w)
+    faint = _NOISE * float(np.linalg.norm(p))
+    sizes = [1.0 / second if second > faint else math.inf, third**-0.5 if third > faint else math.inf]
+    return HopfTerms(l1, q, p, mean, double, min(sizes))
 
 
 def _takens_coefficient(problem: EquilibriumProblem, u: NDArray[np.float64], A: NDArray[np.float64]) -> float:
