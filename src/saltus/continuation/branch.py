@@ -24,7 +24,8 @@ class Branch(OrbitCurve):
     ----------
     parameter : str
         The parameter that varies. Its values along the branch are in `values`, shape (point,). Types of
-        `special_points` are SN, PD, TR, BP, GR, HB and users' events. `OrbitCurve` lists the other attributes.
+        `special_points` are SN, PD, TR, BP, GR, HB, HOM, SNIC and users' events. `OrbitCurve` lists the other
+        attributes.
     """
 
     parameter: str

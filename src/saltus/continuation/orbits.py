@@ -19,6 +19,7 @@ from saltus.continuation.options import ROUNDING, read_events, read_interval, re
 from saltus.continuation.orbit_problem import Interest, OrbitData, OrbitZeroProblem
 from saltus.continuation.period_halving import halved
 from saltus.continuation.shrinking import equilibrium_ahead
+from saltus.continuation.to_homoclinic import end_unbounded
 from saltus.continuation.two_sided import SAME, Found, OneSide, join, traced, turned
 from saltus.continuation.unbounded import grows_at_last, grows_for_ever, too_stiff
 from saltus.continuation.zero_problem import Event, Examined, Point, start_point
@@ -59,8 +60,8 @@ def continue_orbit(
     by Newton's method. At a grazing the branch goes on in the neighbouring signature, or ends where there is none. An
     orbit that repeats a shorter one there goes on as the shorter one. `StepControl.at_grazing` and `stop_at` change
     this. A branch of doubled period ends where the period halves. A branch of autonomous cycles ends at the Hopf point
-    (HB) to which the cycle shrinks. Points with a residual above 1e-8 of the orbit's size are rejected.
-    docs/theory/continuation.md derives the method.
+    (HB) to which the cycle shrinks. Where its period grows without bound it ends at the homoclinic orbit (HOM). Points
+    with a residual above 1e-8 of the orbit's size are rejected. docs/theory/continuation.md derives the method.
 
     Parameters
     ----------
@@ -245,8 +246,9 @@ class _Run:
         last = point
         for item in follow(branch, point, self.control, log=self.log, first_step=first):
             if isinstance(item, str):
-                reason = grows_at_last(half.points) or too_stiff(branch.problem) or item
-                return f"{self._place(last)}: {reason}"
+                if grows_at_last(half.points) is not None:
+                    return self._unbounded(half)
+                return f"{self._place(last)}: {too_stiff(branch.problem) or item}"
             if isinstance(item, Event):
                 end = self._event(half, branch, item)
                 if end is not None:
@@ -267,11 +269,16 @@ class _Run:
             if len(half.points) >= self.control.most:
                 return f"{self._place(item)}: {self.control.most} points"
             last = item
-            if (grown := grows_for_ever(half.points)) is not None:
-                return f"{self._place(item)}: {grown}"
+            if grows_for_ever(half.points) is not None:
+                return self._unbounded(half)
             if (finer := self._cut(half, branch, item)) is not None:
                 return finer
         raise AssertionError("follow ends with a reason")
+
+    def _unbounded(self, half: OneSide) -> str:
+        """End a branch whose period grows without bound: at the homoclinic orbit, where one is located."""
+        reason = end_unbounded(half, self.interest)
+        return f"{self._place(half.points[-1][1])}: {reason}"
 
     def _shrunk(self, half: OneSide, piece: OrbitZeroProblem, end: Point) -> str:
         """End a branch at the Hopf point that is its last point."""
