@@ -151,6 +151,20 @@ def test_sandstede_homoclinic_orbit_is_exact() -> None:
 
 
 @pytest.mark.slow
+def test_two_unstable_directions_change_neither_the_parameter_nor_the_longest_period() -> None:
+    field = SANDSTEDE | {"w": "-3*w"}
+    parameters = {"a": -0.3, "b": 1.0, "c": 2.0, "mut": 0.1}
+    branch = branch_of(field, parameters, "mut", (-0.5, 0.5), [0.7, 0.0, 0.0, 0.0])
+    point = branch["HOM1"]
+    assert point.parameters["mut"] == pytest.approx(0.0, abs=1e-11)
+    assert point.equilibrium.kind == "saddle (2 unstable)"
+    assert point.homoclinic is not None
+    assert point.homoclinic.leading == (pytest.approx(0.7), pytest.approx(-1.3))
+    assert branch.period.max() == pytest.approx(1e3 * branch.period.min(), rel=1e-3)
+    assert branch.residual.max() < 1e-8
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("b", "chaos"), [(1.0, False), (2.5, True)])
 def test_saddle_focus_is_homoclinic_where_its_unstable_manifold_comes_back(b: float, chaos: bool) -> None:
     point = branch_of(JERK, {"a": 0.9 * b, "b": b}, "a", (0.2, 9.0), [1.0, 0.0, 0.0])["HOM1"]
@@ -230,6 +244,13 @@ def test_membrane_that_spikes_slowly_ends_at_a_homoclinic_orbit() -> None:
     known = brentq(gap, point.parameters["I"] - 0.01, point.parameters["I"] + 0.01, xtol=1e-12)
     assert point.parameters["I"] == pytest.approx(known, rel=1e-8)
     assert saddle.kind == "saddle (1 unstable)"
+
+
+def test_cycle_with_events_is_told_in_words() -> None:
+    crossing = saltus.Transition("m", "m", "y", 1, {}, name="section")
+    system = HybridSystem(("x", "y"), {"b1": -0.1}, {"m": Mode({"x": "y", "y": "b1 - x + x**2 - x*y"})}, [crossing])
+    branch = saltus.continue_orbit(saltus.find_orbit(system, x0=[-0.2, 0.0]), "b1", (-1.0, 0.2))
+    assert branch.stopped[0].endswith("no homoclinic orbit is located: its cycles have events")
 
 
 def test_heteroclinic_cycle_is_told_in_words() -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MOST_UNKNOWNS", "long_cycles"]
 
-MOST_UNKNOWNS = 3000  # unknowns of a long cycle, beyond which its dense equations are larger than they are worth
+MOST_UNKNOWNS = 6000  # unknowns of a long cycle, beyond which its Jacobian, stored densely, takes too much memory
 _GROWTH = (10.0, 1e5)  # least and largest growth of a difference over a piece at the saddle
 _LEFT = 1e-9  # curvature of the tangent spaces that a piece at the saddle may magnify, over the cycle's size
 _ITERATIONS = 8  # most Newton steps to a cycle
@@ -138,22 +138,24 @@ def _at_saddle(arc: Arc, stay: float) -> tuple[NDArray[np.float64], NDArray[np.f
 
 def _closed(problem: OrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Return the solution of a cycle's own equations with its period held, by Newton's method; None without one."""
+    from scipy.sparse import csr_matrix, diags, vstack
+    from scipy.sparse.linalg import splu
+
     n, m = problem.n, problem.size
     scale = np.append(np.tile(np.append(sizes, float(u[n : m : n + 1].sum())), problem.segments), 1.0)
     scale[-1] = max(abs(float(u[-1])), 1.0)
     for k in range(_ITERATIONS):
         F, J = problem.evaluate(u) if k else problem.resolve(u)
         fine = problem.refine()
-        K = np.zeros((m + 1, m + 1))
-        K[:m] = J
-        K[m, n : m : n + 1] = 1.0
-        if not np.all(np.isfinite(K)):
+        if not np.all(np.isfinite(J)):
             return None
-        K *= scale
-        rows = np.maximum(np.abs(K).max(axis=1), 1e-300)
+        held = np.zeros(m + 1)
+        held[n : m : n + 1] = 1.0
+        K = vstack([csr_matrix(J), csr_matrix(held)]) @ diags(scale)
+        rows = np.maximum(abs(K).max(axis=1).toarray().ravel(), 1e-300)
         try:
-            step = np.linalg.solve(K / rows[:, None], -np.append(F, 0.0) / rows)
-        except np.linalg.LinAlgError:
+            step = splu((diags(1.0 / rows) @ K).tocsc()).solve(-np.append(F, 0.0) / rows)
+        except RuntimeError:  # singular
             return None
         u = u + step * scale
         if fine and float(np.abs(step).max()) < _CONVERGED:
