@@ -16,6 +16,7 @@ from saltus.continuation.options import ROUNDING
 from saltus.continuation.orbit_problem import Interest, OrbitData, OrbitZeroProblem
 from saltus.continuation.period_halving import halved
 from saltus.continuation.shrinking import equilibrium_ahead
+from saltus.continuation.to_homoclinic import end_unbounded
 from saltus.continuation.two_sided import SAME, Found, OneSide, turned
 from saltus.continuation.unbounded import grows_at_last, grows_for_ever, too_stiff
 from saltus.continuation.zero_problem import Event, Examined, Point, start_point
@@ -199,8 +200,9 @@ class BranchRun:
         last = point
         for item in follow(branch, point, self.control, log=self.log, first_step=first):
             if isinstance(item, str):
-                reason = grows_at_last(half.points) or too_stiff(branch.problem) or item
-                return f"{self._place(last)}: {reason}"
+                if (grown := grows_at_last(half.points)) is not None:
+                    return self._unbounded(half, grown)
+                return f"{self._place(last)}: {too_stiff(branch.problem) or item}"
             if isinstance(item, Event):
                 end = self._event(half, branch, item)
                 if end is not None:
@@ -222,10 +224,19 @@ class BranchRun:
                 return f"{self._place(item)}: {self.control.most} points"
             last = item
             if (grown := grows_for_ever(half.points)) is not None:
-                return f"{self._place(item)}: {grown}"
+                return self._unbounded(half, grown)
             if (finer := self._cut(half, branch, item)) is not None:
                 return finer
         raise AssertionError("follow ends with a reason")
+
+    def _unbounded(self, half: OneSide, grown: str) -> str:
+        """End a branch whose period grows without bound: at the homoclinic orbit, where one is located."""
+        reason = self.ends_unbounded(half, grown)
+        return f"{self._place(half.points[-1][1])}: {reason}"
+
+    def ends_unbounded(self, half: OneSide, grown: str) -> str:
+        """Append long cycles and the homoclinic orbit to a branch; return why it ends. `grown` tells of the period."""
+        return end_unbounded(half, self.interest)
 
     def _shrunk(self, half: OneSide, piece: OrbitZeroProblem, end: Point) -> str:
         """End a branch at the Hopf point that is its last point."""

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.contents import Contents
+from saltus.continuation.connection import Homoclinic
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints
+from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.orbit import MOST_FAULTS, complex_of
@@ -60,7 +62,7 @@ def special_variables(
     blocks = [orbit.unknowns for orbit in orbits]
     tangents = [np.empty(0) if point.tangent is None else point.tangent for point in specials]
     states, quantities = len(system.states), len(system.all_states) + len(system.output_names)
-    values = [[point.value(name) for name in varied] for point in specials]
+    values = [[_own_value(point, name) for name in varied] for point in specials]
     freed = [orbit.fixed.free and orbit.parameters[orbit.fixed.free] for orbit in orbits if orbit.fixed is not None]
 
     def stack(rows: list[Any], width: int) -> NDArray[np.float64]:
@@ -87,9 +89,48 @@ def special_variables(
         "special_form": ("special", np.array([forms.index(o.form) for o in orbits], dtype=np.int64)),
         "special_unknown": ("special_ragged", np.concatenate([*blocks, np.empty(0)])),
         "special_unknown_count": ("special", np.array([len(block) for block in blocks], dtype=np.int64)),
+        **_saddles(specials, varied, states),
         "special_tangent": ("tangent_ragged", np.concatenate([*tangents, np.empty(0)])),
         "special_tangent_count": ("special", np.array([len(row) for row in tangents], dtype=np.int64)),
     }
+
+
+def _saddles(specials: list[Any], varied: tuple[str, ...], states: int) -> dict[str, Any]:
+    """Return the equilibria of homoclinic orbits as variables; NaN at other special points."""
+    count = len(specials)
+    values, places = np.full((count, len(varied)), np.nan), np.full((count, states), np.nan)
+    eigenvalues, residuals = np.full((count, states), np.nan, dtype=np.complex128), np.full(count, np.nan)
+    for i, point in enumerate(specials):
+        if point.homoclinic is not None:
+            saddle = point.homoclinic.saddle
+            values[i] = [saddle.parameters[name] for name in varied]
+            places[i], eigenvalues[i], residuals[i] = saddle.state, saddle.eigenvalues, saddle.residual
+    return {
+        "special_saddle_value": (("special", "parameter"), values),
+        "special_saddle": (("special", "state"), places),
+        "special_eigenvalue_re": (("special", "state"), eigenvalues.real),
+        "special_eigenvalue_im": (("special", "state"), eigenvalues.imag),
+        "special_saddle_residual": ("special", residuals),
+    }
+
+
+def _saddles_of(
+    held: Contents, system: HybridSystem, parameters: Mapping[str, float], varied: tuple[str, ...], modes: list[str]
+) -> list[Homoclinic | None]:
+    """Return what `_saddles` wrote, for special points whose orbits start in given modes."""
+    values = held.array("special_saddle_value", ("special", "parameter"), finite=False)
+    places = held.array("special_saddle", ("special", "state"), finite=False)
+    eigenvalues = complex_table(held, "special_eigenvalue", ("special", "state"))
+    residuals = held.array("special_saddle_residual", ("special",), finite=False)
+    found: list[Homoclinic | None] = []
+    for value, place, own, residual, mode in zip(values, places, eigenvalues, residuals, modes, strict=True):
+        if not np.all(np.isfinite(place)):
+            found.append(None)
+            continue
+        own_parameters = {**parameters, **dict(zip(varied, value.tolist(), strict=True))}
+        saddle = Equilibrium(system, all_parameters(own_parameters, system), mode, place, own, float(residual))
+        found.append(Homoclinic(saddle))
+    return found
 
 
 def special_points_of(
@@ -122,6 +163,8 @@ def special_points_of(
     lows, highs = (held.array(f"special_{end}", ("special", "quantity"), finite=False) for end in ("low", "high"))
     faults = held.array("special_faults", special, int, least=0, most=MOST_FAULTS)
     freed = held.array("special_freed", special, finite=False) if "special_freed" in held.dataset else None
+    modes = [system.mode_names[forms[i].modes[0]] for i in number.tolist()]
+    saddles = _saddles_of(held, system, parameters, varied, modes)
     specials = []
     for i, block in enumerate(blocks):
         own = dict(zip(varied, values[i].tolist(), strict=True))
@@ -155,6 +198,7 @@ def special_points_of(
                 str(text["of"][i]),
                 str(text["locus"][i]),
                 tangents[i] if tangents[i].size else None,
+                homoclinic=saddles[i],
             )
         )
     return specials
@@ -163,6 +207,11 @@ def special_points_of(
 def texts_array(texts: list[str]) -> NDArray[np.object_]:
     """Return texts as an array that a Dataset can hold, also where there is none."""
     return np.array(texts, dtype=object)
+
+
+def _own_value(point: SpecialPoint, name: str) -> float:
+    """Return a varied parameter or quantity of the point's own orbit; at a HOM the saddle's parameters differ."""
+    return point.value(name) if point.homoclinic is None else point.solution.parameters[name]
 
 
 def _numbers(values: list[Any]) -> NDArray[np.float64]:

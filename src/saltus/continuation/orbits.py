@@ -41,8 +41,8 @@ def continue_orbit(
     by Newton's method. At a grazing the branch goes on in the neighbouring signature, or ends where there is none. An
     orbit that repeats a shorter one there goes on as the shorter one. `StepControl.at_grazing` and `stop_at` change
     this. A branch of doubled period ends where the period halves. A branch of autonomous cycles ends at the Hopf point
-    (HB) to which the cycle shrinks. Points with a residual above 1e-8 of the orbit's size are rejected.
-    docs/theory/continuation.md derives the method.
+    (HB) to which the cycle shrinks. Where its period grows without bound it ends at the homoclinic orbit (HOM). Points
+    with a residual above 1e-8 of the orbit's size are rejected. docs/theory/continuation.md derives the method.
 
     Parameters
     ----------

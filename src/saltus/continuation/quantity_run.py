@@ -13,6 +13,7 @@ from saltus.continuation.branch_run import BranchRun
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.quantity_problem import QuantityZeroProblem
 from saltus.continuation.shrinking import at_rest, centre_ahead
+from saltus.continuation.two_sided import OneSide
 from saltus.continuation.zero_problem import Point, start_point
 from saltus.errors import InputError
 from saltus.orbits.fixing import Wish, unfolded_at
@@ -98,6 +99,10 @@ class QuantityRun(BranchRun):
     def sharpened(self, branch: OrbitZeroProblem, point: Point) -> Point:
         """Return a branch point as it was located."""
         return point
+
+    def ends_unbounded(self, half: OneSide, grown: str) -> str:
+        """Return why a branch along a quantity ends: its homoclinic orbit is not located."""
+        return grown
 
     def shrinks(self, branch: OrbitZeroProblem, before: Point, point: Point) -> tuple[OrbitZeroProblem, Point] | None:
         """Return equations and point of the equilibrium a few steps ahead to which orbits shrink, or None."""

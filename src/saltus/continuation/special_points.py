@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, overload
 import numpy as np
 
 from saltus import checks
+from saltus.continuation.connection import Homoclinic
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.normal_forms import EquilibriumNormalForm, normal_form as equilibrium_form
 from saltus.errors import InputError
@@ -39,6 +40,8 @@ _MEANING = {
     "BP": "branch point",
     "GR": "grazing",
     "HB": "Hopf",
+    "HOM": "homoclinic orbit",
+    "SNIC": "saddle-node on an invariant circle",
     "BE": "boundary equilibrium",
     "CP": "cusp",
     "GPD": "generalised period doubling",
@@ -65,9 +68,9 @@ class SpecialPoint(Generic[Solution]):
     Attributes
     ----------
     type : str
-        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB`` or the name of a user's event. On a locus
-        ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of another locus that meets it.
-        `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list those of equilibria.
+        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB``, ``HOM``, ``SNIC`` or the name of a user's
+        event. On a locus ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of another
+        locus that meets it. `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list those of equilibria.
     label : str
         The type with its number along the curve, as in ``SN1``.
     solution : PeriodicOrbit or Equilibrium
@@ -81,6 +84,8 @@ class SpecialPoint(Generic[Solution]):
         - BP, FF: the determinant, over its size nearby.
         - GR: the normal velocity, the duration, or the distance from the surface.
         - HB: the amplitude of the last cycle.
+        - HOM: the parameter's last change while it was located.
+        - SNIC: the parameter's distance from the last cycle.
         - CP, GPD, CH: the coefficient of the normal form, over its size nearby.
         - R1 to R4: cosine of the multipliers' angle less that of the resonance.
         - Users' events: the quantity less the wanted value.
@@ -101,6 +106,8 @@ class SpecialPoint(Generic[Solution]):
         Of a BE ``persistence`` or ``nonsmooth fold``; empty where neither is told.
     scale : ndarray, shape (states,), or None
         Typical sizes of the states on a curve of equilibria; None on one of orbits.
+    homoclinic : Homoclinic or None
+        At a HOM its saddle with the leading eigenvalues, at a SNIC its saddle-node. The solution is the longest cycle.
     """
 
     type: str
@@ -115,6 +122,7 @@ class SpecialPoint(Generic[Solution]):
     tangent: NDArray[np.float64] | None = None
     kind: str = ""
     scale: NDArray[np.float64] | None = None
+    homoclinic: Homoclinic | None = None
 
     @property
     def orbit(self) -> PeriodicOrbit:
@@ -123,13 +131,15 @@ class SpecialPoint(Generic[Solution]):
 
     @property
     def equilibrium(self) -> Equilibrium:
-        """The equilibrium at the point of a curve of equilibria."""
+        """The equilibrium at the point of a curve of equilibria, or the equilibrium of a HOM or SNIC."""
+        if self.homoclinic is not None:
+            return self.homoclinic.saddle
         return checks.instance(f"solution of {self.label}", self.solution, Equilibrium, "use .orbit")
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """All parameters at the point."""
-        return self.solution.parameters
+        """All parameters at the point; at a HOM or SNIC those of its equilibrium."""
+        return self.solution.parameters if self.homoclinic is None else self.homoclinic.saddle.parameters
 
     def value(self, name: str) -> float:
         """Return a parameter at the point, or the quantity along which the branch goes.
@@ -185,7 +195,8 @@ class SpecialPoint(Generic[Solution]):
     def __repr__(self) -> str:
         meaning = f", {_MEANING[self.type]}" if self.type in _MEANING else ""
         of = f" of {self.of}" if self.of else ""
-        return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}\n{self.solution!r}"
+        end = "" if self.homoclinic is None else f"\n{self.homoclinic!r}"
+        return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}{end}\n{self.solution!r}"
 
 
 def _row(solution: PeriodicOrbit | Equilibrium) -> dict[str, Any]:

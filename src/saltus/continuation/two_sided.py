@@ -14,6 +14,7 @@ from saltus.continuation.zero_problem import Examined, Point
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.continuation.connection import Homoclinic
     from saltus.continuation.monitor import Monitor
     from saltus.equilibria import Equilibrium
     from saltus.orbits.orbit import PeriodicOrbit
@@ -39,7 +40,7 @@ class Found:
         Number of points of the direction before it.
     arc : float
         Arclength from the start.
-    of, tangent, kind, scale
+    of, tangent, kind, scale, homoclinic
         As in `SpecialPoint`.
     """
 
@@ -52,6 +53,7 @@ class Found:
     tangent: NDArray[np.float64] | None = None
     kind: str = ""
     scale: NDArray[np.float64] | None = None
+    homoclinic: Homoclinic | None = None
 
 
 @dataclass
@@ -99,7 +101,7 @@ class BothSides:
             points.append(
                 SpecialPoint(
                     found.name, label, found.solution, found.value, position, arc - self.arcs[0], varied, found.of,
-                    locus, found.tangent, found.kind, found.scale,
+                    locus, found.tangent, found.kind, found.scale, found.homoclinic,
                 )
             )  # fmt: skip
         return SpecialPoints(points, varied)

@@ -42,7 +42,9 @@ _ROUNDS = 60  # most rounds of orthogonal iteration: what has not parted by then
 _PARTED = 1e-13  # coupling of multipliers below which they count as parted
 
 
-def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
+def multipliers(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], flows: NDArray[np.float64] | None = None
+) -> NDArray[np.complex128]:
     """Return the Floquet multipliers of an orbit, largest modulus first.
 
     They are the generalised eigenvalues of P v = mu R v (docs/theory/orbits.md). Durations have been eliminated by
@@ -59,6 +61,9 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
         The orbit.
     J : ndarray, shape (size, size) or wider
         Jacobian there.
+    flows : ndarray, shape (pieces, states), optional
+        Directions of the flow where the pieces of a smooth cycle start; by default those of the field there. Rounding
+        leaves the field none at a piece that rests at an equilibrium.
 
     Returns
     -------
@@ -71,7 +76,7 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     """
     problem.set_parameters(u)
     if CUT_END in problem.signature.kinds:
-        return _of_pieces(problem, u, J)
+        return _of_pieces(problem, u, J, flows)
     n = problem.n
     P, R = np.empty((n, n)), np.empty((n, n))
     closing, autonomous = problem.kinds[0], problem.system.phase is None
@@ -154,24 +159,29 @@ def _without_rounding(
     return (apart, bare) if after < before else (P, flow)
 
 
-def _of_pieces(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _of_pieces(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], flows: NDArray[np.float64] | None
+) -> NDArray[np.complex128]:
     """Return the multipliers of a smooth orbit that is cut, largest modulus first, the trivial one last."""
     maps = piece_maps(problem, J)
     if problem.system.phase is not None:
         return _of_product(maps[:, :-1, :-1])
-    turns = []
-    for i, mode in enumerate(problem.modes):
-        flow, at = np.empty(problem.n), i * (problem.n + 1)
-        x = np.ascontiguousarray(u[at : at + problem.n])
-        problem.system.compiled.call("field", int(mode), 0, x, problem.extended, flow)
-        turns.append(_reflector(flow / problem.state_scale))
+    if flows is None:
+        flows = np.empty((problem.segments, problem.n))
+        for flow, mode, row in zip(flows, problem.modes, u[: problem.size].reshape(len(flows), -1), strict=True):
+            x = np.ascontiguousarray(row[: problem.n])
+            problem.system.compiled.call("field", int(mode), 0, x, problem.extended, flow)
+    turns = [_reflector(flow / problem.state_scale) for flow in flows]
     turned = [turns[(i + 1) % len(maps)] @ matrix @ turns[i] for i, matrix in enumerate(maps)]
     values = _of_product(np.array(turned)[:, 1:, 1:])
     if values[-1].imag == 0.0 and abs(values[-1]) < 1.0:
         # the least multiplier follows from the product of all, which the flow's error in its own direction spares
         signs, logs = np.linalg.slogdet(maps)
         others = complex(np.prod(values[:-1])).real
-        values[-1] = math.copysign(math.exp(float(logs.sum()) - math.log(abs(others))), float(signs.prod()) * others)
+        if 0.0 < abs(others) < math.inf:
+            values[-1] = math.copysign(
+                math.exp(float(logs.sum()) - math.log(abs(others))), float(signs.prod()) * others
+            )
     return np.append(values, 1.0)
 
 

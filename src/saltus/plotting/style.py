@@ -85,6 +85,8 @@ SPECIAL: Mapping[str, Marker] = MappingProxyType(
         "TR": Marker("torus", "D", "#0f5fa8", filled=False),
         "BP": Marker("branch point", "s", "#000000"),
         "HB": Marker("Hopf point", "D", "#b35900"),
+        "HOM": Marker("homoclinic orbit", "*", "#1b1b1e", size=7.0),
+        "SNIC": Marker("saddle-node on an invariant circle", "*", "#b8101f", filled=False, size=7.0),
         "CP": Marker("cusp", "^", "#1b1b1e", size=6.0),
         "GPD": Marker("generalised period doubling", "v", "#1b1b1e", size=6.0),
         "CH": Marker("Chenciner point", "p", "#1b1b1e", size=6.0),
