@@ -125,7 +125,9 @@ class EquilibriumLocusRun:
         condition, extra = self._condition(problem, u, sizes)
         z = np.concatenate([u[: problem.n], extra, u[-2:]])
         self.branch = EquilibriumLocusProblem(problem, self.kind, condition, sizes, self.bounds)
-        found = np.linalg.svd(self.branch.evaluate(z)[1] * self.branch.scale(), compute_uv=False)
+        matrix = self.branch.evaluate(z)[1] * self.branch.scale()
+        terms = np.abs(matrix).max(axis=1, keepdims=True)
+        found = np.linalg.svd(matrix / np.where(terms > 0.0, terms, 1.0), compute_uv=False)
         if not found[-1] > _REGULAR * found[0]:
             raise self._irregular("the extended equations have more than one solution direction there")
         try:

@@ -155,7 +155,7 @@ class SpecialPoint(Generic[Solution]):
         if isinstance(self.solution, Equilibrium):
             problem = self.solution.problem(*self.varied)
             values = [self.parameters[name] for name in self.varied]
-            return equilibrium_form(problem, np.append(self.solution.state, values), self.type)
+            return equilibrium_form(problem, np.append(self.solution.state, values), self.type, self.scale)
         if self.type not in NORMAL_FORMS:
             raise InputError("type", self.type, f"one of {', '.join(NORMAL_FORMS)}", "no normal form belongs to it")
         return normal_form(self.orbit, self.type)

@@ -100,7 +100,7 @@ def _from_equilibrium(point: SpecialPoint[Equilibrium], equilibrium: Equilibrium
     if point.type == "HB":
         return cycle_born(equilibrium, parameter)
     if point.type == "BP":
-        return other_equilibrium(equilibrium, parameter, point.tangent)
+        return other_equilibrium(equilibrium, parameter, point.tangent, point.scale)
     raise InputError("point", point.type, "of type HB or BP", "no other branch meets there")
 
 
