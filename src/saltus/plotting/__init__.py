@@ -23,6 +23,9 @@ _HOMES = {
     "saltus.continuation.family.Family": "saltus.plotting.family",
     "saltus.continuation.cascade.Cascade": "saltus.plotting.cascade",
     "saltus.continuation.locus.Locus": "saltus.plotting.locus",
+    "saltus.equilibria.equilibrium.Equilibrium": "saltus.plotting.equilibrium",
+    "saltus.continuation.equilibrium_branch.EquilibriumBranch": "saltus.plotting.equilibrium",
+    "saltus.continuation.equilibrium_locus.EquilibriumLocus": "saltus.plotting.locus",
     "saltus.sweeps.sweep.Sweep": "saltus.plotting.sweep",
     "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
     "saltus.basins.map.basins.Basins": "saltus.plotting.basin",
@@ -36,9 +39,10 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
 
     Parameters
     ----------
-    result : Branch, Cascade, Locus, Family, PeriodicOrbit, Trajectory, Sweep, LyapunovSpectrum, Basins, ErosionProfile
-        The result. Functions `plot_...` in `saltus.plotting.branch`, `.cascade`, `.locus`, `.family`, `.orbit`,
-        `.trajectory`, `.sweep`, `.lyapunov`, `.basin` and `.erosion` list the options of each kind.
+    result : Result
+        A result of one of the kinds that docs/theory/plotting.md lists. Functions `plot_...` in
+        `saltus.plotting.branch`, `.cascade`, `.locus`, `.family`, `.orbit`, `.equilibrium`, `.trajectory`, `.sweep`,
+        `.lyapunov`, `.basin` and `.erosion` list the options of each kind.
     *args, **options
         Names of the quantities on the axes, and ``ax``, the Axes to draw into; by default in a new figure.
 
