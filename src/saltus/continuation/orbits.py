@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.arclength import Failure, StepControl, follow
+from saltus.continuation.arclength import StepControl, follow
 from saltus.continuation.branch import Branch
 from saltus.continuation.closure import passes
 from saltus.continuation.grazing import Neighbour, neighbour
 from saltus.continuation.monitor import BIFURCATIONS, at_grazing
-from saltus.continuation.options import ROUNDING, read_events, read_interval, read_stops, unit_of
+from saltus.continuation.options import read_events, read_interval, read_stops, unit_of
 from saltus.continuation.orbit_problem import Interest, OrbitData, OrbitZeroProblem
 from saltus.continuation.period_halving import halved
+from saltus.continuation.run import Going, OneParameterRun
 from saltus.continuation.shrinking import equilibrium_ahead
 from saltus.continuation.two_sided import SAME, Found, OneSide, join, traced, turned
 from saltus.continuation.unbounded import grows_at_last, grows_for_ever, too_stiff
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_orbit"]
 
-_NOTHING = 1e-14  # parameter, over its interval, up to which it reads 0
 _TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
@@ -119,35 +119,20 @@ def continue_orbit(
     start = run.begin()
     with reporter:
         halves = traced(lambda sign: run.trace(start, sign), directions)
-    options = {
-        "bounds": [low, high],
-        "steps": asdict(control),
-        "directions": directions,
-        "events": {name: float(value) for name, value in events.items()},
-        "stop_at": sorted(stops),
-    }
+    options = run.options([low, high], directions, events)
     return _assemble(orbit, parameter, scale, start, halves, run, options)
 
 
-class _Run:
+class _Run(OneParameterRun):
     """One call of `continue_orbit`: start and options, which both directions share."""
 
-    def __init__(
-        self,
-        orbit: PeriodicOrbit,
-        parameter: str,
-        interest: Interest,
-        control: StepControl,
-        stops: set[str],
-        reporter: Reporter,
-    ) -> None:
-        self.orbit, self.name, self.interest = orbit, parameter, interest
-        self.index = orbit.system.parameter_names.index(parameter)
-        self.scale = interest.scale
-        self.control, self.stops, self.reporter = control, stops, reporter
-        self.log: list[Failure] = []
+    odd = OrbitZeroProblem.odd
 
-    def piece(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
+    def __init__(self, orbit: PeriodicOrbit, *options: Any) -> None:
+        super().__init__(*options)
+        self.orbit, self.index = orbit, orbit.system.parameter_names.index(self.name)
+
+    def equations(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
         """Return the zero problem of a signature near `u`."""
         p = self.orbit.system.parameter_vector(self.orbit.parameters)
         scale, tolerance = np.array([self.scale]), self.orbit.tolerance
@@ -178,11 +163,8 @@ class _Run:
 
     def begin(self) -> tuple[OrbitZeroProblem, Point]:
         """Return the equations and the first point, its tangent towards growing parameter."""
-        value = self.orbit.parameters[self.name] / self.scale
-        for bound in (self.interest.low, self.interest.high):
-            value = bound if abs(value - bound) < ROUNDING else value
-        u = np.append(self.orbit.unknowns, value)
-        branch = self.piece(self.orbit.form, u)
+        u = np.append(self.orbit.unknowns, self.start_value(self.orbit.parameters))
+        branch = self.equations(self.orbit.form, u)
         try:
             point = start_point(branch, u)
         except ValueError as error:
@@ -206,47 +188,24 @@ class _Run:
         point.examined = replace(found, monitors=monitors, data=data)
         return branch, point
 
-    def _place(self, point: Point) -> str:
-        """Return the parameter of a point as text; 0 where it is rounding of the interval."""
-        value = point.parameter if abs(point.parameter) > _NOTHING else 0.0
-        return f"{self.name} = {value * self.scale:.9g}"
+    def restart(self, branch: OrbitZeroProblem, origin: Point) -> None:
+        """Make meshes for the start: they are still those of the other direction's end."""
+        branch.problem.start(origin.u)
 
-    def trace(self, start: tuple[OrbitZeroProblem, Point], sign: float) -> OneSide:
-        """Return one direction of the branch, followed to its end."""
-        half = OneSide()
-        branch, origin = start
-        branch.problem.start(origin.u)  # meshes are still those of the other direction's end
-        point = turned(origin, sign, OrbitZeroProblem.odd)
-        outwards = math.copysign(1.0, float(point.tangent[-1]))
-        if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -ROUNDING:
-            half.stopped = f"{self._place(point)}: bound reached"
-            return half
-        first: float | None = None
-        try:
-            while True:
-                ended = self._piece(half, branch, point, start, first)
-                if isinstance(ended, str):
-                    half.stopped = ended
-                    return half
-                branch, point, first = ended
-        except KeyboardInterrupt:
-            half.stopped, half.interrupted = "interrupted", True
-            return half
-
-    def _piece(
+    def piece(
         self,
         half: OneSide,
         branch: OrbitZeroProblem,
         point: Point,
         start: tuple[OrbitZeroProblem, Point],
         first: float | None,
-    ) -> str | tuple[OrbitZeroProblem, Point, float]:
-        """Follow the orbits of one signature; return why the branch ended, or what `_Run.trace` goes on with."""
+    ) -> str | Going:
+        """Follow the orbits of one signature; see `OneParameterRun.piece`."""
         last = point
         for item in follow(branch, point, self.control, log=self.log, first_step=first):
             if isinstance(item, str):
                 reason = grows_at_last(half.points) or too_stiff(branch.problem) or item
-                return f"{self._place(last)}: {reason}"
+                return f"{self.place(last)}: {reason}"
             if isinstance(item, Event):
                 end = self._event(half, branch, item)
                 if end is not None:
@@ -259,16 +218,14 @@ class _Run:
                 half.points.append((start[0], start[1]))
                 half.closed = True
                 return "the branch is closed"
-            half.points.append((branch, item))
+            end = self.keep(half, branch, item)
             if (rest := equilibrium_ahead(branch, last, item)) is not None:
                 return self._shrunk(half, *rest)
-            if self.reporter.report is not None:
-                self.reporter.step(1, f"{self.name} = {item.parameter * self.scale:.6g}")
-            if len(half.points) >= self.control.most:
-                return f"{self._place(item)}: {self.control.most} points"
+            if end is not None:
+                return end
             last = item
             if (grown := grows_for_ever(half.points)) is not None:
-                return f"{self._place(item)}: {grown}"
+                return f"{self.place(item)}: {grown}"
             if (finer := self._cut(half, branch, item)) is not None:
                 return finer
         raise AssertionError("follow ends with a reason")
@@ -279,17 +236,13 @@ class _Run:
         orbit = orbit_at(piece.problem, end.u, end.J, data.survey, data.multipliers)
         half.specials.append(Found("HB", orbit, _amplitude(orbit), len(half.points), end.arc))
         half.points.append((piece, end))
-        return f"{self._place(end)}: the cycle shrinks to an equilibrium"
+        return f"{self.place(end)}: the cycle shrinks to an equilibrium"
 
-    def _event(
-        self, half: OneSide, branch: OrbitZeroProblem, event: Event
-    ) -> str | tuple[OrbitZeroProblem, Point, float] | None:
+    def _event(self, half: OneSide, branch: OrbitZeroProblem, event: Event) -> str | Going | None:
         kind = event.name.kind
         point = event.point
         if kind in ("low", "high"):
-            point.u[-1] = self.interest.low if kind == "low" else self.interest.high
-            half.points.append((branch, point))
-            return f"{self._place(point)}: bound reached"
+            return self.at_bound(half, branch, point, kind)
         if kind == "event":
             name = self.interest.events[event.name.segment][0]
         elif at_grazing(event.name):
@@ -299,49 +252,43 @@ class _Run:
         if name == "BP" and (birth := halved(branch, point)) is not None:
             half.specials.append(_found(name, branch, replace(event, point=birth), half))
             half.points.append((branch, birth))
-            return f"{self._place(birth)}: the period halves"
+            return f"{self.place(birth)}: the period halves"
         if name != "GR":
             if name == "BP":
                 event = replace(event, point=_sharpened(branch, point))
             half.specials.append(_found(name, branch, event, half))
-            return self._end_at(half, branch, event.point, name)
+            return self.end_at(half, branch, event.point, name)
         if any(s.name == "GR" and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
             return None
         if self.control.at_grazing == "pass":
             half.specials.append(_found(name, branch, event, half))
-            return self._end_at(half, branch, point, name)
+            return self.end_at(half, branch, point, name)
         found = neighbour(branch.problem, event.name, point.u)
         half.specials.append(_found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
-            fewer = self.piece(found.signature, found.u)
+            fewer = self.equations(found.signature, found.u)
             orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
             half.specials[-1] = replace(half.specials[-1], solution=orbit)
         half.points.append((branch, point))
         if name in self.stops:
-            return f"{self._place(point)}: grazing"
+            return f"{self.place(point)}: grazing"
         if isinstance(found, str):
-            return f"{self._place(point)}: grazing, {found}"
+            return f"{self.place(point)}: grazing, {found}"
         return self._switch(found, point)
 
-    def _end_at(self, half: OneSide, branch: OrbitZeroProblem, point: Point, name: str) -> str | None:
-        if name not in self.stops:
-            return None
-        half.points.append((branch, point))
-        return f"{self._place(point)}: {name}"
-
-    def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitZeroProblem, Point, float]:
+    def _switch(self, found: Neighbour, old: Point) -> str | Going:
         """Return equations, point and step to go on with in the neighbouring signature, or why no branch does.
 
         The point is a first admissible orbit beyond the grazing.
         """
-        branch = self.piece(found.signature, found.u)
+        branch = self.equations(found.signature, found.u)
         if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
             found = Neighbour(*once)
-            branch = self.piece(found.signature, found.u)
+            branch = self.equations(found.signature, found.u)
         try:
             point = start_point(branch, found.u)
         except ValueError as error:
-            return f"{self._place(old)}: grazing, no branch goes on: {error}"
+            return f"{self.place(old)}: grazing, no branch goes on: {error}"
         point.arc = old.arc
         onward = math.copysign(1.0, float(old.tangent[-1]))
         for probe in (1e-5, 1e-6, 1e-4):
@@ -356,7 +303,7 @@ class _Run:
                 if isinstance(item, Point) and _beyond_grazings(branch.problem, item):
                     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
                     return branch, item, min(self.control.initial, 1e-3)
-        return f"{self._place(old)}: grazing, no admissible orbit beyond it"
+        return f"{self.place(old)}: grazing, no admissible orbit beyond it"
 
 
 # Survey of a grazing from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
@@ -391,10 +338,7 @@ def _assemble(
         parameters=dict(orbit.parameters),
         values=np.array([p.parameter * scale for _, p in joined.rows]),
         special_points=joined.special_points((parameter,)),
-        rejected=tuple(
-            f"{parameter} = {failure.parameter * scale:.9g}, step {failure.step:.3g}: {failure.reason}"
-            for failure in run.log
-        ),
+        rejected=run.rejected(),
         options=options,
         tolerance=orbit.tolerance,
         **joined.fields(),

@@ -185,24 +185,17 @@ def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float
     for _ in range(6 + _REMESHED):
         F, J = problem.evaluate(u)
         fine = problem.accurate()
-        rows = _row_sizes(J / root)
-        step = np.linalg.lstsq(J / root / rows[:, None], -F / rows, rcond=None)[0] / root
+        step = np.linalg.lstsq(J / root, -F, rcond=None)[0] / root
         u = u + step
         if fine and np.abs(step / problem.scale()).max() < _STEP_ACCEPTED:
             break
-    null = np.linalg.svd(J / root / _row_sizes(J / root)[:, None])[2][-1] / root
+    null = np.linalg.svd(J / root)[2][-1] / root
     null *= np.sign(orientation * null[-1]) or 1.0
     null /= math.sqrt(float(weights @ null**2))
     point = correct(problem, u, null, weights, 7)
     if isinstance(point, str):
         raise ValueError(point)
     return point
-
-
-def _row_sizes(J: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the largest entry of each row, 1 for a row of zeros: equations may be in units of any size."""
-    sizes = np.abs(J).max(axis=1)
-    return np.where(sizes > 0.0, sizes, 1.0)
 
 
 def hermite(a: Point, b: Point, length: float, s: float) -> NDArray[np.float64]:
