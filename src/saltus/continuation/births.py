@@ -136,7 +136,7 @@ def _parameter_scale(
 ) -> float:
     """Return the change of the parameter that alters the Jacobian by its own size, along the branch.
 
-    A Jacobian that vanishes as a whole, as at a branch point of one state, has the size of its change over `known`
+    A Jacobian may vanish as a whole, as at a branch point of one state. It then has the size of its change over `known`
     sizes of the states.
     """
     n = problem.n

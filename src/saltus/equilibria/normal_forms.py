@@ -250,7 +250,10 @@ def hopf_terms(problem: _Field, u: NDArray[np.float64], A: NDArray[np.float64], 
 
 
 def _takens_coefficient(problem: _Field, u: NDArray[np.float64], A: NDArray[np.float64]) -> float:
-    """Return a b of x' = y, y' = a x^2 + b x y, with A q1 = q0 and p0 A = p1 for the null vectors q0 and p1."""
+    """Return a b of x' = y, y' = a x^2 + b x y.
+
+    The null vectors q0 and p1 have generalised ones q1 and p0, with A q1 = q0 and p0 A = p1.
+    """
     n = problem.n
     q0, p1 = null_pair(A)
     right = np.block([[A, p1[:, None]], [q0[None, :], np.zeros((1, 1))]])
