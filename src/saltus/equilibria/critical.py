@@ -5,7 +5,7 @@ docs/theory/equilibria.md, "Loci", derives them.
 References
 ----------
 Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000, ch. 3 and 4 (bordered matrices). Moore,
-SIAM J. Numer. Anal. 17 (1980) 567-576 (branch points).
+Numer. Funct. Anal. Optim. 2 (1980) 441-472 (branch points).
 """
 
 from __future__ import annotations
