@@ -225,3 +225,20 @@ def test_where_no_other_branch_meets_that_is_told(hopf):
         switch_branch(locus["BT1"])
     with pytest.raises(InputError, match="point = "):
         switch_branch(hopf["HB1"].equilibrium)
+
+
+@pytest.mark.parametrize("time", [1e-9, 1e9])
+@pytest.mark.parametrize("place", fields.PLANES)
+def test_units_of_time_change_nothing(place, time):
+    """Equilibria, Hopf and Bautin points are where they are; periods are in the unit."""
+    plane = fields.PLANES[place]
+    field = {name: f"({text})/t" for name, text in fields.BAUTIN.items()}
+    start = find_equilibrium(plane.system(field, {"b1": -0.5, "b2": 0.3, "t": time}), x0=plane.to([0.01, 0.0]))
+    branch = continue_equilibrium(start, "b1", (-1.0, 1.0))
+    assert fields.places(branch.special_points, "b1") == [("HB", pytest.approx(0.0, abs=1e-11))]
+    locus = continue_locus(branch["HB1"], ("b1", "b2"), {"b1": (-1.0, 1.0), "b2": (-1.0, 1.0)})
+    assert locus["GH1"].parameters["b2"] == pytest.approx(0.0, abs=1e-9)
+    assert locus.frequency == pytest.approx(1.0 / time, rel=1e-9)
+    cycles = continue_orbit(switch_branch(branch["HB1"]), "b1", (-0.2, 0.2))
+    assert cycles["SN1"].parameters["b1"] == pytest.approx(-0.0225, abs=1e-9)
+    assert cycles.period == pytest.approx(2.0 * math.pi * time, rel=1e-9)

@@ -60,7 +60,7 @@ _MEANING = {
 class SpecialPoint(Generic[Solution]):
     """A special point of a branch or of a locus, located.
 
-    docs/theory/continuation.md and docs/theory/loci.md derive the test functions.
+    docs/theory/continuation.md, docs/theory/loci.md and docs/theory/equilibria.md derive the test functions.
 
     Attributes
     ----------
@@ -80,7 +80,9 @@ class SpecialPoint(Generic[Solution]):
         - TR: ``abs(mu)**2 - 1`` of the complex pair nearest to the unit circle.
         - BP, FF: the determinant, over its size nearby.
         - GR: the normal velocity, the duration, or the distance from the surface.
-        - HB: the amplitude of the last cycle.
+        - HB: the amplitude of the last cycle; of equilibria the product of the sums of two eigenvalues.
+        - BE: the event function, over its size.
+        - BT, GH, ZH, HH: what docs/theory/equilibria.md, "Loci", lists.
         - CP, GPD, CH: the coefficient of the normal form, over its size nearby.
         - R1 to R4: cosine of the multipliers' angle less that of the resonance.
         - Users' events: the quantity less the wanted value.
