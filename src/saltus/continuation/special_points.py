@@ -164,6 +164,8 @@ class SpecialPoint(Generic[Solution]):
 
     def __repr__(self) -> str:
         meaning = f", {_MEANING[self.type]}" if self.type in _MEANING else ""
+        if self.type == "HB" and not isinstance(self.solution, Equilibrium):
+            meaning += ": the cycle shrinks to an equilibrium"
         of = f" of {self.of}" if self.of else ""
         return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}\n{self.solution!r}"
 
