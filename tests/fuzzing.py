@@ -26,6 +26,7 @@ import numpy as np
 import sympy
 
 import discrete
+import fields
 import saltus
 import systems
 import wells
@@ -314,6 +315,8 @@ class Objects:
     orbit: Any
     branch: Any
     locus: Any
+    rests: Any
+    folds: Any
     family: Any
     sweep: Any
     trajectory: Any
@@ -332,7 +335,11 @@ def objects() -> Objects:
     bounds = {"A": (0.05, 0.2), "e": (0.7, 0.9)}
     x = np.linspace(-0.95, 0.95, 20)
     outside = np.hypot(*np.meshgrid(x, x, indexing="ij")) > 0.6
+    takens = saltus.find_equilibrium(fields.system(fields.TAKENS, {"b1": -1.0, "b2": -1.0}), x0=[-1.0, 0.0])
+    rests = saltus.continue_equilibrium(takens, "b1", (-2.0, 2.0))
     return Objects(
+        rests=rests,
+        folds=saltus.continue_locus(rests["SN1"], ("b1", "b2"), {"b1": (-1.0, 1.0), "b2": (-2.0, 1.0)}, steps=few),
         system=system,
         orbit=orbit,
         branch=branch,
@@ -356,7 +363,13 @@ def objects() -> Objects:
 def calls(made: Objects, folder: Path) -> dict[str, Call]:
     """Return public functions and methods with arguments that they take; none compiles a system of its own."""
     return (
-        _of_systems(made) | _of_maps() | _of_curves(made) | _of_basins(made) | _of_afm(made) | _of_files(made, folder)
+        _of_systems(made)
+        | _of_maps()
+        | _of_curves(made)
+        | _of_equilibria(made)
+        | _of_basins(made)
+        | _of_afm(made)
+        | _of_files(made, folder)
     )
 
 
@@ -617,6 +630,44 @@ def _of_curves(made: Objects) -> dict[str, Call]:
         "Locus.plot": Call(locus.plot, {"x": "A", "y": "e", "z": None, **picture}),
         "family[]": Call(family.__getitem__, {"index": 0}),
         "Family.plot": Call(family.plot, {"x": "A", "y": "max_x", "over": "d", "projection": "2d", **picture}),
+    }  # fmt: skip
+
+
+def _of_equilibria(made: Objects) -> dict[str, Call]:
+    rests, folds = made.rests, made.folds
+    few = saltus.StepControl(most=3)
+    ways = {"directions": "up", "stop_at": "SN", "steps": few, "progress": False}
+    picture = {"ax": None, "special": True, "legend": True}
+    return {
+        "find_equilibrium": Call(
+            saltus.find_equilibrium,
+            {"system": rests.system, "parameters": {"b1": -1.0}, "x0": [-1.0, 0.0], "mode": "flow"},
+        ),
+        "continue_equilibrium": Call(
+            saltus.continue_equilibrium,
+            {
+                **ways, "equilibrium": rests.equilibrium(1), "parameter": "b1", "bounds": (-2.0, 2.0),
+                "events": {"x": 0.0},
+            },
+        ),
+        "continue_locus of equilibria": Call(
+            saltus.continue_locus,
+            {
+                **ways, "start": rests["SN1"], "parameters": ("b1", "b2"), "type": "SN",
+                "bounds": {"b1": (-1.0, 1.0), "b2": (-2.0, 1.0)}, "stop_at": "BT",
+            },
+        ),
+        "switch_branch at a Hopf point": Call(saltus.switch_branch, {"point": rests["HB1"]}),
+        "equilibrium[]": Call(rests.equilibrium(0).__getitem__, {"state": "x"}),
+        "Equilibrium.problem": Call(rests.equilibrium(0).problem, {"*names": "b1"}),
+        "Equilibrium.plot": Call(rests.equilibrium(0).plot, {"ax": None, "legend": True}),
+        "EquilibriumBranch[]": Call(rests.__getitem__, {"label": "SN1"}),
+        "EquilibriumBranch.at": Call(rests.at, {"point": rests["SN1"], "name": "x"}),
+        "EquilibriumBranch.column": Call(rests.column, {"name": "x"}),
+        "EquilibriumBranch.equilibrium": Call(rests.equilibrium, {"index": 1}),
+        "EquilibriumBranch.plot": Call(rests.plot, {"x": "b1", "y": "x", **picture}),
+        "EquilibriumLocus.point": Call(folds.point, {"index": 0}),
+        "EquilibriumLocus.plot": Call(folds.plot, {"x": "b1", "y": "b2", "z": None, **picture}),
     }  # fmt: skip
 
 

@@ -55,8 +55,8 @@ def stretch(system, start, before, gap, step, limits, bounds, sizes, origin, fou
 
     Parameters
     ----------
-    system : addresses (functions,), mode, p (extended), active, scale
-        The equations, as `field_at` takes them.
+    system : addresses (functions,), mode, p (extended), active, scale, rows (n,)
+        The equations, as `field_at` takes them, and units of their rows.
     start, before : point and tangent, (2, n + 1)
         The last two points.
     gap : float
@@ -90,11 +90,12 @@ def stretch(system, start, before, gap, step, limits, bounds, sizes, origin, fou
         fault, moved, angle, length = judge(weights, last, new, guess, (limits[0], limits[1]))
         turned = last[1, n] * new[1, n] <= 0.0 or (sign != 0.0 and told[0] * sign < 0.0)
         outside = not bounds[0] + 1e-12 < new[0, n] < bounds[1] - 1e-12
-        if fault != TAKEN or turned or outside or not _vanishes(F, J, sizes, new):
+        residual = _residual(F, J, sizes, new)
+        if fault != TAKEN or turned or outside or not residual <= RESIDUAL:
             return taken, h
         sign = told[0]
         points[taken] = new
-        numbers[taken, 0], numbers[taken, 1], numbers[taken, 2] = told
+        numbers[taken, 0], numbers[taken, 1], numbers[taken, 2] = told[0], told[1], residual
         numbers[taken, 3], numbers[taken, 4] = iterations, length
         back[:], last[:], gap = last, new, length
         size = 0.0
@@ -115,14 +116,18 @@ def _newton(system, guess, last, weights, unit, most, u, F, J, new):
 
     Point and tangent are written to new, field and derivatives there to F and J.
     """
-    functions, mode, p, active, scale = system
+    functions, mode, p, active, scale, rows = system
     row = weights * last[1]
     previous = np.inf
     for iteration in range(1, int(most) + 1):
         field_at(functions, mode, u, p, active, scale, F, J)
+        for i in range(F.size):
+            F[i] /= rows[i]
+            for j in range(u.size):
+                J[i, j] /= rows[i]
         steps, sign, log, size, residual = bordered(J, F, row, u, guess, unit)
         if sign == 0.0 or not math.isfinite(log) or not size < HUGE:
-            return 0, (0.0, 0.0, 0.0)
+            return 0, (0.0, 0.0)
         total = 0.0
         for j in range(u.size):
             u[j] += steps[j, 0]
@@ -132,21 +137,22 @@ def _newton(system, guess, last, weights, unit, most, u, F, J, new):
             for j in range(u.size):
                 new[0, j], new[1, j] = u[j], steps[j, 1] / total
             field_at(functions, mode, u, p, active, scale, F, J)
-            return iteration, (sign, log, residual)
+            return iteration, (sign, log)
         if size > 0.7 * previous and size > 1e-5:
-            return 0, (0.0, 0.0, 0.0)
+            return 0, (0.0, 0.0)
         previous = size
-    return 0, (0.0, 0.0, 0.0)
+    return 0, (0.0, 0.0)
 
 
 @njit(**INNER)
-def _vanishes(F, J, sizes, new):
-    """Return whether the field is small, over the sizes of its terms."""
-    n = F.size
-    for i in range(n):
+def _residual(F, J, sizes, new):
+    """Return the largest component of the field, over the sizes of its terms."""
+    worst = 0.0
+    for i in range(F.size):
         terms = 0.0
-        for j in range(n):
+        for j in range(F.size):
             terms += abs(J[i, j]) * max(sizes[j], abs(new[0, j]))
-        if not abs(F[i]) <= RESIDUAL * terms:
-            return False
-    return True
+        share = abs(F[i]) / terms if F[i] != 0.0 else 0.0
+        if not share <= worst:
+            worst = share
+    return worst

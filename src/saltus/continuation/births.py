@@ -127,17 +127,26 @@ def _corrected(
 
 
 def _parameter_scale(
-    problem: EquilibriumProblem, equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float64]
+    problem: EquilibriumProblem, equilibrium: Equilibrium, parameter: str, known: NDArray[np.float64]
 ) -> float:
-    """Return the change of the parameter that alters the Jacobian by its own size, along the branch."""
+    """Return the change of the parameter that alters the Jacobian by its own size, along the branch.
+
+    A Jacobian may vanish as a whole, as at a branch point of one state. It then has the size of its change over `known`
+    sizes of the states.
+    """
     n = problem.n
     u = np.append(equilibrium.state, equilibrium.parameters[parameter])
     J = problem.evaluate(u)[1]
+    sizes = np.maximum(known, 1e-300)
     moved = np.linalg.lstsq(J[:, :n], -J[:, n], rcond=1e-8)[0]
-    change = problem.second(u, np.append(moved, 1.0))[:, :n]
-    parts = [float(np.linalg.norm(part * sizes / sizes[:, None])) for part in (J[:, :n], change)]
+    ways = [np.append(moved, 1.0), np.append(known, 0.0)]
+    change, *bend = (problem.second(u, way)[:, :n] for way in ways)
+    own, by_parameter, *rest = (
+        float(np.linalg.norm(part * sizes / sizes[:, None])) for part in (J[:, :n], change, *bend)
+    )
+    own = max([own, *rest])
     value = abs(equilibrium.parameters[parameter])
-    return parts[0] / parts[1] if parts[0] > 0.0 and parts[1] > 0.0 else value or 1.0
+    return own / by_parameter if own > 0.0 and by_parameter > 0.0 else value or 1.0
 
 
 def equilibrium_of_cycle(orbit: PeriodicOrbit) -> Equilibrium:
@@ -159,7 +168,10 @@ def equilibrium_of_cycle(orbit: PeriodicOrbit) -> Equilibrium:
 
 
 def other_equilibrium(
-    equilibrium: Equilibrium, parameter: str, tangent: NDArray[np.float64] | None, states: NDArray[np.float64]
+    equilibrium: Equilibrium,
+    parameter: str,
+    tangent: NDArray[np.float64] | None,
+    known: NDArray[np.float64],
 ) -> Equilibrium:
     """Return an equilibrium of the other branch at a branch point, a short step from the point.
 
@@ -171,7 +183,7 @@ def other_equilibrium(
         The parameter that is free.
     tangent : ndarray, shape (n + 1,), or None
         Tangent of the point's own branch.
-    states : ndarray, shape (n,)
+    known : ndarray, shape (n,)
         Sizes of the states along that branch; at the point itself all may be rounding of 0.
 
     Raises
@@ -184,11 +196,11 @@ def other_equilibrium(
     if tangent is None:
         raise InputError("point", "a BP without tangent", "a branch point of a branch")
     problem, n = equilibrium.problem(parameter), equilibrium.state.size
-    scale = _parameter_scale(problem, equilibrium, parameter, states)
+    scale = _parameter_scale(problem, equilibrium, parameter, known)
     problem.scales[0] = scale
     u = np.append(equilibrium.state, equilibrium.parameters[parameter] / scale)
     J = problem.evaluate(u)[1]
-    sizes = np.append(states, 1.0)
+    sizes = np.append(known, 1.0)
     terms = np.abs(J * sizes).max(axis=1)
     rows = 1.0 / np.where(terms > _FAINT * terms.max(), terms, terms.max() or 1.0)
     left, _, right = np.linalg.svd(J * sizes * rows[:, None])

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.arclength import Failure, StepControl, follow
+from saltus.continuation.arclength import StepControl, follow
 from saltus.continuation.closure import passes
 from saltus.continuation.grazing import Neighbour, neighbour
 from saltus.continuation.monitor import at_grazing
-from saltus.continuation.options import ROUNDING
-from saltus.continuation.orbit_problem import Interest, OrbitData, OrbitZeroProblem
+from saltus.continuation.orbit_problem import OrbitData, OrbitZeroProblem
 from saltus.continuation.period_halving import halved
+from saltus.continuation.run import OneParameterRun
 from saltus.continuation.shrinking import equilibrium_ahead
 from saltus.continuation.to_homoclinic import end_unbounded
 from saltus.continuation.two_sided import SAME, Found, OneSide, turned
@@ -29,41 +29,31 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import divided
 from saltus.orbits.signature import Signature, Survey
 from saltus.orbits.unfolding import Fixed
-from saltus.progress import Reporter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["BranchRun"]
 
-_NOTHING = 1e-14  # parameter, over its interval, up to which it reads 0
 _TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
-class BranchRun:
+class BranchRun(OneParameterRun):
     """One call of `continue_orbit`: start and options, which both directions share."""
 
-    def __init__(
-        self,
-        orbit: PeriodicOrbit,
-        parameter: str,
-        interest: Interest,
-        control: StepControl,
-        stops: set[str],
-        reporter: Reporter,
-    ) -> None:
-        self.orbit, self.name, self.interest = orbit, parameter, interest
-        self.scale = interest.scale
-        self.control, self.stops, self.reporter = control, stops, reporter
-        self.log: list[Failure] = []
+    odd = OrbitZeroProblem.odd
+
+    def __init__(self, orbit: PeriodicOrbit, *options: Any) -> None:
+        super().__init__(*options)
+        self.orbit = orbit
         self.fixed: Fixed | None = None
 
     def freed(self, branch: OrbitZeroProblem, point: Point) -> float:
         """Return the freed parameter at a point; NaN where none is freed."""
         return math.nan
 
-    def piece(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
+    def equations(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
         """Return the zero problem of a signature near `u`."""
         p, index = self.orbit.system.parameter_vector(self.orbit.parameters), self.orbit.system.parameter_names
         scale, tolerance = np.array([self.scale]), self.orbit.tolerance
@@ -75,16 +65,10 @@ class BranchRun:
         """Return the zero problem of segment equations near `u`, meshes made."""
         return OrbitZeroProblem(problem, u, self.interest)
 
-    def at_bound(self, value: float) -> float:
-        """Return the bound of the varied quantity, in its unit, that a value meets but for rounding, or the value."""
-        for bound in (self.interest.low, self.interest.high):
-            value = bound if abs(value - bound) < ROUNDING else value
-        return value
-
     def first(self) -> tuple[OrbitZeroProblem, NDArray[np.float64]]:
         """Return equations and unknowns of the orbit at which the branch starts."""
-        u = np.append(self.orbit.unknowns, self.at_bound(self.orbit.parameters[self.name] / self.scale))
-        return self.piece(self.orbit.form, u), u
+        u = np.append(self.orbit.unknowns, self.start_value(self.orbit.parameters))
+        return self.equations(self.orbit.form, u), u
 
     def start(self, branch: OrbitZeroProblem, u: NDArray[np.float64]) -> Point:
         """Return the first point of the branch."""
@@ -161,34 +145,11 @@ class BranchRun:
         family = self.orbit.fixed is not None and self.orbit.fixed.family
         return "; the orbit is one of a family: vary a quantity, as 'period'" if family else ""
 
-    def _place(self, point: Point) -> str:
-        """Return the parameter of a point as text; 0 where it is rounding of the interval."""
-        value = point.parameter if abs(point.parameter) > _NOTHING else 0.0
-        return f"{self.name} = {value * self.scale:.9g}"
+    def restart(self, branch: OrbitZeroProblem, origin: Point) -> None:
+        """Make meshes for the start: they are still those of the other direction's end."""
+        branch.problem.start(origin.u)
 
-    def trace(self, start: tuple[OrbitZeroProblem, Point], sign: float) -> OneSide:
-        """Return one direction of the branch, followed to its end."""
-        half = OneSide()
-        branch, origin = start
-        branch.problem.start(origin.u)  # meshes are still those of the other direction's end
-        point = turned(origin, sign, branch.odd)
-        outwards = math.copysign(1.0, float(point.tangent[-1]))
-        if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -ROUNDING:
-            half.stopped = f"{self._place(point)}: bound reached"
-            return half
-        first: float | None = None
-        try:
-            while True:
-                ended = self._piece(half, branch, point, start, first)
-                if isinstance(ended, str):
-                    half.stopped = ended
-                    return half
-                branch, point, first = ended
-        except KeyboardInterrupt:
-            half.stopped, half.interrupted = "interrupted", True
-            return half
-
-    def _piece(
+    def piece(
         self,
         half: OneSide,
         branch: OrbitZeroProblem,
@@ -196,13 +157,13 @@ class BranchRun:
         start: tuple[OrbitZeroProblem, Point],
         first: float | None,
     ) -> str | tuple[OrbitZeroProblem, Point, float]:
-        """Follow the orbits of one signature; return why the branch ended, or what `BranchRun.trace` goes on with."""
+        """Follow the orbits of one signature; see `OneParameterRun.piece`."""
         last = point
         for item in follow(branch, point, self.control, log=self.log, first_step=first):
             if isinstance(item, str):
                 if (grown := grows_at_last(half.points)) is not None:
                     return self._unbounded(half, grown)
-                return f"{self._place(last)}: {too_stiff(branch.problem) or item}"
+                return f"{self.place(last)}: {too_stiff(branch.problem) or item}"
             if isinstance(item, Event):
                 end = self._event(half, branch, item)
                 if end is not None:
@@ -215,13 +176,11 @@ class BranchRun:
                 half.points.append((start[0], start[1]))
                 half.closed = True
                 return "the branch is closed"
-            half.points.append((branch, item))
+            end = self.keep(half, branch, item)
             if (rest := self.shrinks(branch, last, item)) is not None:
                 return self._shrunk(half, *rest)
-            if self.reporter.report is not None:
-                self.reporter.step(1, f"{self.name} = {item.parameter * self.scale:.6g}")
-            if len(half.points) >= self.control.most:
-                return f"{self._place(item)}: {self.control.most} points"
+            if end is not None:
+                return end
             last = item
             if (grown := grows_for_ever(half.points)) is not None:
                 return self._unbounded(half, grown)
@@ -232,7 +191,7 @@ class BranchRun:
     def _unbounded(self, half: OneSide, grown: str) -> str:
         """End a branch whose period grows without bound: at the homoclinic orbit, where one is located."""
         reason = self.ends_unbounded(half, grown)
-        return f"{self._place(half.points[-1][1])}: {reason}"
+        return f"{self.place(half.points[-1][1])}: {reason}"
 
     def ends_unbounded(self, half: OneSide, grown: str) -> str:
         """Append long cycles and the homoclinic orbit to a branch; return why it ends. `grown` tells of the period."""
@@ -243,7 +202,7 @@ class BranchRun:
         orbit = self.orbit_of(piece, end)
         half.specials.append(Found("HB", orbit, _amplitude(orbit), len(half.points), end.arc))
         half.points.append((piece, end))
-        return f"{self._place(end)}: the cycle shrinks to an equilibrium"
+        return f"{self.place(end)}: the cycle shrinks to an equilibrium"
 
     def _event(
         self, half: OneSide, branch: OrbitZeroProblem, event: Event
@@ -251,9 +210,7 @@ class BranchRun:
         kind = event.name.kind
         point = event.point
         if kind in ("low", "high"):
-            point.u[-1] = self.interest.low if kind == "low" else self.interest.high
-            half.points.append((branch, point))
-            return f"{self._place(point)}: bound reached"
+            return self.at_bound(half, branch, point, kind)
         if kind == "event":
             name = self.interest.events[event.name.segment][0]
         elif at_grazing(event.name):
@@ -263,28 +220,28 @@ class BranchRun:
         if name == "BP" and (birth := self.halved(branch, point)) is not None:
             half.specials.append(self._found(name, branch, replace(event, point=birth), half))
             half.points.append((branch, birth))
-            return f"{self._place(birth)}: the period halves"
+            return f"{self.place(birth)}: the period halves"
         if name != "GR":
             if name == "BP":
                 event = replace(event, point=self.sharpened(branch, point))
             half.specials.append(self._found(name, branch, event, half))
-            return self._end_at(half, branch, event.point, name)
+            return self.end_at(half, branch, event.point, name)
         if any(s.name == "GR" and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
             return None
         if self.control.at_grazing == "pass":
             half.specials.append(self._found(name, branch, event, half))
-            return self._end_at(half, branch, point, name)
+            return self.end_at(half, branch, point, name)
         found = neighbour(branch.problem, event.name, point.u)
         half.specials.append(self._found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
-            fewer = self.piece(found.signature, found.u)
+            fewer = self.equations(found.signature, found.u)
             orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
             half.specials[-1] = replace(half.specials[-1], solution=orbit)
         half.points.append((branch, point))
         if name in self.stops:
-            return f"{self._place(point)}: grazing"
+            return f"{self.place(point)}: grazing"
         if isinstance(found, str):
-            return f"{self._place(point)}: grazing, {found}"
+            return f"{self.place(point)}: grazing, {found}"
         return self._switch(found, point)
 
     def _found(self, name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
@@ -302,25 +259,19 @@ class BranchRun:
             tangent = np.append(tangent[: branch.problem.size], tangent[-1])
         return Found(name, orbit, value, len(half.points), point.arc, tangent=tangent)
 
-    def _end_at(self, half: OneSide, branch: OrbitZeroProblem, point: Point, name: str) -> str | None:
-        if name not in self.stops:
-            return None
-        half.points.append((branch, point))
-        return f"{self._place(point)}: {name}"
-
     def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitZeroProblem, Point, float]:
         """Return equations, point and step to go on with in the neighbouring signature, or why no branch does.
 
         The point is a first admissible orbit beyond the grazing.
         """
-        branch = self.piece(found.signature, found.u)
+        branch = self.equations(found.signature, found.u)
         if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
             found = Neighbour(*once)
-            branch = self.piece(found.signature, found.u)
+            branch = self.equations(found.signature, found.u)
         try:
             point = start_point(branch, found.u)
         except ValueError as error:
-            return f"{self._place(old)}: grazing, no branch goes on: {error}"
+            return f"{self.place(old)}: grazing, no branch goes on: {error}"
         point.arc = old.arc
         onward = math.copysign(1.0, float(old.tangent[-1]))
         for probe in (1e-5, 1e-6, 1e-4):
@@ -335,7 +286,7 @@ class BranchRun:
                 if isinstance(item, Point) and _beyond_grazings(branch.problem, item):
                     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
                     return branch, item, min(self.control.initial, 1e-3)
-        return f"{self._place(old)}: grazing, no admissible orbit beyond it"
+        return f"{self.place(old)}: grazing, no admissible orbit beyond it"
 
 
 # Survey of a grazing from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.

@@ -1,4 +1,4 @@
-"""Special points of a curve, and rows of different lengths, as variables of a Dataset."""
+"""What all curves share: their `repr`, and special points and rows of different lengths as variables of a Dataset."""
 
 from __future__ import annotations
 
@@ -23,7 +23,15 @@ from saltus.system.plain import all_parameters
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["column_name", "complex_table", "ragged_rows", "special_points_of", "special_variables", "texts_array"]
+__all__ = [
+    "column_name",
+    "complex_table",
+    "described",
+    "ragged_rows",
+    "special_points_of",
+    "special_variables",
+    "texts_array",
+]
 
 
 def column_name(name: str, taken: Collection[str]) -> str:
@@ -37,6 +45,28 @@ def column_name(name: str, taken: Collection[str]) -> str:
     if "(" in name:
         return "varied_quantity"
     return f"varied_{name}" if name in taken else name
+
+
+def described(curve: Any, what: str, solutions: str) -> str:
+    """Return the text of a curve's `repr`: kind, range, ends and special points.
+
+    Parameters
+    ----------
+    curve : OrbitCurve or EquilibriumCurve
+        The curve.
+    what : str
+        Its kind in words.
+    solutions : str
+        What its points are, as ``orbits``.
+    """
+    of = curve.system.name or "a hybrid system"
+    lines = [f"{what} of {of}: {len(curve)} {solutions}, {int(curve.stable.sum())} stable"]
+    for name, column in zip(curve.varied, curve.values.reshape(len(curve), -1).T, strict=True):
+        ends = (column.min(), column.max()) if len(curve) else (np.nan, np.nan)
+        lines[0] += ", {} from {:.9g} to {:.9g}".format(name, *ends)
+    lines += [f"  began: {curve.stopped[0]}", f"  ended: {curve.stopped[1]}"]
+    lines += [f"  {line}" for line in repr(curve.special_points).splitlines()]
+    return "\n".join(lines)
 
 
 def special_variables(

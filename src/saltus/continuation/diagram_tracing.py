@@ -190,7 +190,7 @@ class _Run:
         """Return a solution of the other branch at a special point; None where there is none within the bounds."""
         told = f"{point.label} of branch {parent}"
         try:
-            found = switch_branch(point)
+            found: Equilibrium | PeriodicOrbit = switch_branch(point)
         except SaltusError as error:
             self.failures.append(f"{told}: {error}")
             return None

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.arclength import Failure, StepControl, follow
+from saltus.continuation.arclength import StepControl, follow
 from saltus.continuation.boundary import Crossing, beyond_boundary
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.equilibrium_problem import CRITICAL, EquilibriumZeroProblem, closes, extents
-from saltus.continuation.options import ROUNDING, checked_interval, read_stops, unit_of
+from saltus.continuation.options import checked_interval, read_stops, unit_of
 from saltus.continuation.orbit_problem import Interest
+from saltus.continuation.run import Going, OneParameterRun
 from saltus.continuation.two_sided import BothSides, Found, OneSide, join, traced, turned
 from saltus.continuation.zero_problem import Event, Point, start_point
 from saltus.equilibria import Equilibrium
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_equilibrium", "joined_fields"]
 
-_NOTHING = 1e-14  # parameter, over its interval, up to which it reads 0
 _AT_START = 1e-10  # test function, over its usual size, up to which a start is critical
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
@@ -108,13 +108,6 @@ def continue_equilibrium(
     start = run.begin(directions)
     with reporter:
         halves = traced(lambda sign: run.trace(start, sign), directions)
-    options = {
-        "bounds": [low, high],
-        "steps": asdict(control),
-        "directions": directions,
-        "events": {name: float(value) for name, value in events.items()},
-        "stop_at": sorted(run.stops),
-    }
     joined = join(start, halves, "branch")
     return EquilibriumBranch(
         system=system,
@@ -122,11 +115,8 @@ def continue_equilibrium(
         parameters=dict(equilibrium.parameters),
         values=np.array([point.parameter * scale for _, point in joined.rows]),
         special_points=joined.special_points((parameter,)),
-        rejected=tuple(
-            f"{parameter} = {failure.parameter * scale:.9g}, step {failure.step:.3g}: {failure.reason}"
-            for failure in run.log
-        ),
-        options=options,
+        rejected=run.rejected(),
+        options=run.options([low, high], directions, events),
         **joined_fields(joined),
     )
 
@@ -162,23 +152,16 @@ def _read_events(
     return tuple(found)
 
 
-@dataclass
-class _Run:
+class _Run(OneParameterRun):
     """One call of `continue_equilibrium`: start and options, which both directions share."""
 
-    equilibrium: Equilibrium
-    name: str
-    interest: Interest
-    control: StepControl
-    stops: set[str]
-    reporter: Reporter
+    odd = EquilibriumZeroProblem.odd
 
-    def __post_init__(self) -> None:
-        self.scale = self.interest.scale
-        self.log: list[Failure] = []
-        self.marks: list[Found] = []
+    def __init__(self, equilibrium: Equilibrium, *options: Any) -> None:
+        super().__init__(*options)
+        self.equilibrium = equilibrium
 
-    def piece(self, mode: int, u: NDArray[np.float64], sizes: NDArray[np.float64] | None) -> EquilibriumZeroProblem:
+    def equations(self, mode: int, u: NDArray[np.float64], sizes: NDArray[np.float64] | None) -> EquilibriumZeroProblem:
         """Return the zero problem of a mode near `u`, the states of the given sizes."""
         system = self.equilibrium.system
         p, index = system.parameter_vector(self.equilibrium.parameters), system.parameter_names.index(self.name)
@@ -187,11 +170,8 @@ class _Run:
 
     def begin(self, directions: str) -> tuple[EquilibriumZeroProblem, Point]:
         """Return the equations and the first point, its tangent towards growing parameter."""
-        value = self.equilibrium.parameters[self.name] / self.scale
-        for bound in (self.interest.low, self.interest.high):
-            value = bound if abs(value - bound) < ROUNDING else value
-        u = np.append(self.equilibrium.state, value)
-        branch = self.piece(self.equilibrium.system.mode_index(self.equilibrium.mode), u, None)
+        u = np.append(self.equilibrium.state, self.start_value(self.equilibrium.parameters))
+        branch = self.equations(self.equilibrium.system.mode_index(self.equilibrium.mode), u, None)
         try:
             point = start_point(branch, u)
         except (ValueError, np.linalg.LinAlgError) as error:
@@ -207,7 +187,7 @@ class _Run:
         if not critical:
             return point
         sign = 1.0 if directions == "down" else -1.0
-        way = turned(point, sign, EquilibriumZeroProblem.odd)
+        way = turned(point, sign, self.odd)
         short = StepControl(initial=_ASIDE, smallest=_ASIDE / 16.0, largest=_ASIDE)
         for item in follow(branch, way, short, log=[]):
             if isinstance(item, Point):
@@ -216,50 +196,25 @@ class _Run:
                     return point
                 item.arc = 0.0
                 item.examined = branch.examine(item, None)
-                return turned(item, sign, EquilibriumZeroProblem.odd)
+                return turned(item, sign, self.odd)
             if isinstance(item, str):
                 break
         return point
 
-    def _place(self, point: Point) -> str:
-        value = point.parameter if abs(point.parameter) > _NOTHING else 0.0
-        return f"{self.name} = {value * self.scale:.9g}"
-
-    def trace(self, start: tuple[EquilibriumZeroProblem, Point], sign: float) -> OneSide:
-        """Return one direction of the branch, followed to its end."""
-        half = OneSide()
-        branch, origin = start
-        point = turned(origin, sign, EquilibriumZeroProblem.odd)
-        outwards = math.copysign(1.0, float(point.tangent[-1]))
-        if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -ROUNDING:
-            half.stopped = f"{self._place(point)}: bound reached"
-            return half
-        first: float | None = None
-        try:
-            while True:
-                ended = self._piece(half, branch, point, start, first)
-                if isinstance(ended, str):
-                    half.stopped = ended
-                    return half
-                branch, point, first = ended
-        except KeyboardInterrupt:
-            half.stopped, half.interrupted = "interrupted", True
-            return half
-
-    def _piece(
+    def piece(
         self,
         half: OneSide,
         branch: EquilibriumZeroProblem,
         point: Point,
         start: tuple[EquilibriumZeroProblem, Point],
         first: float | None,
-    ) -> str | tuple[EquilibriumZeroProblem, Point, float]:
-        """Follow the equilibria of one mode; return why the branch ended, or what `_Run.trace` goes on with."""
+    ) -> str | Going:
+        """Follow the equilibria of one mode; see `OneParameterRun.piece`."""
         last = point
         ahead = partial(branch.ahead, self.control)
         for item in follow(branch, point, self.control, log=self.log, first_step=first, ahead=ahead):
             if isinstance(item, str):
-                return f"{self._place(last)}: {item}"
+                return f"{self.place(last)}: {item}"
             if isinstance(item, Event):
                 if (end := self._event(half, branch, item)) is not None:
                     return end
@@ -268,25 +223,18 @@ class _Run:
                 half.points.append(start)
                 half.closed = True
                 return "the branch is closed"
-            half.points.append((branch, item))
-            if self.reporter.report is not None:
-                self.reporter.step(1, f"{self.name} = {item.parameter * self.scale:.6g}")
-            if len(half.points) >= self.control.most:
-                return f"{self._place(item)}: {self.control.most} points"
+            if (end := self.keep(half, branch, item)) is not None:
+                return end
             last = item
         raise AssertionError("follow ends with a reason")
 
-    def _event(
-        self, half: OneSide, branch: EquilibriumZeroProblem, event: Event
-    ) -> str | tuple[EquilibriumZeroProblem, Point, float] | None:
+    def _event(self, half: OneSide, branch: EquilibriumZeroProblem, event: Event) -> str | Going | None:
         kind, point = event.name.kind, event.point
         if kind in ("low", "high"):
-            point.u[-1] = self.interest.low if kind == "low" else self.interest.high
-            half.points.append((branch, point))
-            return f"{self._place(point)}: bound reached"
+            return self.at_bound(half, branch, point, kind)
         if kind == "domain":
             half.points.append((branch, point))
-            return f"{self._place(point)}: the domain of mode {self.equilibrium.mode} ends"
+            return f"{self.place(point)}: the domain of mode {self.equilibrium.mode} ends"
         name = self.interest.events[event.name.segment][0] if kind == "event" else kind
         if kind in ("SN", "BP"):
             solve = solve_branch_point if kind == "BP" else solve_saddle_node
@@ -295,31 +243,29 @@ class _Run:
                 point.u = u
         if kind != "BE":
             half.specials.append(self._found(name, branch, event, half))
-            return self._end_at(half, branch, point, name)
+            return self.end_at(half, branch, point, name)
         transition = branch.problem.system.transitions[event.name.transition]
         crossing = beyond_boundary(branch.problem, event.name.transition, point.u, point.tangent, branch.sizes)
         found = self._found(name, branch, event, half)
         half.specials.append(replace(found, of=transition.name, kind=crossing.kind))
-        if (end := self._end_at(half, branch, point, name)) is not None:
+        if (end := self.end_at(half, branch, point, name)) is not None:
             return end
         if self.control.at_grazing == "pass":
             return None
         half.points.append((branch, point))
         if crossing.u is None:
-            return f"{self._place(point)}: boundary equilibrium, {crossing.reason}"
+            return f"{self.place(point)}: boundary equilibrium, {crossing.reason}"
         return self._switch(branch, crossing, point)
 
-    def _switch(
-        self, branch: EquilibriumZeroProblem, crossing: Crossing, old: Point
-    ) -> str | tuple[EquilibriumZeroProblem, Point, float]:
+    def _switch(self, branch: EquilibriumZeroProblem, crossing: Crossing, old: Point) -> str | Going:
         """Return equations, point and step to go on with in the neighbouring mode, or why no branch does."""
         assert crossing.u is not None
-        beside = self.piece(crossing.mode, crossing.u, branch.sizes)
+        beside = self.equations(crossing.mode, crossing.u, branch.sizes)
         try:
             point = start_point(beside, crossing.u)
         except (ValueError, np.linalg.LinAlgError) as error:
-            return f"{self._place(old)}: boundary equilibrium, no branch goes on: {error}"
-        point = turned(point, crossing.sign(point), EquilibriumZeroProblem.odd)
+            return f"{self.place(old)}: boundary equilibrium, no branch goes on: {error}"
+        point = turned(point, crossing.sign(point), self.odd)
         point.arc = old.arc
         found = beside.examine(point, None)
         # on a surface the sign of its event function is rounding: the point counts as on the regular side
@@ -332,16 +278,10 @@ class _Run:
         point.examined = replace(found, monitors=monitors)
         return beside, point, self.control.initial
 
-    def _end_at(self, half: OneSide, branch: EquilibriumZeroProblem, point: Point, name: str) -> str | None:
-        if name not in self.stops:
-            return None
-        half.points.append((branch, point))
-        return f"{self._place(point)}: {name}"
-
     def _found(self, name: str, branch: EquilibriumZeroProblem, event: Event, half: OneSide) -> Found:
         point = event.point
         solution = equilibrium_at(branch.problem, point.u, branch.sizes)
-        p = {**solution.parameters, self.name: point.parameter * self.scale if abs(point.parameter) > _NOTHING else 0.0}
+        p = {**solution.parameters, self.name: self.value(point)}
         tangent = None
         if name == "BP":  # it is undetermined at the point itself: the last point's is taken
             last = half.points[-1][1] if half.points else point

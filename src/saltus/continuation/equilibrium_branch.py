@@ -21,8 +21,9 @@ class EquilibriumBranch(EquilibriumCurve):
     """Equilibria along one parameter.
 
     Types of `special_points` are ``SN``, ``BP``, ``HB``, ``BE`` (boundary equilibrium) and users' events.
-    `SpecialPoint.kind` of a BE is ``persistence`` where the equilibrium goes on in the neighbouring mode, and
-    ``nonsmooth fold`` where both lie on the same side of the parameter. `EquilibriumCurve` lists the other attributes.
+    `SpecialPoint.kind` of a BE is ``persistence`` where the equilibrium goes on in the neighbouring mode. It is
+    ``nonsmooth fold`` where both equilibria lie on the same side of the parameter. `EquilibriumCurve` lists the other
+    attributes.
 
     Attributes
     ----------

@@ -12,7 +12,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents, as_json
-from saltus.continuation.curve_files import complex_table, ragged_rows, texts_array
+from saltus.continuation.curve_files import complex_table, described, ragged_rows, texts_array
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.equilibrium import equilibrium_at
@@ -244,14 +244,7 @@ class EquilibriumCurve(Result):
 
     def _described(self, what: str) -> str:
         """Return the text of a `repr`: kind, range, ends and special points."""
-        of = self.system.name or "a hybrid system"
-        lines = [f"{what} of {of}: {len(self)} equilibria, {int(self.stable.sum())} stable"]
-        for name, column in zip(self.varied, self.values.reshape(len(self), -1).T, strict=True):
-            ends = (column.min(), column.max()) if len(self) else (np.nan, np.nan)
-            lines[0] += ", {} from {:.9g} to {:.9g}".format(name, *ends)
-        lines += [f"  began: {self.stopped[0]}", f"  ended: {self.stopped[1]}"]
-        lines += [f"  {line}" for line in repr(self.special_points).splitlines()]
-        return "\n".join(lines)
+        return described(self, what, "equilibria")
 
 
 def _output(equilibrium: Equilibrium, name: str) -> float:

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.arclength import Failure, StepControl, follow
+from saltus.continuation.arclength import follow
 from saltus.continuation.equilibria import joined_fields
 from saltus.continuation.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.equilibrium_locus_problem import EquilibriumLocusProblem
 from saltus.continuation.equilibrium_problem import closes, extents
-from saltus.continuation.options import ROUNDING
+from saltus.continuation.run import TwoParameterRun
 from saltus.continuation.special_points import SpecialPoint
-from saltus.continuation.two_sided import SAME, Found, OneSide, join, traced, turned
+from saltus.continuation.two_sided import Found, OneSide, join, traced, turned
 from saltus.continuation.zero_problem import Event, Point, start_point
 from saltus.equilibria.critical import Boundary, Hopf, Singular
 from saltus.equilibria.equilibrium import Equilibrium, equilibrium_at
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import InputError
-from saltus.progress import Reporter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,72 +38,37 @@ _ENDS = {
 }  # special points at which a locus ends, and why
 
 
-@dataclass
-class EquilibriumLocusRun:
+class EquilibriumLocusRun(TwoParameterRun):
     """One call of `continue_locus` from an equilibrium.
 
-    Attributes
+    Parameters
     ----------
     start : SpecialPoint or Equilibrium
         Where the locus starts.
     equilibrium : Equilibrium
         The equilibrium there.
-    kind : str
-        Type of the locus.
-    names, intervals
-        The two parameters in the system's order, and their intervals.
-    control, stops, reporter
-        Steps, types of special points that end the locus, progress.
+    *options
+        As `TwoParameterRun` takes them.
     """
 
-    start: SpecialPoint[Equilibrium] | Equilibrium
-    equilibrium: Equilibrium
-    kind: str
-    names: tuple[str, str]
-    intervals: tuple[tuple[float, float], tuple[float, float]]
-    control: StepControl
-    stops: set[str]
-    reporter: Reporter
+    odd = EquilibriumLocusProblem.odd
+    branch: EquilibriumLocusProblem
 
-    def __post_init__(self) -> None:
-        self.scales = np.array([high - low for low, high in self.intervals])
-        first, second = ((low / unit, high / unit) for (low, high), unit in
-                         zip(self.intervals, self.scales.tolist(), strict=True))  # fmt: skip
-        self.bounds = (first, second)
-        self.log: list[Failure] = []
+    def __init__(self, start: SpecialPoint[Equilibrium] | Equilibrium, equilibrium: Equilibrium, *options: Any) -> None:
+        super().__init__(*options)
+        self.start, self.equilibrium = start, equilibrium
 
     def locus(self, order: tuple[str, ...], directions: str) -> EquilibriumLocus:
         """Return the locus, its parameters in the order that the user gave."""
         origin = self.begin(self.names.index(order[1]))
         with self.reporter:
             halves = traced(lambda sign: self.trace(origin, sign), directions)
-        joined = join((self.branch, origin), halves, "locus")
-        if (own := self._at_start(origin)) is not None and all(
-            found.name != own.name or abs(arc) > SAME for found, _, arc in joined.specials
-        ):
-            joined.specials = sorted([*joined.specials, (own, float(joined.offset), 0.0)], key=lambda item: item[2])
-        columns = [self.names.index(name) for name in order]
-        data = [point.examined.data for _, point in joined.rows]
-        options: dict[str, Any] = {
-            "bounds": {name: list(interval) for name, interval in zip(self.names, self.intervals, strict=True)},
-            "steps": asdict(self.control),
-            "directions": directions,
-            "stop_at": sorted(self.stops),
-        }
+        joined = self.with_start(join((self.branch, origin), halves, "locus"), self._at_start(origin))
         return EquilibriumLocus(
             system=self.equilibrium.system,
-            type=self.kind,
-            names=(order[0], order[1]),
             parameters=dict(self.equilibrium.parameters),
-            values=np.array([point.u[-2:] * self.scales for _, point in joined.rows])[:, columns],
-            special_points=joined.special_points(order, self.kind),
-            rejected=tuple(
-                f"{self.names[1]} = {failure.parameter * self.scales[1]:.9g}, step {failure.step:.3g}: {failure.reason}"
-                for failure in self.log
-            ),
-            options=options,
-            frequency=np.array([d.frequency for d in data]),
-            coefficient=np.array([d.coefficient for d in data]),
+            frequency=np.array([point.examined.data.frequency for _, point in joined.rows]),
+            **self.fields(joined, order, self.locus_options(directions)),
             **joined_fields(joined),
         )
 
@@ -113,10 +77,7 @@ class EquilibriumLocusRun:
         system = self.equilibrium.system
         p = system.parameter_vector(self.equilibrium.parameters)
         active = [system.parameter_names.index(name) for name in self.names]
-        values = p[active] / self.scales
-        for i, interval in enumerate(self.bounds):
-            for bound in interval:
-                values[i] = bound if abs(values[i] - bound) < ROUNDING else values[i]
+        values = self.start_values(p[active])
         mode = system.mode_index(self.equilibrium.mode)
         problem = EquilibriumProblem(system, mode, p, active, self.scales)
         u = np.append(self.equilibrium.state, values)
@@ -125,13 +86,15 @@ class EquilibriumLocusRun:
         condition, extra = self._condition(problem, u, sizes)
         z = np.concatenate([u[: problem.n], extra, u[-2:]])
         self.branch = EquilibriumLocusProblem(problem, self.kind, condition, sizes, self.bounds)
-        found = np.linalg.svd(self.branch.evaluate(z)[1] * self.branch.scale(), compute_uv=False)
+        matrix = self.branch.evaluate(z)[1] * self.branch.scale()
+        terms = np.abs(matrix).max(axis=1, keepdims=True)
+        found = np.linalg.svd(matrix / np.where(terms > 0.0, terms, 1.0), compute_uv=False)
         if not found[-1] > _REGULAR * found[0]:
-            raise self._irregular("the extended equations have more than one solution direction there")
+            raise self.irregular("the extended equations have more than one solution direction there")
         try:
             point = start_point(self.branch, z)
         except (ValueError, np.linalg.LinAlgError) as error:
-            raise self._irregular(str(error)) from None
+            raise self.irregular(str(error)) from None
         away = np.abs(point.u - z)[np.r_[: problem.n, -2:0]]
         if float(np.max(away / np.append(sizes, [1.0, 1.0]))) > _MOVED:
             raise InputError("start", f"{float(np.max(away)):.2g} away", f"a located {self.kind}")
@@ -140,11 +103,7 @@ class EquilibriumLocusRun:
         # a test function that vanishes at the start itself has no sign there
         monitors = {name: math.nan if name.kind == own else value for name, value in examined.monitors.items()}
         point.examined = replace(examined, monitors=monitors)
-        return turned(point, float(point.tangent[towards - 2]), EquilibriumLocusProblem.odd)
-
-    def _irregular(self, reason: str) -> InputError:
-        wanted = f"two parameters in which the {self.kind} has a regular locus"
-        return InputError("parameters", self.names, wanted, reason)
+        return turned(point, float(point.tangent[towards - 2]), self.odd)
 
     def _condition(
         self, problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
@@ -186,53 +145,33 @@ class EquilibriumLocusRun:
             found = ", ".join(f"{v:.6g}" for v in self.equilibrium.eigenvalues.tolist())
             raise InputError("start", f"eigenvalues {found}", f"an equilibrium with {wanted}, as every {self.kind} has")
 
-    def trace(self, origin: Point, sign: float) -> OneSide:
-        """Return one direction of the locus, followed to its end."""
-        half = OneSide()
-        point = turned(origin, sign, EquilibriumLocusProblem.odd)
-        point.u = point.u.copy()
+    def restarted(self, origin: Point) -> Point:
+        """See `TwoParameterRun.restarted`: the borders are those of the other direction's end."""
         if isinstance(self.branch.condition, Hopf):
             at = slice(self.branch.n, -2)
-            J = self.branch.problem.evaluate(self.branch.equilibrium(point.u))[1]
-            self.branch.condition.restart(J, point.u[at])
-        for i, (low, high) in enumerate(self.bounds):
-            way = math.copysign(1.0, float(point.tangent[i - 2]))
-            beyond = way * (float(point.u[i - 2]) - (high if way > 0.0 else low))
-            if beyond > -ROUNDING and abs(float(point.tangent[i - 2])) > ROUNDING:
-                half.stopped = f"{self._place(point)}: bound reached"
-                return half
-        try:
-            half.stopped = self._follow(half, point, origin)
-        except KeyboardInterrupt:
-            half.stopped, half.interrupted = "interrupted", True
-        return half
+            J = self.branch.problem.evaluate(self.branch.equilibrium(origin.u))[1]
+            self.branch.condition.restart(J, origin.u[at])
+        return replace(origin, u=origin.u.copy())
 
-    def _place(self, point: Point) -> str:
-        values = point.u[-2:] * self.scales
-        return ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.names, values, strict=True))
-
-    def _follow(self, half: OneSide, point: Point, origin: Point) -> str:
+    def followed(self, half: OneSide, point: Point, origin: Point) -> str:
+        """See `TwoParameterRun.followed`."""
         last = point
         for item in follow(self.branch, point, self.control, log=self.log):
             if isinstance(item, str):
-                return f"{self._place(last)}: {item}"
+                return f"{self.place(last)}: {item}"
             if isinstance(item, Event):
                 if (end := self._event(half, item)) is not None:
                     half.points.append((self.branch, item.point))
-                    return f"{self._place(item.point)}: {end}"
+                    return f"{self.place(item.point)}: {end}"
                 continue
             if self.kind == "HB" and item.examined.data.frequency == 0.0:
-                return f"{self._place(last)}: BT: {_ENDS['BT']}"
+                return f"{self.place(last)}: BT: {_ENDS['BT']}"
             if closes(origin, last, item, self.control):
                 half.points.append((self.branch, origin))
                 half.closed = True
                 return "the locus is closed"
-            half.points.append((self.branch, item))
-            if self.reporter.report is not None:
-                pairs = zip(self.names, item.u[-2:] * self.scales, strict=True)
-                self.reporter.step(1, ", ".join(f"{name} = {value:.6g}" for name, value in pairs))
-            if len(half.points) >= self.control.most:
-                return f"{self._place(item)}: {self.control.most} points"
+            if (end := self.keep(half, self.branch, item)) is not None:
+                return end
             last = item
         raise AssertionError("follow ends with a reason")
 
@@ -240,8 +179,7 @@ class EquilibriumLocusRun:
         """Keep a special point; return the reason why the locus ends there, or None."""
         kind, at = event.name.kind, event.name.segment
         if kind in ("low", "high"):
-            event.point.u[at - 2] = self.bounds[at][kind == "high"]
-            return "bound reached"
+            return self.bound_met(event.point, at, kind)
         of = self.names[at] if kind == "TP" else ""
         if kind == "BE":
             of = self.branch.problem.system.transitions[event.name.transition].name

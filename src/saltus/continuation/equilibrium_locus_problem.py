@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.equilibrium_problem import has_pair
+from saltus.continuation.equilibrium_problem import has_pair, row_units
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.equilibria.critical import Hopf, Singular
 from saltus.equilibria.equilibrium import faults_of
-from saltus.equilibria.normal_forms import hopf_terms
+from saltus.equilibria.normal_forms import lyapunov_coefficient
 from saltus.equilibria.spectrum import eigenvalues, pair_product, unstable_count
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ _OTHERS = {Monitor("SN"), Monitor("HB")}  # loci that meet one of boundary equil
 
 _CONSTANT = 1e-9  # component of the tangent below which a parameter is constant along a locus
 _RESIDUAL = 1e-8  # most residual of a point, over the sizes of the field's terms
+_SLOW = 1e-6  # squared frequency, over the squared size of the Jacobian, below which l1 is rounding, as at a BT
 _LONG = 2.0  # length of the null vector from which on its borders are taken anew
 
 
@@ -103,6 +104,7 @@ class EquilibriumLocusProblem:
     ) -> None:
         self.problem, self.kind, self.condition, self.n = problem, kind, condition, problem.n
         self.sizes, self._bounds = sizes.copy(), bounds
+        self.rows: NDArray[np.float64] | None = None
         self._origin: NDArray[np.float64] | None = None
         self._units: dict[Monitor, float] = {}
         own = getattr(condition, "transition", -1)
@@ -121,7 +123,11 @@ class EquilibriumLocusProblem:
         if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
             return out, matrix
         matrix[:] = 0.0
+        if self.rows is None:
+            self.rows = row_units(J * np.append(self.sizes, [1.0, 1.0])) / float(self.sizes.max())
         out[:n], matrix[:n, :n], matrix[:n, -2:] = F, J[:, :n], J[:, n:]
+        out[:n] /= self.rows
+        matrix[:n] /= self.rows[:, None]
         try:
             values, gradient, further = self.condition.evaluate(u, z[n : n + extra], J)
         except np.linalg.LinAlgError:
@@ -146,7 +152,8 @@ class EquilibriumLocusProblem:
         """Return monitors, data and fault of a point."""
         u = self.equilibrium(point.u)
         J = self.problem.evaluate(u)[1]
-        if self.problem.rounding(u, J, np.maximum(self.sizes, np.abs(u[: self.n]))) > _RESIDUAL:
+        point.residual = self.problem.rounding(u, J, np.maximum(self.sizes, np.abs(u[: self.n])))
+        if point.residual > _RESIDUAL:
             return Examined({}, "residual: the field does not vanish there")
         self.condition.evaluate(u, point.u[self.n : self.n + self.condition.extra], J)
         self.condition.adjust()
@@ -242,9 +249,9 @@ class EquilibriumLocusProblem:
         pair = (min(first, second), max(first, second))
         rest = np.delete(values, pair)
         monitors, l1 = {_BT: k / condition.unit}, math.nan
-        if w > 0.0:
+        if k > _SLOW * condition.unit:
             try:
-                l1 = hopf_terms(self.problem, u, J[:, : self.n], w).l1
+                l1 = lyapunov_coefficient(self.problem, u, J, w, self.sizes)
             except np.linalg.LinAlgError:
                 l1 = math.nan
         monitors[_GH] = l1 * w**3 / self._unit(_GH, l1 * w**3) if math.isfinite(l1) else math.nan
@@ -267,7 +274,8 @@ class EquilibriumLocusProblem:
         point.u = point.u.copy()
         point.u[at] = condition.turned(J, point.u[at])
         point.J = self.evaluate(point.u)[1]
-        null = np.linalg.svd(point.J)[2][-1]
+        scale = self.scale()
+        null = np.linalg.svd(point.J * scale)[2][-1] * scale
         along = float(point.weights @ (null * point.tangent))
         point.tangent = math.copysign(1.0, along) * null / math.sqrt(float(point.weights @ null**2))
         point.frame = object()  # the point before has other borders: no cubic through both

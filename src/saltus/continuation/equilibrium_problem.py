@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from saltus.continuation.orbit_problem import Interest
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["CRITICAL", "EquilibriumZeroProblem", "closes", "extents", "has_pair"]
+__all__ = ["CRITICAL", "EquilibriumZeroProblem", "closes", "extents", "has_pair", "row_units"]
 
 _LOW = Monitor("low")  # parameter less its lower bound
 _HIGH = Monitor("high")  # parameter less its upper bound
@@ -59,6 +59,14 @@ def extents(problem: EquilibriumProblem, u: NDArray[np.float64]) -> NDArray[np.f
     return np.where((x > _NEAR * sizes) & (moved > 0.0), np.clip(moved, _NEAR * x, x), sizes)
 
 
+def row_units(J: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a unit for each row of a matrix: its largest entry; for a row of zeros that of the matrix."""
+    terms = np.abs(J).max(axis=1)
+    if not np.all(np.isfinite(terms)):
+        return np.ones(terms.size)
+    return np.where(terms > 0.0, terms, float(terms.max()) or 1.0)
+
+
 class EquilibriumZeroProblem:
     """Equilibria of one mode as a `ZeroProblem`.
 
@@ -82,11 +90,15 @@ class EquilibriumZeroProblem:
         self._origin: NDArray[np.float64] | None = None
         self._log: float | None = None
         self._units: dict[int, float] = {}
+        self.rows: NDArray[np.float64] | None = None
         self._guarded = problem.system.modes[problem.system.mode_names[problem.mode]].domain is not None
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the field and its derivatives, rows in units of the sizes of their terms."""
-        return self.problem.evaluate(u)
+        """Return the field and its derivatives, rows in one unit by the sizes of their terms at the first call."""
+        F, J = self.problem.evaluate(u)
+        if self.rows is None:
+            self.rows = row_units(J * self.scale()) / float(self.sizes.max())
+        return F / self.rows, J / self.rows[:, None]
 
     def accurate(self) -> bool:
         """Return True: the equations are no discretisation."""
@@ -104,7 +116,8 @@ class EquilibriumZeroProblem:
         """Return monitors, data and fault of a point."""
         u = point.u
         point.J = self.problem.evaluate(u)[1]
-        if not self.problem.rounding(u, point.J, np.maximum(self.sizes, np.abs(u[: self.n]))) <= _RESIDUAL:
+        point.residual = self.problem.rounding(u, point.J, np.maximum(self.sizes, np.abs(u[: self.n])))
+        if not point.residual <= _RESIDUAL:
             return Examined({}, "residual: the field does not vanish there")
         values = eigenvalues(point.J[:, : self.n])
         reasons = tuple(faults_of(self.problem, u, self.sizes))
@@ -175,9 +188,9 @@ class EquilibriumZeroProblem:
         Only in a mode without surfaces, and without users' events.
         """
         problem = self.problem
-        if problem.ways_out or self._guarded or self.interest.events or self._origin is None:
+        if problem.ways_out or self._guarded or self.interest.events or self._origin is None or self.rows is None:
             return [], step
-        found = Stretch(problem, before, point, step, control, (self.interest, self.sizes, self._origin))
+        found = Stretch(problem, before, point, step, control, (self.interest, self.sizes, self._origin, self.rows))
         self._log = point.log if self._log is None else self._log
         kept = found.quiet(before, point, self._log, _QUIET)
         points = found.points(point, kept)

@@ -215,15 +215,17 @@ def read_start(
         raise InputError("start", "one of a family of orbits", "an orbit that is isolated at its parameters")
     if isinstance(start, PeriodicOrbit | Equilibrium):
         if kind is None:
-            what = type(start).__name__
-            raise InputError("start", what, "a special point, or a solution with its type", "type='SN'")
+            what, word = ("an Equilibrium", "an equilibrium") if of_equilibria else ("a PeriodicOrbit", "an orbit")
+            raise InputError("start", what, f"a special point, or {word} with its type", "type='SN'")
         return start, kind
     checks.instance("start", start, SpecialPoint)
     if kind is None:
         kind = loci.get(start.type, start.locus if start.type == "TP" else None)
     if kind is None:
         allowed = f"a point of type {', '.join(loci)}"
-        raise InputError("start", start.type, allowed, "no locus belongs to this type")
+        known_type = start.type in {*_LOCI, *_EQUILIBRIUM_LOCI, "TP"}
+        hint = "no locus belongs to " + ("this type" if known_type else "a user's event")
+        raise InputError("start", start.type, allowed, hint)
     return solution, kind
 
 

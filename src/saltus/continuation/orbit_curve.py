@@ -16,6 +16,7 @@ from saltus.contents import Contents
 from saltus.continuation.curve_files import (
     column_name,
     complex_table,
+    described,
     ragged_rows,
     special_points_of,
     special_variables,
@@ -440,11 +441,4 @@ class OrbitCurve(Result):
 
     def _described(self, what: str) -> str:
         """Return the text of a `repr`: kind, range, ends and special points."""
-        of = self.system.name or "a hybrid system"
-        lines = [f"{what} of {of}: {len(self)} orbits, {int(self.stable.sum())} stable"]
-        for name, column in zip(self.varied, self.values.reshape(len(self), -1).T, strict=True):
-            ends = (column.min(), column.max()) if len(self) else (np.nan, np.nan)
-            lines[0] += ", {} from {:.9g} to {:.9g}".format(name, *ends)
-        lines += [f"  began: {self.stopped[0]}", f"  ended: {self.stopped[1]}"]
-        lines += [f"  {line}" for line in repr(self.special_points).splitlines()]
-        return "\n".join(lines)
+        return described(self, what, "orbits")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -118,13 +117,7 @@ def continue_orbit(
     start = run.begin()
     with reporter:
         halves = traced(lambda sign: run.trace(start, sign), directions)
-    options = {
-        "bounds": [low, high],
-        "steps": asdict(control),
-        "directions": directions,
-        "events": {name: float(value) for name, value in events.items()},
-        "stop_at": sorted(stops),
-    }
+    options = run.options([low, high], directions, events)
     return _assemble(orbit, parameter, scale, start, halves, run, options)
 
 
@@ -144,10 +137,7 @@ def _assemble(
         parameters=dict(orbit.parameters),
         values=np.array([p.parameter * scale for _, p in joined.rows]),
         special_points=joined.special_points((parameter,)),
-        rejected=tuple(
-            f"{parameter} = {failure.parameter * scale:.9g}, step {failure.step:.3g}: {failure.reason}"
-            for failure in run.log
-        ),
+        rejected=run.rejected(),
         options=options,
         tolerance=orbit.tolerance,
         fixed=run.fixed,

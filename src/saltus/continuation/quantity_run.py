@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.arclength import RESTS, StepControl
+from saltus.continuation.arclength import RESTS
 from saltus.continuation.branch_run import BranchRun
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.quantity_problem import QuantityZeroProblem
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.orbits.signature import Signature
-    from saltus.progress import Reporter
 
 __all__ = ["QuantityRun"]
 
@@ -34,16 +33,8 @@ __all__ = ["QuantityRun"]
 class QuantityRun(BranchRun):
     """One call of `continue_orbit` along a quantity: start and options, which both directions share."""
 
-    def __init__(
-        self,
-        orbit: PeriodicOrbit,
-        parameter: str,
-        interest: Interest,
-        control: StepControl,
-        stops: set[str],
-        reporter: Reporter,
-    ) -> None:
-        super().__init__(orbit, parameter, interest, control, stops, reporter)
+    def __init__(self, orbit: PeriodicOrbit, parameter: str, interest: Interest, *options: Any) -> None:
+        super().__init__(orbit, parameter, interest, *options)
         assert orbit.fixed is not None
         self.quantity = read_quantity(orbit.system, parameter)
         free = orbit.fixed.free
@@ -59,10 +50,10 @@ class QuantityRun(BranchRun):
         inner = np.append(self.orbit.unknowns, self._home)
         value = self.quantity.value(self._known.problem, inner) / self.scale
         self.fixed = replace(self._freed, quantity=self.name, value=value * self.scale)
-        u = np.append(inner, self.at_bound(value))
-        return self.piece(self.orbit.form, u), u
+        u = np.append(inner, self.met(value))
+        return self.equations(self.orbit.form, u), u
 
-    def piece(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
+    def equations(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
         """Return the zero problem of a signature near `u`."""
         p = self.orbit.system.parameter_vector(self.orbit.parameters)
         tolerance = self.orbit.tolerance

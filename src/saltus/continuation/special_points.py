@@ -63,7 +63,7 @@ _MEANING = {
 class SpecialPoint(Generic[Solution]):
     """A special point of a branch or of a locus, located.
 
-    docs/theory/continuation.md and docs/theory/loci.md derive the test functions.
+    docs/theory/continuation.md, docs/theory/loci.md and docs/theory/equilibria.md derive the test functions.
 
     Attributes
     ----------
@@ -83,9 +83,11 @@ class SpecialPoint(Generic[Solution]):
         - TR: ``abs(mu)**2 - 1`` of the complex pair nearest to the unit circle.
         - BP, FF: the determinant, over its size nearby.
         - GR: the normal velocity, the duration, or the distance from the surface.
-        - HB: the amplitude of the last cycle.
+        - HB: the amplitude of the last cycle; of equilibria the product of the sums of two eigenvalues.
         - HOM: the parameter's last change while it was located.
         - SNIC: the parameter's distance from the last cycle.
+        - BE: the event function, over its size.
+        - BT, GH, ZH, HH: what docs/theory/equilibria.md, "Loci", lists.
         - CP, GPD, CH: the coefficient of the normal form, over its size nearby.
         - R1 to R4: cosine of the multipliers' angle less that of the resonance.
         - Users' events: the quantity less the wanted value.
@@ -187,13 +189,15 @@ class SpecialPoint(Generic[Solution]):
         if isinstance(self.solution, Equilibrium):
             problem = self.solution.problem(*self.varied)
             values = [self.parameters[name] for name in self.varied]
-            return equilibrium_form(problem, np.append(self.solution.state, values), self.type)
+            return equilibrium_form(problem, np.append(self.solution.state, values), self.type, self.scale)
         if self.type not in NORMAL_FORMS:
             raise InputError("type", self.type, f"one of {', '.join(NORMAL_FORMS)}", "no normal form belongs to it")
         return normal_form(self.orbit, self.type)
 
     def __repr__(self) -> str:
         meaning = f", {_MEANING[self.type]}" if self.type in _MEANING else ""
+        if self.type == "HB" and not isinstance(self.solution, Equilibrium):
+            meaning += ": the cycle shrinks to an equilibrium"
         of = f" of {self.of}" if self.of else ""
         end = "" if self.homoclinic is None else f"\n{self.homoclinic!r}"
         return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}{end}\n{self.solution!r}"

@@ -55,8 +55,8 @@ class Stretch:
         Length of the first step.
     control : StepControl
         Sizes of the steps.
-    branch : (Interest, sizes, origin)
-        Bounds, sizes of the states, and the state at the start of the branch.
+    branch : (Interest, sizes, origin, rows)
+        Bounds, sizes of the states, the state at the start of the branch, and units of the equations' rows.
 
     Attributes
     ----------
@@ -77,17 +77,18 @@ class Stretch:
         point: Point,
         step: float,
         control: StepControl,
-        branch: tuple[Interest, NDArray[np.float64], NDArray[np.float64]],
+        branch: tuple[Interest, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
     ) -> None:
         from saltus.continuation import _stretch_kernels as kernels
 
-        interest, sizes, origin = branch
+        interest, sizes, origin, rows = branch
         n = problem.n
         self._interest = interest
         self._points, self._jacobians = np.empty((_MOST, 2, n + 1)), np.empty((_MOST, n, n + 1))
         numbers = np.empty((_MOST, 5))
         p = problem.compiled.extended(problem.p)
-        system = (problem.compiled.addresses, problem.mode, p, int(problem.active[0]), float(problem.scales[0]))
+        active, scale = int(problem.active[0]), float(problem.scales[0])
+        system = (problem.compiled.addresses, problem.mode, p, active, scale, rows)
         limits = (control.deviation, control.angle, control.largest, float(control.iterations))
         bounds = (interest.low, interest.high)
         found = (self._points, self._jacobians, numbers)

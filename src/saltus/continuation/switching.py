@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -35,7 +35,7 @@ _PERHAPS_ZERO = 1e-6  # value of a parameter, in its own unit, up to which it ma
 _ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the same direction
 
 
-def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]) -> PeriodicOrbit | Equilibrium:
+def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]) -> Any:
     """Return a solution of the other branch that meets the point's own branch at a special point.
 
     docs/theory/loci.md, "Other branches", derives the directions for orbits, docs/theory/equilibria.md those for

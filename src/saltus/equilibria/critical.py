@@ -5,7 +5,7 @@ docs/theory/equilibria.md, "Loci", derives them.
 References
 ----------
 Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000, ch. 3 and 4 (bordered matrices). Moore,
-SIAM J. Numer. Anal. 17 (1980) 567-576 (branch points).
+Numer. Funct. Anal. Optim. 2 (1980) 441-472 (branch points).
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class Hopf:
     """The matrix A^2 + k I has a null space of dimension two, as with the eigenvalues +-i sqrt(k).
 
     The further unknowns are a vector v of the null space and k, in units of the matrix' squared size. For k > 0 the
-    equilibrium is a Hopf point, for k < 0 a neutral saddle, and at k = 0 a Bogdanov-Takens point, where the equations
+    equilibrium is a Hopf point, for k < 0 a neutral saddle. At k = 0 it is a Bogdanov-Takens point, where the equations
     stay regular.
 
     Parameters

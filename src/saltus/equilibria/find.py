@@ -30,6 +30,7 @@ _ROUNDED = 1e-14  # size of a state, over its typical size, up to which it may b
 _SINGULAR = 1e-6  # least singular value of the Jacobian, rows of size 1, up to which it is called singular
 _SHORTEST = 1e-6  # least share of a Newton step that is tried
 _NEARBY = 1.1  # factor on the state nearby at which sizes of terms are taken too
+_BALANCINGS = 3  # rounds through the states at rest in 0, in which their sizes are balanced
 _SMALL = 1e-8  # size of a state, over the largest, below which its steps are not judged by it alone
 
 
@@ -98,7 +99,7 @@ def state_sizes(problem: EquilibriumProblem, u: NDArray[np.float64], J: NDArray[
         small = x < _SMALL * top
         if not np.any(small):
             return x
-        # the size that balances the terms of a state's own rate; nearby, no terms cancel as at a saddle-node
+        # nearby, no terms cancel as at a saddle-node
         nearby = np.append(_NEARBY * u[:n], u[n:])
         A = np.abs(J[:, :n])
         A = np.fmax(A, np.abs(problem.evaluate(nearby)[1][:, :n]))
@@ -106,10 +107,7 @@ def state_sizes(problem: EquilibriumProblem, u: NDArray[np.float64], J: NDArray[
         shares = (A - np.diag(np.diag(A))) * x
         fastest = float(np.abs(np.linalg.eigvals(J[:, :n])).max())
         small &= ~np.any(shares > _SMALL * np.maximum(A @ x, fastest * x)[:, None], axis=0)
-        rates = A @ np.where(small, 0.0, x)
-        own = np.maximum(np.diag(A), A.max(axis=0))
-        given = np.divide(rates, own, out=np.full(n, top), where=own > 0.0)
-        return np.asarray(np.where(small, np.where(given > 0.0, np.minimum(given, top), top), x))
+        return _balanced(A, x, small)
     response = np.abs(J[:, n:]).max(axis=1) if J.shape[1] > n else np.zeros(n)
     if float(response.max(initial=0.0)) > 0.0:
         moved = np.abs(responses(J[:, :n], J[:, n:], np.ones(n))).max(axis=1)
@@ -124,6 +122,25 @@ def responses(A: NDArray[np.float64], B: NDArray[np.float64], sizes: NDArray[np.
     rows = np.abs(scaled).max(axis=1, keepdims=True)
     rows = 1.0 / np.where(rows > 0.0, rows, 1.0)
     return np.asarray(sizes[:, None] * np.linalg.lstsq(scaled * rows, B * rows, rcond=1e-12)[0])
+
+
+def _balanced(A: NDArray[np.float64], x: NDArray[np.float64], small: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return sizes of the states: `x`, but for the small ones those that balance a row and a column of the matrix.
+
+    The rate of a state by the others, over its size, then equals the rates that it causes, over the others' sizes: what
+    Osborne's balancing does (J. ACM 7 (1960) 338-345). The units of the states do not matter.
+    """
+    sizes = np.where(small, float(x.max()), x)
+    known = ~small
+    for i in np.flatnonzero(small).tolist() * _BALANCINGS:
+        others = known & (np.arange(x.size) != i)
+        if not np.any(others):
+            continue
+        caused, causes = float(A[i, others] @ sizes[others]), float(np.sum(A[others, i] / sizes[others]))
+        if caused > 0.0 and max(causes, A[i, i]) > 0.0:
+            sizes[i] = math.sqrt(caused / causes) if causes > 0.0 else caused / A[i, i]
+            known[i] = True
+    return sizes
 
 
 def solve_equilibrium(problem: EquilibriumProblem, x: NDArray[np.float64]) -> Equilibrium:

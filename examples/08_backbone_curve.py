@@ -3,7 +3,7 @@
 Known answer for x'' = -x - x^3 with the amplitude a: the period is 4 K(m) / sqrt(1 + a^2) with m = a^2 / (2 (1 + a^2)),
 K being the complete elliptic integral of the first kind; the energy is a^2 / 2 + a^4 / 4.
 
-    python 06_backbone_curve.py [picture]
+    python 08_backbone_curve.py [picture]
 """
 
 import math
@@ -50,7 +50,7 @@ ax.plot(2.0 * math.pi / backbone.period, a, "k", lw=2, label="free, undamped: th
 ax.set(xlabel="frequency (units of the linear one)", ylabel="greatest $x$", xlim=(0.4, 2.0), title="hardening spring")
 ax.legend()
 
-picture = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "results" / "06_backbone_curve.png")
+picture = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "results" / "08_backbone_curve.png")
 picture.parent.mkdir(parents=True, exist_ok=True)
 figure.savefig(picture, dpi=150)
 print("written", picture)
