@@ -125,7 +125,7 @@ def _newton(system, guess, last, weights, unit, most, u, F, J, new):
             F[i] /= rows[i]
             for j in range(u.size):
                 J[i, j] /= rows[i]
-        steps, sign, log, size, residual = bordered(J, F, row, u, guess, unit)
+        steps, sign, log, size, _ = bordered(J, F, row, u, guess, unit)
         if sign == 0.0 or not math.isfinite(log) or not size < HUGE:
             return 0, (0.0, 0.0)
         total = 0.0
