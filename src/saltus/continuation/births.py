@@ -15,7 +15,7 @@ from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.zero_problem import Point, correct
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.equilibrium import equilibrium_at
-from saltus.equilibria.find import solve_equilibrium
+from saltus.equilibria.find import solve_equilibrium, without_rounding
 from saltus.equilibria.normal_forms import HopfTerms, hopf_terms
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import ConvergenceError, InputError
@@ -249,4 +249,5 @@ def _stepped(
         return point
     if math.sqrt(float(weights @ (point.u - u - step) ** 2)) > 0.5 * length:
         return "the other branch bends too sharply"
-    return equilibrium_at(problem, point.u, np.maximum(sizes[:n], np.abs(point.u[:n])))
+    u = without_rounding(problem, point.u, sizes[:n])
+    return equilibrium_at(problem, u, np.maximum(sizes[:n], np.abs(u[:n])))

@@ -254,6 +254,8 @@ def _fault(point: Point, before: Point, monitors: Mapping[Monitor, float], data:
         for name, value in monitors.items()
         if name in known and (known[name] < 0.0) != (value < 0.0) and math.isfinite(known[name] + value)
     }
+    if before.examined.data is None:
+        return before.examined.fault
     old: PointData = before.examined.data
     crossed = abs(data.unstable - old.unstable)
     real = ("SN" in changed) + ("BP" in changed)

@@ -36,14 +36,7 @@ from saltus.orbits.signature import CUT_END, MEAN_END, WHOLE, Survey
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = [
-    "Interest",
-    "OrbitData",
-    "OrbitZeroProblem",
-    "grazing_monitors",
-    "shadowed_rates",
-    "side_of",
-]
+__all__ = ["Interest", "OrbitData", "OrbitZeroProblem", "grazing_monitors", "shadowed_rates", "side_of"]
 
 _LOW = Monitor("low")  # parameter less its lower bound
 _HIGH = Monitor("high")  # parameter less its upper bound
@@ -54,6 +47,7 @@ _BP = Monitor("BP")  # determinant of the bordered Jacobian
 _FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
 _SHARPER = 1e-6  # relative Newton step up to which a further correction of an orbit in pieces is kept
 _STEADY = 1e-7  # change of the parameter per unit of arclength, up to which it rests if its ends agree
+_ONE = 1e-5  # distance of a multiplier from 1 up to which the orbit may be one of a family
 _SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
 _SLOWED = 0.05  # least velocity of an event at a step's end, over that at its start
 _CRITICAL = 1e-6  # height of a multiplier on the Riemann sphere up to which it is critical
@@ -248,9 +242,22 @@ class OrbitZeroProblem:
         if before is None:
             return Examined(monitors, None, data)
         if _rests(before, point):
-            monitors[_SN] = math.nan  # its sign is rounding
+            self._judge_fold(before, monitors, data)
         self._step = before, point
         return Examined(monitors, _fault(point, before, monitors, data, None if self.neutral else way), data)
+
+    def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:
+        """Drop the SN monitor where the parameter rests: its sign is rounding, unless the stability changes.
+
+        Along a canard the parameter hardly moves, but a multiplier passes 1 at the fold. Along a family it stays there.
+        """
+        old: OrbitData = before.examined.data
+        away = min(abs(value - 1.0) for value in (*old.followed, *data.followed)) if old.followed else 0.0
+        if data.unstable == old.unstable or away < _ONE:
+            monitors[_SN] = math.nan
+        else:
+            known = {**before.examined.monitors, _SN: self._simple[_SN](before)}
+            before.examined = replace(before.examined, monitors=known)
 
     def _sharpen(self, point: Point) -> None:
         """Correct an orbit in pieces once more, since the error of the last Newton step shows in its multipliers."""

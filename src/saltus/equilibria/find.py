@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["find_equilibrium", "responses", "solve_equilibrium", "state_sizes"]
+__all__ = ["find_equilibrium", "responses", "solve_equilibrium", "state_sizes", "without_rounding"]
 
 _ITERATIONS = 100  # most Newton steps
 _CONVERGED = 1e-13  # Newton step, over the states' sizes, of a converged equilibrium
@@ -163,14 +163,22 @@ def solve_equilibrium(problem: EquilibriumProblem, x: NDArray[np.float64]) -> Eq
     raise ConvergenceError("equilibrium", float(np.abs(F).max()), _ITERATIONS, _why(J))
 
 
+def without_rounding(
+    problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return unknowns whose states are set to 0 where they are rounding of 0, if the field is no larger there."""
+    rounded = u.copy()
+    states = rounded[: problem.n]
+    states[np.abs(states) < _ROUNDED * sizes] = 0.0
+    before, after = (float(np.abs(problem.evaluate(v)[0]).max()) for v in (u, rounded))
+    return rounded if after <= before else u
+
+
 def _polished(
     problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64], iteration: int
 ) -> Equilibrium:
     """Return the equilibrium at `u`, states that are rounding of 0 set to 0."""
-    F, J = problem.evaluate(u)
-    rounded = np.where(np.abs(u) < _ROUNDED * sizes, 0.0, u)
-    if float(np.abs(problem.evaluate(rounded)[0]).max()) <= float(np.abs(F).max()):
-        u = rounded
+    u, J = without_rounding(problem, u, sizes), problem.evaluate(u)[1]
     found = equilibrium_at(problem, u, np.maximum(sizes, np.abs(u)))
     if not found.residual <= _RESIDUAL:
         raise ConvergenceError("equilibrium", found.residual, iteration, _why(J))

@@ -21,6 +21,7 @@ _HOMES = {
     "saltus.orbits.orbit.PeriodicOrbit": "saltus.plotting.orbit",
     "saltus.flow.trajectory.Trajectory": "saltus.plotting.trajectory",
     "saltus.iteration.iterates.Iterates": "saltus.plotting.iterates",
+    "saltus.continuation.diagram_tree.Diagram": "saltus.plotting.diagram",
     "saltus.continuation.family.Family": "saltus.plotting.family",
     "saltus.continuation.cascade.Cascade": "saltus.plotting.cascade",
     "saltus.continuation.locus.Locus": "saltus.plotting.locus",
@@ -42,8 +43,8 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
     ----------
     result : Result
         A result of one of the kinds that docs/theory/plotting.md lists. Functions `plot_...` in
-        `saltus.plotting.branch`, `.cascade`, `.locus`, `.family`, `.orbit`, `.equilibrium`, `.trajectory`, `.iterates`,
-        `.sweep`, `.lyapunov`, `.basin` and `.erosion` list the options of each kind.
+        `saltus.plotting.branch`, `.cascade`, `.locus`, `.family`, `.orbit`, `.equilibrium`, `.diagram`, `.trajectory`,
+        `.iterates`, `.sweep`, `.lyapunov`, `.basin` and `.erosion` list the options of each kind.
     *args, **options
         Names of the quantities on the axes, and ``ax``, the Axes to draw into; by default in a new figure.
 

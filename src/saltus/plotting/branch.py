@@ -22,7 +22,16 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["AnyBranch", "Piece", "default_axes", "draw_branch", "draw_pieces", "pieces_of", "plot_branch"]
+__all__ = [
+    "AnyBranch",
+    "Piece",
+    "default_axes",
+    "draw_branch",
+    "draw_pieces",
+    "draw_special",
+    "pieces_of",
+    "plot_branch",
+]
 
 AnyBranch = Branch | EquilibriumBranch
 
@@ -93,7 +102,7 @@ def draw_branch(branch: AnyBranch, x: str, y: str, ax: Axes | None, *, special: 
     ax = style.axes(ax)
     draw_pieces(ax, pieces)
     if special:
-        _draw_special(ax, branch, x, y)
+        draw_special(ax, branch, x, y)
     ax.set_xlabel(style.label_of(x))
     ax.set_ylabel(style.label_of(y))
     if legend and (pieces or len(branch.special_points)):
@@ -117,7 +126,7 @@ def draw_pieces(ax: Axes, pieces: Iterable[Piece]) -> None:
         named.add(piece.kind)
 
 
-def _draw_special(ax: Axes, branch: AnyBranch, x: str, y: str) -> None:
+def draw_special(ax: Axes, branch: AnyBranch, x: str, y: str) -> None:
     for kind in dict.fromkeys(point.type for point in branch.special_points):
         marker = style.SPECIAL.get(kind, replace(style.EVENT, meaning=""))
         points = [point for point in branch.special_points if point.type == kind]
