@@ -25,6 +25,8 @@ from typing import Any
 import numpy as np
 import sympy
 
+import discrete
+import fields
 import saltus
 import systems
 import wells
@@ -313,6 +315,8 @@ class Objects:
     orbit: Any
     branch: Any
     locus: Any
+    rests: Any
+    folds: Any
     family: Any
     sweep: Any
     trajectory: Any
@@ -331,7 +335,11 @@ def objects() -> Objects:
     bounds = {"A": (0.05, 0.2), "e": (0.7, 0.9)}
     x = np.linspace(-0.95, 0.95, 20)
     outside = np.hypot(*np.meshgrid(x, x, indexing="ij")) > 0.6
+    takens = saltus.find_equilibrium(fields.system(fields.TAKENS, {"b1": -1.0, "b2": -1.0}), x0=[-1.0, 0.0])
+    rests = saltus.continue_equilibrium(takens, "b1", (-2.0, 2.0))
     return Objects(
+        rests=rests,
+        folds=saltus.continue_locus(rests["SN1"], ("b1", "b2"), {"b1": (-1.0, 1.0), "b2": (-2.0, 1.0)}, steps=few),
         system=system,
         orbit=orbit,
         branch=branch,
@@ -354,7 +362,15 @@ def objects() -> Objects:
 
 def calls(made: Objects, folder: Path) -> dict[str, Call]:
     """Return public functions and methods with arguments that they take; none compiles a system of its own."""
-    return _of_systems(made) | _of_curves(made) | _of_basins(made) | _of_afm(made) | _of_files(made, folder)
+    return (
+        _of_systems(made)
+        | _of_maps()
+        | _of_curves(made)
+        | _of_equilibria(made)
+        | _of_basins(made)
+        | _of_afm(made)
+        | _of_files(made, folder)
+    )
 
 
 def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
@@ -424,6 +440,8 @@ def _of_systems(made: Objects) -> dict[str, Call]:
     steps = {"tolerance": (1e-8, 1e-10)}
     part = {"t_start": 0.0, "t_end": 6.0}
     averaged = Grouped(saltus.lyapunov_spectrum, average=saltus.Average)
+    field = {"x": "v", "v": "-0.1*v - x - x**3 + A*cos(s)"}
+    smooth = saltus.HybridSystem.smooth(field, {"A": 0.3, "w": 1.2}, phase=("s", "w"))
     return {
         "HybridSystem": Call(_defined, _definition()),
         "HybridSystem.from_definition": Call(saltus.HybridSystem.from_definition, {"definition": system.definition()}),
@@ -446,6 +464,20 @@ def _of_systems(made: Objects) -> dict[str, Call]:
                 "parameters": {},
                 "segments": [("free", "impact", [1.0, -1.3, 0.1], 6.28)],
                 "tolerance": 1e-10,
+            },
+        ),
+        "solve_orbit at a maximum": Call(
+            saltus.solve_orbit,
+            {
+                "system": smooth, "parameters": {"A": 0.3}, "x0": [0.5, 0.0], "period": 5.236, "fix": {"max_x": 0.6},
+                "free": "A",
+            },
+        ),
+        "HybridSystem.smooth": Call(
+            saltus.HybridSystem.smooth,
+            {
+                "field": {"x": "v", "v": "-k*x"}, "parameters": {"k": 1.0}, "phase": ("s", "k"),
+                "outputs": {"e": "x*v"}, "positive": ["k"], "name": "spring",
             },
         ),
         "a segment": Call(
@@ -479,6 +511,50 @@ def _of_systems(made: Objects) -> dict[str, Call]:
         "Sweep.runs": Call(sweep.runs, {"direction": "up"}),
         "Sweep.plot": Call(sweep.plot, {"y": "x", "panels": None, "ax": None, "legend": True}),
         "LyapunovSpectrum.plot": Call(made.spectrum.plot, {"ax": None, "legend": True}),
+    }  # fmt: skip
+
+
+def _of_maps() -> dict[str, Call]:
+    tent = discrete.tent_of()
+    start = {"parameters": {"a": 1.5}, "x0": [0.3]}
+    iterates = saltus.iterate(tent, [0.3], n=5)
+    piece = {"x": [0.3], "parameters": {"a": 1.5}}
+    return {
+        "Map": Call(
+            saltus.Map,
+            {
+                "states": ("x",), "parameters": {"a": 1.5}, "image": {"x": "a*x*(1 - x)"}, "pieces": None,
+                "outputs": {"double": "2*x"}, "groups": {"all": ["a"]}, "positive": ("a",),
+                "parameter_bounds": {"a": (0.0, 4.0)}, "name": "fuzz",
+            },
+        ),
+        "Map of pieces": Call(
+            lambda image, where: saltus.Map(
+                ("x",), {}, pieces={"low": saltus.Piece(image, where), "high": saltus.Piece({"x": "x"}, "x")}
+            ),
+            {"image": {"x": "x/2"}, "where": "-x"},
+        ),
+        "Map.from_definition": Call(saltus.Map.from_definition, {"definition": tent.definition()}),
+        "Map.piece_of": Call(tent.piece_of, dict(piece)),
+        "Map.image": Call(tent.image, dict(piece)),
+        "Map.jacobian": Call(tent.jacobian, dict(piece)),
+        "iterate": Call(saltus.iterate, {"map": tent, **start, "n": 3, "discard": 2}),
+        "Iterates.output": Call(iterates.output, {"expression": "double + a"}),
+        "Iterates.observe": Call(iterates.observe, {"*names": "mean(x)"}),
+        "Iterates.plot": Call(
+            iterates.plot, {"x": "n", "y": "x", "cobweb": False, "ax": None, "legend": True}
+        ),
+        "lyapunov_spectrum of a map": Call(
+            Grouped(saltus.lyapunov_spectrum, average=saltus.Average),
+            {"system": tent, **start, "mode": None, "periods": 5, "discard": 2, "exponents": 1},
+        ),
+        "run_sweep of a map": Call(
+            Grouped(saltus.run_sweep, options=saltus.SweepOptions),
+            {
+                "system": tent, **start, "mode": None, "parameter": "a", "values": [1.5], "discard": 3, "keep": 2,
+                "section": None, "quantities": ["x"], "observables": ["max(x)"], "exponents": 1, "path": None,
+            },
+        ),
     }  # fmt: skip
 
 
@@ -554,6 +630,44 @@ def _of_curves(made: Objects) -> dict[str, Call]:
         "Locus.plot": Call(locus.plot, {"x": "A", "y": "e", "z": None, **picture}),
         "family[]": Call(family.__getitem__, {"index": 0}),
         "Family.plot": Call(family.plot, {"x": "A", "y": "max_x", "over": "d", "projection": "2d", **picture}),
+    }  # fmt: skip
+
+
+def _of_equilibria(made: Objects) -> dict[str, Call]:
+    rests, folds = made.rests, made.folds
+    few = saltus.StepControl(most=3)
+    ways = {"directions": "up", "stop_at": "SN", "steps": few, "progress": False}
+    picture = {"ax": None, "special": True, "legend": True}
+    return {
+        "find_equilibrium": Call(
+            saltus.find_equilibrium,
+            {"system": rests.system, "parameters": {"b1": -1.0}, "x0": [-1.0, 0.0], "mode": "flow"},
+        ),
+        "continue_equilibrium": Call(
+            saltus.continue_equilibrium,
+            {
+                **ways, "equilibrium": rests.equilibrium(1), "parameter": "b1", "bounds": (-2.0, 2.0),
+                "events": {"x": 0.0},
+            },
+        ),
+        "continue_locus of equilibria": Call(
+            saltus.continue_locus,
+            {
+                **ways, "start": rests["SN1"], "parameters": ("b1", "b2"), "type": "SN",
+                "bounds": {"b1": (-1.0, 1.0), "b2": (-2.0, 1.0)}, "stop_at": "BT",
+            },
+        ),
+        "switch_branch at a Hopf point": Call(saltus.switch_branch, {"point": rests["HB1"]}),
+        "equilibrium[]": Call(rests.equilibrium(0).__getitem__, {"state": "x"}),
+        "Equilibrium.problem": Call(rests.equilibrium(0).problem, {"*names": "b1"}),
+        "Equilibrium.plot": Call(rests.equilibrium(0).plot, {"ax": None, "legend": True}),
+        "EquilibriumBranch[]": Call(rests.__getitem__, {"label": "SN1"}),
+        "EquilibriumBranch.at": Call(rests.at, {"point": rests["SN1"], "name": "x"}),
+        "EquilibriumBranch.column": Call(rests.column, {"name": "x"}),
+        "EquilibriumBranch.equilibrium": Call(rests.equilibrium, {"index": 1}),
+        "EquilibriumBranch.plot": Call(rests.plot, {"x": "b1", "y": "x", **picture}),
+        "EquilibriumLocus.point": Call(folds.point, {"index": 0}),
+        "EquilibriumLocus.plot": Call(folds.plot, {"x": "b1", "y": "b2", "z": None, **picture}),
     }  # fmt: skip
 
 

@@ -11,25 +11,33 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+import fields
 import systems
+from discrete import tent_of
 from saltus import (
     Average,
     HybridSystem,
     Mode,
     SweepOptions,
     Transition,
+    continue_equilibrium,
     continue_family,
     continue_locus,
     continue_orbit,
+    find_attractors,
+    find_equilibrium,
     find_orbit,
     follow_cascade,
+    iterate,
     load,
     lyapunov_spectrum,
+    map_basins,
     run_sweep,
     simulate,
     solve_orbit,
 )
 from saltus.basins.attractors.attractors import Attractors
+from saltus.basins.attractors.found import Search
 from saltus.basins.map.basins import Basins
 from saltus.basins.map.grid import Grid
 from saltus.basins.map.labelling import Labelling
@@ -88,6 +96,9 @@ def samples() -> dict[str, Result]:
     fixed = solve_orbit(carried, {}, [("carry", "map", [0.64, 0.0], 1.0)])
     branch = continue_orbit(fixed, "r", (2.5, 3.4))
     held = attractors(orbit)
+    rests = continue_equilibrium(find_equilibrium(fields.chua(), mode="inner"), "d", (-1.0, 1.0))
+    takens = find_equilibrium(fields.system(fields.TAKENS, {"b1": -1.0, "b2": -1.0}), x0=[-1.0, 0.0])
+    fold = continue_equilibrium(takens, "b1", (-2.0, 2.0))["SN1"]
     shape = (2, 2, 1)
     profile = ErosionProfile(
         oscillator, "w", np.array([1.0, 1.1]), oscillator.parameters, ("one", "two"), ("GIM",), np.ones(shape),
@@ -99,6 +110,9 @@ def samples() -> dict[str, Result]:
         "orbit": orbit,
         "branch": branch,
         "locus": continue_locus(branch["PD1"], ("r", "q"), {"r": (2.9, 3.1), "q": (0.95, 1.05)}),
+        "equilibrium": rests.equilibrium(0),
+        "equilibria": rests,
+        "folds": continue_locus(fold, ("b1", "b2"), {"b1": (-1.0, 2.0), "b2": (-2.0, 2.0)}),
         "family": continue_family(fixed, "r", {"q": [0.98, 1.0, 5.0]}, (2.5, 3.4), workers=1),
         "cascade": follow_cascade(branch["PD1"], (2.5, 4.0), doublings=2),
         "sweep": run_sweep(carried, "r", [2.9, 3.2, 3.7], x0=[0.3, 0.0], options=swept),
@@ -107,7 +121,20 @@ def samples() -> dict[str, Result]:
         "basins": basins(held),
         "array": Basins.from_array([0, 1, 1, 0], {"x": np.arange(4.0)}, {"a": 0, "b": 1}, {"a": [[1.0]]}),
         "profile": profile,
+        **_of_maps(),
     }  # fmt: skip
+
+
+def _of_maps() -> dict[str, Result]:
+    tent, region = tent_of(), {"x": (-0.2, 1.2)}
+    found = find_attractors(tent, {"a": 1.7}, region, seeds=16, search=Search(samples=100))
+    return {
+        "iterates": iterate(tent, [0.2], n=6),
+        "map sweep": run_sweep(tent, "a", [0.8, 1.7], x0=[0.3], options=SweepOptions(discard=50, keep=10)),
+        "map spectrum": lyapunov_spectrum(tent, {}, [0.2], average=Average(periods=20)),
+        "map attractors": found,
+        "map basins": map_basins(tent, {"a": 1.7}, {"x": (-0.2, 1.2, 12)}, found),
+    }
 
 
 def use(found: Any) -> None:
@@ -119,6 +146,11 @@ def use(found: Any) -> None:
 def _use_trajectory(found: Any) -> None:
     times = np.linspace(0.0, found.t_end, 7)
     found(times), found.mode_at(times), found.output(found.system.states[0], times)
+    found.observe(f"max({found.system.states[0]})")
+
+
+def _use_iterates(found: Any) -> None:
+    found.itinerary, found.steps, found.output(found.system.states[0])
     found.observe(f"max({found.system.states[0]})")
 
 
@@ -136,6 +168,22 @@ def _use_curve(found: Any) -> None:
     if len(found):
         _use_orbit(found.orbit(len(found) // 2))
         found.signature(0)
+
+
+def _use_equilibrium(found: Any) -> None:
+    repr((found.stable, found.kind, found.regular, found[found.system.states[0]]))
+    found.problem()
+
+
+def _use_equilibria(found: Any) -> None:
+    for name in (*found.varied, *found.system.states, *found.system.output_names, "arclength"):
+        found.column(name)
+    found.special_points.to_dataframe()
+    for point in found.special_points:
+        repr(point), found.at(point, found.system.states[0]), point.parameters
+        _use_equilibrium(point.equilibrium)
+    if len(found):
+        _use_equilibrium(found.equilibrium(len(found) // 2))
 
 
 def _use_family(found: Any) -> None:
@@ -184,7 +232,9 @@ def _use_profile(found: Any) -> None:
 
 
 _USES: Mapping[str, Callable[[Any], None]] = {
-    "Trajectory": _use_trajectory, "PeriodicOrbit": _use_orbit, "Branch": _use_curve, "Locus": _use_curve,
+    "Trajectory": _use_trajectory, "Iterates": _use_iterates,
+    "PeriodicOrbit": _use_orbit, "Branch": _use_curve, "Locus": _use_curve,
+    "Equilibrium": _use_equilibrium, "EquilibriumBranch": _use_equilibria, "EquilibriumLocus": _use_equilibria,
     "Family": _use_family, "Cascade": _use_cascade,
     "Sweep": _use_sweep, "LyapunovSpectrum": _use_spectrum, "Attractors": _use_attractors,
     "Basins": _use_basins, "ErosionProfile": _use_profile,

@@ -86,7 +86,7 @@ def test_the_store_told_has_grid_attractors_parts_and_inputs(mapped, capsys):
     assert rows["trap of period-1 A"].startswith("ellipsoid of the discrete Lyapunov equation")
     assert (rows["engine"], rows["tolerance"], rows["A"]) == ("cpu", "3e-09", "0.05")
     assert rows["speed"].endswith(" orbits/s")
-    told = "0 of 120 when followed again at tolerance 1e-12: < 0.025 at 95 %; 0 of 50 by the event-driven flow"
+    told = "0 of 120 when followed again at tolerance 1e-12: < 0.025 at 95 %; 0 of 50 followed one by one"
     assert rows["wrong labels"] == told
 
 

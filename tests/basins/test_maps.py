@@ -162,6 +162,21 @@ def test_attractors_that_two_pieces_share_name_both():
     assert abs(found.points["period-1"][0, 0]) < 1e-12
 
 
+@pytest.mark.parametrize(("left", "right"), [(-0.5, 0.3), (-0.5, -1.9), (0.9, 0.9)])
+def test_a_fixed_point_on_a_border_attracts(left, right):
+    kink = Map(("x",), {"a": left, "b": right}, pieces={"l": Piece({"x": "a*x"}, "-x"), "r": Piece({"x": "b*x"}, "x")})
+    basins = map_basins(kink, {}, {"x": (-1, 1, 100)}, {"search": Search(samples=500)})
+    assert basins.attractors.names == ("period-1",)
+    assert abs(basins.attractors.points["period-1"]).max() < 1e-12
+    assert basins.fractions()["period-1"] == 1.0
+
+
+def test_integrity_of_a_map_follows_its_basin_along_a_parameter(tmp_path):
+    profile = saltus.erosion_profile(TENT, "a", [1.5, 1.9], {"x": (-0.5, 1.5, 400)})
+    assert profile.attractors == ("chaotic",)
+    assert saltus.load(profile.save(tmp_path / "profile.nc")) == profile
+
+
 def test_a_map_that_keeps_areas_has_no_attractor():
     standard = Map(("x", "y"), {"k": 0.3}, {"x": "x + y + k*sin(x)", "y": "y + k*sin(x)"})
     with pytest.raises(InputError, match="one with attractors: along .* volumes change by less than 1 %"):

@@ -106,7 +106,7 @@ def test_a_branch_ends_where_a_linear_flip_makes_all_cycles_meet_one_value():
             "right": Piece({"x": "t*x + y + mu", "y": "-d*x"}, "x"),
         },
     )  # fmt: skip
-    orbit = saltus.solve_orbit(planar, itinerary=("left", "right"))
+    orbit = saltus.solve_orbit(planar, segments=("left", "right"))
     branch = saltus.continue_orbit(orbit, "t", (-4.0, 1.0), directions="up")
     assert branch.stopped[1] == "t = -1.4: border collision, beyond it all lie at one value of t"
     assert [point.type for point in branch.special_points] == ["BC"]

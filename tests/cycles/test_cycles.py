@@ -91,7 +91,7 @@ def test_cycles_of_a_map_are_the_orbits_of_the_same_map_with_a_clock():
 def test_the_cycle_left_right_of_the_skew_tent_map_is_in_closed_form(a, b):
     """di Bernardo et al. 2008, section 3.1: x_L = mu (1 + b)/(1 - a b), x_R = mu (1 + a)/(1 - a b)."""
     mu = 0.2
-    orbit = saltus.solve_orbit(tent(), {"a": a, "b": b, "mu": mu}, itinerary=("left", "right"))
+    orbit = saltus.solve_orbit(tent(), {"a": a, "b": b, "mu": mu}, segments=("left", "right"))
     assert orbit.points[:, 0] == pytest.approx([mu * (1 + b) / (1 - a * b), mu * (1 + a) / (1 - a * b)], abs=1e-14)
     assert orbit.multipliers[0].real == pytest.approx(a * b, abs=1e-14)
     assert orbit.regular == (b < -1)
@@ -114,17 +114,17 @@ def test_units_do_not_matter(unit):
 
 
 def test_a_cycle_is_saved_and_loaded(tmp_path):
-    orbit = saltus.solve_orbit(tent(), {"mu": 0.2, "b": -2.0}, itinerary=("left", "right"))
+    orbit = saltus.solve_orbit(tent(), {"mu": 0.2, "b": -2.0}, segments=("left", "right"))
     assert saltus.load(orbit.save(tmp_path / "cycle.nc")) == orbit
     assert "Cycle of period 2 of skew tent map" in repr(orbit)
     assert orbit.output("2*x") == pytest.approx(2 * orbit.points[:, 0])
 
 
 def test_what_cannot_be_used_is_named():
-    with pytest.raises(InputError, match=r"itinerary = 'rigth': must be one of left, right"):
-        saltus.solve_orbit(tent(), itinerary=("left", "rigth"))
+    with pytest.raises(InputError, match=r"segments = 'rigth': must be one of left, right"):
+        saltus.solve_orbit(tent(), segments=("left", "rigth"))
     with pytest.raises(InputError, match="period"):
-        saltus.solve_orbit(tent(), itinerary=("left", "right"), period=3)
+        saltus.solve_orbit(tent(), segments=("left", "right"), period=3)
     with pytest.raises(InputError, match="x0"):
         saltus.solve_orbit(logistic())
     with pytest.raises(InputError, match="segments"):

@@ -78,6 +78,15 @@ def test_a_gap_that_a_parameter_opens_is_told_with_state_and_pieces():
         opened.piece_of([0.2], {"d": 0.5})
 
 
+def test_a_piece_holds_nowhere_that_a_condition_is_no_number():
+    where = {"low": ("log(x)", "1 - x**2 + x**2"), "high": ("-log(x)", "1 + 0*x")}
+    undefined = Map(("x",), {}, pieces={name: Piece({"x": "x - 2"}, texts) for name, texts in where.items()})
+    assert undefined.piece_of([1.5]) == "low"
+    for attempt in (lambda: iterate(undefined, [1.5]), lambda: undefined.piece_of([-0.5])):
+        with pytest.raises(DefinitionError, match=r"x = -0.5'.*none of 'low', 'high' does"):
+            attempt()
+
+
 def test_a_diverging_motion_tells_step_and_state():
     with pytest.raises(MapDivergenceError, match="the motion diverges at iteration 9, state") as told:
         iterate(LOGISTIC, [1.1], {"r": 4.0})

@@ -49,8 +49,11 @@ def test_parameters_that_are_no_numbers(oscillator, value, message):
 
 
 def test_no_segments(oscillator):
-    with refuse("segments = (): must be one (mode, transition, x0, duration) or more"):
+    wanted = "segments=[(mode, transition, x0, duration), ...], or x0=... and period=... of a smooth orbit"
+    with refuse(f"guess = None: must be {wanted}"):
         solve_orbit(oscillator)
+    with refuse("segments = (): must be one (mode, transition, x0, duration) or more"):
+        solve_orbit(oscillator, {}, ())
 
 
 @pytest.mark.parametrize("segment", [("free", "impact", [1.0, -1.0]), "free", 3, None])

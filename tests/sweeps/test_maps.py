@@ -113,6 +113,26 @@ def test_the_fixed_point_has_the_state_and_the_exponent_of_its_formula():
     np.testing.assert_allclose(sweep.exponents[0, :, 0], np.log(np.abs(2.0 - sweep.values)), rtol=1e-9)
 
 
+@pytest.mark.parametrize("period", [2, 3, 4, 5])
+def test_cycles_of_the_border_collision_follow_each_other_where_the_formula_says(period):
+    # slopes a and b: the cycle with one point on the right exists below the first value and is stable above the second
+    a = 0.4
+    born = -(1.0 - a ** (period - 1)) / ((1.0 - a) * a ** (period - 2))
+    lost = -1.0 / a ** (period - 1)
+    pieces = {"left": Piece({"x": "a*x + 1"}, "-x"), "right": Piece({"x": "b*x + 1"}, "x")}
+    border = Map(("x",), {"a": a, "b": -1.0}, pieces=pieces)
+    values = [1.01 * lost, 0.99 * lost, 0.5 * (born + lost), 1.01 * born, 0.99 * born]
+    sweep = run_sweep(
+        border, "b", values, x0=[0.1], options=SweepOptions(discard=20_000, observables=["fraction(right)"])
+    )
+    labels = sweep.labels[0].tolist()
+    assert labels[1:4] == [f"period-{period}"] * 3
+    assert f"period-{period}" not in (labels[0], labels[4])
+    np.testing.assert_allclose(sweep.observed[0, 1:4, 0], 1.0 / period)
+    exponents = ((period - 1) * np.log(a) + np.log(-sweep.values[1:4])) / period
+    np.testing.assert_allclose(sweep.exponents[0, 1:4, 0], exponents, atol=1e-12)
+
+
 def test_a_motion_that_starts_on_an_unstable_point_leaves_it():
     sweep = run_sweep(LOGISTIC, "r", [3.2])  # by default from 0
     assert sweep.labels[0].tolist() == ["period-2"]

@@ -32,9 +32,22 @@ sweep: saltus.Sweep = saltus.run_sweep(
     ball, "A", np.linspace(0.1, 0.2, 11), x0=[1.0, 0.0], options=swept, progress=lambda told: print(told.left)
 )
 spectrum = saltus.lyapunov_spectrum(ball, None, [1.0, 0.0], average=saltus.Average(periods=100))
+rest = saltus.find_equilibrium(ball, x0=[1.0, 0.0], mode="flight")
+eigenvalues: NDArray[np.complex128] = rest.eigenvalues
+rests: saltus.EquilibriumBranch = saltus.continue_equilibrium(rest, "g", (0.5, 2.0), stop_at="HB")
+born: saltus.PeriodicOrbit = saltus.switch_branch(rests["HB1"])
+back: saltus.Equilibrium = saltus.switch_branch(branch["HB1"])
+criticality: str = rests["HB1"].normal_form.criticality
+folds: saltus.EquilibriumLocus = saltus.continue_locus(rests["SN1"], ("g", "e"), {"g": (0.0, 1.0), "e": (0.0, 1.0)})
 tolerance: tuple[float, float] = spectrum.tolerance
 attractors: saltus.Attractors = saltus.find_attractors(ball, region={"z": (0.0, 2.0), "v": (-1.0, 1.0)})
 basins: saltus.Basins = saltus.map_basins(ball, None, {"z": (0.0, 2.0, 100), "v": (-1.0, 1.0, 100)})
+henon = saltus.Map(("x", "y"), {"a": 1.4, "b": 0.3}, {"x": "1 - a*x**2 + y", "y": "b*x"})
+tent = saltus.Map(("x",), {}, pieces={"l": saltus.Piece({"x": "x"}, "-x"), "r": saltus.Piece({"x": "-x"}, "x")})
+iterates: saltus.Iterates = saltus.iterate(henon, [0.1, 0.1], {"a": 1.3}, n=100, discard=10)
+pieces: tuple[str, ...] = iterates.itinerary
+diagram: saltus.Sweep = saltus.run_sweep(henon, "a", [1.0, 1.2], x0=[0.1, 0.1])
+of_map: saltus.Basins = saltus.map_basins(henon, None, {"x": (-2.0, 2.0, 10), "y": (-2.0, 2.0, 10)})
 setup: afm.Setup = afm.table1()
 tapping: HybridSystem = afm.tapping_mode(setup, modes=2)
 
@@ -47,6 +60,8 @@ saltus.run_sweep(ball, "A", [0.1], discard=300)  # wrong
 saltus.run_sweep(ball, "A", [0.1], progress="bar")  # wrong
 saltus.simulate(ball, x0=[1.0, 0.0], t_end=1.0, limits=saltus.Limits(time=1.0))  # wrong
 saltus.find_orbits(ball)  # wrong
+saltus.iterate(ball, [1.0, 0.0])  # wrong
+saltus.simulate(henon, x0=[0.1, 0.1], t_end=1.0)  # wrong
 saltus.simulate(ball, x0=[1.0, 0.0], t_end="long")  # wrong
 saltus.simulate(ball, x0=[1.0, 0.0], until=10.0)  # wrong
 saltus.find_orbit("ball", x0=[1.0, 0.0])  # wrong
@@ -56,5 +71,8 @@ saltus.continue_orbit(orbit, "A", (0.0, 1.0), at_grazing="pass")  # wrong
 saltus.continue_family(orbit, "A", {"e": [0.6]}, (0.05, 0.5), progress="bar")  # wrong
 text: str = orbit.period  # wrong
 found = orbit.multiplier  # wrong
+saltus.find_equilibrium(ball, start=[1.0, 0.0])  # wrong
+saltus.continue_equilibrium(orbit, "g", (0.5, 2.0))  # wrong
+saltus.continue_equilibrium(rest, "g", 2.0)  # wrong
 afm.tapping_mode(setup, number=2)  # wrong
 afm.table2()  # wrong

@@ -212,7 +212,7 @@ def _tell_basins(basins: Basins, *, inputs: bool = False) -> None:
         add_row(table, "speed", f"{basins.orbits_per_second:,.0f} orbits/s")
     if error := basins.noted_error:
         anew = f"{error.wrong} of {error.cells} when followed again at tolerance {error.tolerance:g}"
-        by_events = f"{error.wrong_by_events} of {error.cells_by_events} by the event-driven flow"
+        by_events = f"{error.wrong_by_events} of {error.cells_by_events} followed one by one"
         add_row(table, "wrong labels", f"{anew}: < {error.bound:.2g} at 95 %; {by_events}")
     if inputs:
         for name in ("engine", "tolerance", "preview", "saltus_version"):

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from dataclasses import asdict, dataclass, replace
+from abc import abstractmethod
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from saltus.continuation.algebraic_locus_problem import AlgebraicLocusProblem
 from saltus.continuation.algebraic_problem import closes, extents
-from saltus.continuation.arclength import Failure, StepControl, follow
-from saltus.continuation.options import ROUNDING
+from saltus.continuation.arclength import follow
+from saltus.continuation.run import TwoParameterRun
 from saltus.continuation.special_points import SpecialPoint
-from saltus.continuation.two_sided import SAME, BothSides, Found, OneSide, join, traced, turned
+from saltus.continuation.two_sided import BothSides, Found, OneSide, join, traced, turned
 from saltus.continuation.zero_problem import Event, Point, start_point
 from saltus.errors import InputError
-from saltus.progress import Reporter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,42 +29,26 @@ _MOVED = 1e-3  # change, over the unknowns' sizes, by which the first point of a
 _REGULAR = 1e-11  # least singular value of the extended equations, over the largest, of a regular start
 
 
-@dataclass
-class AlgebraicLocusRun(ABC):
-    """One call of `continue_locus` from an equilibrium or from a cycle of a map.
+class AlgebraicLocusRun(TwoParameterRun):
+    """One call of `continue_locus` from a solution of an `AlgebraicProblem`.
 
-    Attributes
+    Parameters
     ----------
     start : SpecialPoint, Equilibrium or MapOrbit
         Where the locus starts.
     solution : Equilibrium or MapOrbit
         The solution there.
-    kind : str
-        Type of the locus.
-    names, intervals
-        The two parameters in the system's order, and their intervals.
-    control, stops, reporter
-        Steps, types of special points that end the locus, progress.
+    *options
+        As `TwoParameterRun` takes them.
     """
 
-    start: Any
-    solution: Any
-    kind: str
-    names: tuple[str, str]
-    intervals: tuple[tuple[float, float], tuple[float, float]]
-    control: StepControl
-    stops: set[str]
-    reporter: Reporter
-
+    odd = AlgebraicLocusProblem.odd
     codimension_two: ClassVar[tuple[str, ...]]  # types of special points that a start may be
     zero_problem: ClassVar[type[AlgebraicLocusProblem]]  # how the equations are followed
 
-    def __post_init__(self) -> None:
-        self.scales = np.array([high - low for low, high in self.intervals])
-        first, second = ((low / unit, high / unit) for (low, high), unit in
-                         zip(self.intervals, self.scales.tolist(), strict=True))  # fmt: skip
-        self.bounds = (first, second)
-        self.log: list[Failure] = []
+    def __init__(self, start: Any, solution: Any, *options: Any) -> None:
+        super().__init__(*options)
+        self.start, self.solution = start, solution
 
     @abstractmethod
     def equations(self, p: NDArray[np.float64], active: list[int]) -> Any:
@@ -106,45 +89,14 @@ class AlgebraicLocusRun(ABC):
         origin = self.begin(self.names.index(order[1]))
         with self.reporter:
             halves = traced(lambda sign: self.trace(origin, sign), directions)
-        joined = join((self.branch, origin), halves, "locus")
-        if (own := self._at_start(origin)) is not None and all(
-            found.name != own.name or abs(arc) > SAME for found, _, arc in joined.specials
-        ):
-            joined.specials = sorted([*joined.specials, (own, float(joined.offset), 0.0)], key=lambda item: item[2])
-        return joined
-
-    def fields(self, joined: BothSides, order: tuple[str, ...], directions: str) -> dict[str, Any]:
-        """Return the fields that loci of equilibria and of cycles fill in the same way."""
-        columns = [self.names.index(name) for name in order]
-        options: dict[str, Any] = {
-            "bounds": {name: list(interval) for name, interval in zip(self.names, self.intervals, strict=True)},
-            "steps": asdict(self.control),
-            "directions": directions,
-            "stop_at": sorted(self.stops),
-        }
-        return {
-            "system": self.solution.system,
-            "type": self.kind,
-            "names": (order[0], order[1]),
-            "parameters": dict(self.solution.parameters),
-            "values": np.array([point.u[-2:] * self.scales for _, point in joined.rows])[:, columns],
-            "special_points": joined.special_points(order, self.kind),
-            "rejected": tuple(
-                f"{self.names[1]} = {failure.parameter * self.scales[1]:.9g}, step {failure.step:.3g}: {failure.reason}"
-                for failure in self.log
-            ),
-            "options": options,
-        }
+        return self.with_start(join((self.branch, origin), halves, "locus"), self._at_start(origin))
 
     def begin(self, towards: int) -> Point:
         """Return the first point, its tangent towards growing values of the parameter number `towards`."""
         system = self.solution.system
         p = system.parameter_vector(self.solution.parameters)
         active = [system.parameter_names.index(name) for name in self.names]
-        values = p[active] / self.scales
-        for i, interval in enumerate(self.bounds):
-            for bound in interval:
-                values[i] = bound if abs(values[i] - bound) < ROUNDING else values[i]
+        values = self.start_values(p[active])
         problem = self.equations(p, active)
         u = np.append(self.given(), values)
         known = self.start.scale if isinstance(self.start, SpecialPoint) else None
@@ -152,13 +104,15 @@ class AlgebraicLocusRun(ABC):
         condition, extra = self.condition(problem, u, sizes)
         z = np.concatenate([u[: problem.n], extra, u[-2:]])
         self.branch = self.zero_problem(problem, self.kind, condition, sizes, self.bounds)
-        found = np.linalg.svd(self.branch.evaluate(z)[1] * self.branch.scale(), compute_uv=False)
+        matrix = self.branch.evaluate(z)[1] * self.branch.scale()
+        terms = np.abs(matrix).max(axis=1, keepdims=True)
+        found = np.linalg.svd(matrix / np.where(terms > 0.0, terms, 1.0), compute_uv=False)
         if not found[-1] > _REGULAR * found[0]:
-            raise self._irregular("the extended equations have more than one solution direction there")
+            raise self.irregular("the extended equations have more than one solution direction there")
         try:
             point = start_point(self.branch, z)
         except (ValueError, np.linalg.LinAlgError) as error:
-            raise self._irregular(str(error)) from None
+            raise self.irregular(str(error)) from None
         away = np.abs(point.u - z)[np.r_[: problem.n, -2:0]]
         if float(np.max(away / np.append(sizes, [1.0, 1.0]))) > _MOVED:
             raise InputError("start", f"{float(np.max(away)):.2g} away", f"a located {self.kind}")
@@ -167,59 +121,35 @@ class AlgebraicLocusRun(ABC):
         # a test function that vanishes at the start itself has no sign there
         monitors = {name: math.nan if name.kind == own else value for name, value in examined.monitors.items()}
         point.examined = replace(examined, monitors=monitors)
-        return turned(point, float(point.tangent[towards - 2]), AlgebraicLocusProblem.odd)
+        return turned(point, float(point.tangent[towards - 2]), self.odd)
 
-    def _irregular(self, reason: str) -> InputError:
-        wanted = f"two parameters in which the {self.kind} has a regular locus"
-        return InputError("parameters", self.names, wanted, reason)
-
-    def trace(self, origin: Point, sign: float) -> OneSide:
-        """Return one direction of the locus, followed to its end."""
-        half = OneSide()
-        point = turned(origin, sign, AlgebraicLocusProblem.odd)
-        point.u = point.u.copy()
+    def restarted(self, origin: Point) -> Point:
+        """See `TwoParameterRun.restarted`: borders of a condition are those of the other direction's end."""
         if hasattr(self.branch.condition, "restart"):
             at = slice(self.branch.n, -2)
-            J = self.branch.problem.evaluate(self.branch.unknowns(point.u))[1]
-            self.branch.condition.restart(J, point.u[at])
-        for i, (low, high) in enumerate(self.bounds):
-            way = math.copysign(1.0, float(point.tangent[i - 2]))
-            beyond = way * (float(point.u[i - 2]) - (high if way > 0.0 else low))
-            if beyond > -ROUNDING and abs(float(point.tangent[i - 2])) > ROUNDING:
-                half.stopped = f"{self._place(point)}: bound reached"
-                return half
-        try:
-            half.stopped = self._follow(half, point, origin)
-        except KeyboardInterrupt:
-            half.stopped, half.interrupted = "interrupted", True
-        return half
+            J = self.branch.problem.evaluate(self.branch.unknowns(origin.u))[1]
+            self.branch.condition.restart(J, origin.u[at])
+        return replace(origin, u=origin.u.copy())
 
-    def _place(self, point: Point) -> str:
-        values = point.u[-2:] * self.scales
-        return ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.names, values, strict=True))
-
-    def _follow(self, half: OneSide, point: Point, origin: Point) -> str:
+    def followed(self, half: OneSide, point: Point, origin: Point) -> str:
+        """See `TwoParameterRun.followed`."""
         last = point
         for item in follow(self.branch, point, self.control, log=self.log):
             if isinstance(item, str):
-                return f"{self._place(last)}: {item}"
+                return f"{self.place(last)}: {item}"
             if isinstance(item, Event):
                 if (end := self._event(half, item)) is not None:
                     half.points.append((self.branch, item.point))
-                    return f"{self._place(item.point)}: {end}"
+                    return f"{self.place(item.point)}: {end}"
                 continue
             if (passed := self.passed(item)) is not None:
-                return f"{self._place(last)}: {passed}"
+                return f"{self.place(last)}: {passed}"
             if closes(origin, last, item, self.control):
                 half.points.append((self.branch, origin))
                 half.closed = True
                 return "the locus is closed"
-            half.points.append((self.branch, item))
-            if self.reporter.report is not None:
-                pairs = zip(self.names, item.u[-2:] * self.scales, strict=True)
-                self.reporter.step(1, ", ".join(f"{name} = {value:.6g}" for name, value in pairs))
-            if len(half.points) >= self.control.most:
-                return f"{self._place(item)}: {self.control.most} points"
+            if (end := self.keep(half, self.branch, item)) is not None:
+                return end
             last = item
         raise AssertionError("follow ends with a reason")
 
@@ -227,8 +157,7 @@ class AlgebraicLocusRun(ABC):
         """Keep a special point; return the reason why the locus ends there, or None."""
         kind, at = event.name.kind, event.name.segment
         if kind in ("low", "high"):
-            event.point.u[at - 2] = self.bounds[at][kind == "high"]
-            return "bound reached"
+            return self.bound_met(event.point, at, kind)
         of = self.names[at] if kind == "TP" else ""
         of = of or self.met(event.name)
         half.specials.append(self._found(kind, event.point, event.value, len(half.points), of))

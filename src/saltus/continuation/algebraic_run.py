@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from dataclasses import asdict, dataclass, replace
+from abc import abstractmethod
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from saltus.continuation.algebraic_problem import AlgebraicZeroProblem, closes
-from saltus.continuation.arclength import Failure, StepControl, follow
-from saltus.continuation.options import ROUNDING
+from saltus.continuation.arclength import StepControl, follow
+from saltus.continuation.run import Going, OneParameterRun
 from saltus.continuation.two_sided import BothSides, Found, OneSide, join, traced, turned
 from saltus.continuation.zero_problem import Event, Point, start_point
 from saltus.equilibria.critical import solve_branch_point
@@ -23,14 +23,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.boundary import Crossing
-    from saltus.continuation.orbit_problem import Interest
     from saltus.cycles.orbit import MapOrbit
     from saltus.equilibria.equilibrium import Equilibrium
-    from saltus.progress import Reporter
 
 __all__ = ["AlgebraicRun", "read_point_events"]
 
-_NOTHING = 1e-14  # parameter, over its interval, up to which it reads 0
 _AT_START = 1e-10  # test function, over its usual size, up to which a start is critical
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
@@ -57,28 +54,29 @@ def read_point_events(
     return tuple(found)
 
 
-@dataclass
-class AlgebraicRun(ABC):
-    """Start and options of one call, which both directions share."""
+class AlgebraicRun(OneParameterRun):
+    """One call of a continuation of solutions of an `AlgebraicProblem`.
 
-    solution: Any
-    name: str
-    interest: Interest
-    control: StepControl
-    stops: set[str]
-    reporter: Reporter
+    Parameters
+    ----------
+    solution : Equilibrium or MapOrbit
+        Where the branch starts.
+    *options
+        As `OneParameterRun` takes them.
+    """
 
+    odd = AlgebraicZeroProblem.odd
     what: ClassVar[str]  # what a branch consists of
     border: ClassVar[str]  # type of special points at which the solutions belong to another mode or piece
     at_border: ClassVar[str]  # what such a point is
 
-    def __post_init__(self) -> None:
-        self.scale = self.interest.scale
-        self.log: list[Failure] = []
+    def __init__(self, solution: Any, *options: Any) -> None:
+        super().__init__(*options)
+        self.solution = solution
         self._sizes: NDArray[np.float64] = np.empty(0)
 
     @abstractmethod
-    def piece(self, form: Any, u: NDArray[np.float64], sizes: NDArray[np.float64] | None) -> AlgebraicZeroProblem:
+    def equations(self, form: Any, u: NDArray[np.float64], sizes: NDArray[np.float64] | None) -> AlgebraicZeroProblem:
         """Return the zero problem of a mode or an itinerary near `u`, the unknowns of the given sizes."""
 
     @abstractmethod
@@ -112,36 +110,16 @@ class AlgebraicRun(ABC):
             halves = traced(lambda sign: self.trace(start, sign), directions)
         return join(start, halves, "branch")
 
-    def options(self, bounds: tuple[float, float], directions: str, events: Mapping[str, float]) -> dict[str, Any]:
-        """Return the arguments of the continuation, as a curve keeps them."""
-        return {
-            "bounds": list(bounds),
-            "steps": asdict(self.control),
-            "directions": directions,
-            "events": {name: float(value) for name, value in events.items()},
-            "stop_at": sorted(self.stops),
-        }
-
-    def rejected(self) -> tuple[str, ...]:
-        """Return the rejected steps as texts."""
-        return tuple(
-            f"{self.name} = {failure.parameter * self.scale:.9g}, step {failure.step:.3g}: {failure.reason}"
-            for failure in self.log
-        )
-
     def begin(self, directions: str) -> tuple[AlgebraicZeroProblem, Point]:
         """Return the equations and the first point, its tangent towards growing parameter."""
-        value = self.solution.parameters[self.name] / self.scale
-        for bound in (self.interest.low, self.interest.high):
-            value = bound if abs(value - bound) < ROUNDING else value
         form, x = self.given()
-        u = np.append(x, value)
-        branch = self.piece(form, u, None)
+        u = np.append(x, self.start_value(self.solution.parameters))
+        branch = self.equations(form, u, None)
         try:
             point = start_point(branch, u)
         except (ValueError, np.linalg.LinAlgError) as error:
             hint = f"the equations have no regular branch there: {error}"
-            raise InputError(self.what, value * self.scale, f"a regular {self.what}", hint) from None
+            raise InputError(self.what, self.solution.parameters[self.name], f"a regular {self.what}", hint) from None
         point.examined = branch.examine(point, None)
         self._sizes = branch.sizes.copy()
         return branch, self._aside(branch, point, directions)
@@ -153,7 +131,7 @@ class AlgebraicRun(ABC):
         if not critical:
             return point
         sign = 1.0 if directions == "down" else -1.0
-        way = turned(point, sign, branch.odd)
+        way = turned(point, sign, self.odd)
         short = StepControl(initial=_ASIDE, smallest=_ASIDE / 16.0, largest=_ASIDE)
         for item in follow(branch, way, short, log=[]):
             if isinstance(item, Point):
@@ -162,47 +140,24 @@ class AlgebraicRun(ABC):
                     return point
                 item.arc = 0.0
                 item.examined = branch.examine(item, None)
-                return turned(item, sign, branch.odd)
+                return turned(item, sign, self.odd)
             if isinstance(item, str):
                 break
         return point
 
-    def place(self, point: Point) -> str:
-        """Return the parameter of a point as text; 0 where it is rounding of the interval."""
-        value = point.parameter if abs(point.parameter) > _NOTHING else 0.0
-        return f"{self.name} = {value * self.scale:.9g}"
+    def restart(self, branch: AlgebraicZeroProblem, origin: Point) -> None:
+        """See `OneParameterRun.restart`: the sizes may have grown along the other direction."""
+        branch.sizes = self._sizes.copy()
 
-    def trace(self, start: tuple[AlgebraicZeroProblem, Point], sign: float) -> OneSide:
-        """Return one direction of the branch, followed to its end."""
-        half = OneSide()
-        branch, origin = start
-        branch.sizes = self._sizes.copy()  # they may have grown along the other direction
-        point = turned(origin, sign, branch.odd)
-        outwards = math.copysign(1.0, float(point.tangent[-1]))
-        if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -ROUNDING:
-            half.stopped = f"{self.place(point)}: bound reached"
-            return half
-        first: float | None = None
-        try:
-            while True:
-                ended = self._piece(half, branch, point, start, first)
-                if isinstance(ended, str):
-                    half.stopped = ended
-                    return half
-                branch, point, first = ended
-        except KeyboardInterrupt:
-            half.stopped, half.interrupted = "interrupted", True
-            return half
-
-    def _piece(
+    def piece(
         self,
         half: OneSide,
         branch: AlgebraicZeroProblem,
         point: Point,
         start: tuple[AlgebraicZeroProblem, Point],
         first: float | None,
-    ) -> str | tuple[AlgebraicZeroProblem, Point, float]:
-        """Follow the solutions of one mode or itinerary; return why the branch ended, or what `trace` goes on with."""
+    ) -> str | Going:
+        """Follow the solutions of one mode or itinerary; see `OneParameterRun.piece`."""
         last = point
         for item in follow(branch, point, self.control, log=self.log, first_step=first):
             if isinstance(item, str):
@@ -215,25 +170,18 @@ class AlgebraicRun(ABC):
                 half.points.append(start)
                 half.closed = True
                 return "the branch is closed"
-            half.points.append((branch, item))
-            if self.reporter.report is not None:
-                self.reporter.step(1, f"{self.name} = {item.parameter * self.scale:.6g}")
-            if len(half.points) >= self.control.most:
-                return f"{self.place(item)}: {self.control.most} points"
+            if (end := self.keep(half, branch, item)) is not None:
+                return end
             last = item
             rests = abs(float(item.tangent[-1])) < _RESTS
             if rests and float(np.max(branch.sizes / self._sizes)) > _GROWN:
                 return f"{self.place(item)}: the {self.what} grows without bound"
         raise AssertionError("follow ends with a reason")
 
-    def _event(
-        self, half: OneSide, branch: AlgebraicZeroProblem, event: Event
-    ) -> str | tuple[AlgebraicZeroProblem, Point, float] | None:
+    def _event(self, half: OneSide, branch: AlgebraicZeroProblem, event: Event) -> str | Going | None:
         kind, point = event.name.kind, event.point
         if kind in ("low", "high"):
-            point.u[-1] = self.interest.low if kind == "low" else self.interest.high
-            half.points.append((branch, point))
-            return f"{self.place(point)}: bound reached"
+            return self.at_bound(half, branch, point, kind)
         if (end := self.ended(branch, point, kind)) is not None:
             half.points.append((branch, point))
             return f"{self.place(point)}: {end}"
@@ -247,10 +195,10 @@ class AlgebraicRun(ABC):
             if kind == "BP" and (end := self.closed_up(branch, point)) is not None:
                 half.points.append((branch, point))
                 return f"{self.place(point)}: {end}"
-            return self._end_at(half, branch, point, name)
+            return self.end_at(half, branch, point, name)
         of, crossing = self.crossing(branch, event)
         half.specials.append(replace(self._found(name, branch, event, half), of=of, kind=crossing.kind))
-        if (end := self._end_at(half, branch, point, name)) is not None:
+        if (end := self.end_at(half, branch, point, name)) is not None:
             return end
         if self.control.at_grazing == "pass":
             return None
@@ -259,19 +207,17 @@ class AlgebraicRun(ABC):
             return f"{self.place(point)}: {self.at_border}, {crossing.reason}"
         return self._switch(branch, crossing, point)
 
-    def _switch(
-        self, branch: AlgebraicZeroProblem, crossing: Crossing, old: Point
-    ) -> str | tuple[AlgebraicZeroProblem, Point, float]:
+    def _switch(self, branch: AlgebraicZeroProblem, crossing: Crossing, old: Point) -> str | Going:
         """Return equations, point and step to go on with beyond a border, or why no branch does."""
         assert crossing.u is not None
-        beside = self.piece(crossing.beside, crossing.u, branch.sizes)
+        beside = self.equations(crossing.beside, crossing.u, branch.sizes)
         try:
             point = start_point(beside, crossing.u)
         except (ValueError, np.linalg.LinAlgError) as error:
             return f"{self.place(old)}: {self.at_border}, no branch goes on: {error}"
         if abs(float(point.tangent[-1])) < _AT_REST:
             return f"{self.place(old)}: {self.at_border}, beyond it all lie at one value of {self.name}"
-        point = turned(point, crossing.sign(point), beside.odd)
+        point = turned(point, crossing.sign(point), self.odd)
         point.arc = old.arc
         found = beside.examine(point, None)
         # on a surface the sign of its event function is rounding: the point counts as on the regular side
@@ -283,16 +229,10 @@ class AlgebraicRun(ABC):
         point.examined = replace(found, monitors=monitors)
         return beside, point, self.control.initial
 
-    def _end_at(self, half: OneSide, branch: AlgebraicZeroProblem, point: Point, name: str) -> str | None:
-        if name not in self.stops:
-            return None
-        half.points.append((branch, point))
-        return f"{self.place(point)}: {name}"
-
     def _found(self, name: str, branch: AlgebraicZeroProblem, event: Event, half: OneSide) -> Found:
         point = event.point
         solution = self.solution_at(branch, point.u)
-        p = {**solution.parameters, self.name: point.parameter * self.scale if abs(point.parameter) > _NOTHING else 0.0}
+        p = {**solution.parameters, self.name: self.value(point)}
         tangent = None
         if name == "BP":  # it is undetermined at the point itself: the last point's is taken
             last = half.points[-1][1] if half.points else point

@@ -6,22 +6,30 @@ The module knows nothing of orbits. docs/theory/continuation.md, "Pseudo-arcleng
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from saltus import checks
+from saltus.continuation._control_kernels import ANGLE, DEVIATION, FOLDS, RESTS, ROUNDED, TAKEN, growth, judge, predict
 from saltus.continuation.locating import CROWDED, events_between
-from saltus.continuation.zero_problem import Event, Point, ZeroProblem, correct, hermite
+from saltus.continuation.zero_problem import Event, Point, ZeroProblem, correct
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["RESTS", "Failure", "StepControl", "follow"]
+__all__ = ["RESTS", "ROUNDED", "Failure", "StepControl", "follow"]
 
-RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it is rounding: the parameter rests
+# Why a step is rejected, by what `judge` says of it.
+_MISSTEPS = {
+    ANGLE: "angle: the branch turns too sharply for the step",
+    DEVIATION: "deviation: the corrected point lies too far from the predicted one",
+    FOLDS: "folds: the parameter turns twice within the step",
+}
+_DOUBTS = 100  # most steps that are taken back without getting farther
 _BENT = 2.0  # factor on the curvature of a monitor function when two zeros within a step are suspected
 
 
@@ -92,6 +100,7 @@ def follow(
     *,
     log: list[Failure],
     first_step: float | None = None,
+    ahead: Callable[[Point, Point, float], tuple[list[Point], float]] | None = None,
 ) -> Iterator[Point | Event | str]:
     """Yield the points of a branch after `start`, the events between them, and last the reason why it ended.
 
@@ -107,12 +116,21 @@ def follow(
         Each rejected step is appended.
     first_step : float, optional
         Length of the first step in place of `control.initial`.
+    ahead : callable, optional
+        Takes many steps at once where nothing happens: from the last two points and a step's length it returns further
+        points, examined, and the length of the step behind them.
     """
     h = min(first_step or control.initial, control.largest)
     point, before, earlier = start, None, None
-    held = False
+    held, rejected, furthest, doubts = False, False, -math.inf, 0
     while True:
+        if ahead is not None and held and before is not None and not rejected:
+            quiet, h = ahead(before, point, h)
+            for new in quiet:
+                yield point
+                earlier, before, point = before, point, new
         step = _attempt(problem, before, point, h, control)
+        rejected = isinstance(step, str)
         if isinstance(step, str):
             log.append(Failure(point.parameter, h, step))
             h *= 0.5
@@ -124,6 +142,10 @@ def follow(
             continue
         if held and before is not None:
             if (doubt := _returns(step.point, point, before)) is not None:
+                furthest, doubts = (point.arc, 0) if point.arc > furthest else (furthest, doubts + 1)
+                if doubts > _DOUBTS:
+                    yield f"no step past {doubts} doubts: {doubt}"
+                    return
                 h, held = 0.5 * (point.arc - before.arc), False
                 log.append(Failure(before.parameter, 2.0 * h, doubt))
                 point, before, earlier = before, earlier, None
@@ -157,10 +179,11 @@ def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float,
     if isinstance(new, str):
         return new
     new.frame = point.frame
-    new.arc = point.arc + _distance(point, new)
-    moved, angle = math.sqrt(float(point.weights @ (new.u - guess) ** 2)), _angle(point, new)
-    if (misstep := _misstep(point, new, moved, angle, control)) is not None:
-        return misstep
+    limits = control.deviation, control.angle
+    fault, moved, angle, length = judge(point.weights, point.line, new.line, guess, limits)
+    new.arc = point.arc + length
+    if fault != TAKEN:
+        return _MISSTEPS[fault]
     new.examined = problem.examine(new, point)
     doubt = new.examined.fault or _returns(before, point, new)
     if doubt is not None:
@@ -170,55 +193,18 @@ def _attempt(problem: ZeroProblem, before: Point | None, point: Point, h: float,
         return events
     if h > CROWDED and problem.crowded([event.name for event in events]):
         return "events: more than one bifurcation within the step"
-    growth = min(2.0, max(0.3, (control.deviation / max(moved, 1e-12)) ** 0.25))
-    if new.iterations > 3:
-        growth = min(growth, 1.2 if new.iterations == 4 else 0.7)
-    return _Step(new, events, min(growth, 0.8) if angle > 0.5 * control.angle else growth)
+    return _Step(new, events, growth(moved, angle, new.iterations, limits))
 
 
 def _predict(point: Point, before: Point | None, h: float) -> NDArray[np.float64]:
     """Return the predicted point at step length `h`, on the cubic through the last two points and their tangents."""
-    apart = before is None or before.u.size != point.u.size or before.frame is not point.frame
-    if before is None or apart or point.arc <= before.arc:
-        return point.u + h * point.tangent
-    length = point.arc - before.arc
-    if h > 3.0 * length:
-        bend = (point.tangent - before.tangent) / length
-        return point.u + h * point.tangent + 0.5 * h * h * bend
-    return hermite(before, point, length, 1.0 + h / length)
-
-
-def _distance(a: Point, b: Point) -> float:
-    return math.sqrt(float(a.weights @ (b.u - a.u) ** 2))
-
-
-def _angle(a: Point, b: Point) -> float:
-    cosine = float(a.weights @ (a.tangent * b.tangent)) / math.sqrt(float(a.weights @ b.tangent**2))
-    return math.acos(min(1.0, max(-1.0, cosine)))
-
-
-def _misstep(point: Point, new: Point, moved: float, angle: float, control: StepControl) -> str | None:
-    length = new.arc - point.arc
-    if angle > control.angle:
-        return "angle: the branch turns too sharply for the step"
-    if moved > 15.0 * control.deviation or moved > 0.5 * length:
-        return "deviation: the corrected point lies too far from the predicted one"
-    if _turns_twice(float(point.tangent[-1]), float(new.tangent[-1]), float(new.u[-1] - point.u[-1]) / length):
-        return "folds: the parameter turns twice within the step"
-    return None
-
-
-def _turns_twice(a: float, b: float, chord: float) -> bool:
-    """Return whether the cubic with end slopes `a` and `b` and mean slope `chord` turns twice within a step."""
-    if a * b <= 0.0 or max(abs(a), abs(b), abs(chord)) < RESTS:
-        return False
-    side = math.copysign(1.0, a)
-    a, b, chord = a * side, b * side, chord * side
-    bottom = a + b - 2.0 * chord
-    if bottom <= 0.0:
-        return False
-    s = (2.0 * a + b - 3.0 * chord) / (3.0 * bottom)
-    return 0.0 < s < 1.0 and a - 3.0 * bottom * s * s < 0.0
+    guess = np.empty_like(point.u)
+    last = point.line
+    if before is None or before.u.size != point.u.size or before.frame is not point.frame:
+        predict(last, last, 0.0, h, guess)
+    else:
+        predict(last, before.line, point.arc - before.arc, h, guess)
+    return guess
 
 
 def _returns(before: Point | None, a: Point, b: Point) -> str | None:

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.branching import other_branch, parameter_scale
 from saltus.continuation.equilibrium_problem import EquilibriumZeroProblem
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
-from saltus.continuation.zero_problem import correct
+from saltus.continuation.zero_problem import Point, correct
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.equilibrium import equilibrium_at
-from saltus.equilibria.find import solve_equilibrium, state_sizes
-from saltus.equilibria.normal_forms import hopf_terms
+from saltus.equilibria.find import solve_equilibrium, without_rounding
+from saltus.equilibria.normal_forms import HopfTerms, hopf_terms
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
@@ -33,10 +32,13 @@ _AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 3e-2)  # amplitudes of a first cycle, ove
 _ROOM = 0.3  # share of the distance from a surface that a first cycle may take
 _CRITICAL = 1e-6  # real part of a critical pair, over the largest modulus, above which there is no Hopf point
 _TOLERANCE = 1e-12  # relative tolerance of the flow of a cycle that is born
+_SHIFTS = (1e-3, 1e-4, 1e-5, 1e-2)  # changes of the parameter by a first step, over the one that alters the Jacobian
+_ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the same direction
+_FAINT = 1e-12  # size of an equation's terms, over the largest, up to which it has no size of its own
 _ITERATIONS = 12  # most Newton steps to a first solution
 
 
-def cycle_born(equilibrium: Equilibrium, parameter: str) -> PeriodicOrbit:
+def cycle_born(equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float64]) -> PeriodicOrbit:
     """Return a small cycle near a Hopf point, on the branch that is born there as the parameter varies.
 
     Parameters
@@ -45,6 +47,8 @@ def cycle_born(equilibrium: Equilibrium, parameter: str) -> PeriodicOrbit:
         The Hopf point, located.
     parameter : str
         The parameter that is free.
+    sizes : ndarray, shape (n,)
+        Sizes of the states along the point's own branch.
 
     Raises
     ------
@@ -54,7 +58,7 @@ def cycle_born(equilibrium: Equilibrium, parameter: str) -> PeriodicOrbit:
         No cycle was found near the point.
     """
     problem, n = equilibrium.problem(parameter), equilibrium.state.size
-    scale = parameter_scale(problem, np.append(equilibrium.state, equilibrium.parameters[parameter]))
+    scale = _parameter_scale(problem, equilibrium, parameter, sizes)
     problem.scales[0] = scale
     u = np.append(equilibrium.state, equilibrium.parameters[parameter] / scale)
     J = problem.evaluate(u)[1]
@@ -66,7 +70,7 @@ def cycle_born(equilibrium: Equilibrium, parameter: str) -> PeriodicOrbit:
     terms = hopf_terms(problem, u, A, w)
     tangent = np.append(-np.linalg.solve(A, J[:, n]), 1.0)
     speed = complex(terms.p.conj() @ (problem.second(u, tangent)[:, :n] @ terms.q)).real
-    size = _nonlinear_size(problem, u, terms.q, w)
+    size = _nonlinear_size(sizes, terms)
     reason = ""
     for share in _AMPLITUDES:
         z = 0.5 * share * min(size, _room(problem, u, terms.q))
@@ -82,19 +86,12 @@ def cycle_born(equilibrium: Equilibrium, parameter: str) -> PeriodicOrbit:
     raise ConvergenceError("cycle at the Hopf point", _AMPLITUDES[0], len(_AMPLITUDES), reason)
 
 
-def _nonlinear_size(problem: EquilibriumProblem, u: NDArray[np.float64], q: NDArray[np.complex128], w: float) -> float:
-    """Return the amplitude along q at which terms of second or third order are as large as linear ones."""
-    n, still = problem.n, np.zeros(1)
-    parts = [part for part in (q.real.copy(), q.imag.copy()) if np.linalg.norm(part) > 0.0]
-    unit = np.max(np.abs(q)) / np.maximum(np.abs(q), 1e-6 * np.max(np.abs(q)))
-    second = max(float(np.linalg.norm(unit * (problem.second(u, np.append(a, still))[:, :n] @ b)))
-                 for a in parts for b in parts)  # fmt: skip
-    third = max(float(np.linalg.norm(unit * problem.third(u, a, a, b))) for a in parts for b in parts)
-    sizes = [w / second if second > 0.0 else math.inf, math.sqrt(w / third) if third > 0.0 else math.inf]
-    if math.isfinite(min(sizes)):
-        return min(sizes)
-    states = state_sizes(problem, u, problem.evaluate(u)[1])
-    return float(np.min(states[np.abs(q) > 1e-6] / np.abs(q)[np.abs(q) > 1e-6]))
+def _nonlinear_size(states: NDArray[np.float64], terms: HopfTerms) -> float:
+    """Return the amplitude along q at which other terms matter; where there are none, that of the states' sizes."""
+    if math.isfinite(terms.reach):
+        return terms.reach
+    q = np.abs(terms.q)
+    return float(np.min(states[q > 1e-6] / q[q > 1e-6]))
 
 
 def _room(problem: EquilibriumProblem, u: NDArray[np.float64], q: NDArray[np.complex128]) -> float:
@@ -129,6 +126,29 @@ def _corrected(
     return orbit_at(orbits, point.u, orbits.evaluate(point.u)[1])
 
 
+def _parameter_scale(
+    problem: EquilibriumProblem, equilibrium: Equilibrium, parameter: str, known: NDArray[np.float64]
+) -> float:
+    """Return the change of the parameter that alters the Jacobian by its own size, along the branch.
+
+    A Jacobian may vanish as a whole, as at a branch point of one state. It then has the size of its change over `known`
+    sizes of the states.
+    """
+    n = problem.n
+    u = np.append(equilibrium.state, equilibrium.parameters[parameter])
+    J = problem.evaluate(u)[1]
+    sizes = np.maximum(known, 1e-300)
+    moved = np.linalg.lstsq(J[:, :n], -J[:, n], rcond=1e-8)[0]
+    ways = [np.append(moved, 1.0), np.append(known, 0.0)]
+    change, *bend = (problem.second(u, way)[:, :n] for way in ways)
+    own, by_parameter, *rest = (
+        float(np.linalg.norm(part * sizes / sizes[:, None])) for part in (J[:, :n], change, *bend)
+    )
+    own = max([own, *rest])
+    value = abs(equilibrium.parameters[parameter])
+    return own / by_parameter if own > 0.0 and by_parameter > 0.0 else value or 1.0
+
+
 def equilibrium_of_cycle(orbit: PeriodicOrbit) -> Equilibrium:
     """Return the equilibrium to which a cycle has shrunk at a Hopf point.
 
@@ -151,7 +171,7 @@ def other_equilibrium(
     equilibrium: Equilibrium,
     parameter: str,
     tangent: NDArray[np.float64] | None,
-    known: NDArray[np.float64] | None = None,
+    known: NDArray[np.float64],
 ) -> Equilibrium:
     """Return an equilibrium of the other branch at a branch point, a short step from the point.
 
@@ -163,8 +183,8 @@ def other_equilibrium(
         The parameter that is free.
     tangent : ndarray, shape (n + 1,), or None
         Tangent of the point's own branch.
-    known : ndarray, shape (n,), optional
-        Sizes of the states along it.
+    known : ndarray, shape (n,)
+        Sizes of the states along that branch; at the point itself all may be rounding of 0.
 
     Raises
     ------
@@ -173,7 +193,61 @@ def other_equilibrium(
     ConvergenceError
         No equilibrium of the other branch was found.
     """
-    problem = equilibrium.problem(parameter)
-    u = np.append(equilibrium.state, equilibrium.parameters[parameter])
-    u, sizes = other_branch(problem, u, tangent, EquilibriumZeroProblem, known)
-    return equilibrium_at(problem, u, sizes)
+    if tangent is None:
+        raise InputError("point", "a BP without tangent", "a branch point of a branch")
+    problem, n = equilibrium.problem(parameter), equilibrium.state.size
+    scale = _parameter_scale(problem, equilibrium, parameter, known)
+    problem.scales[0] = scale
+    u = np.append(equilibrium.state, equilibrium.parameters[parameter] / scale)
+    J = problem.evaluate(u)[1]
+    sizes = np.append(known, 1.0)
+    terms = np.abs(J * sizes).max(axis=1)
+    rows = 1.0 / np.where(terms > _FAINT * terms.max(), terms, terms.max() or 1.0)
+    left, _, right = np.linalg.svd(J * sizes * rows[:, None])
+    w = left[:, -1] * rows
+    first, second = right[-1] * sizes, right[-2] * sizes
+    bend = [w @ problem.second(u, v) for v in (first, second)]
+    a, b, c = float(bend[0] @ first), float(bend[0] @ second), float(bend[1] @ second)
+    far = -(b + math.copysign(math.sqrt(max(b * b - a * c, 0.0)), b))
+    directions = [x * first + y * second for x, y in ((far, a), (c, far)) if (x, y) != (0.0, 0.0)]
+    own = np.append(tangent[:n], tangent[n] / scale) / sizes
+    likeness = [abs(float(own @ (d / sizes))) / float(np.linalg.norm(own) * np.linalg.norm(d / sizes))
+                for d in directions]  # fmt: skip
+    if not likeness or min(likeness) > 1.0 - _ALIKE:
+        hint = "to second order both branches leave in the same direction"
+        raise ConvergenceError("other branch", 0.0, 0, hint)
+    chosen = directions[int(np.argmin(likeness))]
+    chosen = chosen / float(np.linalg.norm(chosen / sizes))
+    third = w @ problem.third(u, *(3 * [chosen[:n].copy()]))
+    pull = abs(float(w @ problem.second(u, np.append(own * sizes, [])) @ chosen)) or 1.0
+    reason = ""
+    for share in _SHIFTS:
+        # a step that moves the parameter by that share: linearly, or by its square where the branch is tangent
+        steps = [share / abs(chosen[n]) if abs(chosen[n]) > 1e-6 else math.inf]
+        steps += [math.sqrt(share * pull / abs(float(third)))] if float(third) != 0.0 else [math.sqrt(share)]
+        found = _stepped(problem, u, min(steps) * chosen, sizes, scale)
+        if isinstance(found, Equilibrium):
+            return found
+        reason = found
+    raise ConvergenceError("other branch", _SHIFTS[0], len(_SHIFTS), reason)
+
+
+def _stepped(
+    problem: EquilibriumProblem,
+    u: NDArray[np.float64],
+    step: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    scale: float,
+) -> Equilibrium | str:
+    """Return the equilibrium near `u + step`, corrected normally to the step, or why there is none."""
+    n = problem.n
+    branch = EquilibriumZeroProblem(problem, sizes[:n], Interest(-math.inf, math.inf, scale))
+    weights = np.append(1.0 / sizes[:n] ** 2, 1.0)
+    length = math.sqrt(float(weights @ step**2))
+    point = correct(branch, u + step, step / length, weights, _ITERATIONS)
+    if not isinstance(point, Point):
+        return point
+    if math.sqrt(float(weights @ (point.u - u - step) ** 2)) > 0.5 * length:
+        return "the other branch bends too sharply"
+    u = without_rounding(problem, point.u, sizes[:n])
+    return equilibrium_at(problem, u, np.maximum(sizes[:n], np.abs(u[:n])))

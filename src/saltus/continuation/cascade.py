@@ -182,7 +182,7 @@ def _read_start(held: Contents, system: HybridSystem, parameter: str) -> Special
     dims = {theirs: ours for ours, theirs in _START.items() if theirs in held.dataset.sizes}
     part = Contents(held.dataset[own].rename(names | dims))
     parameters, tolerance = held_parameters(held, system), held.number("tolerance", *TOLERANCES)
-    (start,) = special_points_of(part, system, parameters, (parameter,), [form], tolerance)
+    (start,) = special_points_of(part, system, (parameters, (parameter,), None), [form], tolerance)
     if start.type != "PD" or start.locus:
         raise InputError("variable 'start.type'", start.type, "PD, that of a branch")
     return start

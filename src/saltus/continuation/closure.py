@@ -35,12 +35,20 @@ def alongside(problem: OrbitProblem, u: NDArray[np.float64], other: NDArray[np.f
 
 
 def passes(
-    branch: ZeroProblem, problem: OrbitProblem, origin: Point, last: Point, new: Point, control: StepControl
+    branch: ZeroProblem,
+    problem: OrbitProblem,
+    origin: Point,
+    last: Point,
+    new: Point,
+    control: StepControl,
+    active: slice | None = None,
 ) -> bool:
     """Return whether the step from `last` to `new` passes the orbit of `origin`, from any of its starting points.
 
-    All three points have one signature. `problem` holds the equations of the orbits of `branch`.
+    All three points have one signature. `problem` holds the equations of the orbits of `branch`. Its active parameters
+    are the last unknowns, unless `active` says where they are.
     """
+    active = slice(-len(problem.active), None) if active is None else active
     if new.arc < 3.0 * control.initial:
         return False
     reach = 20.0 * control.deviation
@@ -49,21 +57,21 @@ def passes(
     periods = [float(point.u[problem.n : problem.size : problem.n + 1].sum()) for point in (origin, last, new)]
     if abs(periods[0] - periods[1]) > abs(periods[2] - periods[1]) + reach * periods[0]:
         return False
-    return any(_meets(branch, problem, same, last, new, control) for same in _phases(problem, origin))
+    return any(_meets(branch, problem, same, last, new, control) for same in _phases(problem, origin, active))
 
 
-def _phases(problem: OrbitProblem, origin: Point) -> Iterator[Point]:
+def _phases(problem: OrbitProblem, origin: Point, active: slice) -> Iterator[Point]:
     """Yield a point of a curve with each possible start of its orbit; only the first has a tangent."""
     signature, n, size = problem.signature, problem.n, problem.size
     if problem.slides:
-        found = _on_plane(problem, origin.u)
+        found = _on_plane(problem, origin.u, active)
         if found is not None:
             yield replace(origin, u=found, tangent=np.zeros(0))
         return
     yield origin
     blocks = origin.u[:size].reshape(problem.segments, n + 1)
     if signature.kinds[0] == PHASE_END:
-        problem.survey(np.append(origin.u[:size], origin.u[-len(problem.active) :]))
+        problem.survey(np.append(origin.u[:size], origin.u[active]))
         for j in range(1, signature.turns):
             moved = origin.u.copy()
             moved[:n] = problem.state_on(0, clustered(j / signature.turns))
@@ -81,14 +89,14 @@ def _phases(problem: OrbitProblem, origin: Point) -> Iterator[Point]:
             yield replace(origin, u=moved, tangent=np.zeros(0))
 
 
-def _on_plane(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _on_plane(problem: OrbitProblem, u: NDArray[np.float64], active: slice) -> NDArray[np.float64] | None:
     """Return the orbit `u` started on the plane of the phase condition; None where it does not cross the plane.
 
     Of several crossings the one nearest to the plane's point is taken.
     """
     n, size = problem.n, problem.size
     point, normal = problem.phase_plane[:n], problem.phase_plane[n:]
-    problem.survey(np.append(u[:size], u[-len(problem.active) :]))
+    problem.survey(np.append(u[:size], u[active]))
     places = np.linspace(0.0, 1.0, _SAMPLES + 1)
     heights = np.array([(problem.state_on(0, place) - point) @ normal for place in places])
     heights[-1] = heights[0]  # the same point, but for rounding

@@ -1,25 +1,72 @@
-"""Special points of a curve, and rows of different lengths, as variables of a Dataset."""
+"""What all curves share: their `repr`, and special points and rows of different lengths as variables of a Dataset."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.contents import Contents
+from saltus.continuation.connection import Homoclinic
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints
+from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.orbit import MOST_FAULTS, complex_of
 from saltus.orbits.signature import Signature
+from saltus.orbits.unfolding import Fixed
 from saltus.system import HybridSystem
 from saltus.system.plain import all_parameters
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["complex_table", "ragged_rows", "special_points_of", "special_variables", "texts_array"]
+__all__ = [
+    "column_name",
+    "complex_table",
+    "described",
+    "ragged_rows",
+    "special_points_of",
+    "special_variables",
+    "texts_array",
+]
+
+
+def column_name(name: str, taken: Collection[str]) -> str:
+    """Return the variable of a curve's dataset that holds a varied parameter or quantity.
+
+    Examples
+    --------
+    >>> column_name("A", ["form"]), column_name("form", ["form"]), column_name("amplitude(x, 1/2)", [])
+    ('A', 'varied_form', 'varied_quantity')
+    """
+    if "(" in name:
+        return "varied_quantity"
+    return f"varied_{name}" if name in taken else name
+
+
+def described(curve: Any, what: str, solutions: str) -> str:
+    """Return the text of a curve's `repr`: kind, range, ends and special points.
+
+    Parameters
+    ----------
+    curve : OrbitCurve or EquilibriumCurve
+        The curve.
+    what : str
+        Its kind in words.
+    solutions : str
+        What its points are, as ``orbits``.
+    """
+    of = curve.system.name or "a hybrid system"
+    lines = [f"{what} of {of}: {len(curve)} {solutions}, {int(curve.stable.sum())} stable"]
+    for name, column in zip(curve.varied, curve.values.reshape(len(curve), -1).T, strict=True):
+        ends = (column.min(), column.max()) if len(curve) else (np.nan, np.nan)
+        lines[0] += ", {} from {:.9g} to {:.9g}".format(name, *ends)
+    lines += [f"  began: {curve.stopped[0]}", f"  ended: {curve.stopped[1]}"]
+    lines += [f"  {line}" for line in repr(curve.special_points).splitlines()]
+    return "\n".join(lines)
 
 
 def special_variables(
@@ -45,13 +92,15 @@ def special_variables(
     blocks = [orbit.unknowns for orbit in orbits]
     tangents = [np.empty(0) if point.tangent is None else point.tangent for point in specials]
     states, quantities = len(system.states), len(system.all_states) + len(system.output_names)
-    values = [[point.parameters[name] for name in varied] for point in specials]
+    values = [[_own_value(point, name) for name in varied] for point in specials]
+    freed = [orbit.fixed.free and orbit.parameters[orbit.fixed.free] for orbit in orbits if orbit.fixed is not None]
 
     def stack(rows: list[Any], width: int) -> NDArray[np.float64]:
         return np.array(rows, dtype=np.float64).reshape(len(rows), width)
 
     width = multipliers
-    return {
+    further = {} if len(freed) < len(orbits) or not freed else {"special_freed": ("special", _numbers(freed))}
+    return further | {
         "special_type": ("special", texts_array([point.type for point in specials])),
         "special_label": ("special", texts_array([point.label for point in specials])),
         "special_of": ("special", texts_array([point.of for point in specials])),
@@ -70,20 +119,62 @@ def special_variables(
         "special_form": ("special", np.array([forms.index(o.form) for o in orbits], dtype=np.int64)),
         "special_unknown": ("special_ragged", np.concatenate([*blocks, np.empty(0)])),
         "special_unknown_count": ("special", np.array([len(block) for block in blocks], dtype=np.int64)),
+        **_saddles(specials, varied, states),
         "special_tangent": ("tangent_ragged", np.concatenate([*tangents, np.empty(0)])),
         "special_tangent_count": ("special", np.array([len(row) for row in tangents], dtype=np.int64)),
     }
 
 
+def _saddles(specials: list[Any], varied: tuple[str, ...], states: int) -> dict[str, Any]:
+    """Return the equilibria of homoclinic orbits as variables; NaN at other special points."""
+    count = len(specials)
+    values, places = np.full((count, len(varied)), np.nan), np.full((count, states), np.nan)
+    eigenvalues, residuals = np.full((count, states), np.nan, dtype=np.complex128), np.full(count, np.nan)
+    for i, point in enumerate(specials):
+        if point.homoclinic is not None:
+            saddle = point.homoclinic.saddle
+            values[i] = [saddle.parameters[name] for name in varied]
+            places[i], eigenvalues[i], residuals[i] = saddle.state, saddle.eigenvalues, saddle.residual
+    return {
+        "special_saddle_value": (("special", "parameter"), values),
+        "special_saddle": (("special", "state"), places),
+        "special_eigenvalue_re": (("special", "state"), eigenvalues.real),
+        "special_eigenvalue_im": (("special", "state"), eigenvalues.imag),
+        "special_saddle_residual": ("special", residuals),
+    }
+
+
+def _saddles_of(
+    held: Contents, system: HybridSystem, parameters: Mapping[str, float], varied: tuple[str, ...], modes: list[str]
+) -> list[Homoclinic | None]:
+    """Return what `_saddles` wrote, for special points whose orbits start in given modes."""
+    values = held.array("special_saddle_value", ("special", "parameter"), finite=False)
+    places = held.array("special_saddle", ("special", "state"), finite=False)
+    eigenvalues = complex_table(held, "special_eigenvalue", ("special", "state"))
+    residuals = held.array("special_saddle_residual", ("special",), finite=False)
+    found: list[Homoclinic | None] = []
+    for value, place, own, residual, mode in zip(values, places, eigenvalues, residuals, modes, strict=True):
+        if not np.all(np.isfinite(place)):
+            found.append(None)
+            continue
+        own_parameters = {**parameters, **dict(zip(varied, value.tolist(), strict=True))}
+        saddle = Equilibrium(system, all_parameters(own_parameters, system), mode, place, own, float(residual))
+        found.append(Homoclinic(saddle))
+    return found
+
+
 def special_points_of(
     held: Contents,
     system: HybridSystem,
-    parameters: Mapping[str, float],
-    varied: tuple[str, ...],
+    along: tuple[Mapping[str, float], tuple[str, ...], Fixed | None],
     forms: list[Signature],
     tolerance: float,
 ) -> list[SpecialPoint]:
-    """Return the special points that `special_variables` wrote to a curve's file."""
+    """Return the special points that `special_variables` wrote to a curve's file.
+
+    along: parameters at the start, what varies, and what is fixed and freed along a quantity.
+    """
+    parameters, varied, fixed = along
     special = ("special",)
     wide, number = len(system.all_states) + 1, held.array("special_form", special, int, least=0, most=len(forms) - 1)
     sizes = [len(forms[i]) * wide for i in number.tolist()]
@@ -101,12 +192,18 @@ def special_points_of(
     x0 = held.array("special_x0", ("special", "state"), finite=False)
     lows, highs = (held.array(f"special_{end}", ("special", "quantity"), finite=False) for end in ("low", "high"))
     faults = held.array("special_faults", special, int, least=0, most=MOST_FAULTS)
+    freed = held.array("special_freed", special, finite=False) if "special_freed" in held.dataset else None
+    modes = [system.mode_names[forms[i].modes[0]] for i in number.tolist()]
+    saddles = _saddles_of(held, system, parameters, varied, modes)
     specials = []
     for i, block in enumerate(blocks):
+        own = dict(zip(varied, values[i].tolist(), strict=True))
+        if fixed is not None:
+            own = {fixed.free: float(freed[i])} if fixed.free and freed is not None else {}
         table = block.reshape(-1, wide)
         orbit = PeriodicOrbit(
             system,
-            all_parameters({**parameters, **dict(zip(varied, values[i].tolist(), strict=True))}, system),
+            all_parameters({**parameters, **own}, system),
             forms[number[i]],
             table[:, :-1],
             table[:, -1],
@@ -117,6 +214,7 @@ def special_points_of(
             lows[i],
             highs[i],
             tolerance,
+            None if fixed is None else replace(fixed, value=float(values[i, 0])),
         )
         specials.append(
             SpecialPoint(
@@ -130,6 +228,7 @@ def special_points_of(
                 str(text["of"][i]),
                 str(text["locus"][i]),
                 tangents[i] if tangents[i].size else None,
+                homoclinic=saddles[i],
             )
         )
     return specials
@@ -138,6 +237,16 @@ def special_points_of(
 def texts_array(texts: list[str]) -> NDArray[np.object_]:
     """Return texts as an array that a Dataset can hold, also where there is none."""
     return np.array(texts, dtype=object)
+
+
+def _own_value(point: SpecialPoint, name: str) -> float:
+    """Return a varied parameter or quantity of the point's own orbit; at a HOM the saddle's parameters differ."""
+    return point.value(name) if point.homoclinic is None else point.solution.parameters[name]
+
+
+def _numbers(values: list[Any]) -> NDArray[np.float64]:
+    """Return numbers, NaN in place of an empty text."""
+    return np.array([np.nan if value == "" else value for value in values], dtype=float)
 
 
 def complex_table(held: Contents, name: str, dims: tuple[str, ...]) -> NDArray[np.complex128]:

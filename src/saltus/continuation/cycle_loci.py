@@ -47,9 +47,10 @@ class CycleLocusRun(AlgebraicLocusRun):
         joined = self.joined(order, directions)
         data = [point.examined.data for _, point in joined.rows]
         return MapLocus(
+            system=self.solution.system,
+            parameters=dict(self.solution.parameters),
             angle=np.array([d.angle for d in data]),
-            coefficient=np.array([d.coefficient for d in data]),
-            **self.fields(joined, order, directions),
+            **self.fields(joined, order, self.locus_options(directions)),
             **cycle_fields(joined),
         )
 

@@ -61,7 +61,7 @@ def continue_cycle(
         values=np.array([point.parameter * scale for _, point in joined.rows]),
         special_points=joined.special_points((parameter,)),
         rejected=run.rejected(),
-        options=run.options((low, high), directions, events),
+        options=run.options([low, high], directions, events),
         **cycle_fields(joined),
     )
 
@@ -91,10 +91,10 @@ class _CycleRun(AlgebraicRun):
     border = "BC"
     at_border = "border collision"
 
-    def piece(
+    def equations(
         self, form: tuple[int, ...], u: NDArray[np.float64], sizes: NDArray[np.float64] | None
     ) -> CycleZeroProblem:
-        """See `AlgebraicRun.piece`; `form` is the itinerary."""
+        """See `AlgebraicRun.equations`; `form` is the itinerary."""
         system = self.solution.system
         p, index = system.parameter_vector(self.solution.parameters), system.parameter_names.index(self.name)
         problem = CycleProblem(system, form, p, [index], np.array([self.scale]))

@@ -11,7 +11,7 @@ from saltus.continuation.arclength import StepControl
 from saltus.continuation.cascade import Cascade
 from saltus.continuation.cycle_switching import doubled_cycle
 from saltus.continuation.map_cascade import MapCascade
-from saltus.continuation.options import checked_interval, read_steps
+from saltus.continuation.options import check_along_parameter, checked_interval, read_steps
 from saltus.continuation.orbits import continue_orbit
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.switching import doubled_orbit
@@ -97,6 +97,7 @@ def follow_cascade(
     checks.instance("start", start, SpecialPoint)
     if start.type != "PD" or len(start.varied) != 1:
         raise InputError("start", start.type, "a PD of a branch", "branch['PD1'] is one")
+    check_along_parameter("start", start)
     doublings = checks.count("doublings", doublings)
     name = start.varied[0]
     low, high = checked_interval(start.solution.system, start.parameters, name, bounds, "both")

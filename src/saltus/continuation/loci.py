@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
 from typing import cast, overload
 
 from saltus import checks
@@ -24,7 +23,6 @@ from saltus.continuation.options import (
 )
 from saltus.continuation.orbit_loci import OrbitLocusRun
 from saltus.continuation.special_points import SpecialPoint
-from saltus.continuation.two_sided import traced
 from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.orbits.orbit import PeriodicOrbit
@@ -147,22 +145,14 @@ def continue_locus(
     if isinstance(orbit, Equilibrium):
         stops = read_stops(stop_at, ("CP", "BT", "GH", "ZH", "HH", "TP", *EQUILIBRIUM_LOCI))
         begin = cast("SpecialPoint[Equilibrium] | Equilibrium", start)
-        at_rest = EquilibriumLocusRun(begin, orbit, kind, names, intervals, control, stops, reporter)
+        at_rest = EquilibriumLocusRun(begin, orbit, names, intervals, kind, control, stops, reporter)
         return at_rest.locus(tuple(parameters), directions)
     if isinstance(orbit, MapOrbit):
         stops = read_stops(stop_at, (*_STOPS[:9], *CYCLE_LOCI))
-        of_map = CycleLocusRun(start, orbit, kind, names, intervals, control, stops, reporter)
+        of_map = CycleLocusRun(start, orbit, names, intervals, kind, control, stops, reporter)
         return of_map.locus(tuple(parameters), directions)
     stops = read_stops(stop_at, _STOPS)
     first = cast("SpecialPoint | PeriodicOrbit", start)
-    run = OrbitLocusRun(first, orbit, kind, names, intervals, control, stops, reporter)
-    origin = run.begin(names.index(parameters[1]))
-    with reporter:
-        halves = traced(lambda sign: run.trace(origin, sign), directions)
-    options = {
-        "bounds": {name: list(interval) for name, interval in zip(names, intervals, strict=True)},
-        "steps": asdict(control),
-        "directions": directions,
-        "stop_at": sorted(stops),
-    }
-    return run.assemble(origin, halves, options, tuple(parameters))
+    return OrbitLocusRun(first, orbit, names, intervals, kind, control, stops, reporter).locus(
+        tuple(parameters), directions
+    )

@@ -15,18 +15,22 @@ from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError, nearest
 from saltus.orbits.orbit import PeriodicOrbit
+from saltus.orbits.quantities import Quantity, read_quantity
 from saltus.system import HybridSystem, Map
 
 __all__ = [
     "ROUNDING",
     "BranchOptions",
+    "check_along_parameter",
     "checked_interval",
     "read_events",
     "read_interval",
     "read_parameters",
+    "read_range",
     "read_start",
     "read_steps",
     "read_stops",
+    "read_varied",
     "unit_of",
 ]
 
@@ -48,6 +52,12 @@ _CYCLE_LOCI = {
     "SN": "SN", "PD": "PD", "TR": "TR", "BC": "BC", "CP": "SN", "GPD": "PD", "CH": "TR", "R1": "SN", "R2": "PD",
     "R3": "TR", "R4": "TR", "FF": "SN",
 }  # fmt: skip
+
+_NAMES = {
+    Equilibrium: ("an Equilibrium", "an equilibrium"),
+    PeriodicOrbit: ("a PeriodicOrbit", "an orbit"),
+    MapOrbit: ("a MapOrbit", "a cycle"),
+}  # how a message names a start that is no special point
 
 
 @dataclass(frozen=True)
@@ -126,9 +136,34 @@ def checked_interval(
     low, high = max(low, lowest), min(high, highest)
     if not low < high:
         raise InputError("bounds", bounds, "two numbers, the lower first")
+    _check_start(parameter, value, low, high)
+    return low, high
+
+
+def _check_start(name: str, value: float, low: float, high: float) -> None:
+    """Raise `InputError` where an interval does not hold the start."""
     slack = ROUNDING * unit_of(low, high, value)
     if not low - slack <= value <= high + slack:
-        raise InputError("bounds", bounds, f"an interval that holds the start, {parameter} = {value:g}")
+        raise InputError("bounds", (low, high), f"an interval that holds the start, {name} = {value:g}")
+
+
+def read_varied(orbit: PeriodicOrbit, name: str) -> Quantity | None:
+    """Return the quantity along which a branch goes, or None where it goes along a parameter; the name is checked."""
+    known = orbit.system.parameter_names
+    if orbit.fixed is None or (isinstance(name, str) and name in known):
+        hint = ""
+        if orbit.fixed is None and isinstance(name, str) and ("(" in name or name.startswith(("min_", "max_", "per"))):
+            hint = "a quantity varies along orbits that solve_orbit found with fix={...}"
+        checks.chosen("parameter", name, known, hint=hint)
+        return None
+    return read_quantity(orbit.system, name)
+
+
+def read_range(name: str, value: float, bounds: tuple[float, float], directions: str) -> tuple[float, float]:
+    """Return the interval of a quantity that starts at a value; all arguments are checked."""
+    checks.chosen("directions", directions, _DIRECTIONS)
+    low, high = checks.interval("bounds", bounds)
+    _check_start(name, value, low, high)
     return low, high
 
 
@@ -142,21 +177,42 @@ def unit_of(low: float, high: float, value: float) -> float:
 def read_events(
     orbit: PeriodicOrbit, parameter: str, events: Mapping[str, float]
 ) -> tuple[tuple[str, str, float], ...]:
-    """Return (name, kind, value) for each user's event; kind is ``parameter`` or an extreme, as ``min_gap``."""
-    found = []
-    quantities = [*orbit.min]
+    """Return (name, kind, value) for each user's event; kind is ``parameter``, ``observable`` or as ``min_gap``."""
+    found: list[tuple[str, str, float]] = []
+    quantities, free = [*orbit.min], ""
+    if orbit.fixed is not None and not orbit.fixed.family and parameter not in orbit.system.parameter_names:
+        free = orbit.fixed.free
     for name, given in events.items():
         value = checks.number(f"events[{name!r}]", given)
         if name == parameter:
             found.append((name, "parameter", value))
+        elif name == free:
+            found.append((name, "freed", value))
         elif name in quantities:
             found += [(name, f"min_{name}", value), (name, f"max_{name}", value)]
         elif name.startswith(("min_", "max_")) and name[4:] in quantities:
             found.append((name, name, value))
+        elif name == "period":
+            found.append((name, "observable", value))
+        elif "(" in name:
+            read_quantity(orbit.system, name)
+            found.append((name, "observable", value))
         else:
             known = [parameter, *quantities, *(f"min_{q}" for q in quantities), *(f"max_{q}" for q in quantities)]
-            raise InputError("events", name, f"one of {', '.join(known)}", nearest(name, known))
+            known.append("period")
+            instead = f"one of {', '.join(known)}, or an observable, as in 'mean({quantities[0]})'"
+            raise InputError("events", name, instead, nearest(name, known))
     return tuple(found)
+
+
+def check_along_parameter(name: str, point: SpecialPoint[Any]) -> None:
+    """Raise `InputError` where a special point belongs to a branch along a quantity, not a parameter."""
+    known = point.solution.system.parameter_names
+    if not set(point.varied) <= set(known):
+        fixed, hint = point.orbit.fixed, ""
+        if fixed is not None and fixed.free and not fixed.family:
+            hint = f"a branch along {fixed.free!r} through its orbit passes the same point"
+        raise InputError(name, f"a point along {point.varied[0]!r}", "a point of a branch along a parameter", hint)
 
 
 def read_start(start: SpecialPoint[Any] | PeriodicOrbit | Equilibrium | MapOrbit, kind: str | None) -> tuple[Any, str]:
@@ -170,17 +226,21 @@ def read_start(start: SpecialPoint[Any] | PeriodicOrbit | Equilibrium | MapOrbit
         known, loci = CYCLE_LOCI, _CYCLE_LOCI
     if kind is not None:
         checks.chosen("type", kind, known)
+    if isinstance(solution, PeriodicOrbit) and solution.fixed is not None and solution.fixed.family:
+        raise InputError("start", "one of a family of orbits", "an orbit that is isolated at its parameters")
     if isinstance(start, PeriodicOrbit | Equilibrium | MapOrbit):
         if kind is None:
-            what = type(start).__name__
-            raise InputError("start", what, "a special point, or a solution with its type", "type='SN'")
+            what, word = _NAMES[type(start)]
+            raise InputError("start", what, f"a special point, or {word} with its type", "type='SN'")
         return start, kind
     checks.instance("start", start, SpecialPoint)
     if kind is None:
         kind = loci.get(start.type, start.locus if start.type == "TP" else None)
     if kind is None:
         allowed = f"a point of type {', '.join(loci)}"
-        raise InputError("start", start.type, allowed, "no locus belongs to this type")
+        known_type = start.type in {*_LOCI, *_EQUILIBRIUM_LOCI, "TP"}
+        hint = "no locus belongs to " + ("this type" if known_type else "a user's event")
+        raise InputError("start", start.type, allowed, hint)
     return solution, kind
 
 

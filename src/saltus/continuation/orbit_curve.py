@@ -13,7 +13,14 @@ import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents
-from saltus.continuation.curve_files import complex_table, ragged_rows, special_points_of, special_variables
+from saltus.continuation.curve_files import (
+    column_name,
+    complex_table,
+    described,
+    ragged_rows,
+    special_points_of,
+    special_variables,
+)
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints
 from saltus.errors import InputError
 from saltus.flow.observables import check_observables, observe, read_observable
@@ -22,6 +29,7 @@ from saltus.orbits.orbit import TOLERANCES, follow_from, orbit_at, signature_fro
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.sampling import motion_of
 from saltus.orbits.signature import Signature
+from saltus.orbits.unfolding import Fixed, read_fixed
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system
@@ -244,8 +252,8 @@ class OrbitCurve(Result):
         if name.startswith(("min_", "max_")) and name[4:] in self.quantities:
             source = orbit.lows if name.startswith("min_") else orbit.highs
             return float(source[self.quantities.index(name[4:])])
-        if name in self.varied:
-            return orbit.parameters[name]
+        if name in self.varied or name in orbit.parameters:
+            return point.value(name)
         if name == "period":
             return orbit.period
         if name in self.system.states:
@@ -299,13 +307,19 @@ class OrbitCurve(Result):
         """
         index = checks.count("index", index, -len(self), len(self) - 1)
         problem, u = self._solved(index)
-        return orbit_at(problem, u, problem.resolve(u)[1])
+        return orbit_at(problem, u, problem.resolve(u)[1], fixed=self._fixed(index))
+
+    def _parameters(self, index: int) -> dict[str, float]:
+        """Return all parameters of one point's orbit."""
+        return {**self.parameters, **dict(zip(self.varied, np.atleast_1d(self.values[index]).tolist(), strict=True))}
+
+    def _fixed(self, index: int) -> Fixed | None:
+        """Return what is fixed of one point's orbit, and what is freed; None along parameters."""
+        return None
 
     def _solved(self, index: int) -> tuple[OrbitProblem, NDArray[np.float64]]:
         """Return the equations of one point's orbit, meshes made, and their solution."""
-        row = np.atleast_1d(self.values[index]).tolist()
-        values = dict(self.parameters) | dict(zip(self.varied, row, strict=True))
-        p = self.system.parameter_vector(values)
+        p = self.system.parameter_vector(self._parameters(index))
         problem = OrbitProblem(self.system, self.forms[self.form[index]], p, tol=self.tolerance)
         u = np.array(self.unknowns[index])
         states = len(self.system.states)
@@ -340,8 +354,7 @@ class OrbitCurve(Result):
             if q != skip:
                 data[f"min_{q}"] = ("point", self.lows[:, i])
                 data[f"max_{q}"] = ("point", self.highs[:, i])
-        data["lows"] = (("point", "quantity"), self.lows)
-        data["highs"] = (("point", "quantity"), self.highs)
+        data |= {"lows": (("point", "quantity"), self.lows), "highs": (("point", "quantity"), self.highs)}
         forms = list(dict.fromkeys([*self.forms, *(point.orbit.form for point in self.special_points)]))
         data |= special_variables(self.special_points, self.varied, self.multipliers.shape[1], forms, self.system)
         coords = {
@@ -350,7 +363,7 @@ class OrbitCurve(Result):
             "parameter": list(self.varied),
         }
         taken = {*data, *coords, *(dim for dims, *_ in data.values() for dim in np.atleast_1d(dims))}
-        columns = [f"varied_{name}" if name in taken else name for name in self.varied]
+        columns = [column_name(name, taken) for name in self.varied]
         data = {column: ("point", table[:, i]) for i, column in enumerate(columns)} | data
         attrs = {
             "varied": json.dumps(list(self.varied)),
@@ -365,8 +378,7 @@ class OrbitCurve(Result):
             "rejected": json.dumps(list(self.rejected)),
             "options": json.dumps(dict(self.options)),
             "tolerance": self.tolerance,
-            "ragged": "unknown: the points' segments one after the other, unknown_count numbers each: "
-            f"state ({n}) and duration of each segment",
+            "ragged": f"unknown: unknown_count numbers for each point: state ({n}) and duration of each segment",
         }
         return xr.Dataset(data, coords=coords, attrs=attrs)
 
@@ -388,8 +400,10 @@ class OrbitCurve(Result):
         point = ("point",)
         system = held_system(held)
         parameters, varied = held_parameters(held, system), tuple(held.texts("varied"))
-        if not varied or len(set(varied)) < len(varied) or not set(varied) <= set(system.parameter_names):
-            raise InputError("attribute 'varied'", varied, f"parameters, of {', '.join(system.parameter_names)}")
+        fixed = read_fixed(held, system)
+        known = system.parameter_names if fixed is None else (fixed.quantity,)
+        if not varied or len(set(varied)) < len(varied) or not set(varied) <= set(known):
+            raise InputError("attribute 'varied'", varied, f"of {', '.join(known)}")
         quantities = (*system.all_states, *system.output_names)
         for name, wanted in (("state", system.states), ("quantity", quantities), ("parameter", varied)):
             held.names(name, wanted)
@@ -401,6 +415,7 @@ class OrbitCurve(Result):
         n_forms = held.count("n_forms", most=len(forms))
         number = held.array("form", point, int, least=0, most=n_forms - 1)
         wide, tolerance = len(system.all_states) + 1, held.number("tolerance", *TOLERANCES)
+        points = special_points_of(held, system, (parameters, varied, fixed), forms, tolerance)
         return cls(
             system=system,
             parameters=parameters,
@@ -416,7 +431,7 @@ class OrbitCurve(Result):
             forms=tuple(forms[:n_forms]),
             form=number,
             unknowns=ragged_rows(held, "unknown", "ragged", "point", [len(forms[i]) * wide for i in number.tolist()]),
-            special_points=SpecialPoints(special_points_of(held, system, parameters, varied, forms, tolerance), varied),
+            special_points=SpecialPoints(points, varied),
             stopped=(held.text("stopped_first"), held.text("stopped_last")),
             rejected=tuple(held.texts("rejected")),
             options=held.json("options", dict),
@@ -426,11 +441,4 @@ class OrbitCurve(Result):
 
     def _described(self, what: str) -> str:
         """Return the text of a `repr`: kind, range, ends and special points."""
-        of = self.system.name or "a hybrid system"
-        lines = [f"{what} of {of}: {len(self)} orbits, {int(self.stable.sum())} stable"]
-        for name, column in zip(self.varied, self.values.reshape(len(self), -1).T, strict=True):
-            ends = (column.min(), column.max()) if len(self) else (np.nan, np.nan)
-            lines[0] += ", {} from {:.9g} to {:.9g}".format(name, *ends)
-        lines += [f"  began: {self.stopped[0]}", f"  ended: {self.stopped[1]}"]
-        lines += [f"  {line}" for line in repr(self.special_points).splitlines()]
-        return "\n".join(lines)
+        return described(self, what, "orbits")

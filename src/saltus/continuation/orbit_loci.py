@@ -8,23 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.arclength import Failure, StepControl, follow
+from saltus.continuation.arclength import follow
 from saltus.continuation.closure import alongside, passes
 from saltus.continuation.grazing import Neighbour, neighbour, touching
 from saltus.continuation.locating import events_between
 from saltus.continuation.locus import Locus
-from saltus.continuation.locus_problem import LocusData, LocusZeroProblem
+from saltus.continuation.locus_problem import LocusZeroProblem
 from saltus.continuation.monitor import Monitor, at_grazing
-from saltus.continuation.options import ROUNDING
+from saltus.continuation.run import TwoParameterRun
 from saltus.continuation.special_points import SpecialPoint
-from saltus.continuation.two_sided import SAME, Found, OneSide, join, turned
+from saltus.continuation.two_sided import SAME, Found, OneSide, join, traced, turned
 from saltus.continuation.zero_problem import Event, Point, start_point
 from saltus.errors import InputError
 from saltus.orbits.critical import Branching, Condition, Critical, Grazing, TorusCondition
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import DIRECTION, DURATION, MEAN_END, WHOLE, Signature
-from saltus.progress import Reporter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,38 +43,37 @@ _REGULAR = 1e-11  # least singular value of the extended equations, over the lar
 _UNFOLDED = 1e-7  # forcing from which on the branch points of a BP locus do not persist
 
 
-class OrbitLocusRun:
-    """One call of `continue_locus`: start, options and equations, which both directions share."""
+class OrbitLocusRun(TwoParameterRun):
+    """One call of `continue_locus` from an orbit: start, options and equations, which both directions share."""
 
-    def __init__(
-        self,
-        start: SpecialPoint | PeriodicOrbit,
-        orbit: PeriodicOrbit,
-        kind: str,
-        names: tuple[str, str],
-        intervals: tuple[tuple[float, float], tuple[float, float]],
-        control: StepControl,
-        stops: set[str],
-        reporter: Reporter,
-    ) -> None:
-        self.start, self.orbit, self.kind, self.names, self.control = start, orbit, kind, names, control
-        self.stops, self.reporter = stops, reporter
-        self.scales = np.array([high - low for low, high in intervals])
-        low = [(bound / scale) for (bound, _), scale in zip(intervals, self.scales, strict=True)]
-        high = [(bound / scale) for (_, bound), scale in zip(intervals, self.scales, strict=True)]
-        self.bounds = ((low[0], high[0]), (low[1], high[1]))
-        self.log: list[Failure] = []
-        self.branch: LocusZeroProblem
+    odd = LocusZeroProblem.odd
+    branch: LocusZeroProblem
+
+    def __init__(self, start: SpecialPoint | PeriodicOrbit, orbit: PeriodicOrbit, *options: Any) -> None:
+        super().__init__(*options)
+        self.start, self.orbit = start, orbit
+
+    def locus(self, order: tuple[str, ...], directions: str) -> Locus:
+        """Return the locus, its parameters in the order that the user gave."""
+        origin = self.begin(self.names.index(order[1]))
+        with self.reporter:
+            halves = traced(lambda sign: self.trace(origin, sign), directions)
+        joined = self.with_start(join((self.branch, origin), halves, "locus"), self._at_start(origin))
+        return Locus(
+            system=self.orbit.system,
+            parameters=dict(self.orbit.parameters),
+            tolerance=self.orbit.tolerance,
+            angle=np.array([point.examined.data.angle for _, point in joined.rows]),
+            **self.fields(joined, order, self.locus_options(directions)),
+            **joined.fields(),
+        )
 
     def _problem(self, signature: Signature, unknowns: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]]:
         """Return the equations of a signature with the two parameters active, meshes made, and all unknowns."""
         system = self.orbit.system
         p = system.parameter_vector(self.orbit.parameters)
         active = [system.parameter_names.index(name) for name in self.names]
-        values = p[active] / self.scales
-        for i, interval in enumerate(self.bounds):
-            for bound in interval:
-                values[i] = bound if abs(values[i] - bound) < ROUNDING else values[i]
+        values = self.start_values(p[active])
         problem = OrbitProblem(system, signature, p, active, self.scales, self.orbit.tolerance)
         u = np.append(unknowns, values)
         problem.start(u, self.start.sizes if isinstance(self.start, SpecialPoint) else None)
@@ -97,11 +95,11 @@ class OrbitLocusRun:
             reason = "the extended equations have more than one solution direction there"
             if isinstance(self.start, SpecialPoint) and self.start.type == "CP":
                 reason = "these do not unfold the cusp"
-            raise self._irregular(reason)
+            raise self.irregular(reason)
         try:
             point = start_point(self.branch, z)
         except (ValueError, np.linalg.LinAlgError) as error:
-            raise self._irregular(str(error)) from None
+            raise self.irregular(str(error)) from None
         sizes = np.maximum(self.branch.scale(), float(problem.state_scale.max()) * _MOVED)
         moved = float(np.max(np.abs(point.u - z) / sizes))
         if moved > _MOVED:
@@ -109,11 +107,7 @@ class OrbitLocusRun:
                 "start", f"{moved:.2g} away", f"a located {self.kind}", "the nearest one lies that far from the orbit"
             )
         point.examined = self.branch.examine(point, None)
-        return turned(point, float(point.tangent[towards - 2]), LocusZeroProblem.odd)
-
-    def _irregular(self, reason: str) -> InputError:
-        wanted = f"two parameters in which the {self.kind} has a regular locus"
-        return InputError("parameters", self.names, wanted, reason)
+        return turned(point, float(point.tangent[towards - 2]), self.odd)
 
     def _condition(self, problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Condition, NDArray[np.float64]]:
         """Return the condition of an SN, PD, TR or BP, and a guess of its further unknowns."""
@@ -186,55 +180,36 @@ class OrbitLocusRun:
             problem, u = self._problem(larger.signature, larger.u[:-2])
             found = _vanishing(problem, u)
             if found is None:
-                raise self._irregular("the touching motion cannot be cut at its surface")
+                raise self.irregular("the touching motion cannot be cut at its surface")
         return problem, u, Grazing(problem, *found)
 
-    def trace(self, origin: Point, sign: float) -> OneSide:
-        """Return one direction of the locus, followed to its end."""
-        half = OneSide()
-        # meshes and the signs of null vectors are still those of the other direction's end
+    def restarted(self, origin: Point) -> Point:
+        """See `TwoParameterRun.restarted`: meshes and null vectors' signs are those of the other direction's end."""
         branch, start = self.branch, replace(origin, u=origin.u.copy(), tangent=origin.tangent.copy())
         branch.problem.start(branch.orbit(start.u))
         branch.evaluate(start.u)
         start.examined = branch.examine(start, None)
-        point = turned(start, sign, LocusZeroProblem.odd)
-        for i, (low, high) in enumerate(self.bounds):
-            way = math.copysign(1.0, float(point.tangent[i - 2]))
-            if way * (float(point.u[i - 2]) - (high if way > 0.0 else low)) > -ROUNDING:
-                half.stopped = f"{self._place(point)}: bound reached"
-                return half
-        try:
-            half.stopped = self._follow(half, point, origin)
-        except KeyboardInterrupt:
-            half.stopped, half.interrupted = "interrupted", True
-        return half
+        return start
 
-    def _place(self, point: Point) -> str:
-        values = point.u[-2:] * self.scales
-        return ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.names, values, strict=True))
-
-    def _follow(self, half: OneSide, point: Point, origin: Point) -> str:
+    def followed(self, half: OneSide, point: Point, origin: Point) -> str:
+        """See `TwoParameterRun.followed`."""
         last = point
         for item in follow(self.branch, point, self.control, log=self.log):
             if isinstance(item, str):
-                return f"{self._place(last)}: {item}"
+                return f"{self.place(last)}: {item}"
             if isinstance(item, Event):
                 end = self._event(half, item)
                 if end is not None:
                     half.points.append((self.branch, item.point))
-                    return f"{self._place(item.point)}: {end}"
+                    return f"{self.place(item.point)}: {end}"
                 continue
             if self.kind == "BP" and abs(float(item.u[self.branch.problem.size])) > _UNFOLDED:
-                return f"{self._place(last)}: the branch point does not persist: the parameters unfold it"
+                return f"{self.place(last)}: the branch point does not persist: the parameters unfold it"
             if last.arc > 0.0 and passes(self.branch, self.branch.problem, origin, last, item, self.control):
                 self._close(half, last, point)
                 return "the locus is closed"
-            half.points.append((self.branch, item))
-            if self.reporter.report is not None:
-                pairs = zip(self.names, item.u[-2:] * self.scales, strict=True)
-                self.reporter.step(1, ", ".join(f"{name} = {value:.6g}" for name, value in pairs))
-            if len(half.points) >= self.control.most:
-                return f"{self._place(item)}: {self.control.most} points"
+            if (end := self.keep(half, self.branch, item)) is not None:
+                return end
             last = item
         raise AssertionError("follow ends with a reason")
 
@@ -255,8 +230,7 @@ class OrbitLocusRun:
         """Keep a special point; return the reason why the locus ends there, or None."""
         kind, at = event.name.kind, event.name.segment
         if kind in ("low", "high"):
-            event.point.u[at - 2] = self.bounds[at][kind == "high"]
-            return "bound reached"
+            return self.bound_met(event.point, at, kind)
         of = ""
         on_grazing = isinstance(self.start, SpecialPoint) and self.start.locus == "GR"
         if on_grazing and event.point.arc < SAME and kind != "TP" and not at_grazing(event.name):
@@ -293,32 +267,6 @@ class OrbitLocusRun:
         if not isinstance(start, SpecialPoint) or (monitor := Monitor(start.type)) not in monitors:
             return None
         return Found(start.type, self._orbit(origin), monitors[monitor], 0, 0.0, start.of)
-
-    def assemble(self, origin: Point, halves: list[OneSide], options: dict[str, Any], order: tuple[str, ...]) -> Locus:
-        """Return the locus made of the directions from `origin`."""
-        joined = join((self.branch, origin), halves, "locus")
-        own = self._at_start(origin)
-        if own and all(found.name != own.name or abs(arc) > SAME for found, _, arc in joined.specials):
-            joined.specials = sorted([*joined.specials, (own, float(joined.offset), 0.0)], key=lambda item: item[2])
-        columns = [self.names.index(name) for name in order]
-        data: list[LocusData] = [point.examined.data for _, point in joined.rows]
-        return Locus(
-            system=self.orbit.system,
-            type=self.kind,
-            names=(order[0], order[1]),
-            parameters=dict(self.orbit.parameters),
-            values=np.array([point.u[-2:] * self.scales for _, point in joined.rows])[:, columns],
-            special_points=joined.special_points(order, self.kind),
-            rejected=tuple(
-                f"{self.names[1]} = {failure.parameter * self.scales[1]:.9g}, step {failure.step:.3g}: {failure.reason}"
-                for failure in self.log
-            ),
-            options=options,
-            tolerance=self.orbit.tolerance,
-            angle=np.array([d.angle for d in data]),
-            coefficient=np.array([d.coefficient for d in data]),
-            **joined.fields(),
-        )
 
 
 def _vanishing(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[str, int] | None:

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.arclength import RESTS
+from saltus.continuation.arclength import RESTS, ROUNDED
 from saltus.continuation.grazing import turned
 from saltus.continuation.guards import INFINITE, residual_fault, unconfirmed
 from saltus.continuation.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.phase_plane import astray, depart, solve_again
+from saltus.continuation.watching import Watched
 from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.orbits.floquet import (
     Passage,
@@ -29,19 +30,13 @@ from saltus.orbits.floquet import (
     unstable_count,
 )
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.quantities import read_quantity
 from saltus.orbits.signature import CUT_END, MEAN_END, WHOLE, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = [
-    "Interest",
-    "OrbitData",
-    "OrbitZeroProblem",
-    "grazing_monitors",
-    "shadowed_rates",
-    "side_of",
-]
+__all__ = ["Interest", "OrbitData", "OrbitZeroProblem", "grazing_monitors", "shadowed_rates", "side_of"]
 
 _LOW = Monitor("low")  # parameter less its lower bound
 _HIGH = Monitor("high")  # parameter less its upper bound
@@ -51,6 +46,8 @@ _BP = Monitor("BP")  # determinant of the bordered Jacobian
 
 _FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
 _SHARPER = 1e-6  # relative Newton step up to which a further correction of an orbit in pieces is kept
+_STEADY = 1e-7  # change of the parameter per unit of arclength, up to which it rests if its ends agree
+_ONE = 1e-5  # distance of a multiplier from 1 up to which the orbit may be one of a family
 _SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
 _SLOWED = 0.05  # least velocity of an event at a step's end, over that at its start
 _CRITICAL = 1e-6  # height of a multiplier on the Riemann sphere up to which it is critical
@@ -67,7 +64,8 @@ class Interest:
     scale : float
         Unit of the parameter among the unknowns.
     events : tuple of (name, kind, value)
-        Users' events. `kind` is ``parameter``, or ``min_`` or ``max_`` and a state or output.
+        Users' events. `kind` is ``parameter``, ``freed`` (the freed parameter), ``observable``, or ``min_`` or ``max_``
+        and a state or output.
     """
 
     low: float
@@ -118,6 +116,9 @@ class OrbitZeroProblem:
     singular = frozenset({_BP})
     odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
+    further = 0  # unknowns between those of the orbit and the varied one
+    active_at: slice | None = None  # where among the unknowns the active parameters are, if not at their end
+    neutral = False  # whether multipliers lie on the unit circle all along, as in a conservative system
 
     def __init__(self, problem: OrbitProblem, u: NDArray[np.float64], interest: Interest) -> None:
         self.problem = problem
@@ -133,7 +134,7 @@ class OrbitZeroProblem:
             _LOW: lambda point: _beyond(point.parameter - interest.low),
             _HIGH: lambda point: _beyond(point.parameter - interest.high),
             _SN: lambda point: float(point.tangent[-1]),
-            _PD: lambda point: self._sized(_PD, *doubling_determinant(problem, point.J), point),
+            _PD: lambda point: self._sized(_PD, *doubling_determinant(problem, self.own(point.J)), point),
             _BP: lambda point: self._sized(_BP, point.sign, point.log, point),
         }
         if CUT_END in kinds:
@@ -141,12 +142,17 @@ class OrbitZeroProblem:
             self._simple[_SN] = lambda point: point.sign * self._product(_SN, point, 1.0)
             self._simple[_PD] = lambda point: self._product(_PD, point, -1.0)
             self.noise = MappingProxyType({_SN: _FAINT, _PD: _FAINT})  # both change by many powers of ten in a step
-        for name, i in self._durations.items():
-            self._simple[name] = lambda point, at=i * (self.n + 1) + self.n: float(point.u[at])  # type: ignore[misc]
+        for vanishing, i in self._durations.items():
+            self._simple[vanishing] = lambda point, at=i * (self.n + 1) + self.n: float(point.u[at])  # type: ignore[misc]
         self._surveyed = grazing_monitors(problem)
         names = (*problem.system.all_states, *problem.system.output_names)
-        for i, (_, kind, value) in enumerate(interest.events):
-            if kind == "parameter":
+        self._observables: dict[Monitor, Watched] = {}
+        for i, (name, kind, value) in enumerate(interest.events):
+            if kind == "observable":
+                self._observables[Monitor("event", i)] = Watched(read_quantity(problem.system, name), value)
+            elif kind == "freed":
+                continue
+            elif kind == "parameter":
                 self._simple[Monitor("event", i)] = lambda point, v=value: point.parameter * interest.scale - v  # type: ignore[misc]
             else:
                 side, q = kind[:3], names.index(kind[4:])
@@ -160,8 +166,8 @@ class OrbitZeroProblem:
         period = float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
         self._block = np.zeros(self.n + 1)
         self._block[: self.n] = 1.0 / problem.state_scale**2
-        self._scale = np.ones(problem.size + 1)
-        table = self._scale[:-1].reshape(problem.segments, self.n + 1)
+        self._scale = np.ones(problem.size + self.further + 1)
+        table = self._scale[: problem.size].reshape(problem.segments, self.n + 1)
         table[:, : self.n], table[:, self.n] = problem.state_scale, period
 
     def _sized(self, name: Monitor, sign: float, log: float, point: Point) -> float:
@@ -177,10 +183,14 @@ class OrbitZeroProblem:
 
     def _product(self, name: Monitor, point: Point, mu: float) -> float:
         """Return the product of (multiplier - `mu`) over all multipliers but the trivial one, over its first size."""
-        values = nontrivial(multipliers(self.problem, point.u, point.J), autonomous=self._autonomous)
+        values = nontrivial(multipliers(self.problem, point.u, self.own(point.J)), autonomous=self._autonomous)
         distance = complex(np.prod(values - mu)).real
         log = math.log(max(abs(distance), 1e-300))
         return math.copysign(math.exp(min(log - self._logs.setdefault(name, log), 600.0)), distance)
+
+    def own(self, J: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the Jacobian of the orbit's equations, of that of all equations."""
+        return J
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residual and Jacobian."""
@@ -197,7 +207,7 @@ class OrbitZeroProblem:
     def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return weights by the trapezoidal rule over the period; a segment of zero length contributes nothing."""
         problem = self.problem
-        weights = np.empty(problem.size + 1)
+        weights = np.empty(problem.size + self.further + 1)
         problem.equations.metric(u, problem.segments, self.n, self._block, weights)
         return weights
 
@@ -214,23 +224,40 @@ class OrbitZeroProblem:
             survey = problem.survey(point.u)
         if before is not None and (fault := residual_fault(problem, survey, point.u)) is not None:
             return Examined({}, fault)
+        watched = {name: watch.distance(problem, point.u) for name, watch in self._observables.items()}
         problem.prepare(point.u)
         problem.rescale(survey)
         self._adjust(point.u)
-        values = multipliers(problem, point.u, point.J)
+        values = multipliers(problem, point.u, self.own(point.J))
         way = self._follow(point, before, values)
         followed = way.followed
-        data = OrbitData(survey, values, unstable_count(values[: len(followed)]), followed)
+        unstable = unstable_count(values[: len(followed)], neutral=self.neutral)
+        data = OrbitData(survey, values, unstable, followed)
         monitors = self._measured(point)
-        monitors |= {name: value(survey) for name, value in self._surveyed.items()}
-        if abs(values[0]) < INFINITE:
+        monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
+        if abs(values[0]) < INFINITE and not self.neutral:
             monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         if before is None:
             return Examined(monitors, None, data)
+        if _rests(before, point):
+            self._judge_fold(before, monitors, data)
         self._step = before, point
-        return Examined(monitors, _fault(point, before, monitors, data, way), data)
+        return Examined(monitors, _fault(point, before, monitors, data, None if self.neutral else way), data)
+
+    def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:
+        """Drop the SN monitor where the parameter rests: its sign is rounding, unless the stability changes.
+
+        Along a canard the parameter hardly moves, but a multiplier passes 1 at the fold. Along a family it stays there.
+        """
+        old: OrbitData = before.examined.data
+        away = min(abs(value - 1.0) for value in (*old.followed, *data.followed)) if old.followed else 0.0
+        if data.unstable == old.unstable or away < _ONE:
+            monitors[_SN] = math.nan
+        else:
+            known = {**before.examined.monitors, _SN: self._simple[_SN](before)}
+            before.examined = replace(before.examined, monitors=known)
 
     def _sharpen(self, point: Point) -> None:
         """Correct an orbit in pieces once more, since the error of the last Newton step shows in its multipliers."""
@@ -249,7 +276,7 @@ class OrbitZeroProblem:
     def _measured(self, point: Point) -> dict[Monitor, float]:
         """Return the monitors that need no survey; the SN monitor is 0 where the parameter rests."""
         monitors = {name: value(point) for name, value in self._simple.items()}
-        if CUT_END not in self.problem.signature.kinds and abs(monitors[_SN]) < RESTS:
+        if CUT_END not in self.problem.signature.kinds and abs(monitors.get(_SN, 1.0)) < RESTS:
             monitors[_SN] = 0.0
         return monitors
 
@@ -278,8 +305,10 @@ class OrbitZeroProblem:
             self._sharpen(point)
         if name in self._simple:
             return self._simple[name](point)
+        if name in self._observables:
+            return self._observables[name].distance(self.problem, point.u)
         if name.kind == "TR":
-            way = self._follow(point, None, multipliers(self.problem, point.u, point.J))
+            way = self._follow(point, None, multipliers(self.problem, point.u, self.own(point.J)))
             value = way.followed[name.segment]
             return height(value) if value.imag != 0.0 else math.nan
         if name.kind == "side":
@@ -303,10 +332,12 @@ class OrbitZeroProblem:
         grazings = [event.point.arc for event in events if at_grazing(event.name)]
         kept = [e for e in events if e.name != _SN or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
         kept = [e for e in kept if not bifurcates(e.name) or all(abs(e.point.arc - arc) > 1e-7 for arc in grazings)]
+        kept = [e for e in kept if not self._opposite(e)]
         long = self._step is not None and self._step[1].arc - self._step[0].arc >= _SHORT
         for event in [e for e in kept if e.name.kind in ("SN", "PD", "TR")]:
             u, data = event.point.u, event.point.examined.data
-            if data is not None and unconfirmed(self.problem, event.name.kind, u, event.point.J, data.multipliers):
+            own = self.own(event.point.J)
+            if data is not None and unconfirmed(self.problem, event.name.kind, u, own, data.multipliers):
                 if long:
                     return f"location: the orbit at a zero of {event.name} has no multiplier that is critical"
                 kept.remove(event)
@@ -314,6 +345,11 @@ class OrbitZeroProblem:
         if first is None or self._step is None or not long:
             return kept
         return self._unexplained(first, *self._step) or kept
+
+    def _opposite(self, event: Event) -> bool:
+        """Whether an event is one of a phase that differs from the wanted one by half a turn."""
+        watch = self._observables.get(event.name)
+        return watch is not None and watch.opposite(self.problem, event.point.u)
 
     def _unexplained(self, event: Event, before: Point, after: Point) -> str | None:
         """Return the reason if the first bifurcation or grazing of a step does not explain the stability of its ends.
@@ -326,7 +362,7 @@ class OrbitZeroProblem:
             return None
         if turned(self.problem, event.name, event.point.u):
             return "not admissible: a segment touches its surface inside before it does where it starts"
-        if not a.followed or _rests(before, after):
+        if not a.followed or self.neutral or _rests(before, after):
             return None
         kind, followed = event.name.kind, here.followed
         critical = {i for i, value in enumerate(followed) if abs(height(value)) < _CRITICAL}
@@ -380,7 +416,9 @@ def shadowed_rates(vanishing: list[int], count: int) -> set[Monitor]:
 
 def _rests(a: Point, b: Point) -> bool:
     """Return whether the parameter rests in a step, as along a family of orbits at one value of the parameter."""
-    return max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1]))) < RESTS
+    slope = max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1])))
+    short = abs(b.arc - a.arc) <= _SHORT
+    return slope < RESTS or (slope < _STEADY and abs(b.parameter - a.parameter) < ROUNDED and not short)
 
 
 def _beyond(distance: float) -> float:
@@ -388,7 +426,9 @@ def _beyond(distance: float) -> float:
     return distance if abs(distance) > 1e-12 else 0.0
 
 
-def _fault(point: Point, before: Point, monitors: Mapping[Monitor, float], data: OrbitData, way: Passage) -> str | None:
+def _fault(
+    point: Point, before: Point, monitors: Mapping[Monitor, float], data: OrbitData, way: Passage | None
+) -> str | None:
     """Return the reason why a point may not follow the point before, or None if it may."""
     old: OrbitData = before.examined.data
     known = before.examined.monitors
@@ -400,10 +440,14 @@ def _fault(point: Point, before: Point, monitors: Mapping[Monitor, float], data:
     grazing = any(at_grazing(name) for name in changed)
     if old.survey.admissible and not data.survey.admissible and not grazing:
         return "not admissible: " + "; ".join(data.survey.reasons())
-    if point.arc - before.arc < _SHORT or grazing or not old.survey.admissible or _rests(before, point):
+    if point.arc - before.arc < _SHORT or grazing or not old.survey.admissible:
+        return None
+    if way is not None and _rests(before, point):
         return None
     if any(name.kind == "rate" and 0.0 < value < _SLOWED * known.get(name, 0.0) for name, value in monitors.items()):
         return "velocity: an event is met so much slower that a touch before may be passed over"
+    if way is None:
+        return None
     if not way.sure:
         return "stability: multipliers may have crossed the unit circle in opposite ways"
     if way.real + way.pairs > 1:

@@ -2,45 +2,28 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.arclength import Failure, StepControl, follow
+from saltus.continuation.arclength import StepControl
 from saltus.continuation.branch import Branch
-from saltus.continuation.closure import passes
+from saltus.continuation.branch_run import BranchRun
 from saltus.continuation.cycles import continue_cycle
-from saltus.continuation.grazing import Neighbour, neighbour
 from saltus.continuation.map_curve import MapBranch
-from saltus.continuation.monitor import BIFURCATIONS, at_grazing
-from saltus.continuation.options import ROUNDING, read_events, read_interval, read_stops, unit_of
-from saltus.continuation.orbit_points import amplitude_of, found_at, sharpened
-from saltus.continuation.orbit_problem import Interest, OrbitData, OrbitZeroProblem
-from saltus.continuation.period_halving import halved
-from saltus.continuation.shrinking import equilibrium_ahead
-from saltus.continuation.two_sided import SAME, Found, OneSide, join, traced, turned
-from saltus.continuation.unbounded import grows_at_last, grows_for_ever, too_stiff
-from saltus.continuation.zero_problem import Event, Examined, Point, start_point
+from saltus.continuation.monitor import BIFURCATIONS
+from saltus.continuation.options import read_events, read_interval, read_range, read_stops, read_varied, unit_of
+from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
+from saltus.continuation.quantity_run import QuantityRun
+from saltus.continuation.two_sided import OneSide, join, traced
+from saltus.continuation.zero_problem import Point
 from saltus.cycles import MapOrbit
-from saltus.errors import InputError
-from saltus.orbits.cuts import cut, stretched
-from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.rounds import divided
-from saltus.orbits.signature import Signature, Survey
+from saltus.orbits.orbit import PeriodicOrbit
 from saltus.progress import Report, Reporter
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 __all__ = ["continue_orbit"]
-
-_NOTHING = 1e-14  # parameter, over its interval, up to which it reads 0
-_TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
 
 
 @overload
@@ -84,28 +67,30 @@ def continue_orbit(
     by Newton's method. At a grazing the branch goes on in the neighbouring signature, or ends where there is none. An
     orbit that repeats a shorter one there goes on as the shorter one. `StepControl.at_grazing` and `stop_at` change
     this. A branch of doubled period ends where the period halves. A branch of autonomous cycles ends at the Hopf point
-    (HB) to which the cycle shrinks. Points with a residual above 1e-8 of the orbit's size are rejected. Cycles of a map
-    have border collisions (BC) in place of grazings.
-    docs/theory/continuation.md derives the method, docs/theory/cycles.md that of maps.
+    (HB) to which the cycle shrinks. Where its period grows without bound it ends at the homoclinic orbit (HOM). Points
+    with a residual above 1e-8 of the orbit's size are rejected. Cycles of a map have border collisions (BC) in place of
+    grazings. docs/theory/continuation.md derives the method, docs/theory/cycles.md that of maps.
 
     Parameters
     ----------
     orbit : PeriodicOrbit or MapOrbit
         Where the branch starts.
     parameter : str
-        The parameter that varies.
+        The parameter that varies. From an orbit that `solve_orbit` solved with `fix` on, it may be a quantity:
+        ``period``, ``max_x``, a constant output or an observable. What was freed there is free along the branch.
     bounds : (float, float)
-        Interval of the parameter; the start must lie in it.
+        Interval of the parameter or quantity; the start must lie in it.
     steps : StepControl, optional
         Sizes of steps and their limits, and how the branch goes on at a grazing.
     directions : {"both", "up", "down"}
         Which way the parameter goes at the start.
     events : mapping of str to float, optional
         Users' events. ``{"gap": 0.02}`` records where an extreme of that output or state passes the value. With
-        ``"min_gap"`` or ``"max_gap"`` only one extreme counts. With the parameter's name, the parameter passes the
-        value. Of a map a state or an output at the cycle's first point passes the value.
+        ``"min_gap"`` or ``"max_gap"`` only one extreme counts. A key may also be the parameter, ``"period"`` or an
+        observable, as ``"mean(gap)"``. Of a map a state or an output at the cycle's first point passes the value.
     stop_at : str or iterable of str, optional
-        Types of special points, as ``"SN"`` or a key of `events`; the branch ends at the first.
+        Types of special points, as ``"SN"`` or a key of `events`; the branch ends at the first. Along a quantity
+        ``"TP"`` is where the quantity turns.
     progress : bool or callable
         True for a bar on stderr, or a function called with a `saltus.Progress` after each point.
 
@@ -131,6 +116,14 @@ def continue_orbit(
     >>> branch = continue_orbit(orbit, "A", (0.05, 1.2))
     >>> f"{branch['SN1'].parameters['A']:.9f} {branch['GR1'].parameters['A']:.9f}"
     '0.099970754 0.100000000'
+
+    The swings of a pendulum, a family at fixed parameters, up to the amplitude 3:
+
+    >>> pendulum = HybridSystem.smooth({"x": "v", "v": "-sin(x)"})
+    >>> swing = solve_orbit(pendulum, x0=[1.0, 0.0], period=6.7, fix={"max_x": 1.0})
+    >>> swings = continue_orbit(swing, "max_x", (0.1, 3.0))
+    >>> print(f"{swings.period[0]:.9f} {swings.period[-1]:.9f}")
+    6.287114549 16.155539372
     """
     if isinstance(orbit, MapOrbit):
         return continue_cycle(
@@ -140,270 +133,25 @@ def continue_orbit(
     control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
     checks.instance("orbit", orbit, PeriodicOrbit)
     reporter = Reporter(progress)
-    low, high = read_interval(orbit, parameter, bounds, directions)
+    varied = read_varied(orbit, parameter)
+    if varied is None:
+        value = orbit.parameters[parameter]
+        low, high = read_interval(orbit, parameter, bounds, directions)
+    else:
+        value = varied.value(orbit.problem(), orbit.unknowns)
+        low, high = read_range(parameter, value, bounds, directions)
     events = checks.mapping("events", events, "names to values, as {'gap': 0.02}")
     wanted = read_events(orbit, parameter, events)
-    stops = read_stops(stop_at, [*BIFURCATIONS, *events])
-    scale = unit_of(low, high, orbit.parameters[parameter])
+    stops = read_stops(stop_at, [*BIFURCATIONS, *([] if varied is None else ["TP"]), *events])
+    scale = unit_of(low, high, value)
     interest = Interest(low / scale, high / scale, scale, wanted)
-    run = _Run(orbit, parameter, interest, control, stops, reporter)
+    kind = BranchRun if varied is None else QuantityRun
+    run = kind(orbit, parameter, interest, control, stops, reporter)
     start = run.begin()
     with reporter:
         halves = traced(lambda sign: run.trace(start, sign), directions)
-    options = {
-        "bounds": [low, high],
-        "steps": asdict(control),
-        "directions": directions,
-        "events": {name: float(value) for name, value in events.items()},
-        "stop_at": sorted(stops),
-    }
+    options = run.options([low, high], directions, events)
     return _assemble(orbit, parameter, scale, start, halves, run, options)
-
-
-class _Run:
-    """One call of `continue_orbit`: start and options, which both directions share."""
-
-    def __init__(
-        self,
-        orbit: PeriodicOrbit,
-        parameter: str,
-        interest: Interest,
-        control: StepControl,
-        stops: set[str],
-        reporter: Reporter,
-    ) -> None:
-        self.orbit, self.name, self.interest = orbit, parameter, interest
-        self.index = orbit.system.parameter_names.index(parameter)
-        self.scale = interest.scale
-        self.control, self.stops, self.reporter = control, stops, reporter
-        self.log: list[Failure] = []
-
-    def piece(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
-        """Return the zero problem of a signature near `u`."""
-        p = self.orbit.system.parameter_vector(self.orbit.parameters)
-        scale, tolerance = np.array([self.scale]), self.orbit.tolerance
-        problem = OrbitProblem(self.orbit.system, signature, p, [self.index], scale, tolerance)
-        problem.start(u)
-        return OrbitZeroProblem(problem, u, self.interest)
-
-    def _cut(
-        self, half: OneSide, branch: OrbitZeroProblem, item: Point
-    ) -> tuple[OrbitZeroProblem, Point, float] | None:
-        """Return the branch with its orbits cut into more pieces, a point and a step; None where no cut is due."""
-        if not stretched(branch.problem, item.J):
-            return None
-        problem, u = cut(branch.problem, item.u, item.J)
-        finer = OrbitZeroProblem(problem, u, self.interest)
-        try:
-            point = start_point(finer, u)
-        except ValueError:
-            return None
-        # the first piece starts at the old place: its tangent gives the direction of the branch
-        own = np.append(np.arange(branch.n), -1)
-        along = float((item.weights[own] * item.tangent[own]) @ point.tangent[own])
-        point = replace(point, tangent=math.copysign(1.0, along) * point.tangent, arc=item.arc)
-        point.sign = math.copysign(1.0, along) * point.sign
-        point.examined = finer.examine(point, None)
-        step = item.arc - half.points[-2][1].arc if len(half.points) > 1 else self.control.initial
-        return finer, point, step
-
-    def begin(self) -> tuple[OrbitZeroProblem, Point]:
-        """Return the equations and the first point, its tangent towards growing parameter."""
-        value = self.orbit.parameters[self.name] / self.scale
-        for bound in (self.interest.low, self.interest.high):
-            value = bound if abs(value - bound) < ROUNDING else value
-        u = np.append(self.orbit.unknowns, value)
-        branch = self.piece(self.orbit.form, u)
-        try:
-            point = start_point(branch, u)
-        except ValueError as error:
-            hint = f"the equations have no regular branch there: {error}"
-            raise InputError("orbit", self.orbit.signature, "a regular periodic orbit", hint) from None
-        if stretched(branch.problem, point.J):
-            problem, u = cut(branch.problem, point.u, point.J)
-            branch = OrbitZeroProblem(problem, u, self.interest)
-            point = start_point(branch, u)
-        found = branch.examine(point, None)
-        # a start at a grazing counts as on its admissible side, whatever the rounding
-        monitors = {
-            name: _TOUCHING if at_grazing(name) and abs(value) < SAME * SAME else value
-            for name, value in found.monitors.items()
-        }
-        data: OrbitData = found.data
-        if any(value == _TOUCHING and name.kind in ("duration", "rate") for name, value in monitors.items()):
-            # multipliers mean nothing at a grazing
-            monitors = {name: value for name, value in monitors.items() if name.kind != "TR"}
-            data = replace(data, followed=())
-        point.examined = replace(found, monitors=monitors, data=data)
-        return branch, point
-
-    def _place(self, point: Point) -> str:
-        """Return the parameter of a point as text; 0 where it is rounding of the interval."""
-        value = point.parameter if abs(point.parameter) > _NOTHING else 0.0
-        return f"{self.name} = {value * self.scale:.9g}"
-
-    def trace(self, start: tuple[OrbitZeroProblem, Point], sign: float) -> OneSide:
-        """Return one direction of the branch, followed to its end."""
-        half = OneSide()
-        branch, origin = start
-        branch.problem.start(origin.u)  # meshes are still those of the other direction's end
-        point = turned(origin, sign, OrbitZeroProblem.odd)
-        outwards = math.copysign(1.0, float(point.tangent[-1]))
-        if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -ROUNDING:
-            half.stopped = f"{self._place(point)}: bound reached"
-            return half
-        first: float | None = None
-        try:
-            while True:
-                ended = self._piece(half, branch, point, start, first)
-                if isinstance(ended, str):
-                    half.stopped = ended
-                    return half
-                branch, point, first = ended
-        except KeyboardInterrupt:
-            half.stopped, half.interrupted = "interrupted", True
-            return half
-
-    def _piece(
-        self,
-        half: OneSide,
-        branch: OrbitZeroProblem,
-        point: Point,
-        start: tuple[OrbitZeroProblem, Point],
-        first: float | None,
-    ) -> str | tuple[OrbitZeroProblem, Point, float]:
-        """Follow the orbits of one signature; return why the branch ended, or what `_Run.trace` goes on with."""
-        last = point
-        for item in follow(branch, point, self.control, log=self.log, first_step=first):
-            if isinstance(item, str):
-                reason = grows_at_last(half.points) or too_stiff(branch.problem) or item
-                return f"{self._place(last)}: {reason}"
-            if isinstance(item, Event):
-                end = self._event(half, branch, item)
-                if end is not None:
-                    return end
-                continue
-            same = branch.problem.signature == start[0].problem.signature and not (
-                branch is start[0] and last.arc == 0.0
-            )
-            if same and passes(branch, branch.problem, start[1], last, item, self.control):
-                half.points.append((start[0], start[1]))
-                half.closed = True
-                return "the branch is closed"
-            half.points.append((branch, item))
-            if (rest := equilibrium_ahead(branch, last, item)) is not None:
-                return self._shrunk(half, *rest)
-            if self.reporter.report is not None:
-                self.reporter.step(1, f"{self.name} = {item.parameter * self.scale:.6g}")
-            if len(half.points) >= self.control.most:
-                return f"{self._place(item)}: {self.control.most} points"
-            last = item
-            if (grown := grows_for_ever(half.points)) is not None:
-                return f"{self._place(item)}: {grown}"
-            if (finer := self._cut(half, branch, item)) is not None:
-                return finer
-        raise AssertionError("follow ends with a reason")
-
-    def _shrunk(self, half: OneSide, piece: OrbitZeroProblem, end: Point) -> str:
-        """End a branch at the Hopf point that is its last point."""
-        data = end.examined.data
-        orbit = orbit_at(piece.problem, end.u, end.J, data.survey, data.multipliers)
-        half.specials.append(Found("HB", orbit, amplitude_of(orbit), len(half.points), end.arc))
-        half.points.append((piece, end))
-        return f"{self._place(end)}: the cycle shrinks to an equilibrium"
-
-    def _event(
-        self, half: OneSide, branch: OrbitZeroProblem, event: Event
-    ) -> str | tuple[OrbitZeroProblem, Point, float] | None:
-        kind = event.name.kind
-        point = event.point
-        if kind in ("low", "high"):
-            point.u[-1] = self.interest.low if kind == "low" else self.interest.high
-            half.points.append((branch, point))
-            return f"{self._place(point)}: bound reached"
-        if kind == "event":
-            name = self.interest.events[event.name.segment][0]
-        elif at_grazing(event.name):
-            name = "GR"
-        else:
-            name = kind
-        if name == "BP" and (birth := halved(branch, point)) is not None:
-            half.specials.append(found_at(name, branch, replace(event, point=birth), half))
-            half.points.append((branch, birth))
-            return f"{self._place(birth)}: the period halves"
-        if name != "GR":
-            if name == "BP":
-                event = replace(event, point=sharpened(branch, point))
-            half.specials.append(found_at(name, branch, event, half))
-            return self._end_at(half, branch, event.point, name)
-        if any(s.name == "GR" and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
-            return None
-        if self.control.at_grazing == "pass":
-            half.specials.append(found_at(name, branch, event, half))
-            return self._end_at(half, branch, point, name)
-        found = neighbour(branch.problem, event.name, point.u)
-        half.specials.append(found_at(name, branch, event, half))
-        if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
-            fewer = self.piece(found.signature, found.u)
-            orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
-            half.specials[-1] = replace(half.specials[-1], solution=orbit)
-        half.points.append((branch, point))
-        if name in self.stops:
-            return f"{self._place(point)}: grazing"
-        if isinstance(found, str):
-            return f"{self._place(point)}: grazing, {found}"
-        return self._switch(found, point)
-
-    def _end_at(self, half: OneSide, branch: OrbitZeroProblem, point: Point, name: str) -> str | None:
-        if name not in self.stops:
-            return None
-        half.points.append((branch, point))
-        return f"{self._place(point)}: {name}"
-
-    def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitZeroProblem, Point, float]:
-        """Return equations, point and step to go on with in the neighbouring signature, or why no branch does.
-
-        The point is a first admissible orbit beyond the grazing.
-        """
-        branch = self.piece(found.signature, found.u)
-        if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
-            found = Neighbour(*once)
-            branch = self.piece(found.signature, found.u)
-        try:
-            point = start_point(branch, found.u)
-        except ValueError as error:
-            return f"{self._place(old)}: grazing, no branch goes on: {error}"
-        point.arc = old.arc
-        onward = math.copysign(1.0, float(old.tangent[-1]))
-        for probe in (1e-5, 1e-6, 1e-4):
-            for sign in (onward, -onward):
-                start = turned(point, sign, OrbitZeroProblem.odd)
-                start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
-                trial = follow(
-                    branch, start, StepControl(initial=probe, smallest=probe / 4, largest=probe),
-                     log=[],
-                )  # fmt: skip
-                item = next(trial)
-                if isinstance(item, Point) and _beyond_grazings(branch.problem, item):
-                    item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
-                    return branch, item, min(self.control.initial, 1e-3)
-        return f"{self._place(old)}: grazing, no admissible orbit beyond it"
-
-
-# Survey of a grazing from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
-_INADMISSIBLE = Survey(1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
-
-
-def _beyond_grazings(problem: OrbitProblem, point: Point) -> bool:
-    """Return whether a point is admissible and all its monitor functions of grazings are on that side."""
-    monitors, transitions = point.examined.monitors.items(), problem.system.transitions
-    grazings = (
-        # an event in both directions has no admissible side
-        abs(value) if name.kind == "side" and transitions[name.transition].direction == 0 else value
-        for name, value in monitors
-        if at_grazing(name) and not math.isnan(value)
-    )
-    return point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
 
 
 def _assemble(
@@ -412,7 +160,7 @@ def _assemble(
     scale: float,
     start: tuple[OrbitZeroProblem, Point],
     halves: list[OneSide],
-    run: _Run,
+    run: BranchRun,
     options: dict[str, Any],
 ) -> Branch:
     joined = join(start, halves, "branch")
@@ -422,11 +170,10 @@ def _assemble(
         parameters=dict(orbit.parameters),
         values=np.array([p.parameter * scale for _, p in joined.rows]),
         special_points=joined.special_points((parameter,)),
-        rejected=tuple(
-            f"{parameter} = {failure.parameter * scale:.9g}, step {failure.step:.3g}: {failure.reason}"
-            for failure in run.log
-        ),
+        rejected=run.rejected(),
         options=options,
         tolerance=orbit.tolerance,
+        fixed=run.fixed,
+        freed=np.array([run.freed(*row) for row in joined.rows]),
         **joined.fields(),
     )

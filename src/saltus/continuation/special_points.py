@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, overload
 import numpy as np
 
 from saltus import checks
+from saltus.continuation.connection import Homoclinic
 from saltus.cycles import MapOrbit
 from saltus.cycles.normal_forms import map_normal_form
 from saltus.equilibria import Equilibrium
@@ -41,6 +42,8 @@ _MEANING = {
     "BP": "branch point",
     "GR": "grazing",
     "HB": "Hopf",
+    "HOM": "homoclinic orbit",
+    "SNIC": "saddle-node on an invariant circle",
     "BE": "boundary equilibrium",
     "BC": "border collision",
     "CP": "cusp",
@@ -63,14 +66,14 @@ _MEANING = {
 class SpecialPoint(Generic[Solution]):
     """A special point of a branch or of a locus, located.
 
-    docs/theory/continuation.md and docs/theory/loci.md derive the test functions.
+    docs/theory/continuation.md, docs/theory/loci.md and docs/theory/equilibria.md derive the test functions.
 
     Attributes
     ----------
     type : str
-        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB`` or the name of a user's event. On a locus
-        ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of another locus that meets it.
-        `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list those of equilibria.
+        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB``, ``HOM``, ``SNIC`` or the name of a user's
+        event. On a locus ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of another
+        locus that meets it. `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list those of equilibria.
     label : str
         The type with its number along the curve, as in ``SN1``.
     solution : PeriodicOrbit, Equilibrium or MapOrbit
@@ -83,7 +86,11 @@ class SpecialPoint(Generic[Solution]):
         - TR: ``abs(mu)**2 - 1`` of the complex pair nearest to the unit circle.
         - BP, FF: the determinant, over its size nearby.
         - GR: the normal velocity, the duration, or the distance from the surface.
-        - HB: the amplitude of the last cycle.
+        - HB: the amplitude of the last cycle; of equilibria the product of the sums of two eigenvalues.
+        - HOM: the parameter's last change while it was located.
+        - SNIC: the parameter's distance from the last cycle.
+        - BE: the event function, over its size.
+        - BT, GH, ZH, HH: what docs/theory/equilibria.md, "Loci", lists.
         - CP, GPD, CH: the coefficient of the normal form, over its size nearby.
         - R1 to R4: cosine of the multipliers' angle less that of the resonance.
         - Users' events: the quantity less the wanted value.
@@ -104,6 +111,8 @@ class SpecialPoint(Generic[Solution]):
         Of a BE or BC ``persistence`` or ``nonsmooth fold``; empty where neither is told.
     scale : ndarray, shape (unknowns,), or None
         Typical sizes of the unknowns on a curve of equilibria or of cycles of a map; None on one of orbits.
+    homoclinic : Homoclinic or None
+        At a HOM its saddle with the leading eigenvalues, at a SNIC its saddle-node. The solution is the longest cycle.
     """
 
     type: str
@@ -118,6 +127,7 @@ class SpecialPoint(Generic[Solution]):
     tangent: NDArray[np.float64] | None = None
     kind: str = ""
     scale: NDArray[np.float64] | None = None
+    homoclinic: Homoclinic | None = None
 
     @property
     def orbit(self) -> PeriodicOrbit:
@@ -126,7 +136,9 @@ class SpecialPoint(Generic[Solution]):
 
     @property
     def equilibrium(self) -> Equilibrium:
-        """The equilibrium at the point of a curve of equilibria."""
+        """The equilibrium at the point of a curve of equilibria, or the equilibrium of a HOM or SNIC."""
+        if self.homoclinic is not None:
+            return self.homoclinic.saddle
         return checks.instance(f"solution of {self.label}", self.solution, Equilibrium, "use .orbit or .cycle")
 
     @property
@@ -136,8 +148,30 @@ class SpecialPoint(Generic[Solution]):
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """All parameters at the point."""
-        return self.solution.parameters
+        """All parameters at the point; at a HOM or SNIC those of its equilibrium."""
+        return self.solution.parameters if self.homoclinic is None else self.homoclinic.saddle.parameters
+
+    def value(self, name: str) -> float:
+        """Return a parameter at the point, or the quantity along which the branch goes.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        InputError
+            It is neither.
+        """
+        fixed = self.solution.fixed if isinstance(self.solution, PeriodicOrbit) else None
+        if fixed is not None and name in self.varied and name == fixed.quantity:
+            return fixed.value
+        return self.parameters[checks.chosen("name", name, [*self.parameters, *self.varied])]
 
     @property
     def sizes(self) -> NDArray[np.float64] | None:
@@ -164,7 +198,7 @@ class SpecialPoint(Generic[Solution]):
         if isinstance(self.solution, Equilibrium):
             problem = self.solution.problem(*self.varied)
             values = [self.parameters[name] for name in self.varied]
-            return equilibrium_form(problem, np.append(self.solution.state, values), self.type)
+            return equilibrium_form(problem, np.append(self.solution.state, values), self.type, self.scale)
         if isinstance(self.solution, MapOrbit):
             return NormalForm(self.type, *map_normal_form(self.solution, self.type))
         if self.type not in NORMAL_FORMS:
@@ -173,8 +207,11 @@ class SpecialPoint(Generic[Solution]):
 
     def __repr__(self) -> str:
         meaning = f", {_MEANING[self.type]}" if self.type in _MEANING else ""
+        if self.type == "HB" and not isinstance(self.solution, Equilibrium):
+            meaning += ": the cycle shrinks to an equilibrium"
         of = f" of {self.of}" if self.of else ""
-        return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}\n{self.solution!r}"
+        end = "" if self.homoclinic is None else f"\n{self.homoclinic!r}"
+        return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}{end}\n{self.solution!r}"
 
 
 def _row(solution: PeriodicOrbit | Equilibrium | MapOrbit) -> dict[str, Any]:
@@ -230,7 +267,7 @@ class SpecialPoints(Sequence[SpecialPoint[Solution]]):
         for p in self._points:
             row: dict[str, Any] = {"label": p.label, "type": p.type}
             row |= {"of": p.of} if len(self._parameters) > 1 else {}
-            row |= {name: p.parameters[name] for name in self._parameters}
+            row |= {name: p.value(name) for name in self._parameters}
             row |= _row(p.solution)
             rows.append(row | {"test": p.test})
         return pd.DataFrame(rows)
@@ -238,6 +275,6 @@ class SpecialPoints(Sequence[SpecialPoint[Solution]]):
     def __repr__(self) -> str:
         lines = []
         for p in self._points:
-            values = ", ".join(f"{name} = {p.parameters[name]:.12g}" for name in self._parameters)
+            values = ", ".join(f"{name} = {p.value(name):.12g}" for name in self._parameters)
             lines.append(f"{p.label:5s} {values}" + (f" ({p.of})" if p.of else ""))
         return "\n".join(lines) or "no special points"

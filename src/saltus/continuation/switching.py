@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from saltus.continuation.births import cycle_born, equilibrium_of_cycle, other_e
 from saltus.continuation.cycle_switching import other_cycle
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.monitor import Monitor
+from saltus.continuation.options import check_along_parameter
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.zero_problem import correct
@@ -37,14 +38,10 @@ _ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the
 
 
 @overload
-def switch_branch(
-    point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium],
-) -> PeriodicOrbit | Equilibrium: ...
-@overload
 def switch_branch(point: SpecialPoint[MapOrbit]) -> MapOrbit: ...
-def switch_branch(
-    point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium] | SpecialPoint[MapOrbit],
-) -> PeriodicOrbit | Equilibrium | MapOrbit:
+@overload
+def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]) -> Any: ...
+def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium] | SpecialPoint[MapOrbit]) -> Any:
     """Return a solution of the other branch that meets the point's own branch at a special point.
 
     docs/theory/loci.md, "Other branches", derives the directions for orbits, docs/theory/equilibria.md those for
@@ -95,6 +92,7 @@ def switch_branch(
         return _from_equilibrium(point, point.solution)
     if point.type == "HB":
         return equilibrium_of_cycle(point.solution)
+    check_along_parameter("point", point)
     if point.type == "GR":
         _, *others = grazing_orbits(point)
         if not others:
@@ -110,10 +108,11 @@ def switch_branch(
 def _from_equilibrium(point: SpecialPoint[Equilibrium], equilibrium: Equilibrium) -> PeriodicOrbit | Equilibrium:
     """Return the other solution at a special point of equilibria."""
     parameter = point.varied[0]
+    sizes = np.ones(equilibrium.state.size) if point.scale is None else np.maximum(point.scale, 1e-300)
     if point.type == "HB":
-        return cycle_born(equilibrium, parameter)
+        return cycle_born(equilibrium, parameter, sizes)
     if point.type == "BP":
-        return other_equilibrium(equilibrium, parameter, point.tangent, point.scale)
+        return other_equilibrium(equilibrium, parameter, point.tangent, sizes)
     raise InputError("point", point.type, "of type HB or BP", "no other branch meets there")
 
 

@@ -14,6 +14,7 @@ from saltus.continuation.zero_problem import Examined, Point
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.continuation.connection import Homoclinic
     from saltus.continuation.monitor import Monitor
     from saltus.cycles import MapOrbit
     from saltus.equilibria import Equilibrium
@@ -40,7 +41,7 @@ class Found:
         Number of points of the direction before it.
     arc : float
         Arclength from the start.
-    of, tangent, kind, scale
+    of, tangent, kind, scale, homoclinic
         As in `SpecialPoint`.
     """
 
@@ -53,6 +54,7 @@ class Found:
     tangent: NDArray[np.float64] | None = None
     kind: str = ""
     scale: NDArray[np.float64] | None = None
+    homoclinic: Homoclinic | None = None
 
 
 @dataclass
@@ -100,7 +102,7 @@ class BothSides:
             points.append(
                 SpecialPoint(
                     found.name, label, found.solution, found.value, position, arc - self.arcs[0], varied, found.of,
-                    locus, found.tangent, found.kind, found.scale,
+                    locus, found.tangent, found.kind, found.scale, found.homoclinic,
                 )
             )  # fmt: skip
         return SpecialPoints(points, varied)

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
     Row = tuple[OrbitZeroProblem, Point]
 
-__all__ = ["grows_at_last", "grows_for_ever", "too_stiff"]
+__all__ = ["LONGEST", "grows_at_last", "grows_for_ever", "period_of", "told", "too_stiff"]
 
 _GROWN = 1.2  # least ratio of an unbounded period to its least value on the branch
 _RESTS = 1e-3  # change of the parameter, over its interval and the period's relative growth, up to which it rests
-_LONGEST = 1e3  # ratio of the period to that of the first point at which a branch is ended
+LONGEST = 1e3  # ratio of the period to that of the first point at which a branch is ended
 _LATE = 1.5  # ratio by which the period of an orbit in pieces must grow while the parameter rests
 _RESTING = 3e-6  # change of the parameter, over its range on the branch, up to which it rests during that growth
 
@@ -32,11 +32,11 @@ def grows_at_last(points: list[Row]) -> str | None:
     """
     if len(points) < 4:
         return None
-    periods = [_period(*row) for row in points]
+    periods = [period_of(*row) for row in points]
     before, last = periods[-2:]
     moved = abs(points[-1][1].parameter - points[-2][1].parameter)
     growing = periods[-4] < periods[-3] < before < last and last > _GROWN * min(periods)
-    return _told(last) if growing and moved < _RESTS * (last / before - 1.0) else None
+    return told(last) if growing and moved < _RESTS * (last / before - 1.0) else None
 
 
 def grows_for_ever(points: list[Row]) -> str | None:
@@ -46,16 +46,16 @@ def grows_for_ever(points: list[Row]) -> str | None:
     rested. Both happen next to a homoclinic orbit.
     """
     branch, last = points[-1]
-    period = _period(branch, last)
-    if len(points) > 1 and period > _LONGEST * _period(*points[0]) and period > _period(*points[-2]):
-        return _told(period)
+    period = period_of(branch, last)
+    if len(points) > 1 and period > LONGEST * period_of(*points[0]) and period > period_of(*points[-2]):
+        return told(period)
     if CUT_END not in branch.problem.signature.kinds:
         return None
     values = [point.parameter for _, point in points]
-    late = [point.parameter for piece, point in points if _period(piece, point) * _LATE > period]
+    late = [point.parameter for piece, point in points if period_of(piece, point) * _LATE > period]
     if len(late) == len(points) or max(late) - min(late) > _RESTING * (max(values) - min(values)):
         return None
-    return _told(period)
+    return told(period)
 
 
 def too_stiff(problem: OrbitProblem) -> str | None:
@@ -68,9 +68,11 @@ def too_stiff(problem: OrbitProblem) -> str | None:
     )
 
 
-def _period(piece: OrbitZeroProblem, point: Point) -> float:
+def period_of(piece: OrbitZeroProblem, point: Point) -> float:
+    """Return the period of an orbit of a branch."""
     return float(point.u[piece.n : piece.problem.size : piece.n + 1].sum())
 
 
-def _told(period: float) -> str:
+def told(period: float) -> str:
+    """Return the sentence with which a branch ends whose period grows without bound."""
     return f"the period grows without bound (T = {period:.6g})"

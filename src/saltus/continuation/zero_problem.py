@@ -128,6 +128,11 @@ class Point:
         """The last unknown."""
         return float(self.u[-1])
 
+    @property
+    def line(self) -> NDArray[np.float64]:
+        """The point and its tangent, shape (2, m + 1)."""
+        return np.stack((self.u, self.tangent))
+
 
 @dataclass(frozen=True, eq=False)
 class Event:

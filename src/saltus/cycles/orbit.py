@@ -185,7 +185,7 @@ def _short(value: complex) -> str:
     return f"{value.real:.6g}" if value.imag == 0.0 else f"{value.real:.6g}{value.imag:+.6g}i"
 
 
-def itinerary_of(system: Map, names: object) -> tuple[int, ...]:
+def itinerary_of(system: Map, names: object, argument: str = "itinerary") -> tuple[int, ...]:
     """Return the indices of pieces by their names, in turn.
 
     Raises
@@ -194,10 +194,10 @@ def itinerary_of(system: Map, names: object) -> tuple[int, ...]:
         An itinerary that names no piece of the map.
     """
     given = (names,) if isinstance(names, str) else names
-    listed = checks.listed("itinerary", given, f"names of pieces, of {', '.join(system.piece_names)}")
+    listed = checks.listed(argument, given, f"names of pieces, of {', '.join(system.piece_names)}")
     if not listed:
-        raise InputError("itinerary", names, "a piece for each point")
-    return tuple(system.piece_names.index(checks.chosen("itinerary", name, system.piece_names)) for name in listed)
+        raise InputError(argument, names, "a piece for each point")
+    return tuple(system.piece_names.index(checks.chosen(argument, name, system.piece_names)) for name in listed)
 
 
 def cycle_at(problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> MapOrbit:

@@ -37,20 +37,20 @@ _LARGE = 1e6  # factor on the guess beyond which its iterates are no guess
 def solve_cycle(
     system: Map,
     parameters: Mapping[str, float] | None = None,
-    x0: ArrayLike | None = None,
-    period: int | None = None,
     itinerary: Sequence[str] | None = None,
+    x0: ArrayLike | None = None,
+    period: float | None = None,
 ) -> MapOrbit:
-    """Return the cycle of a map near a guess; `solve_orbit` describes the arguments."""
+    """Return the cycle of a map near a guess; `solve_orbit` describes the arguments, `itinerary` as its `segments`."""
     p = system.parameter_vector(parameters)
-    pieces = None if itinerary is None else itinerary_of(system, itinerary)
+    pieces = None if itinerary is None else itinerary_of(system, itinerary, "segments")
     guess = np.zeros((1, len(system.states))) if x0 is None else _read_guess(system, x0)
     if x0 is None and pieces is None:
         raise InputError("x0", x0, "a state near the cycle", "or an itinerary, for a map in pieces")
     known = len(pieces) if pieces is not None else len(guess) if len(guess) > 1 else None
     k = checks.count("period", 1 if period is None and known is None else period or known, 1, _MOST // guess.shape[1])
     if known is not None and k != known:
-        what = "itinerary" if pieces is not None else "x0"
+        what = "segments" if pieces is not None else "x0"
         raise InputError("period", k, f"{known}, as {what} has points")
     points, pieces_met = _guessed(system, p, guess, k, pieces)
     found = _converged(CycleProblem(system, pieces_met, p), points)

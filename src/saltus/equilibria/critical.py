@@ -5,7 +5,7 @@ docs/theory/equilibria.md, "Loci", derives them.
 References
 ----------
 Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000, ch. 3 and 4 (bordered matrices). Moore,
-SIAM J. Numer. Anal. 17 (1980) 567-576 (branch points).
+Numer. Funct. Anal. Optim. 2 (1980) 441-472 (branch points).
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from saltus.equilibria.algebraic import AlgebraicProblem
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["Boundary", "Condition", "Hopf", "Singular", "solve_branch_point"]
+__all__ = ["Boundary", "Condition", "Hopf", "Singular", "solve_branch_point", "solve_saddle_node"]
 
-_ITERATIONS = 12  # Newton steps to a branch point, at most
+_ITERATIONS = 12  # Newton steps to a critical point, at most
 _FAINT = 1e-12  # size of an equation's terms, over the largest, up to which it has no size of its own
-_CONVERGED = 1e-12  # largest relative Newton step of a converged branch point
+_CONVERGED = 1e-12  # largest relative Newton step of a converged point
 
 
 class Condition(Protocol):
@@ -56,8 +56,8 @@ class Singular:
     Parameters
     ----------
     problem : AlgebraicProblem
-        The equations, two parameters active.
-    u : ndarray, shape (n + 2,)
+        The equations, two parameters active, or one for a single point.
+    u : ndarray, shape (n + active,)
         A solution near the condition.
     sizes : ndarray, shape (n,)
         Typical sizes of the states.
@@ -81,7 +81,11 @@ class Singular:
         left, _, right = np.linalg.svd(scaled)
         self.right, self.left = right[-1] * sizes, left[:, -1] / sizes
         # a matrix that vanishes as a whole has the size of its change along the null vector
-        change = problem.second(u, np.append(self.right, [0.0, 0.0]))[:, : problem.n] * sizes / sizes[:, None]
+        change = (
+            problem.second(u, np.append(self.right, np.zeros(u.size - problem.n)))[:, : problem.n]
+            * sizes
+            / sizes[:, None]
+        )
         self._unit = max(float(np.linalg.norm(scaled)), float(np.linalg.norm(change))) or 1.0
         self.adjust()
 
@@ -107,7 +111,7 @@ class Hopf:
     """The matrix A^2 + k I has a null space of dimension two, as with the eigenvalues +-i sqrt(k).
 
     The further unknowns are a vector v of the null space and k, in units of the matrix' squared size. For k > 0 the
-    equilibrium is a Hopf point, for k < 0 a neutral saddle, and at k = 0 a Bogdanov-Takens point, where the equations
+    equilibrium is a Hopf point, for k < 0 a neutral saddle. At k = 0 it is a Bogdanov-Takens point, where the equations
     stay regular.
 
     Parameters
@@ -207,6 +211,32 @@ class Boundary:
 
     def adjust(self) -> None:
         """Do nothing: there are no borders."""
+
+
+def solve_saddle_node(
+    problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Return the saddle-node near `u`, shape (n + 1,), one parameter active; None where there is none.
+
+    Newton's method solves f = 0 together with `Singular`.
+    """
+    scale, u = np.append(sizes, 1.0), u.copy()
+    try:
+        condition = Singular(problem, u, sizes)
+        for _ in range(_ITERATIONS):
+            F, J = problem.evaluate(u)
+            value, gradient, _ = condition.evaluate(u, np.zeros(0), J)
+            matrix = np.vstack([J, gradient]) * scale
+            rows = 1.0 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
+            step = np.linalg.solve(matrix * rows[:, None], -rows * np.append(F, value))
+            if not float(np.abs(step).max()) < 1.0:
+                return None
+            u = u + scale * step
+            if float(np.abs(step).max()) < _CONVERGED:
+                return u
+    except np.linalg.LinAlgError:
+        return None
+    return None
 
 
 def solve_branch_point(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from saltus import checks
 from saltus.contents import Contents
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of
@@ -87,15 +88,19 @@ class Equilibrium(Result):
         -------
         EquilibriumProblem
             Its parameters have unit 1.
+
+        Raises
+        ------
+        InputError
+            There is no such parameter.
         """
-        indices = [self.system.parameter_names.index(name) for name in active]
+        known = self.system.parameter_names
+        indices = [known.index(checks.chosen("active", name, known)) for name in active]
         p = self.system.parameter_vector(self.parameters)
         return EquilibriumProblem(self.system, self.system.mode_index(self.mode), p, indices, np.ones(len(indices)))
 
     def __getitem__(self, state: str) -> float:
         """Return one state by its name."""
-        from saltus import checks
-
         return float(self.state[self.system.states.index(checks.chosen("state", state, self.system.states))])
 
     def to_xarray(self) -> xr.Dataset:

@@ -10,11 +10,13 @@ coefficient is his (5.39). Kuznetsov, Int. J. Bifurcation Chaos 15 (2005) 3535-3
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from saltus.equilibria.find import state_sizes
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from saltus.equilibria.problem import EquilibriumProblem
 
 __all__ = ["NORMAL_FORMS", "EquilibriumNormalForm", "HopfTerms", "cusp_coefficient", "fold_coefficient",
-           "hopf_terms", "normal_form", "null_pair"]  # fmt: skip
+           "hopf_terms", "lyapunov_coefficient", "normal_form", "null_pair"]  # fmt: skip
 
 NORMAL_FORMS = ("SN", "HB", "CP", "BT")  # types of special points that have a normal form here
 _NOISE = 1e-10  # size of a coefficient, over its terms, up to which it is rounding
@@ -70,7 +72,9 @@ class EquilibriumNormalForm:
         return f"EquilibriumNormalForm {self.type}: {self.criticality}, {name} = {self.coefficient:.9g}{frequency}"
 
 
-def normal_form(problem: EquilibriumProblem, u: NDArray[np.float64], kind: str) -> EquilibriumNormalForm:
+def normal_form(
+    problem: EquilibriumProblem, u: NDArray[np.float64], kind: str, sizes: NDArray[np.float64] | None = None
+) -> EquilibriumNormalForm:
     """Return the normal form at a critical equilibrium.
 
     Parameters
@@ -81,6 +85,8 @@ def normal_form(problem: EquilibriumProblem, u: NDArray[np.float64], kind: str) 
         The equilibrium, located.
     kind : {"SN", "HB", "CP", "BT"}
         Type of the point.
+    sizes : ndarray, shape (n,), optional
+        Typical sizes of the states; by default those at the equilibrium.
 
     Raises
     ------
@@ -89,23 +95,70 @@ def normal_form(problem: EquilibriumProblem, u: NDArray[np.float64], kind: str) 
     """
     if kind not in NORMAL_FORMS:
         raise InputError("type", kind, f"one of {', '.join(NORMAL_FORMS)}", "no normal form belongs to it")
-    A = problem.evaluate(u)[1][:, : problem.n]
+    J = problem.evaluate(u)[1]
+    sizes = state_sizes(problem, u, J) if sizes is None else sizes
+    scaled = _Scaled(problem, np.where(sizes > 0.0, sizes, 1.0))
+    A = J[:, : problem.n] * scaled.sizes / scaled.sizes[:, None]
     values = np.linalg.eigvals(A)
-    top = float(np.abs(values).max())
+    top = float(np.linalg.norm(A, 2))
     if kind == "HB":
         pair = values[np.argmin(np.where(values.imag > 0.0, np.abs(values.real), np.inf))]
         if not pair.imag > 0.0 or abs(pair.real) > _FAR * top:
             raise InputError("point", f"eigenvalues {values}", "an equilibrium with an imaginary pair, as every HB has")
-        return EquilibriumNormalForm(kind, hopf_terms(problem, u, A, float(pair.imag)).l1, float(pair.imag))
+        w = float(pair.imag)
+        return EquilibriumNormalForm(kind, lyapunov_coefficient(problem, u, J, w, sizes), w)
     if problem.n > 1 and float(np.abs(values).min()) > _FAR * top:
         raise InputError("point", f"eigenvalues {values}", f"an equilibrium with an eigenvalue 0, as every {kind} has")
-    if kind == "BT":
-        return EquilibriumNormalForm(kind, _takens_coefficient(problem, u, A))
     q, p = null_pair(A)
+    if kind == "BT":
+        return EquilibriumNormalForm(kind, _takens_coefficient(scaled, u, A) * scaled.unit(q) ** 2)
     p = p / float(p @ q)
     if kind == "SN":
-        return EquilibriumNormalForm(kind, fold_coefficient(problem, u, q, p))
-    return EquilibriumNormalForm(kind, cusp_coefficient(problem, u, A, q, p))
+        return EquilibriumNormalForm(kind, fold_coefficient(scaled, u, q, p) * scaled.unit(q))
+    return EquilibriumNormalForm(kind, cusp_coefficient(scaled, u, A, q, p) * scaled.unit(q) ** 2)
+
+
+def lyapunov_coefficient(
+    problem: EquilibriumProblem,
+    u: NDArray[np.float64],
+    J: NDArray[np.float64],
+    w: float,
+    sizes: NDArray[np.float64],
+) -> float:
+    """Return the first Lyapunov coefficient at an equilibrium with the imaginary pair +-i w, q of unit length."""
+    scaled = _Scaled(problem, np.where(sizes > 0.0, sizes, 1.0))
+    terms = hopf_terms(scaled, u, J[:, : problem.n] * scaled.sizes / scaled.sizes[:, None], w)
+    return terms.l1 * scaled.unit(terms.q) ** 2
+
+
+class _Field(Protocol):
+    """Derivatives of a field, as of an `EquilibriumProblem`."""
+
+    n: int
+
+    def second(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def third(self, u: NDArray[np.float64], *directions: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+
+class _Scaled:
+    """The field in units of the states' sizes, in which singular vectors are accurate whatever the units are."""
+
+    def __init__(self, problem: EquilibriumProblem, sizes: NDArray[np.float64]) -> None:
+        self.problem, self.sizes, self.n = problem, sizes, problem.n
+
+    def unit(self, q: NDArray[Any]) -> float:
+        """Return the factor that gives a vector unit length in the states."""
+        return float(1.0 / np.linalg.norm(self.sizes * q))
+
+    def second(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `EquilibriumProblem.second`; the columns of parameters are left out."""
+        n = self.n
+        found = self.problem.second(u, np.append(v[:n] * self.sizes, v[n:]))[:, :n]
+        return np.asarray(found * self.sizes / self.sizes[:, None])
+
+    def third(self, u: NDArray[np.float64], *directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `EquilibriumProblem.third`."""
+        return np.asarray(self.problem.third(u, *(v * self.sizes for v in directions)) / self.sizes)
 
 
 def null_pair(A: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -119,16 +172,14 @@ def _seen(value: float, *terms: float) -> float:
     return value if abs(value) > _NOISE * sum(abs(term) for term in terms) else 0.0
 
 
-def _bilinear(problem: EquilibriumProblem, u: NDArray[np.float64], v: NDArray[Any], w: NDArray[Any]) -> NDArray[Any]:
+def _bilinear(problem: _Field, u: NDArray[np.float64], v: NDArray[Any], w: NDArray[Any]) -> NDArray[Any]:
     """Return the second derivative B(v, w) of the field in the state."""
     n, still = problem.n, np.zeros(u.size - problem.n)
     parts = [problem.second(u, np.append(part, still))[:, :n] for part in (v.real, v.imag)]
     return np.asarray((parts[0] + 1j * parts[1]) @ w)
 
 
-def fold_coefficient(
-    problem: EquilibriumProblem, u: NDArray[np.float64], q: NDArray[np.float64], p: NDArray[np.float64]
-) -> float:
+def fold_coefficient(problem: _Field, u: NDArray[np.float64], q: NDArray[np.float64], p: NDArray[np.float64]) -> float:
     """Return a = <p, B(q, q)> / 2; it vanishes at a cusp."""
     n = problem.n
     bend = problem.second(u, np.append(q, np.zeros(u.size - n)))[:, :n]
@@ -136,7 +187,7 @@ def fold_coefficient(
 
 
 def cusp_coefficient(
-    problem: EquilibriumProblem,
+    problem: _Field,
     u: NDArray[np.float64],
     A: NDArray[np.float64],
     q: NDArray[np.float64],
@@ -166,6 +217,9 @@ class HopfTerms:
         Shift of the mean.
     double : ndarray of complex, shape (n,)
         Second harmonic.
+    reach : float
+        The amplitude abs(z) at which a term of second or third order of z' is as large as the linear one; inf without
+        such terms. It does not depend on the units of the states but for those of q.
     """
 
     l1: float
@@ -173,9 +227,10 @@ class HopfTerms:
     p: NDArray[Any]
     mean: NDArray[np.float64]
     double: NDArray[Any]
+    reach: float
 
 
-def hopf_terms(problem: EquilibriumProblem, u: NDArray[np.float64], A: NDArray[np.float64], w: float) -> HopfTerms:
+def hopf_terms(problem: _Field, u: NDArray[np.float64], A: NDArray[np.float64], w: float) -> HopfTerms:
     """Return the terms to third order at an equilibrium with the imaginary pair +-i w."""
     n = problem.n
     right, vectors = np.linalg.eig(A.astype(np.complex128))
@@ -188,19 +243,27 @@ def hopf_terms(problem: EquilibriumProblem, u: NDArray[np.float64], A: NDArray[n
     cubes = {key: problem.third(u, *ways) for key, ways in
              {"aaa": (a, a, a), "abb": (a, b, b), "aab": (a, a, b), "bbb": (b, b, b)}.items()}  # fmt: skip
     cubic = cubes["aaa"] + cubes["abb"] + 1j * (cubes["aab"] + cubes["bbb"])
-    mean = -np.linalg.solve(A, _bilinear(problem, u, q, q.conj()).real)
-    double = np.linalg.solve(2j * w * np.eye(n) - A, _bilinear(problem, u, q, q))
+    across, along = _bilinear(problem, u, q, q.conj()), _bilinear(problem, u, q, q)
+    mean = -np.linalg.solve(A, across.real)
+    double = np.linalg.solve(2j * w * np.eye(n) - A, along)
     parts = [
         p.conj() @ cubic,
         2.0 * (p.conj() @ _bilinear(problem, u, q, mean)),
         p.conj() @ _bilinear(problem, u, q.conj(), double),
     ]
     l1 = _seen(float(sum(parts).real) / (2.0 * w), *(abs(part) / (2.0 * w) for part in parts))
-    return HopfTerms(l1, q, p, mean, double)
+    second = max(abs(complex(p.conj() @ term)) for term in (across, along)) / w
+    third = sum(abs(complex(part)) for part in parts) / (2.0 * w)
+    faint = _NOISE * float(np.linalg.norm(p))
+    sizes = [1.0 / second if second > faint else math.inf, third**-0.5 if third > faint else math.inf]
+    return HopfTerms(l1, q, p, mean, double, min(sizes))
 
 
-def _takens_coefficient(problem: EquilibriumProblem, u: NDArray[np.float64], A: NDArray[np.float64]) -> float:
-    """Return a b of x' = y, y' = a x^2 + b x y, with A q1 = q0 and p0 A = p1 for the null vectors q0 and p1."""
+def _takens_coefficient(problem: _Field, u: NDArray[np.float64], A: NDArray[np.float64]) -> float:
+    """Return a b of x' = y, y' = a x^2 + b x y.
+
+    The null vectors q0 and p1 have generalised ones q1 and p0, with A q1 = q0 and p0 A = p1.
+    """
     n = problem.n
     q0, p1 = null_pair(A)
     right = np.block([[A, p1[:, None]], [q0[None, :], np.zeros((1, 1))]])

@@ -181,9 +181,8 @@ def error_norm(slopes, n, first, used, h, x, x_end, rtol, atol):
         ) / scale
         five += a * a
         three += b * b
-    if five == 0.0 and three == 0.0:
-        return 0.0
-    return abs(h) * five / math.sqrt((five + 0.01 * three) * used)
+    both = five + 0.01 * three  # 0 too where squares of tiny errors underflow
+    return 0.0 if both == 0.0 else abs(h) * five / math.sqrt(both * used)
 
 
 @njit(**INNER)

@@ -18,18 +18,19 @@ GAP = -1  # instead of a piece: none holds at a state
 DONE = 0  # all iterations were made
 DIVERGED = 1  # a component is beyond the bound, or no number
 NOWHERE = 2  # not exactly one piece holds at a state
+AGAIN = 3  # some iterations are left
 
 GONE = 1e-30  # square of a direction's length, over that before it was made orthogonal, that is rounding
 
 
 @part
 def least_of(k, x, code, out):
-    """Least condition of piece k at a state; infinite where it has none."""
+    """Least condition of piece k at a state: infinite where it has none, -infinite where one is no number."""
     least = math.inf
     for guard in range(code.guards[k], code.guards[k + 1]):
         call(code.functions[2], guard, 0, x, 0, code.p, out, 0)
         if not out[0] >= least:
-            least = out[0]
+            least = -math.inf if math.isnan(out[0]) else out[0]
     return least
 
 
@@ -105,6 +106,7 @@ def path(x, y, code, limit, discard, states, pieces):
     """Write the path of a motion from x, after `discard` iterations: a status, and how many iterations were made.
 
     x: (n,), the start, then the last state. y: (n,), working space. states: (m, n); pieces: (m,), that of each state.
+    Without any states x is what follows `discard` iterations.
     """
     n = x.size
     for step in range(discard + states.shape[0]):
@@ -114,7 +116,7 @@ def path(x, y, code, limit, discard, states, pieces):
         if at >= 0:
             for i in range(n):
                 states[at, i] = x[i]
-        if at == states.shape[0] - 1:
+        if 0 <= at == states.shape[0] - 1:
             piece = piece_of(x, code, y)
         else:
             piece = advanced(x, y, code)
@@ -201,22 +203,24 @@ def fresh(frame, n, columns, c):
 
 
 @njit(cache=True, **SCALAR)
-def growth(x, frame, work, code, limit, ends, logs):
-    """Carry a frame along a motion: a status, and how many iterations were made.
+def growth(x, frame, work, code, limit, ends, logs, at, most):
+    """Carry a frame along a motion, at most for `most` iterations: a status, AGAIN where some are left.
 
     x: (n,), the start, then the last state. frame: (n * columns,), row by row. work: (2, n * (1 + columns)). ends: (rows,), iteration at which each
-    row of logs ends. logs: (rows, columns), logarithms of growth in each row.
+    row of logs ends. logs: (rows, columns), logarithms of growth in each row. at: (2,), row and iterations so far.
     """
     n, columns = x.size, logs.shape[1]
-    before, after, step = work[0], work[1], 0
-    for row in range(ends.size):
-        total = logs[row]
-        while step < ends[row]:
+    before, after, last = work[0], work[1], at[1] + most
+    while at[0] < ends.size:
+        total = logs[at[0]]
+        while at[1] < ends[at[0]]:
+            if at[1] == last:
+                return AGAIN
             if not bounded(x, limit):
-                return DIVERGED, step
+                return DIVERGED
             piece = piece_of(x, code, after)
             if piece < 0:
-                return NOWHERE, step
+                return NOWHERE
             for i in range(n):
                 before[i] = x[i]
             for i in range(frame.size):
@@ -227,5 +231,6 @@ def growth(x, frame, work, code, limit, ends, logs):
             for i in range(frame.size):
                 frame[i] = after[n + i]
             orthonormal(frame, n, columns, total)
-            step += 1
-    return (DONE if bounded(x, limit) else DIVERGED), step
+            at[1] += 1
+        at[0] += 1
+    return DONE if bounded(x, limit) else DIVERGED

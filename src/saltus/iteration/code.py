@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 
     from saltus.system.maps import Map
 
-__all__ = ["LIMIT", "MapCode", "code_of", "error_of"]
+__all__ = ["LIMIT", "STRETCH", "MapCode", "code_of", "error_of"]
 
+STRETCH = 2_000_000  # iterations between two looks for an interrupt
 LIMIT = 1e100  # modulus of a component beyond which a motion has diverged
 
 _CALLED = ("field", "vary", "guard")  # functions called by kernels, in the order of `MapCode.functions`

@@ -10,7 +10,7 @@ from saltus import checks
 from saltus.errors import InputError
 from saltus.flow.variational import ROWS, Average, Growth
 from saltus.iteration import _map_kernels as kernels
-from saltus.iteration.code import LIMIT, code_of, error_of
+from saltus.iteration.code import LIMIT, STRETCH, code_of, error_of
 from saltus.results import frozen
 
 if TYPE_CHECKING:
@@ -68,10 +68,12 @@ def growth_of_map(
     ends = first + np.round(np.linspace(0, periods, min(ROWS, periods) + 1)).astype(np.int64)
     frame = np.linalg.qr(np.random.default_rng(0).standard_normal((n, columns)))[0].ravel()
     logs, at = np.zeros((ends.size, columns)), np.array(system.full_state(x))
-    work = np.empty((2, n * (1 + columns)))
-    status, step = kernels.growth(at, np.ascontiguousarray(frame), work, code_of(system, p), LIMIT, ends, logs)
+    work, places, code = np.empty((2, n * (1 + columns))), np.zeros(2, np.int64), code_of(system, p)
+    frame = np.ascontiguousarray(frame)
+    while (status := kernels.growth(at, frame, work, code, LIMIT, ends, logs, places, STRETCH)) == kernels.AGAIN:
+        pass
     if status != kernels.DONE:
-        raise error_of(status, step, at, system, p)
+        raise error_of(status, int(places[1]), at, system, p)
     order = np.argsort(-logs[1:].sum(axis=0), kind="stable")
     times = frozen(ends[1:] - ends[0])
     return Growth(times, frozen(logs[1:, order]), frozen(at), system.piece_index(at, p), 0, float(ends[0]))

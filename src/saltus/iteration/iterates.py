@@ -14,7 +14,7 @@ from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.iteration import _map_kernels as kernels
-from saltus.iteration.code import LIMIT, MapCode, code_of, error_of
+from saltus.iteration.code import LIMIT, STRETCH, MapCode, code_of, error_of
 from saltus.iteration.observing import observe_states
 from saltus.results import Result, frozen
 from saltus.system.evaluate import evaluate
@@ -239,8 +239,13 @@ def path_from(
         As `iterate`.
     """
     states, pieces = np.empty((count, len(system.states))), np.empty(count, np.int64)
-    at = np.array(x, dtype=np.float64)
-    status, step = kernels.path(at, np.empty_like(at), code, LIMIT, discard, states, pieces)
-    if status != kernels.DONE:
-        raise error_of(status, step, at, system, p)
-    return states, pieces
+    at, made = np.array(x, dtype=np.float64), 0
+    while True:
+        some = min(discard - made, STRETCH)
+        rows = slice(None) if made + some == discard else slice(0)
+        status, step = kernels.path(at, np.empty_like(at), code, LIMIT, some, states[rows], pieces[rows])
+        if status != kernels.DONE:
+            raise error_of(status, made + step, at, system, p)
+        if len(states[rows]):
+            return states, pieces
+        made += some

@@ -33,14 +33,18 @@ __all__ = [
 _ERROR = 10.0  # change of the Jacobian's entries, in tolerances of the flow, by which errors are estimated
 _LOST = 100.0  # size of a multiplier, in tolerances of the flow and beside the trivial one, below which it is error
 _RESTING = 1e-9  # way of a state in a period, over its size, below which it rests
+_ROUNDED = 1e-13  # size of a state, over the largest, that may be rounding of 0
 _ON_CIRCLE = 1e-9  # height on the Riemann sphere within which a multiplier is on neither side of the unit circle
+_NEUTRAL = 1e-5  # distance from the unit circle that is rounding in a conservative system
 _REAL = 1e-12  # imaginary part, over the modulus, that is rounding
 _CLEARLY = 2.0  # least ratio of the distances of an exchanged pairing to those of a sure one
 _ROUNDS = 60  # most rounds of orthogonal iteration: what has not parted by then has sizes within a factor of two
 _PARTED = 1e-13  # coupling of multipliers below which they count as parted
 
 
-def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
+def multipliers(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], flows: NDArray[np.float64] | None = None
+) -> NDArray[np.complex128]:
     """Return the Floquet multipliers of an orbit, largest modulus first.
 
     They are the generalised eigenvalues of P v = mu R v (docs/theory/orbits.md). Durations have been eliminated by
@@ -57,6 +61,9 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
         The orbit.
     J : ndarray, shape (size, size) or wider
         Jacobian there.
+    flows : ndarray, shape (pieces, states), optional
+        Directions of the flow where the pieces of a smooth cycle start; by default those of the field there. Rounding
+        leaves the field none at a piece that rests at an equilibrium.
 
     Returns
     -------
@@ -69,7 +76,7 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     """
     problem.set_parameters(u)
     if CUT_END in problem.signature.kinds:
-        return _of_pieces(problem, u, J)
+        return _of_pieces(problem, u, J, flows)
     n = problem.n
     P, R = np.empty((n, n)), np.empty((n, n))
     closing, autonomous = problem.kinds[0], problem.system.phase is None
@@ -83,7 +90,7 @@ def multipliers(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.flo
     if closing == PHASE_END:
         values = np.linalg.eigvals(P[:-1, :-1]).astype(np.complex128)
     elif closing == CLOSED_END:
-        values = _across(P, flow, period)
+        values = _across(*_without_rounding(P, flow, problem.state_scale), period)
         values[np.abs(values) < _LOST * problem.tol * float(np.abs(P).max())] = 0.0
     elif n == 3:
         values = np.empty(2, dtype=np.complex128)
@@ -134,24 +141,47 @@ def _across(P: NDArray[np.float64], flow: NDArray[np.float64], period: float) ->
     return np.delete(values, int(np.argmin(np.abs(values - 1.0))))
 
 
-def _of_pieces(problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _without_rounding(
+    P: NDArray[np.float64], flow: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the linearised flow and the flow's direction, without states that are rounding of 0.
+
+    An orbit in an invariant plane has such states. In units of their own sizes the flow along them is arbitrary, and so
+    is what moves them. They are left out if the flow then is the better eigenvector.
+    """
+    resting = sizes < _ROUNDED * float(sizes.max())
+    if not np.any(resting):
+        return P, flow
+    bare, apart = np.where(resting, 0.0, flow), P.copy()
+    apart[np.ix_(resting, ~resting)] = 0.0
+    before = np.linalg.norm(P @ flow - flow) * np.linalg.norm(bare)
+    after = np.linalg.norm(apart @ bare - bare) * np.linalg.norm(flow)
+    return (apart, bare) if after < before else (P, flow)
+
+
+def _of_pieces(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], flows: NDArray[np.float64] | None
+) -> NDArray[np.complex128]:
     """Return the multipliers of a smooth orbit that is cut, largest modulus first, the trivial one last."""
     maps = piece_maps(problem, J)
     if problem.system.phase is not None:
         return _of_product(maps[:, :-1, :-1])
-    turns = []
-    for i, mode in enumerate(problem.modes):
-        flow, at = np.empty(problem.n), i * (problem.n + 1)
-        x = np.ascontiguousarray(u[at : at + problem.n])
-        problem.system.compiled.call("field", int(mode), 0, x, problem.extended, flow)
-        turns.append(_reflector(flow / problem.state_scale))
+    if flows is None:
+        flows = np.empty((problem.segments, problem.n))
+        for flow, mode, row in zip(flows, problem.modes, u[: problem.size].reshape(len(flows), -1), strict=True):
+            x = np.ascontiguousarray(row[: problem.n])
+            problem.system.compiled.call("field", int(mode), 0, x, problem.extended, flow)
+    turns = [_reflector(flow / problem.state_scale) for flow in flows]
     turned = [turns[(i + 1) % len(maps)] @ matrix @ turns[i] for i, matrix in enumerate(maps)]
     values = _of_product(np.array(turned)[:, 1:, 1:])
     if values[-1].imag == 0.0 and abs(values[-1]) < 1.0:
         # the least multiplier follows from the product of all, which the flow's error in its own direction spares
         signs, logs = np.linalg.slogdet(maps)
         others = complex(np.prod(values[:-1])).real
-        values[-1] = math.copysign(math.exp(float(logs.sum()) - math.log(abs(others))), float(signs.prod()) * others)
+        if 0.0 < abs(others) < math.inf:
+            values[-1] = math.copysign(
+                math.exp(float(logs.sum()) - math.log(abs(others))), float(signs.prod()) * others
+            )
     return np.append(values, 1.0)
 
 
@@ -231,9 +261,13 @@ def nontrivial(values: NDArray[np.complex128], *, autonomous: bool) -> NDArray[n
     return values[:-1] if autonomous else values
 
 
-def unstable_count(values: NDArray[np.complex128]) -> int:
-    """Return how many of the given multipliers lie outside the unit circle."""
-    return sum(1 for value in values.tolist() if abs(value) > 1.0)
+def unstable_count(values: NDArray[np.complex128], *, neutral: bool = False) -> int:
+    """Return how many of the given multipliers lie outside the unit circle.
+
+    neutral: whether multipliers may lie on the circle but for rounding, as in a conservative system.
+    """
+    most = 1.0 + _NEUTRAL if neutral else 1.0
+    return sum(1 for value in values.tolist() if abs(value) > most)
 
 
 def distance_from_circle(values: NDArray[np.complex128]) -> float:

@@ -17,6 +17,8 @@ __all__ = ["HopfPoint", "solve_hopf"]
 
 _ITERATIONS = 25  # Newton steps, at most
 _CONVERGED = 1e-12  # Newton step, over the unknowns' sizes, at which the point is taken
+_OPEN = 1e-12  # singular value, over the largest, along whose direction equilibria are not isolated
+_UPRIGHT = 1e-6  # real part of a centre's eigenvalues, over the imaginary one, that is rounding
 _DIFFERENCE = 1e-6  # step of the differences for Newton's matrix, over the unknowns' sizes
 
 
@@ -99,6 +101,32 @@ def solve_hopf(
     return None
 
 
+def solve_centre(problem: OrbitProblem, state: NDArray[np.float64], frequency: float) -> HopfPoint | None:
+    """Return the centre near a guess at the parameters of `problem`, by Newton's method; None where there is none.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations of a cycle nearby; the mode is that of its first segment.
+    state : ndarray, shape (states,)
+        Guess of the equilibrium.
+    frequency : float
+        Guess of the pair's imaginary part, in radians per unit of time.
+    """
+    x, scale, mode = state.copy(), problem.state_scale, int(problem.modes[0])
+    for _ in range(_ITERATIONS):
+        field, jacobian = problem.system.compiled.linearised(mode, x, problem.extended)
+        if not (np.all(np.isfinite(jacobian)) and np.all(np.isfinite(field))):
+            return None
+        step = np.linalg.lstsq(jacobian * scale / scale[:, None], -field / scale, rcond=_OPEN)[0]
+        x = x + scale * step
+        if np.max(np.abs(step)) < _CONVERGED:
+            values = _nearest_first(np.linalg.eigvals(jacobian).astype(np.complex128), frequency)
+            centre = abs(values[0].imag) > 0.0 and abs(values[0].real) < _UPRIGHT * abs(values[0].imag)
+            return HopfPoint(x, 0.0, values) if centre else None
+    return None
+
+
 def _linearised(
     problem: OrbitProblem, point: NDArray[np.float64], frequency: float
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
@@ -110,10 +138,14 @@ def _linearised(
     field, jacobian = problem.system.compiled.linearised(int(problem.modes[0]), point[:n], problem.extended)
     if not np.all(np.isfinite(jacobian)):
         return np.full(n, np.nan), np.full(n, np.nan + 0j)
-    values = np.linalg.eigvals(jacobian).astype(np.complex128)
+    return field, _nearest_first(np.linalg.eigvals(jacobian).astype(np.complex128), frequency)
+
+
+def _nearest_first(values: NDArray[np.complex128], frequency: float) -> NDArray[np.complex128]:
+    """Return eigenvalues, those nearest to +-i `frequency` first."""
     order = np.argsort(np.abs(values - 1j * frequency), kind="stable")
     above = values[order[0]]
     others = np.delete(values, order[0])
     twin = int(np.argmin(np.abs(others - above.conjugate()))) if others.size else 0
     rest = np.delete(others, twin)
-    return field, np.concatenate([[above], others[twin : twin + 1], rest])
+    return np.concatenate([[above], others[twin : twin + 1], rest])

@@ -101,6 +101,8 @@ def normal_form(orbit: PeriodicOrbit, kind: str) -> NormalForm:
     """
     if kind not in NORMAL_FORMS:
         raise InputError("type", kind, f"one of {', '.join(NORMAL_FORMS)}")
+    if orbit.fixed is not None and orbit.fixed.family:
+        raise InputError("orbit", "one of a family of orbits", "an orbit that is isolated at its parameters")
     problem = orbit.problem()
     u = orbit.unknowns
     J = problem.resolve(u)[1]

@@ -23,6 +23,7 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import rounds_of
 from saltus.orbits.sampling import motion_of, sample_orbit
 from saltus.orbits.signature import CUT_END, FAULTS, Signature, Survey
+from saltus.orbits.unfolding import Fixed, read_fixed
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system
@@ -86,6 +87,8 @@ class PeriodicOrbit(Result):
         Extremes over the period.
     tolerance : float
         Relative tolerance of the flow.
+    fixed : Fixed or None
+        The quantity that was fixed when the orbit was solved, and the parameter that was freed.
     """
 
     system: HybridSystem
@@ -100,6 +103,7 @@ class PeriodicOrbit(Result):
     lows: NDArray[np.float64]
     highs: NDArray[np.float64]
     tolerance: float
+    fixed: Fixed | None = None
 
     def __post_init__(self) -> None:
         for name in ("states", "durations", "x0", "lows", "highs"):
@@ -147,8 +151,12 @@ class PeriodicOrbit(Result):
 
     @property
     def stable(self) -> bool:
-        """Whether all multipliers but the trivial one lie inside the unit circle."""
-        return unstable_count(nontrivial(self.multipliers, autonomous=self.system.phase is None)) == 0
+        """Whether all multipliers but the trivial one lie inside the unit circle.
+
+        Those of an orbit in a family at fixed parameters may lie on it, but for rounding.
+        """
+        inner = nontrivial(self.multipliers, autonomous=self.system.phase is None)
+        return unstable_count(inner, neutral=self.fixed is not None and self.fixed.family) == 0
 
     @property
     def admissible(self) -> bool:
@@ -317,6 +325,8 @@ class PeriodicOrbit(Result):
             "admissible": int(self.admissible),
             "tolerance": self.tolerance,
         }
+        if self.fixed is not None:
+            dataset.attrs["fixed"] = json.dumps(self.fixed.as_list())
         return dataset
 
     @classmethod
@@ -343,6 +353,7 @@ class PeriodicOrbit(Result):
             held.array("minimum", ("quantity",), finite=False),
             held.array("maximum", ("quantity",), finite=False),
             held.number("tolerance", *TOLERANCES),
+            read_fixed(held, system),
         )
 
     def __repr__(self) -> str:
@@ -354,10 +365,11 @@ class PeriodicOrbit(Result):
         rounds = f", {self.rounds} times round an orbit of a shorter one" if self.rounds > 1 else ""
         shown = ", ".join(f"{value:.6g}" for value in self.x0)
         sizes = ", ".join(f"{abs(value):.6g}" for value in self.multipliers)
+        fixed = "" if self.fixed is None else f"  fixed       {self.fixed}\n"
         return (
             f"PeriodicOrbit of {self.system.name or 'a hybrid system'}: {kind}\n"
             f"  period      {self.period:.12g}{turns}{rounds}\n"
-            f"  signature   {path}\n"
+            f"  signature   {path}\n{fixed}"
             f"  x0          [{shown}]\n"
             f"  |multipliers| {sizes}\n"
             f"  residual    {self.residual:.2g}" + "".join(f"\n  {landing}" for landing in self.landings_beyond[:1])
@@ -386,6 +398,7 @@ def orbit_at(
     J: NDArray[np.float64],
     survey: Survey | None = None,
     values: NDArray[np.complex128] | None = None,
+    fixed: Fixed | None = None,
 ) -> PeriodicOrbit:
     """Return the orbit that solves `problem` at `u`; survey and multipliers are computed unless given."""
     if survey is None:
@@ -407,6 +420,7 @@ def orbit_at(
         survey.lows,
         survey.highs,
         problem.tol,
+        fixed,
     )
 
 

@@ -25,6 +25,7 @@ __all__ = ["OrbitProblem"]
 _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jacobians
 _RESTING = 1e-9  # size of a state that no other moves, over the largest one, below which it rests at zero
 
+_ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes of the smallest state
 _FEW = 500  # steps of a segment below which stability does not limit them
 _EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
@@ -112,7 +113,7 @@ class OrbitProblem:
     def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return all parameters, shape (parameters,), where the unknowns are `u`."""
         p = self.p.copy()
-        p[self._active] = u[self.size :] * self.scales
+        p[self._active] = u[self.size : self.size + self._active.size] * self.scales
         return p
 
     def set_parameters(self, u: NDArray[np.float64]) -> None:
@@ -135,7 +136,7 @@ class OrbitProblem:
         self.state_scale[resting] = self.state_scale.max()
         if self.system.phase is not None:
             self.state_scale[-1] = 2.0 * math.pi
-        self._atol = self.tol * min(1.0, float(self.state_scale.min()))
+        self._set_absolute_tolerance()
         meshes = self._adapted(blocks)
         if isinstance(meshes, int):
             return meshes
@@ -146,6 +147,11 @@ class OrbitProblem:
         self.fix_phase(u, survey)
         nearby = None if self.slides else self._sizes_nearby(u, survey)
         return None if nearby is None else self.start(u, nearby)
+
+    def _set_absolute_tolerance(self) -> None:
+        """Take the absolute tolerance from the states' sizes, next to equilibria above the field's rounding."""
+        least = float(self.state_scale.min())
+        self._atol = self.tol * max(min(1.0, least), _ABOVE_ROUNDING * least)
 
     def _adapted(self, blocks: NDArray[np.float64]) -> list[NDArray[np.float64]] | int:
         """Return each segment's mesh, its steps as long as the tolerance allows; a segment that cannot be followed."""
@@ -269,7 +275,7 @@ class OrbitProblem:
             known[resting] = top
             self._largest[resting] = 100.0 * top
             self.state_scale[: sizes.size] = known
-            self._atol = self.tol * min(1.0, float(self.state_scale.min()))
+            self._set_absolute_tolerance()
             self._largest = np.maximum(self._largest, sizes)
 
     def _use(self, meshes: list[NDArray[np.float64]]) -> None:

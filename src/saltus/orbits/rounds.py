@@ -76,7 +76,7 @@ def divided(
     if problem.system.phase is not None:
         rounds[:, :, n - 1] -= (2.0 * math.pi * turns / count) * np.arange(count)[:, None]
         allowed[n - 1] = 2.0 * math.pi * max(share, _ALIKE)
-    if np.any(np.abs(rounds - rounds[0]) > allowed):
+    if not np.all(np.abs(rounds - rounds[0]) <= allowed):  # a round that cannot be followed in one piece is NaN
         return None
     once = Signature(modes, transitions, kinds, turns // count)
     return once, np.append(rounds.mean(axis=0).ravel(), u[problem.size :])

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["column_of", "motion_of", "sample_orbit"]
+__all__ = ["Steps", "column_of", "motion_of", "sample_orbit", "steps_of"]
 
 _FEWEST = 16  # fewest steps in a segment, so that a short one is still a curve
 
@@ -95,7 +95,7 @@ def motion_of(problem: OrbitProblem, u: NDArray[np.float64]) -> Motion:
     blocks = u[: problem.size].reshape(problem.segments, n + 1)
     durations = blocks[:, n]
     ends = np.cumsum(durations)
-    steps = _steps(problem)
+    steps = steps_of(problem)
     duration, begun = durations[steps.segments], (ends - durations)[steps.segments]
     s, h = steps.places, steps.widths
     clocks = np.column_stack(
@@ -126,7 +126,7 @@ def motion_of(problem: OrbitProblem, u: NDArray[np.float64]) -> Motion:
     )
 
 
-class _Steps(NamedTuple):
+class Steps(NamedTuple):
     """Dense output: of each step its segment, clustered time, width, start, coefficients; of each segment its end."""
 
     segments: NDArray[np.intp]
@@ -137,11 +137,12 @@ class _Steps(NamedTuple):
     ends: NDArray[np.float64]
 
 
-def _steps(problem: OrbitProblem) -> _Steps:
+def steps_of(problem: OrbitProblem) -> Steps:
+    """Return the dense output that the last survey of a problem left, step by step."""
     mesh, mesh_at, nodes, coefficients = problem.dense()
     last = mesh_at[1:] - 1
     first = np.delete(np.arange(mesh.size), last)
-    return _Steps(
+    return Steps(
         np.repeat(np.arange(problem.segments), np.diff(mesh_at) - 1),
         mesh[first],
         mesh[first + 1] - mesh[first],
@@ -160,7 +161,7 @@ def _follow(
     problem: OrbitProblem, u: NDArray[np.float64], points: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """Return times, full states (time, state) and modes' indices, one segment after the other."""
-    steps, form = _steps(problem), problem.signature
+    steps, form = steps_of(problem), problem.signature
     durations = u[: problem.size].reshape(problem.segments, problem.n + 1)[:, problem.n]
     begun, whole = 0.0, max(float(np.abs(durations).sum()), 1e-300)
     times, states, modes = [], [], []

@@ -11,19 +11,24 @@ import numpy as np
 from saltus import checks
 from saltus.cycles import MapOrbit
 from saltus.cycles.solve import solve_cycle
-from saltus.errors import ConvergenceError, InputError, nearest
+from saltus.errors import ConvergenceError, InputError
 from saltus.flow.sticking import check_continuous
 from saltus.orbits.cuts import cut, stretched
 from saltus.orbits.families import of_a_family
+from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family
 from saltus.orbits.floquet import nontrivial
+from saltus.orbits.guesses import read_guess
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.quantities import sizes_of_unknowns
 from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, Signature
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+    from saltus.orbits.unfolding import UnfoldedEquations
 
 __all__ = ["check_tol", "converge", "in_pieces", "settle_signature", "solve_orbit", "solve_unknowns"]
 
@@ -37,7 +42,8 @@ _RESIDUAL_LEAST = 1e-11  # residual, over the largest state's size, that no near
 _REMESHED = 12  # most times that the meshes of one orbit are moved
 _PERHAPS_ONE = 1e-2  # distance of a multiplier from 1 below which an orbit may be one of a family
 _FAMILY = (
-    "orbits form a family there at fixed parameters, as in a conservative system: add damping and a drive, or simulate"
+    "orbits form a family there at fixed parameters, as in a conservative system: "
+    "solve_orbit(..., fix={'period': ...}) picks one"
 )
 
 
@@ -45,30 +51,38 @@ _FAMILY = (
 def solve_orbit(
     system: HybridSystem,
     parameters: Mapping[str, float] | None = None,
-    segments: Sequence[tuple[str, str | None, ArrayLike, float]] = (),
+    segments: Sequence[tuple[str, str | None, ArrayLike, float]] | None = None,
     *,
+    x0: ArrayLike | None = None,
+    period: float | None = None,
+    fix: Mapping[str, float] | None = None,
+    free: str | None = None,
     tolerance: float = 1e-12,
 ) -> PeriodicOrbit: ...
 @overload
 def solve_orbit(
     system: Map,
     parameters: Mapping[str, float] | None = None,
+    segments: Sequence[str] | None = None,
     *,
     x0: ArrayLike | None = None,
     period: int | None = None,
-    itinerary: Sequence[str] | None = None,
 ) -> MapOrbit: ...
 def solve_orbit(
     system: HybridSystem | Map,
     parameters: Mapping[str, float] | None = None,
-    segments: Sequence[tuple[str, str | None, ArrayLike, float]] = (),
+    segments: Sequence[Any] | None = None,
     *,
-    tolerance: float = 1e-12,
     x0: ArrayLike | None = None,
-    period: int | None = None,
-    itinerary: Sequence[str] | None = None,
+    period: float | None = None,
+    fix: Mapping[str, float] | None = None,
+    free: str | None = None,
+    tolerance: float = 1e-12,
 ) -> PeriodicOrbit | MapOrbit:
     """Return the periodic orbit of a system, or the cycle of a map, near a guess, stable or not.
+
+    The guess is either `segments`, or `x0` and `period` of an orbit of a system with one mode and no transitions.
+    That of a map is `x0` and `period`, or the cycle's itinerary, or both.
 
     Parameters
     ----------
@@ -76,31 +90,41 @@ def solve_orbit(
         The system.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
-    segments : sequence of (mode, transition, x0, duration)
+    segments : sequence of (mode, transition, x0, duration), optional
         The guess, in order: where each segment runs, the transition that ends it, its initial state and its duration.
         With a phase, `x0` may leave it out: the first segment then starts at phase 0, and a last segment whose
         transition is the phase's name ends at phase 0 again. A segment that closes without any event has the phase's
-        name, or None, as its transition.
+        name, or None, as its transition. Of a map in pieces: the cycle's itinerary, the name of the piece at each
+        point. By default the pieces at the guess, then those at the cycle found.
+    x0 : array_like, optional
+        Initial state of a smooth orbit. With a phase, it may leave the phase out. Of a map: a point of the cycle, or
+        all of them, shape (period, states). By default the origin, where an itinerary is given.
+    period : float, optional
+        Period of a smooth orbit, about. With a phase, one forcing period by default. Of a map: how many points are
+        sought. By default as many as `segments` or `x0` has, else 1.
+    fix : mapping of str to float, optional
+        A quantity and the value that it is to have, as ``{"max_x": 1.0}``. It is ``period``, an extreme as ``max_x``,
+        or an observable as ``mean(x)``. A state or output alone, as an energy, must be constant along the motion. In a
+        conservative system the orbits at given parameters are a family, and the quantity picks one of them.
+    free : str, optional
+        The parameter that is sought such that the quantity has its value. Without it the orbit must be one of a family.
     tolerance : float, optional
         Relative tolerance of the flow's steps.
-    x0 : array_like, shape (states,) or (period, states), optional
-        Of a map: a point of the cycle, or all of them. By default the origin, where an itinerary is given.
-    period : int, optional
-        Of a map: how many points are sought. By default as many as `itinerary` or `x0` has, else 1.
-    itinerary : sequence of str, optional
-        Of a map in pieces: the piece at each point. By default those at the guess, then those at the cycle found.
 
     Returns
     -------
     PeriodicOrbit or MapOrbit
-        A cycle of a map has its least period: it may be a divisor of `period`.
+        Its `fixed` remembers what was fixed and freed. A cycle of a map has its least period: it may be a divisor of
+        `period`.
 
     Raises
     ------
     InputError
-        The segments do not fit the system, or an itinerary names no piece of the map.
+        The guess does not fit the system; a name that is not there; more than one quantity to fix; an itinerary names
+        no piece of the map.
     ConvergenceError
-        Newton's method finds no orbit near the guess.
+        Newton's method finds no orbit near the guess; no orbit has the value of the fixed quantity; the quantity tells
+        no orbits apart.
     MapDivergenceError
         The guess of a map's cycle leaves every bound.
 
@@ -118,6 +142,13 @@ def solve_orbit(
     >>> orbit.signature, round(orbit.period, 6)
     ((('flight', 'hit'),), 6.283185)
 
+    The swing of a pendulum whose period is 10, one of a family:
+
+    >>> pendulum = HybridSystem.smooth({"x": "v", "v": "-sin(x)"})
+    >>> swing = solve_orbit(pendulum, x0=[2.0, 0.0], period=9.0, fix={"period": 10.0})
+    >>> print(f"{swing.max['x']:.9f}")
+    2.439906972
+
     A cycle of a map:
 
     >>> from saltus import Map
@@ -127,17 +158,17 @@ def solve_orbit(
     [0.513045 0.799455] [0.16] True
     """
     if isinstance(system, Map):
-        if len(segments) or tolerance != 1e-12:
-            raise InputError(
-                "segments, tolerance", "given", "left out for a map", "x0, period and itinerary are its guess"
-            )
-        return solve_cycle(system, parameters, x0, period, itinerary)
+        if fix is not None or free is not None or tolerance != 1e-12:
+            wanted = "left out for a map"
+            raise InputError("fix, free, tolerance", "given", wanted, "x0, period and an itinerary are its guess")
+        return solve_cycle(system, parameters, segments, x0, period)
     flowing(system)
-    if any(option is not None for option in (x0, period, itinerary)):
-        raise InputError("x0, period, itinerary", "given", "left out for a HybridSystem", "its guess is in segments")
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
-    signature, u = _read_segments(system, p, segments)
+    wish = read_fix(system, fix, free)
+    signature, u = read_guess(system, p, segments, x0, period)
+    if wish is not None:
+        return _converge_fixed(system, signature, u, p, tol, wish)
     return in_pieces(converge(system, signature, u, p, tol))
 
 
@@ -150,9 +181,7 @@ def converge(
     system: HybridSystem, signature: Signature, u: NDArray[np.float64], p: NDArray[np.float64], tol: float
 ) -> PeriodicOrbit:
     """Return the orbit of a signature near the unknowns `u`, its segments' ends chosen to be regular."""
-    most = _MOST_UNKNOWNS // (len(system.all_states) + 1)
-    if len(signature) > most:
-        raise InputError("segments of the orbit", len(signature), f"at most {most}", "its equations would be too large")
+    _check_size(system, signature)
     problem = OrbitProblem(system, signature, p, tol=tol)
     given, first = u, problem
     try:
@@ -166,14 +195,49 @@ def converge(
             raise ConvergenceError("isolated periodic orbit", error.residual, error.iterations, _FAMILY) from None
         raise
     orbit = orbit_at(problem, u, J)
-    _, ends, nodes, _ = problem.dense()
-    for i, mode in enumerate(chosen.modes):
-        states = nodes[ends[i] : ends[i + 1]]
-        check_continuous(system, np.full(len(states), mode), states, problem.extended)
+    _check_fields(problem)
     inner = nontrivial(orbit.multipliers, autonomous=system.phase is None)
     if np.any(np.abs(inner - 1.0) < _PERHAPS_ONE) and of_a_family(first, given):
         raise ConvergenceError("isolated periodic orbit", orbit.residual, 0, _FAMILY)
     return orbit
+
+
+def _converge_fixed(
+    system: HybridSystem, signature: Signature, u: NDArray[np.float64], p: NDArray[np.float64], tol: float, wish: Wish
+) -> PeriodicOrbit:
+    """Return the orbit of a signature near the unknowns `u` of which a quantity has the wanted value."""
+    _check_size(system, signature)
+    equations, guess = unfolded_at(OrbitProblem(system, signature, p, tol=tol), u, wish)
+    equations, unknowns, J = solve_fixed(equations, guess, wish, solve_unknowns)
+    problem = equations.problem
+    chosen, turned = settle_signature(problem, unknowns)
+    if chosen != problem.signature:
+        like = OrbitProblem(system, chosen, problem.parameters_at(unknowns), tol=tol)
+        equations, guess = unfolded_at(like, turned, wish)
+        equations, unknowns, J = solve_fixed(equations, guess, wish, solve_unknowns)
+    if stretched(equations.problem, J[:-1]):
+        equations, guess = unfolded_at(*cut(equations.problem, unknowns, J[:-1]), wish)
+        equations, unknowns, J = solve_fixed(equations, guess, wish, solve_unknowns)
+    check_family(equations, unknowns, J, wish)
+    problem, own, fixed = within_family(equations, unknowns, p, wish)
+    orbit = orbit_at(problem, own, problem.resolve(own)[1], fixed=fixed)
+    _check_fields(problem)
+    return orbit
+
+
+def _check_size(system: HybridSystem, signature: Signature) -> None:
+    """Raise `InputError` where an orbit has more segments than its equations can have."""
+    most = _MOST_UNKNOWNS // (len(system.all_states) + 1)
+    if len(signature) > most:
+        raise InputError("segments of the orbit", len(signature), f"at most {most}", "its equations would be too large")
+
+
+def _check_fields(problem: OrbitProblem) -> None:
+    """Raise `DefinitionError` where the orbit last surveyed passes a jump of a field."""
+    _, ends, nodes, _ = problem.dense()
+    for i, mode in enumerate(problem.signature.modes):
+        states = nodes[ends[i] : ends[i + 1]]
+        check_continuous(problem.system, np.full(len(states), mode), states, problem.extended)
 
 
 def in_pieces(orbit: PeriodicOrbit) -> PeriodicOrbit:
@@ -196,8 +260,19 @@ def in_pieces(orbit: PeriodicOrbit) -> PeriodicOrbit:
     raise ConvergenceError("periodic orbit in pieces", float(np.abs(F).max()), _ITERATIONS, "start from a nearer guess")
 
 
-def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return unknowns and Jacobian of an orbit near `u`, by damped Newton steps at fixed parameters.
+def solve_unknowns(
+    problem: OrbitProblem, u: NDArray[np.float64], unfolded: UnfoldedEquations | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return unknowns and Jacobian of an orbit near `u`, by damped Newton steps.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The segment equations.
+    u : ndarray
+        A guess.
+    unfolded : UnfoldedEquations, optional
+        Equations with a quantity fixed, in place of those of `problem` at fixed parameters.
 
     Raises
     ------
@@ -206,11 +281,16 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
     """
     given = u
     u = _within_reach(problem, u)
+    evaluate = problem.evaluate if unfolded is None else unfolded.evaluate
     scale = np.tile(np.append(problem.state_scale, 1.0), problem.segments)
-    F, J = problem.evaluate(u)
+    if unfolded is not None:
+        scale = np.append(sizes_of_unknowns(problem, u), 1.0)
+    F, J = evaluate(u)
     size, remeshed = float(np.abs(F).max()), 0
     extent = _extent(problem, u)
     for iteration in range(_ITERATIONS):
+        if unfolded is not None and unfolded.turn_gap(u, J[:-1]):
+            F, J = evaluate(u)
         try:
             step = np.linalg.solve(J, -F)
         except np.linalg.LinAlgError:
@@ -221,7 +301,7 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
         factor = min(1.0, 2.0 / length) if length > 2.0 else 1.0
         while True:
             trial = u + factor * step
-            F_new, J_new = problem.evaluate(trial)
+            F_new, J_new = evaluate(trial)
             new = float(np.abs(F_new).max())
             if new <= (1.0 - 0.2 * factor) * size or (length < 1e-6 and new < 1e-6):
                 break
@@ -249,11 +329,11 @@ def solve_unknowns(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[NDArr
             if coarse:
                 problem.start(u)
             remeshed += 1
-            F, J = problem.evaluate(u)
+            F, J = evaluate(u)
             size = float(np.abs(F).max())
         elif length > 1e-2 or iteration == 0:
             u = _within_reach(problem, u)
-            F, J = problem.evaluate(u)
+            F, J = evaluate(u)
             size = float(np.abs(F).max())
     raise ConvergenceError("periodic orbit", size, _ITERATIONS, _why(problem, u, size, extent))
 
@@ -318,81 +398,3 @@ def settle_signature(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Sig
         kinds.append(MEAN_END if abs(gradient[0]) < 1e-8 * size else EVENT_END)
     chosen = Signature(tuple(modes.tolist()), tuple(transitions.tolist()), tuple(kinds), signature.turns)
     return chosen, blocks.ravel()
-
-
-def _read_segments(
-    system: HybridSystem, p: NDArray[np.float64], given: Sequence[tuple[Any, ...]]
-) -> tuple[Signature, NDArray[np.float64]]:
-    segments = checks.listed("segments", given, "a sequence of (mode, transition, x0, duration)")
-    if not segments:
-        raise InputError("segments", segments, "one (mode, transition, x0, duration) or more")
-    n = len(system.all_states)
-    phase = None if system.phase is None else system.phase[0]
-    rate = 0.0
-    blocks, modes, transitions = np.empty((len(segments), n + 1)), [], []
-    elapsed = 0.0
-    for i, segment in enumerate(segments):
-        parts = checks.listed(f"segments[{i}]", segment, "(mode, transition, x0, duration)", most=4)
-        if len(parts) != 4:
-            raise InputError(f"segments[{i}]", segment, "(mode, transition, x0, duration)")
-        mode, transition, x0, duration = parts
-        modes.append(system.mode_index(mode))
-        transitions.append(_transition_index(system, mode, transition, i))
-        duration = checks.positive(f"segments[{i}] duration", duration)
-        x = system.full_state(x0, f"segments[{i}] x0")
-        if phase is not None:
-            if i == 0:
-                field = system.compiled.field(modes[0], x, p)
-                rate, elapsed = float(field[-1]), float(x[-1])
-            elif np.size(x0) == len(system.states):
-                x[-1] = elapsed
-            else:
-                x[-1] += 2.0 * math.pi * round((elapsed - x[-1]) / (2.0 * math.pi))
-            elapsed += rate * duration
-        blocks[i, :n], blocks[i, n] = x, duration
-    turns = 0
-    if phase is not None:
-        turns = round((elapsed - blocks[0, n - 1]) / (2.0 * math.pi))
-        if turns < 1:
-            wanted = "durations that sum to a whole number of forcing periods, at least one"
-            raise InputError(
-                "segments", float(blocks[:, n].sum()), wanted, f"the forcing period is {2 * math.pi / rate:g}"
-            )
-    if transitions[-1] < 0 and len(segments) > 1:
-        if modes[-1] != modes[0]:
-            raise InputError(
-                "segments", segments[-1][0], f"closed in the mode of the first segment, {segments[0][0]!r}"
-            )
-        last = blocks[-1].copy()
-        last[n] += blocks[0, n]
-        if phase is not None:
-            last[n - 1] -= 2.0 * math.pi * turns
-        blocks = np.vstack([last, blocks[1:-1]])
-        modes, transitions = modes[:-1], transitions[:-1]
-    if any(transition < 0 for transition in transitions[: None if len(transitions) > 1 else 0]):
-        raise InputError("segments", [s[1] for s in segments], "a transition for each segment but the last")
-    for i, transition in enumerate(transitions):
-        if transition >= 0:
-            target = system.mode_index(system.transitions[transition].target)
-            if target != modes[(i + 1) % len(modes)]:
-                name = system.transitions[transition].name
-                wanted = f"{system.mode_names[target]!r}, where {name!r} leads"
-                raise InputError(
-                    f"segments[{(i + 1) % len(modes)}] mode", system.mode_names[modes[(i + 1) % len(modes)]], wanted
-                )
-    closing = PHASE_END if phase is not None else CLOSED_END
-    kinds = (closing,) if transitions[0] < 0 else (EVENT_END,) * len(modes)
-    return Signature(tuple(modes), tuple(transitions), kinds, turns), blocks.ravel()
-
-
-def _transition_index(system: HybridSystem, mode: str, transition: str | None, i: int) -> int:
-    closes = isinstance(transition, str) and system.phase is not None and transition == system.phase[0]
-    if transition is None or closes:
-        return -1
-    names = [t.name for t in system.transitions if t.source == mode]
-    if not isinstance(transition, str) or transition not in names:
-        closing = [] if system.phase is None else [system.phase[0]]
-        known = [*names, *closing]
-        wanted = f"a transition out of {mode!r}: {', '.join(known) or 'none'}"
-        raise InputError(f"segments[{i}] transition", transition, wanted, nearest(transition, known))
-    return system.transition_names.index(transition)

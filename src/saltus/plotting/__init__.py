@@ -21,9 +21,13 @@ _HOMES = {
     "saltus.orbits.orbit.PeriodicOrbit": "saltus.plotting.orbit",
     "saltus.flow.trajectory.Trajectory": "saltus.plotting.trajectory",
     "saltus.iteration.iterates.Iterates": "saltus.plotting.iterates",
+    "saltus.continuation.diagram_tree.Diagram": "saltus.plotting.diagram",
     "saltus.continuation.family.Family": "saltus.plotting.family",
     "saltus.continuation.cascade.Cascade": "saltus.plotting.cascade",
     "saltus.continuation.locus.Locus": "saltus.plotting.locus",
+    "saltus.equilibria.equilibrium.Equilibrium": "saltus.plotting.equilibrium",
+    "saltus.continuation.equilibrium_branch.EquilibriumBranch": "saltus.plotting.equilibrium",
+    "saltus.continuation.equilibrium_locus.EquilibriumLocus": "saltus.plotting.locus",
     "saltus.sweeps.sweep.Sweep": "saltus.plotting.sweep",
     "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
     "saltus.basins.map.basins.Basins": "saltus.plotting.basin",
@@ -38,8 +42,9 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
     Parameters
     ----------
     result : Result
-        The result. Functions `plot_...` in `saltus.plotting.branch`, `.cascade`, `.locus`, `.family`, `.orbit`,
-        `.trajectory`, `.iterates`, `.sweep`, `.lyapunov`, `.basin` and `.erosion` list the options of each kind.
+        A result of one of the kinds that docs/theory/plotting.md lists. Functions `plot_...` in
+        `saltus.plotting.branch`, `.cascade`, `.locus`, `.family`, `.orbit`, `.equilibrium`, `.diagram`, `.trajectory`,
+        `.iterates`, `.sweep`, `.lyapunov`, `.basin` and `.erosion` list the options of each kind.
     *args, **options
         Names of the quantities on the axes, and ``ax``, the Axes to draw into; by default in a new figure.
 

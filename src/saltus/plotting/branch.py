@@ -1,15 +1,17 @@
-"""Picture of a branch: solid where stable, dashed where unstable, with special points as markers."""
+"""Pictures of branches: solid where stable, dashed where unstable, with special points as markers."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.continuation.branch import Branch
+from saltus.continuation.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.special_points import SpecialPoint
+from saltus.equilibria import Equilibrium
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:
@@ -20,9 +22,21 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["Piece", "default_axes", "draw_pieces", "pieces_of", "plot_branch"]
+__all__ = [
+    "AnyBranch",
+    "Piece",
+    "default_axes",
+    "draw_branch",
+    "draw_pieces",
+    "draw_special",
+    "pieces_of",
+    "plot_branch",
+]
 
-_SPLITS = ("SN", "PD", "TR", "BP")  # special points at which stability may change
+AnyBranch = Branch | EquilibriumBranch
+
+_SPLITS = ("SN", "PD", "TR", "BP", "HB")  # special points at which stability may change
+_MEETINGS = ("GR", "BE")  # special points at which the equations change
 _NEAREST = 1e-9  # relative distance up to which a point of the branch is the grazing point next to it
 _VERTICES = 4000  # vertices of a branch, about
 
@@ -34,7 +48,7 @@ class Piece:
     Attributes
     ----------
     kind : str
-        ``stable``, ``unstable`` or ``not admissible``.
+        ``stable``, ``unstable``, ``not admissible`` (orbits) or ``virtual`` (equilibria).
     x, y : ndarray, shape (vertex,)
         Vertices of the curve: points of the branch, and interpolated ones between them.
     """
@@ -79,15 +93,20 @@ def plot_branch(
     """
     style.check_options(ax, x, y, special=special, legend=legend)
     x, y = default_axes(branch.system, branch.parameter, x, y)
+    return draw_branch(branch, x, y, ax, special=special, legend=legend)
+
+
+def draw_branch(branch: AnyBranch, x: str, y: str, ax: Axes | None, *, special: bool, legend: bool) -> Axes:
+    """Draw a branch of orbits or of equilibria; the options are those of `plot_branch`, checked."""
     pieces = pieces_of(branch, x, y)
     ax = style.axes(ax)
     draw_pieces(ax, pieces)
     if special:
-        _draw_special(ax, branch, x, y)
+        draw_special(ax, branch, x, y)
     ax.set_xlabel(style.label_of(x))
     ax.set_ylabel(style.label_of(y))
     if legend and (pieces or len(branch.special_points)):
-        ax.legend()
+        style.draw_legend(ax)
     return ax
 
 
@@ -107,20 +126,25 @@ def draw_pieces(ax: Axes, pieces: Iterable[Piece]) -> None:
         named.add(piece.kind)
 
 
-def _draw_special(ax: Axes, branch: Branch, x: str, y: str) -> None:
+def draw_special(ax: Axes, branch: AnyBranch, x: str, y: str) -> None:
+    """Draw the special points of a branch, those of each type with one marker."""
     for kind in dict.fromkeys(point.type for point in branch.special_points):
         marker = style.SPECIAL.get(kind, replace(style.EVENT, meaning=""))
         points = [point for point in branch.special_points if point.type == kind]
         ax.plot(
-            [branch.at(point, x) for point in points],
-            [branch.at(point, y) for point in points],
+            [_at(branch, point, x) for point in points],
+            [_at(branch, point, y) for point in points],
             label=f"{kind}, {marker.meaning}" if marker.meaning else style.plain(kind),
-            zorder=5 if kind in ("SN", "GR") else 6,
+            zorder=5 if kind in ("SN", *_MEETINGS) else 6,
             **marker.options(),
         )
 
 
-def pieces_of(branch: Branch, x: str, y: str) -> list[Piece]:
+def _at(branch: AnyBranch, point: Any, name: str) -> float:
+    return branch.at(point, name)
+
+
+def pieces_of(branch: AnyBranch, x: str, y: str) -> list[Piece]:
     """Return a branch as connected curves, each of one kind."""
     nodes = _nodes(branch, x, y)
     if len(nodes.x) < 2:
@@ -152,22 +176,52 @@ class _Nodes:
     kind: list[str]
 
 
-def _nodes(branch: Branch, x: str, y: str) -> _Nodes:
+@dataclass(frozen=True)
+class _Traits:
+    """What a picture needs to know of a branch's points.
+
+    Attributes
+    ----------
+    sound : ndarray of bool, shape (point,)
+        Whether the solution is a motion of the system.
+    fault : str
+        The kind of those that are none.
+    equations : ndarray of int, shape (point,)
+        Number of the equations: signature or mode.
+    states : ndarray, shape (point, state)
+        The equilibrium, or where the orbit starts.
+    """
+
+    sound: NDArray[np.bool_]
+    fault: str
+    equations: NDArray[np.int64]
+    states: NDArray[np.float64]
+
+
+def _traits(branch: AnyBranch) -> _Traits:
+    if isinstance(branch, EquilibriumBranch):
+        return _Traits(branch.regular, "virtual", branch.mode, branch.states)
+    return _Traits(branch.admissible, "not admissible", branch.form, branch.x0)
+
+
+def _nodes(branch: AnyBranch, x: str, y: str) -> _Nodes:
     columns = np.array([branch.column(x), branch.column(y)])
-    specials = list(branch.special_points)
+    specials: list[SpecialPoint[Any]] = [*branch.special_points]
     if not len(branch):
         return _Nodes(np.empty(0), np.empty(0), np.empty(0), np.empty(0, bool), [])
-    twins = _twins(branch, specials)
+    traits = _traits(branch)
+    twins = _twins(branch, traits, specials)
     rows = [row for row in range(len(branch)) if row not in twins.values()]
     s, place, corner, kind = [float(branch.arclength[rows[0]])], [columns[:, rows[0]]], [False], []
     for row, after in pairwise(rows):
         points = [point for point in specials if row < point.position < after]
-        kind += _kinds(branch, row, after, points)
+        met = [point.type in _MEETINGS for point in points]
+        kind += _kinds(traits, branch.stable, row, after, points)
         s += [*(point.arclength for point in points), float(branch.arclength[after])]
-        place += [np.array([branch.at(point, x), branch.at(point, y)]) for point in points]
+        place += [np.array([_at(branch, point, x), _at(branch, point, y)]) for point in points]
         place.append(columns[:, after])
-        corner += [point.type == "GR" for point in points]
-        corner.append(bool(branch.form[row] != branch.form[after]) and not any(p.type == "GR" for p in points))
+        corner += met
+        corner.append(bool(traits.equations[row] != traits.equations[after]) and not any(met))
     table = np.array(place)
     return _Nodes(_growing(np.array(s)), table[:, 0], table[:, 1], np.array(corner), kind)
 
@@ -178,30 +232,33 @@ def _growing(s: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.append(s[:1], s[0] + np.cumsum(np.maximum(np.diff(s), least)))
 
 
-def _twins(branch: Branch, specials: list[SpecialPoint]) -> dict[int, int]:
-    """Return, by index, the grazing points that are also points of the branch, in the other signature."""
+def _twins(branch: AnyBranch, traits: _Traits, specials: list[SpecialPoint[Any]]) -> dict[int, int]:
+    """Return, by index, the points at which equations change that are also points of the branch, in the others."""
     twins: dict[int, int] = {}
     width = float(np.ptp(branch.values)) or 1.0
     for i, point in enumerate(specials):
+        own = point.equilibrium.state if isinstance(branch, EquilibriumBranch) else point.orbit.x0
         for row in (int(np.floor(point.position)), int(np.ceil(point.position))):
-            if point.type == "GR" and 0 < row < len(branch) - 1:
-                apart = abs(branch.values[row] - point.parameters[branch.parameter])
-                near = np.allclose(branch.x0[row], point.orbit.x0, rtol=_NEAREST, atol=_NEAREST)
+            if point.type in _MEETINGS and 0 < row < len(branch) - 1:
+                apart = abs(branch.values[row] - point.value(branch.parameter))
+                near = np.allclose(traits.states[row], own, rtol=_NEAREST, atol=_NEAREST)
                 if near and apart < _NEAREST * width:
                     twins[i] = row
     return twins
 
 
-def _kinds(branch: Branch, row: int, after: int, between: list[SpecialPoint]) -> list[str]:
+def _kinds(
+    traits: _Traits, stable: NDArray[np.bool_], row: int, after: int, between: list[SpecialPoint[Any]]
+) -> list[str]:
     """Return the kinds of the intervals between two points, divided by the special points between them."""
-    first, last = _kind(branch, row), _kind(branch, after)
+    first, last = (("stable" if stable[i] else "unstable") if traits.sound[i] else traits.fault for i in (row, after))
     if not between:
         if first == last:
             return [first]
-        return ["not admissible" if "not admissible" in (first, last) else "unstable"]
+        return [traits.fault if traits.fault in (first, last) else "unstable"]
     kinds = [first, *[""] * (len(between) - 1), last]
-    grazings = [i for i, point in enumerate(between) if point.type == "GR"]
-    ahead = grazings[0] if grazings else len(between)
+    meetings = [i for i, point in enumerate(between) if point.type in _MEETINGS]
+    ahead = meetings[0] if meetings else len(between)
     for i in range(1, min(ahead + 1, len(between))):
         kinds[i] = _beyond(kinds[i - 1], between[i - 1])
     for i in range(len(between) - 1, ahead, -1):
@@ -209,19 +266,17 @@ def _kinds(branch: Branch, row: int, after: int, between: list[SpecialPoint]) ->
     return kinds
 
 
-def _kind(branch: Branch, row: int) -> str:
-    if not branch.admissible[row]:
-        return "not admissible"
-    return "stable" if branch.stable[row] else "unstable"
-
-
-def _beyond(kind: str, point: SpecialPoint) -> str:
-    """Return the kind beyond a special point: stability changes if no other multiplier is unstable."""
-    if kind == "not admissible" or point.type not in _SPLITS:
+def _beyond(kind: str, point: SpecialPoint[Any]) -> str:
+    """Return the kind beyond a special point: stability changes if no other multiplier or eigenvalue is unstable."""
+    if kind in style.FAULTY or point.type not in _SPLITS:
         return kind
     if kind == "stable":
         return "unstable"
-    unstable = int(np.sum(np.abs(point.orbit.multipliers) > 1.0 + 1e-6))
+    if isinstance(point.solution, Equilibrium):
+        values = point.solution.eigenvalues
+        unstable = int(np.sum(values.real > 1e-6 * np.abs(values).max()))
+    else:
+        unstable = int(np.sum(np.abs(point.orbit.multipliers) > 1.0 + 1e-6))
     return "unstable" if unstable else "stable"
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.continuation.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.locus import Locus
 from saltus.errors import InputError
 from saltus.plotting import plot, style
@@ -16,10 +17,13 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_locus"]
 
+_WIDE = 80  # characters of three entries of a legend from which on it has two columns
+
 
 @plot.register(Locus)
+@plot.register(EquilibriumLocus)
 def plot_locus(
-    locus: Locus,
+    locus: Locus | EquilibriumLocus,
     x: str | None = None,
     y: str | None = None,
     *,
@@ -28,18 +32,18 @@ def plot_locus(
     special: bool = True,
     legend: bool = True,
 ) -> Axes:
-    """Draw a locus and return the matplotlib Axes.
+    """Draw a locus of orbits or of equilibria and return the matplotlib Axes.
 
-    The curve has the colour of its type's special points. It is solid where all multipliers but the critical ones are
-    stable, else dashed. It is dotted in grey where the orbits are no motion of the system. A GR locus, whose
-    multipliers are infinite, is solid. Between its points the curve is interpolated in arclength.
+    The curve has the colour of its type's special points. It is solid where all multipliers or eigenvalues but the
+    critical ones are stable, else dashed. It is dotted in grey where the solutions are no motion of the system. A GR
+    locus, whose multipliers are infinite, is solid. Between its points the curve is interpolated in arclength.
 
     Parameters
     ----------
-    locus : Locus
+    locus : Locus or EquilibriumLocus
         The locus.
     x, y : str, optional
-        Quantities that `Locus.column` knows; by default the two parameters.
+        Quantities that its `column` knows; by default the two parameters.
     z : str, optional
         A third quantity: the height of a picture in space.
     ax : matplotlib.axes.Axes, optional
@@ -61,9 +65,9 @@ def plot_locus(
     named: set[str] = set()
     for stretch in stretches:
         options = dict(style.LINES[stretch.kind])
-        if stretch.kind != "not admissible":
+        if stretch.kind not in style.FAULTY:
             options["color"] = style.SPECIAL[locus.type].colour
-        label = "_" if stretch.kind in named else _meaning(locus.type, stretch.kind)
+        label = "_" if stretch.kind in named else _meaning(locus, stretch.kind)
         ax.plot(*stretch.places, label=label, **options)
         named.add(stretch.kind)
     if special:
@@ -87,18 +91,21 @@ def _axes(ax: Axes | None, *, deep: bool) -> Axes:
 def _draw_legend(ax: Axes, above: bool) -> None:
     if above:
         handles, labels = ax.get_legend_handles_labels()
-        ax.figure.legend(handles, labels, loc="outside upper center", ncols=min(3, len(handles)), frameon=False)
+        columns = 3 if 3 * max(map(len, labels)) < _WIDE else 2
+        ax.figure.legend(handles, labels, loc="outside upper center", ncols=min(columns, len(handles)), frameon=False)
     else:
-        ax.legend()
+        style.draw_legend(ax)
 
 
-def _meaning(kind: str, stability: str) -> str:
-    if stability == "not admissible":
+def _meaning(locus: Locus | EquilibriumLocus, stability: str) -> str:
+    if stability in style.FAULTY:
         return stability
-    return f"{kind}, {style.SPECIAL[kind].meaning}" + (", of unstable orbits" if stability == "unstable" else "")
+    what = "equilibria" if isinstance(locus, EquilibriumLocus) else "orbits"
+    known = f"{locus.type}, {style.SPECIAL[locus.type].meaning}"
+    return known + (f", of unstable {what}" if stability == "unstable" else "")
 
 
-def _draw_special(ax: Axes, locus: Locus, names: list[str]) -> None:
+def _draw_special(ax: Axes, locus: Locus | EquilibriumLocus, names: list[str]) -> None:
     for kind in dict.fromkeys(point.type for point in locus.special_points):
         marker = style.SPECIAL[kind]
         places = [coordinates_of(locus, point, names) for point in locus.special_points.of_type(kind)]

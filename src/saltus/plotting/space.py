@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.continuation.branch import Branch
+from saltus.continuation.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.locus import Locus
-from saltus.continuation.orbit_curve import OrbitCurve
 from saltus.continuation.special_points import SpecialPoint
 from saltus.errors import InputError
 from saltus.plotting import style
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d.art3d import Line3D, Poly3DCollection
     from numpy.typing import NDArray
 
-__all__ = ["Stretch", "axes_in_space", "coordinates_of", "draw_in_space", "draw_level", "stretches_of"]
+__all__ = ["Curve", "Stretch", "axes_in_space", "coordinates_of", "draw_in_space", "draw_level", "stretches_of"]
+
+Curve = Branch | EquilibriumBranch | Locus | EquilibriumLocus
 
 _VERTICES = 2000  # vertices of a locus, about
 _COINCIDENT = 1e-3  # distance in arclength, over a mean step, up to which two nodes of a locus are one
@@ -40,7 +43,8 @@ class Stretch:
     Attributes
     ----------
     kind : str
-        ``stable``, ``unstable`` or ``not admissible``. On a locus critical multipliers do not count.
+        ``stable``, ``unstable``, ``not admissible`` (orbits) or ``virtual`` (equilibria). On a locus critical
+        multipliers or eigenvalues do not count.
     places : ndarray, shape (quantity, vertex)
         Vertices of the curve.
     """
@@ -49,25 +53,25 @@ class Stretch:
     places: NDArray[np.float64]
 
 
-def stretches_of(curve: OrbitCurve, names: Sequence[str]) -> list[Stretch]:
+def stretches_of(curve: Curve, names: Sequence[str]) -> list[Stretch]:
     """Return a branch or a locus as connected smooth curves, each of one kind.
 
     Parameters
     ----------
-    curve : Branch or Locus
+    curve : Branch, Locus, EquilibriumBranch or EquilibriumLocus
         The curve.
     names : sequence of str
-        Two quantities or more that `OrbitCurve.column` knows, or parameters that are constant along the curve.
+        Two quantities or more that its `column` knows, or parameters that are constant along the curve.
 
     Raises
     ------
     InputError
         A quantity of another name.
     """
-    if isinstance(curve, Locus):
+    if isinstance(curve, Locus | EquilibriumLocus):
         return _stretches_of_locus(curve, names)
-    if not isinstance(curve, Branch):
-        raise InputError("curve", type(curve).__name__, "a Branch or a Locus")
+    if not isinstance(curve, Branch | EquilibriumBranch):
+        raise InputError("curve", type(curve).__name__, "a Branch or a Locus, of orbits or of equilibria")
     along = [name for name in names if not _is_constant(curve, name)]
     first = along[0] if along else curve.parameter
     tables = {name: pieces_of(curve, first, name) for name in along or [first]}
@@ -80,16 +84,16 @@ def stretches_of(curve: OrbitCurve, names: Sequence[str]) -> list[Stretch]:
     return stretches
 
 
-def coordinates_of(curve: OrbitCurve, point: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
+def coordinates_of(curve: Curve, point: SpecialPoint[Any], names: Sequence[str]) -> NDArray[np.float64]:
     """Return quantities of `stretches_of` at a special point of a curve; shape (quantity,)."""
     return np.array([point.parameters[n] if _is_constant(curve, n) else curve.at(point, n) for n in names])
 
 
-def _is_constant(curve: OrbitCurve, name: str) -> bool:
+def _is_constant(curve: Curve, name: str) -> bool:
     return name in curve.parameters and name not in curve.varied
 
 
-def _stretches_of_locus(locus: Locus, names: Sequence[str]) -> list[Stretch]:
+def _stretches_of_locus(locus: Locus | EquilibriumLocus, names: Sequence[str]) -> list[Stretch]:
     """Return a locus as curves, interpolated in arclength by modified Akima splines, which hardly overshoot."""
     points = np.array([_column(locus, name) for name in names]).T
     nodes = [(s, points[i], _kind(locus, i)) for i, s in enumerate(locus.arclength.tolist())]
@@ -115,12 +119,14 @@ def _stretches_of_locus(locus: Locus, names: Sequence[str]) -> list[Stretch]:
     ]
 
 
-def _column(locus: Locus, name: str) -> NDArray[np.float64]:
+def _column(locus: Locus | EquilibriumLocus, name: str) -> NDArray[np.float64]:
     return np.full(len(locus), locus.parameters[name]) if _is_constant(locus, name) else locus.column(name)
 
 
-def _kind(locus: Locus, index: int) -> str:
+def _kind(locus: Locus | EquilibriumLocus, index: int) -> str:
     """Return the kind of a point; a GR locus, whose multipliers are infinite, counts as stable."""
+    if isinstance(locus, EquilibriumLocus):
+        return ("stable" if locus.stable[index] else "unstable") if locus.regular[index] else "virtual"
     if not locus.admissible[index]:
         return "not admissible"
     return "stable" if locus.stable[index] or locus.type == "GR" else "unstable"
@@ -131,7 +137,7 @@ def _kinds_between(nodes: list[str]) -> list[str]:
     kinds = []
     for before, after in pairwise(nodes):
         met = {before, after} - {""}
-        kinds.append(next((kind for kind in ("not admissible", "unstable", "stable") if kind in met), ""))
+        kinds.append(next((kind for kind in (*style.FAULTY, "unstable", "stable") if kind in met), ""))
     known = next((kind for kind in kinds if kind), "stable")
     for i, kind in enumerate(kinds):
         known = kinds[i] = kind or known
@@ -160,7 +166,7 @@ def axes_in_space() -> Axes3D:
 
 def draw_in_space(
     ax: Axes3D,
-    curve: OrbitCurve,
+    curve: Curve,
     names: tuple[str, str, str],
     *,
     kinds: Collection[str] = tuple(style.LINES),
@@ -180,7 +186,7 @@ def draw_in_space(
         The curve.
     names : (str, str, str)
         Quantities, as `stretches_of` takes them.
-    kinds : collection of {"stable", "unstable", "not admissible"}, optional
+    kinds : collection of {"stable", "unstable", "not admissible", "virtual"}, optional
         Kinds that are drawn; by default all.
     origin : (float, float, float), optional
         Value that is subtracted from each quantity.

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CURVE",
     "EVENT",
+    "FAULTY",
     "LINES",
     "PLANE",
     "SPECIAL",
@@ -28,6 +29,7 @@ __all__ = [
     "check_matplotlib",
     "check_options",
     "colour_of_mode",
+    "draw_legend",
     "label_of",
     "new_figure",
     "plain",
@@ -38,14 +40,19 @@ __all__ = [
 CURVE = "#1b1b1e"  # colour of a branch
 SURFACE = "#e8820c"  # colour of an event surface, drawn as a dotted line: the paper's orange
 
-# Line styles by the kind of orbits.
+_NO_MOTION = {"color": "0.6", "linestyle": (0, (1.0, 1.5)), "linewidth": 1.1}  # of what is no motion of the system
+
+# Line styles by the kind of orbits or equilibria.
 LINES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "stable": {"color": CURVE, "linestyle": "-", "linewidth": 1.4},
         "unstable": {"color": CURVE, "linestyle": (0, (3.5, 1.7)), "linewidth": 1.1},
-        "not admissible": {"color": "0.6", "linestyle": (0, (1.0, 1.5)), "linewidth": 1.1},
+        "not admissible": _NO_MOTION,
+        "virtual": _NO_MOTION,
     }
 )
+
+FAULTY = ("not admissible", "virtual")  # kinds that are no motion of the system
 
 # How an event surface is drawn in space: the paper's pink.
 PLANE: Mapping[str, Any] = MappingProxyType(
@@ -86,6 +93,9 @@ SPECIAL: Mapping[str, Marker] = MappingProxyType(
         "TR": Marker("torus", "D", "#0f5fa8", filled=False),
         "BP": Marker("branch point", "s", "#000000"),
         "HB": Marker("Hopf point", "D", "#b35900"),
+        "HOM": Marker("homoclinic orbit", "*", "#1b1b1e", size=7.0),
+        "SNIC": Marker("saddle-node on an invariant circle", "*", "#b8101f", filled=False, size=7.0),
+        "BE": Marker("boundary equilibrium", "s", "#00798c", filled=False),
         "CP": Marker("cusp", "^", "#1b1b1e", size=6.0),
         "GPD": Marker("generalised period doubling", "v", "#1b1b1e", size=6.0),
         "CH": Marker("Chenciner point", "p", "#1b1b1e", size=6.0),
@@ -94,6 +104,10 @@ SPECIAL: Mapping[str, Marker] = MappingProxyType(
         "R3": Marker("resonance 1:3", "h", "#8a4b08", size=6.0),
         "R4": Marker("resonance 1:4", "X", "#8a4b08", size=6.0),
         "FF": Marker("fold-flip", "P", "#1b1b1e", size=6.0),
+        "BT": Marker("Bogdanov-Takens", "*", "#1b1b1e", size=8.0),
+        "GH": Marker("generalised Hopf", "v", "#1b1b1e", filled=False, size=6.0),
+        "ZH": Marker("zero-Hopf", "p", "#1b1b1e", filled=False, size=6.0),
+        "HH": Marker("double Hopf", "h", "#1b1b1e", filled=False, size=6.0),
         "TP": Marker("turning point", "o", "#5c5c66", filled=False, size=4.0),
     }
 )
@@ -165,6 +179,13 @@ def check_options(ax: object, *names: object, **flags: object) -> None:
 def axes(ax: Axes | None) -> Axes:
     """Return `ax`, or the Axes of a new figure."""
     return new_figure().add_subplot() if ax is None else ax
+
+
+def draw_legend(ax: Axes) -> None:
+    """Draw the legend of Axes; what several curves have in common is named once."""
+    handles, labels = ax.get_legend_handles_labels()
+    named = dict(zip(reversed(labels), reversed(handles), strict=True))
+    ax.legend([named[label] for label in dict.fromkeys(labels)], [*dict.fromkeys(labels)])
 
 
 def new_figure(**options: Any) -> Figure:

@@ -81,8 +81,12 @@ class MapReturns:
         return 1.0
 
     def growth(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, returns: int, time: float) -> Growth:
-        """Return the growth of perturbations over some iterations."""
-        average = Average(periods=max(returns, 2), discard=max(returns // 4, 1))
+        """Return the growth of perturbations over some iterations; over whole rounds where the motion is on a cycle."""
+        states, _ = self._path(p, x, 0, returns // 2 + 1)
+        apart = np.abs(states[1:] - states[0]).max(axis=1)
+        near = np.flatnonzero(apart <= self.criteria.recurrence * np.abs(states).max())
+        rounds = int(near[0]) + 1 if near.size else 1
+        average = Average(periods=max(-(-returns // rounds) * rounds, 2), discard=max(returns // 4, 1))
         return growth_of_map(self.system, p, x, average=average, exponents=self.exponents)
 
     def compared(

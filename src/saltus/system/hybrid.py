@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 from saltus.system import compiled
 from saltus.system.definition import Definition
 from saltus.system.generated import source_file
-from saltus.system.parts import Mode, Transition
+from saltus.system.parts import Mode, Transition, mapping_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
@@ -73,6 +73,58 @@ class HybridSystem(Definition):
         v' = -g
       transition impact: flight -> flight when z falls through 0, v := -e*v
     """
+
+    @classmethod
+    def smooth(
+        cls,
+        field: Mapping[str, Any],
+        parameters: Mapping[str, float] | None = None,
+        *,
+        phase: tuple[str, Any] | None = None,
+        outputs: Mapping[str, Any] | None = None,
+        positive: Iterable[str] = (),
+        name: str = "",
+    ) -> Self:
+        """Return a system with one mode, ``smooth``, and no transitions.
+
+        Parameters
+        ----------
+        field : mapping of str to expression
+            The states, in this order, and their time derivatives.
+        parameters : mapping of str to float, optional
+            Parameters and their default values.
+        phase : (str, expression), optional
+            Name and rate of an angle, as in `HybridSystem`.
+        outputs : mapping of str to expression, optional
+            Named quantities that results record.
+        positive : iterable of str, optional
+            Parameters that must be positive.
+        name : str, optional
+            What the system is called in its `repr` and in files.
+
+        Returns
+        -------
+        HybridSystem
+
+        Raises
+        ------
+        DefinitionError
+            A name or an expression that cannot be used; the message names it.
+
+        Examples
+        --------
+        >>> print(HybridSystem.smooth({"x": "y", "y": "-k*x"}, {"k": 2.0}, name="spring"))
+        HybridSystem 'spring'
+          states      x, y
+          parameters  k = 2.0
+          mode smooth
+            x' = y
+            y' = -k*x
+        """
+        rates = mapping_of(field, "field", "of states to expressions")
+        values = {} if parameters is None else parameters
+        modes = {"smooth": Mode(rates)}
+        return cls(tuple(rates), values, modes, phase=phase, outputs=outputs, positive=positive, name=name)
 
     def _prepare(self) -> None:
         source_file(compiled.FLOW, self)

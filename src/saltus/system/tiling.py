@@ -111,7 +111,8 @@ def _holding(system: Pieces, x: NDArray[np.float64], p: NDArray[np.float64]) -> 
         least = math.inf
         for guard in range(int(rows[k]), int(rows[k + 1])):
             system.compiled.call("guard", guard, 0, x, p, out)
-            least = least if least <= out[0] else float(out[0])
+            value = -math.inf if math.isnan(out[0]) else float(out[0])
+            least = min(least, value)
         if least > 0.0:
             inside.append(k)
         if least >= 0.0:

@@ -291,7 +291,7 @@ class Basins(Result):
         Motions are followed at a finer tolerance, until they are ten times nearer to an attractor than the trapping
         regions reach. So errors of these regions count too. Errors that all lanes share do not; therefore the
         event-driven flow, with steps of another kind, also follows the first of the motions, at 1e-11. The boxes of
-        chaotic or quasi-periodic attractors are not checked.
+        chaotic or quasi-periodic attractors are not checked. For a map, images one by one take the place of the flow.
 
         Parameters
         ----------

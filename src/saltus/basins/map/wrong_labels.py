@@ -31,7 +31,7 @@ class LabelError:
     tolerance : float
         Tolerance of a step of the motions followed anew.
     wrong_by_events, cells_by_events : int
-        The two counts for the cells that the event-driven flow followed as well.
+        The two counts for the cells that the event-driven flow followed as well, or images of a map one by one.
     """
 
     wrong: int

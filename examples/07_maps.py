@@ -5,7 +5,7 @@ border at 0. Before the border it is stable. Behind it the motion visits both pi
 middle, the right piece becomes steeper: cycles of period 2, 3, 4 follow each other, with chaos between them. Right,
 Newton's method for z^3 = 1: three roots and the basins between them.
 
-    python 06_maps.py [picture]
+    python 07_maps.py [picture]
 """
 
 import sys
@@ -58,7 +58,7 @@ left.set(title=r"fixed point to chaos at $\mu = 0$")
 middle.set(title="slope of the right piece")
 right.set(title="Newton's method for $z^3 = 1$", aspect="equal")
 
-picture = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "results" / "06_maps.png")
+picture = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "results" / "07_maps.png")
 picture.parent.mkdir(parents=True, exist_ok=True)
 figure.savefig(picture, dpi=110)
 print("written", picture)

@@ -1,0 +1,50 @@
+"""A quantity of the orbits along a curve that is to pass a value: its monitor function."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from saltus.orbits.problem import OrbitProblem
+    from saltus.orbits.quantities import Quantity
+
+__all__ = ["Watched"]
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A quantity and the value that it is to pass.
+
+    Attributes
+    ----------
+    quantity : Quantity
+        What is watched.
+    value : float
+        The value.
+    """
+
+    quantity: Quantity
+    value: float
+
+    def distance(self, problem: OrbitProblem, u: NDArray[np.float64]) -> float:
+        """Return how far the quantity of an orbit is from the value.
+
+        Of a phase, which jumps by a turn, it is the sine of the angle between both. The sine is continuous, and
+        vanishes half a turn away as well.
+        """
+        value = self.quantity.value(problem, u)
+        if self.quantity.turn and math.isfinite(value):
+            return math.sin(self._angle(value))
+        return value - self.value
+
+    def opposite(self, problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
+        """Return whether a phase is half a turn from the value."""
+        return bool(self.quantity.turn) and math.cos(self._angle(self.quantity.value(problem, u))) < 0.0
+
+    def _angle(self, value: float) -> float:
+        return 2.0 * math.pi / self.quantity.turn * self.quantity.beyond(value, self.value)

@@ -1,0 +1,134 @@
+"""Guesses of periodic orbits: segments, or start and period of a smooth one, read and checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import checks
+from saltus.errors import InputError, nearest
+from saltus.orbits.signature import CLOSED_END, EVENT_END, PHASE_END, Signature
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.system import HybridSystem
+
+__all__ = ["read_guess"]
+
+
+def read_guess(
+    system: HybridSystem, p: NDArray[np.float64], segments: Sequence[tuple[Any, ...]] | None, x0: Any, period: Any
+) -> tuple[Signature, NDArray[np.float64]]:
+    """Return signature and unknowns of a guess: segments, or `x0` and `period` of an orbit without events.
+
+    Raises
+    ------
+    InputError
+        Both are given, or neither; the segments do not fit the system; a smooth orbit is wanted of several modes.
+    """
+    if segments is not None:
+        for name, value in (("x0", x0), ("period", period)):
+            if value is not None:
+                raise InputError(name, value, "left out where segments are given", "each segment has its own start")
+        return _read_segments(system, p, segments)
+    if x0 is None and period is None:
+        wanted = "segments=[(mode, transition, x0, duration), ...], or x0=... and period=... of a smooth orbit"
+        raise InputError("guess", None, wanted)
+    if len(system.modes) > 1 or system.transitions:
+        what = ", ".join(system.transition_names) or ", ".join(system.mode_names)
+        raise InputError(
+            "x0", x0, "left out of a system with events", f"pass segments=, which name modes and events ({what})"
+        )
+    if x0 is None:
+        raise InputError("x0", x0, "an initial state beside period=")
+    if period is None:
+        if system.phase is None:
+            raise InputError(
+                "period", period, "a duration beside x0=", "a system without a phase has no period of its own"
+            )
+        rate = float(system.compiled.field(0, system.full_state(x0, "x0"), p)[-1])
+        period = 2.0 * math.pi / rate
+    mode = system.mode_names[0]
+    return _read_segments(system, p, [(mode, None, system.full_state(x0, "x0"), checks.positive("period", period))])
+
+
+def _read_segments(
+    system: HybridSystem, p: NDArray[np.float64], given: Sequence[tuple[Any, ...]]
+) -> tuple[Signature, NDArray[np.float64]]:
+    segments = checks.listed("segments", given, "a sequence of (mode, transition, x0, duration)")
+    if not segments:
+        raise InputError("segments", segments, "one (mode, transition, x0, duration) or more")
+    n = len(system.all_states)
+    phase = None if system.phase is None else system.phase[0]
+    rate = 0.0
+    blocks, modes, transitions = np.empty((len(segments), n + 1)), [], []
+    elapsed = 0.0
+    for i, segment in enumerate(segments):
+        parts = checks.listed(f"segments[{i}]", segment, "(mode, transition, x0, duration)", most=4)
+        if len(parts) != 4:
+            raise InputError(f"segments[{i}]", segment, "(mode, transition, x0, duration)")
+        mode, transition, x0, duration = parts
+        modes.append(system.mode_index(mode))
+        transitions.append(_transition_index(system, mode, transition, i))
+        duration = checks.positive(f"segments[{i}] duration", duration)
+        x = system.full_state(x0, f"segments[{i}] x0")
+        if phase is not None:
+            if i == 0:
+                field = system.compiled.field(modes[0], x, p)
+                rate, elapsed = float(field[-1]), float(x[-1])
+            elif np.size(x0) == len(system.states):
+                x[-1] = elapsed
+            else:
+                x[-1] += 2.0 * math.pi * round((elapsed - x[-1]) / (2.0 * math.pi))
+            elapsed += rate * duration
+        blocks[i, :n], blocks[i, n] = x, duration
+    turns = 0
+    if phase is not None:
+        turns = round((elapsed - blocks[0, n - 1]) / (2.0 * math.pi))
+        if turns < 1:
+            wanted = "durations that sum to a whole number of forcing periods, at least one"
+            raise InputError(
+                "segments", float(blocks[:, n].sum()), wanted, f"the forcing period is {2 * math.pi / rate:g}"
+            )
+    if transitions[-1] < 0 and len(segments) > 1:
+        if modes[-1] != modes[0]:
+            raise InputError(
+                "segments", segments[-1][0], f"closed in the mode of the first segment, {segments[0][0]!r}"
+            )
+        last = blocks[-1].copy()
+        last[n] += blocks[0, n]
+        if phase is not None:
+            last[n - 1] -= 2.0 * math.pi * turns
+        blocks = np.vstack([last, blocks[1:-1]])
+        modes, transitions = modes[:-1], transitions[:-1]
+    if any(transition < 0 for transition in transitions[: None if len(transitions) > 1 else 0]):
+        raise InputError("segments", [s[1] for s in segments], "a transition for each segment but the last")
+    for i, transition in enumerate(transitions):
+        if transition >= 0:
+            target = system.mode_index(system.transitions[transition].target)
+            if target != modes[(i + 1) % len(modes)]:
+                name = system.transitions[transition].name
+                wanted = f"{system.mode_names[target]!r}, where {name!r} leads"
+                raise InputError(
+                    f"segments[{(i + 1) % len(modes)}] mode", system.mode_names[modes[(i + 1) % len(modes)]], wanted
+                )
+    closing = PHASE_END if phase is not None else CLOSED_END
+    kinds = (closing,) if transitions[0] < 0 else (EVENT_END,) * len(modes)
+    return Signature(tuple(modes), tuple(transitions), kinds, turns), blocks.ravel()
+
+
+def _transition_index(system: HybridSystem, mode: str, transition: str | None, i: int) -> int:
+    closes = isinstance(transition, str) and system.phase is not None and transition == system.phase[0]
+    if transition is None or closes:
+        return -1
+    names = [t.name for t in system.transitions if t.source == mode]
+    if not isinstance(transition, str) or transition not in names:
+        closing = [] if system.phase is None else [system.phase[0]]
+        known = [*names, *closing]
+        wanted = f"a transition out of {mode!r}: {', '.join(known) or 'none'}"
+        raise InputError(f"segments[{i}] transition", transition, wanted, nearest(transition, known))
+    return system.transition_names.index(transition)
