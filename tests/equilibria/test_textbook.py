@@ -235,7 +235,7 @@ def test_special_points_do_not_depend_on_units_and_origin_of_the_states(name: st
 STEPS = {
     "long": StepControl(initial=0.1, largest=0.5),
     "short": StepControl(initial=1e-3, largest=0.02),
-    "loose": StepControl(initial=0.05, largest=1.0, angle=1.0, deviation=1e-2),
+    "loose": StepControl(initial=0.05, largest=1.0, angle=1.0, deviation=3e-3),
 }
 
 

@@ -128,9 +128,16 @@ class Diagram(Result):
     @property
     def special_points(self) -> SpecialPoints[Any]:
         """The special points of all branches, each once, numbered by type over the diagram."""
-        return SpecialPoints([point for _, point in self._numbered()], (self.parameter,))
+        return SpecialPoints([point for _, point in self.numbered()], (self.parameter,))
 
-    def _numbered(self) -> list[tuple[int, SpecialPoint[Any]]]:
+    def numbered(self) -> list[tuple[int, SpecialPoint[Any]]]:
+        """Return each special point once, with the index of the branch on which it was found first.
+
+        Returns
+        -------
+        list of (int, SpecialPoint)
+            Labels are numbered by type over the diagram.
+        """
         found: list[tuple[int, SpecialPoint[Any]]] = []
         places: list[tuple[str, Place]] = []
         counts: dict[str, int] = {}
@@ -158,7 +165,7 @@ class Diagram(Result):
         import pandas as pd
 
         rows = []
-        for i, point in self._numbered():
+        for i, point in self.numbered():
             solution = point.solution
             rest = isinstance(solution, Equilibrium)
             row: dict[str, Any] = {

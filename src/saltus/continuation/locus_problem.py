@@ -15,8 +15,8 @@ import numpy as np
 
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.guards import residual_fault, unconfirmed
+from saltus.continuation.margins import grazing_monitors, shadowed_rates, side_of
 from saltus.continuation.monitor import Monitor, at_grazing
-from saltus.continuation.orbit_problem import grazing_monitors, shadowed_rates, side_of
 from saltus.continuation.phase_plane import astray, depart, solve_again
 from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.orbits.critical import Branching, Critical, Grazing, openness

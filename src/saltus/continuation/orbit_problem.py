@@ -16,6 +16,7 @@ import numpy as np
 from saltus.continuation.arclength import RESTS, ROUNDED
 from saltus.continuation.grazing import turned
 from saltus.continuation.guards import INFINITE, residual_fault, unconfirmed
+from saltus.continuation.margins import grazing_monitors, shadowed_rates, side_of
 from saltus.continuation.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.phase_plane import astray, depart, solve_again
 from saltus.continuation.watching import Watched
@@ -31,12 +32,12 @@ from saltus.orbits.floquet import (
 )
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.quantities import read_quantity
-from saltus.orbits.signature import CUT_END, MEAN_END, WHOLE, Survey
+from saltus.orbits.signature import CUT_END, MEAN_END, Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Interest", "OrbitData", "OrbitZeroProblem", "grazing_monitors", "shadowed_rates", "side_of"]
+__all__ = ["Interest", "OrbitData", "OrbitZeroProblem"]
 
 _LOW = Monitor("low")  # parameter less its lower bound
 _HIGH = Monitor("high")  # parameter less its upper bound
@@ -380,38 +381,6 @@ class OrbitZeroProblem:
     def crowded(self, names: list[Monitor]) -> bool:
         """Return whether more than one bifurcation or grazing lies in a step."""
         return sum(bifurcates(name) for name in names) + any(at_grazing(name) for name in names) > 1
-
-
-def grazing_monitors(problem: OrbitProblem) -> dict[Monitor, Callable[[Survey], float]]:
-    """Return the monitor functions of grazings that a survey gives: margins, sides and rates.
-
-    Each is positive on the admissible side. A ``side`` of an event in both directions has no admissible side.
-    """
-    found: dict[Monitor, Callable[[Survey], float]] = {}
-    system, signature = problem.system, problem.signature
-    for i, (mode, end) in enumerate(zip(signature.modes, signature.transitions, strict=True)):
-        for k, transition in enumerate(system.transitions):
-            if transition.source == system.mode_names[mode]:
-                found[Monitor("margin", i, k)] = lambda s, at=(i, k): (  # type: ignore[misc]
-                    float(s.margins[at]) if s.places[at] != WHOLE else math.inf
-                )
-                found[Monitor("side", i, k)] = lambda s, at=(i, k): (  # type: ignore[misc]
-                    float(s.margins[at]) if s.places[at] == WHOLE else math.nan
-                )
-        if end >= 0:
-            way = float(system.transitions[end].direction or -1)
-            found[Monitor("rate", i)] = lambda s, i=i, way=way: way * float(s.rates[i, 0])  # type: ignore[misc]
-    return found
-
-
-def side_of(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> float:
-    """Return a monitor function of kind ``side`` for an orbit that may be corrected roughly only."""
-    return problem.distance(u, monitor.segment, monitor.transition)[0]
-
-
-def shadowed_rates(vanishing: list[int], count: int) -> set[Monitor]:
-    """Return the rates that vanish since one of the segments `vanishing`, of `count` in all, has no length."""
-    return {Monitor("rate", i) for j in vanishing for i in (j, (j - 1) % count)}
 
 
 def _rests(a: Point, b: Point) -> bool:

@@ -126,11 +126,12 @@ def draw_pieces(ax: Axes, pieces: Iterable[Piece]) -> None:
         named.add(piece.kind)
 
 
-def draw_special(ax: Axes, branch: AnyBranch, x: str, y: str) -> None:
-    """Draw the special points of a branch, those of each type with one marker."""
-    for kind in dict.fromkeys(point.type for point in branch.special_points):
+def draw_special(ax: Axes, branch: AnyBranch, x: str, y: str, drawn: Iterable[SpecialPoint[Any]] | None = None) -> None:
+    """Draw special points of a branch, by default all, with a label for each type."""
+    chosen = [*(branch.special_points if drawn is None else drawn)]
+    for kind in dict.fromkeys(point.type for point in chosen):
         marker = style.SPECIAL.get(kind, replace(style.EVENT, meaning=""))
-        points = [point for point in branch.special_points if point.type == kind]
+        points = [point for point in chosen if point.type == kind]
         ax.plot(
             [_at(branch, point, x) for point in points],
             [_at(branch, point, y) for point in points],

@@ -13,6 +13,8 @@ from saltus.plotting.branch import draw_special, pieces_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from saltus.continuation.special_points import SpecialPoint
+
 __all__ = ["plot_diagram"]
 
 _CYCLES = "#0f5fa8"  # colour of cycles
@@ -48,7 +50,10 @@ def plot_diagram(
     y = known[0] if y is None else checks.chosen("y", y, known)
     ax = style.axes(ax)
     named: set[str] = set()
-    for branch in diagram:
+    once: dict[int, list[SpecialPoint[Any]]] = {i: [] for i in range(len(diagram))}
+    for i, point in diagram.numbered():
+        once[i].append(point)
+    for i, branch in enumerate(diagram):
         rest = isinstance(branch, EquilibriumBranch)
         for quantity in [y] if rest else [f"min_{y}", f"max_{y}"]:
             for piece in pieces_of(branch, diagram.parameter, quantity):
@@ -60,7 +65,7 @@ def plot_diagram(
                 ax.plot(piece.x, piece.y, label="_" if label in named else label, **options)
                 named.add(label)
             if special:
-                draw_special(ax, branch, diagram.parameter, quantity)
+                draw_special(ax, branch, diagram.parameter, quantity, once[i])
     ax.set_xlabel(style.label_of(diagram.parameter))
     ax.set_ylabel(style.label_of(y))
     if legend:
