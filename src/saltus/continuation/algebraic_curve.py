@@ -12,7 +12,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents
-from saltus.continuation.curve_files import ragged_rows, texts_array
+from saltus.continuation.curve_files import described, ragged_rows, texts_array
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints
 from saltus.cycles.orbit import MapOrbit
 from saltus.equilibria.equilibrium import Equilibrium
@@ -78,6 +78,7 @@ class AlgebraicCurve(Result, Generic[Solved]):
     options: Mapping[str, Any] = field(default_factory=dict)
 
     counted: ClassVar[str]  # what a `repr` counts
+    unnamed: ClassVar[str]  # what it calls a system without a name
 
     def __post_init__(self) -> None:
         kinds: dict[str, Any] = dict.fromkeys(("values", "residual", "arclength"), np.float64)
@@ -223,13 +224,7 @@ class AlgebraicCurve(Result, Generic[Solved]):
 
     def _described(self, what: str) -> str:
         """Return the text of a `repr`: kind, range, ends and special points."""
-        lines = [f"{what}: {len(self)} {self.counted}, {int(self.stable.sum())} stable"]
-        for name, column in zip(self.varied, self.values.reshape(len(self), -1).T, strict=True):
-            ends = (column.min(), column.max()) if len(self) else (np.nan, np.nan)
-            lines[0] += ", {} from {:.9g} to {:.9g}".format(name, *ends)
-        lines += [f"  began: {self.stopped[0]}", f"  ended: {self.stopped[1]}"]
-        lines += [f"  {line}" for line in repr(self.special_points).splitlines()]
-        return "\n".join(lines)
+        return described(self, what, self.counted, self.unnamed)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -64,7 +64,8 @@ class AlgebraicLocusProblem(ABC):
     ) -> None:
         self.problem, self.kind, self.condition, self.n = problem, kind, condition, problem.n
         self.sizes, self._bounds = sizes.copy(), bounds
-        self._origin: NDArray[np.float64] = np.empty(0)
+        self._origin: NDArray[np.float64] | None = None
+        self.rows: NDArray[np.float64] | None = None
         self._units: dict[Monitor, float] = {}
 
     @abstractmethod
@@ -81,6 +82,7 @@ class AlgebraicLocusProblem(ABC):
 
     def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far the unknowns are from those of the start, shape (n,)."""
+        assert self._origin is not None
         return np.asarray(np.abs(u[: self.n] - self._origin))
 
     def unknowns(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -96,7 +98,11 @@ class AlgebraicLocusProblem(ABC):
         if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
             return out, matrix
         matrix[:] = 0.0
+        if self.rows is None:
+            self.rows = self.units_of_rows(J)
         out[:n], matrix[:n, :n], matrix[:n, -2:] = F, J[:, :n], J[:, n:]
+        out[:n] /= self.rows
+        matrix[:n] /= self.rows[:, None]
         try:
             values, gradient, further = self.condition.evaluate(u, z[n : n + extra], J)
         except np.linalg.LinAlgError:
@@ -104,6 +110,10 @@ class AlgebraicLocusProblem(ABC):
         out[n:], matrix[n:, :n], matrix[n:, -2:] = values, gradient[:, :n], gradient[:, n:]
         matrix[n:, n : n + extra] = further
         return out, matrix
+
+    def units_of_rows(self, J: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return units of the equations, shape (n,), from their derivatives at the start."""
+        return np.ones(self.n)
 
     def accurate(self) -> bool:
         """Return True: the equations are no discretisation."""
@@ -121,7 +131,8 @@ class AlgebraicLocusProblem(ABC):
         """Return monitors, data and fault of a point."""
         u = self.unknowns(point.u)
         J = self.problem.evaluate(u)[1]
-        if self.problem.rounding(u, J, np.maximum(self.sizes, np.abs(u[: self.n]))) > _RESIDUAL:
+        point.residual = self.problem.rounding(u, J, np.maximum(self.sizes, np.abs(u[: self.n])))
+        if not point.residual <= _RESIDUAL:
             return Examined({}, f"residual: {self.vanishing}")
         self.condition.evaluate(u, point.u[self.n : self.n + self.condition.extra], J)
         self.condition.adjust()
@@ -131,7 +142,7 @@ class AlgebraicLocusProblem(ABC):
                 monitors[name] = math.nan
         special, data = self.special(point)
         monitors |= special
-        if not self._origin.size:
+        if self._origin is None:
             self._origin = u[: self.n].copy()
         self.sizes = np.maximum(self.sizes, self.grown(u))
         point.weights = self.metric(point.u)
@@ -171,7 +182,8 @@ class AlgebraicLocusProblem(ABC):
         point.u = point.u.copy()
         point.u[at] = condition.turned(J, point.u[at])
         point.J = self.evaluate(point.u)[1]
-        null = np.linalg.svd(point.J)[2][-1]
+        scale = self.scale()
+        null = np.linalg.svd(point.J * scale)[2][-1] * scale
         along = float(point.weights @ (null * point.tangent))
         point.tangent = math.copysign(1.0, along) * null / math.sqrt(float(point.weights @ null**2))
         point.frame = object()  # the point before has other borders: no cubic through both

@@ -15,7 +15,7 @@ import numpy as np
 
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.zero_problem import Event, Examined, Point
-from saltus.equilibria.find import state_sizes
+from saltus.equilibria.find import responses, state_sizes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,6 +34,7 @@ _BP = Monitor("BP")  # determinant of the bordered Jacobian
 _RESIDUAL = 1e-8  # most residual of a point, over the sizes of its terms
 _NEAR = 1e-2  # share of a state's modulus below which its size on a branch is not chosen
 _SHORT = 1e-5  # arclength of a step up to which several critical values may be passed in it
+_LONG = 1e-3  # arclength of a step from which on it must not end where the test function of pairs is rounding
 _CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
 _RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it rests
 
@@ -66,7 +67,7 @@ def extents(problem: AlgebraicProblem, u: NDArray[np.float64]) -> NDArray[np.flo
     J = problem.evaluate(u)[1]
     n, x = problem.n, np.abs(u[: problem.n])
     sizes = state_sizes(problem, u, J)
-    moved = np.abs(np.linalg.lstsq(J[:, :n], J[:, n:], rcond=1e-12)[0]).max(axis=1)
+    moved = np.abs(responses(J[:, :n], J[:, n:], sizes)).max(axis=1)
     return np.where((x > _NEAR * sizes) & (moved > 0.0), np.clip(moved, _NEAR * x, x), sizes)
 
 
@@ -89,12 +90,13 @@ class AlgebraicZeroProblem(ABC):
     critical: ClassVar[tuple[str, ...]]  # kinds of monitor functions at whose zeros something bifurcates
     single: ClassVar[tuple[str, ...]]  # those at which one value becomes critical
     paired: ClassVar[Monitor]  # that at which a pair of them does
+    faint: ClassVar[float]  # value of `paired` up to which it is rounding
     vanishing: ClassVar[str]  # the fault of a point that is no solution
 
     def __init__(self, problem: Any, sizes: NDArray[np.float64], interest: Interest) -> None:
         self.problem, self.interest, self.n = problem, interest, problem.n
         self.sizes = sizes.copy()
-        self._origin: NDArray[np.float64] = np.empty(0)
+        self._origin: NDArray[np.float64] | None = None
         self._log: float | None = None
         self._units: dict[Monitor, float] = {}
 
@@ -133,6 +135,7 @@ class AlgebraicZeroProblem(ABC):
 
     def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far the unknowns are from those of the start, shape (n,)."""
+        assert self._origin is not None
         return np.asarray(np.abs(u[: self.n] - self._origin))
 
     def scale(self) -> NDArray[np.float64]:
@@ -143,7 +146,8 @@ class AlgebraicZeroProblem(ABC):
         """Return monitors, data and fault of a point."""
         u = point.u
         point.J = self.problem.evaluate(u)[1]
-        if self.problem.rounding(u, point.J, np.maximum(self.sizes, np.abs(u[: self.n]))) > _RESIDUAL:
+        point.residual = self.problem.rounding(u, point.J, np.maximum(self.sizes, np.abs(u[: self.n])))
+        if not point.residual <= _RESIDUAL:
             return Examined({}, f"residual: {self.vanishing}")
         data = self.data(u, point.J)
         monitors = {name: self.monitor(name, point) for name in (_LOW, _HIGH, _SN, _BP)}
@@ -151,18 +155,22 @@ class AlgebraicZeroProblem(ABC):
         monitors |= {
             name: self.monitor(name, point) for name in (Monitor("event", i) for i in range(len(self.interest.events)))
         }
-        if (pair := monitors.get(self.paired)) is not None and self.is_rounding(pair, before):
-            monitors[self.paired] = math.nan  # as along a family of centres
-        if not self._origin.size:
+        if abs(monitors.get(self.paired, 1.0)) < self.faint and (before is None or not self._paired_at(before)):
+            monitors[self.paired] = math.nan  # rounding, as along a family of centres
+        if self._origin is None:
             self._origin = u[: self.n].copy()
         self.sizes = np.maximum(self.sizes, self.grown(u))
         point.weights = self.metric(u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         return Examined(monitors, None if before is None else self._fault(point, before, monitors, data), data)
 
-    @abstractmethod
-    def is_rounding(self, pair: float, before: Point | None) -> bool:
-        """Return whether the value of `paired` is rounding, as it was at the point before."""
+    def _paired_at(self, point: Point) -> bool:
+        """Return whether the test function of pairs is more than rounding at a point."""
+        return abs(point.examined.monitors[self.paired]) >= self.faint
+
+    def ahead(self, control: StepControl, before: Point, point: Point, step: float) -> tuple[list[Point], float]:
+        """Return many points at once, as far as nothing happens, and the length of the step behind the last one."""
+        return [], step
 
     def monitor(self, name: Monitor, point: Point) -> float:
         """Return one monitor function at a point that may be corrected roughly only."""
@@ -220,11 +228,16 @@ class AlgebraicZeroProblem(ABC):
         if point.arc - before.arc < _SHORT:
             return None
         known = before.examined.monitors
+        faint = abs(monitors.get(self.paired, 1.0)) < self.faint
+        if faint and point.arc - before.arc > _LONG and self._paired_at(before):
+            return f"events: the step ends at a zero of {self.paired.kind}, and may have passed over another"
         changed = {
             name.kind
             for name, value in monitors.items()
             if name in known and (known[name] < 0.0) != (value < 0.0) and math.isfinite(known[name] + value)
         }
+        if before.examined.data is None:
+            return before.examined.fault
         old: AlgebraicData = before.examined.data
         crossed = abs(data.unstable - old.unstable)
         real = sum(kind in changed for kind in self.single)
@@ -238,6 +251,8 @@ class AlgebraicZeroProblem(ABC):
 def closes(origin: Point, last: Point, new: Point, control: StepControl) -> bool:
     """Return whether the step from `last` to `new` passes the start of a curve of solutions."""
     if new.arc < _CLOSING * control.initial:
+        return False
+    if abs(origin.parameter - last.parameter) > 2.0 * abs(new.parameter - last.parameter) + control.initial:
         return False
     w, chord, away = last.weights, new.u - last.u, origin.u - last.u
     length = float(w @ chord**2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -14,7 +15,7 @@ from saltus.continuation.arclength import StepControl, follow
 from saltus.continuation.run import Going, OneParameterRun
 from saltus.continuation.two_sided import BothSides, Found, OneSide, join, traced, turned
 from saltus.continuation.zero_problem import Event, Point, start_point
-from saltus.equilibria.critical import solve_branch_point
+from saltus.equilibria.critical import solve_branch_point, solve_saddle_node
 from saltus.errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -31,8 +32,6 @@ __all__ = ["AlgebraicRun", "read_point_events"]
 _AT_START = 1e-10  # test function, over its usual size, up to which a start is critical
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
-_GROWN = 1e3  # size of a state, over that at the start, from which on a branch may grow without bound
-_RESTS = 1e-5  # change of the parameter per unit of arclength, below which such a branch does
 _AT_REST = 1e-7  # the same, below which all solutions beyond a border have one parameter
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
@@ -73,7 +72,7 @@ class AlgebraicRun(OneParameterRun):
     def __init__(self, solution: Any, *options: Any) -> None:
         super().__init__(*options)
         self.solution = solution
-        self._sizes: NDArray[np.float64] = np.empty(0)
+        self.first_sizes: NDArray[np.float64] = np.empty(0)
 
     @abstractmethod
     def equations(self, form: Any, u: NDArray[np.float64], sizes: NDArray[np.float64] | None) -> AlgebraicZeroProblem:
@@ -103,6 +102,10 @@ class AlgebraicRun(OneParameterRun):
         """Return why a branch ends at a branch point; None where it does not."""
         return None
 
+    def unbounded(self, branch: Any, point: Point) -> str | None:
+        """Return why a branch ends at a point from which it grows without bound; None where it does not."""
+        return None
+
     def joined(self, directions: str) -> BothSides:
         """Return the branch in both directions."""
         start = self.begin(directions)
@@ -121,7 +124,7 @@ class AlgebraicRun(OneParameterRun):
             hint = f"the equations have no regular branch there: {error}"
             raise InputError(self.what, self.solution.parameters[self.name], f"a regular {self.what}", hint) from None
         point.examined = branch.examine(point, None)
-        self._sizes = branch.sizes.copy()
+        self.first_sizes = branch.sizes.copy()
         return branch, self._aside(branch, point, directions)
 
     def _aside(self, branch: AlgebraicZeroProblem, point: Point, directions: str) -> Point:
@@ -145,10 +148,6 @@ class AlgebraicRun(OneParameterRun):
                 break
         return point
 
-    def restart(self, branch: AlgebraicZeroProblem, origin: Point) -> None:
-        """See `OneParameterRun.restart`: the sizes may have grown along the other direction."""
-        branch.sizes = self._sizes.copy()
-
     def piece(
         self,
         half: OneSide,
@@ -159,7 +158,8 @@ class AlgebraicRun(OneParameterRun):
     ) -> str | Going:
         """Follow the solutions of one mode or itinerary; see `OneParameterRun.piece`."""
         last = point
-        for item in follow(branch, point, self.control, log=self.log, first_step=first):
+        ahead = partial(branch.ahead, self.control)
+        for item in follow(branch, point, self.control, log=self.log, first_step=first, ahead=ahead):
             if isinstance(item, str):
                 return f"{self.place(last)}: {item}"
             if isinstance(item, Event):
@@ -173,9 +173,8 @@ class AlgebraicRun(OneParameterRun):
             if (end := self.keep(half, branch, item)) is not None:
                 return end
             last = item
-            rests = abs(float(item.tangent[-1])) < _RESTS
-            if rests and float(np.max(branch.sizes / self._sizes)) > _GROWN:
-                return f"{self.place(item)}: the {self.what} grows without bound"
+            if (end := self.unbounded(branch, item)) is not None:
+                return f"{self.place(item)}: {end}"
         raise AssertionError("follow ends with a reason")
 
     def _event(self, half: OneSide, branch: AlgebraicZeroProblem, event: Event) -> str | Going | None:
@@ -186,8 +185,9 @@ class AlgebraicRun(OneParameterRun):
             half.points.append((branch, point))
             return f"{self.place(point)}: {end}"
         name = self.interest.events[event.name.segment][0] if kind == "event" else kind
-        if kind == "BP":
-            u = solve_branch_point(branch.problem, point.u, branch.sizes)
+        if kind in ("SN", "BP"):
+            solve = solve_branch_point if kind == "BP" else solve_saddle_node
+            u = solve(branch.problem, point.u, branch.sizes)
             if u is not None and float(point.weights @ (u - point.u) ** 2) < _NEAR**2:
                 point.u = u
         if kind != self.border:

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.continuation.branching import other_branch, parameter_scale
 from saltus.continuation.equilibrium_problem import EquilibriumZeroProblem
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
-from saltus.continuation.zero_problem import Point, correct
+from saltus.continuation.zero_problem import correct
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.equilibrium import equilibrium_at
 from saltus.equilibria.find import solve_equilibrium, without_rounding
@@ -32,9 +33,6 @@ _AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 3e-2)  # amplitudes of a first cycle, ove
 _ROOM = 0.3  # share of the distance from a surface that a first cycle may take
 _CRITICAL = 1e-6  # real part of a critical pair, over the largest modulus, above which there is no Hopf point
 _TOLERANCE = 1e-12  # relative tolerance of the flow of a cycle that is born
-_SHIFTS = (1e-3, 1e-4, 1e-5, 1e-2)  # changes of the parameter by a first step, over the one that alters the Jacobian
-_ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the same direction
-_FAINT = 1e-12  # size of an equation's terms, over the largest, up to which it has no size of its own
 _ITERATIONS = 12  # most Newton steps to a first solution
 
 
@@ -58,7 +56,7 @@ def cycle_born(equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float
         No cycle was found near the point.
     """
     problem, n = equilibrium.problem(parameter), equilibrium.state.size
-    scale = _parameter_scale(problem, equilibrium, parameter, sizes)
+    scale = parameter_scale(problem, np.append(equilibrium.state, equilibrium.parameters[parameter]), sizes)
     problem.scales[0] = scale
     u = np.append(equilibrium.state, equilibrium.parameters[parameter] / scale)
     J = problem.evaluate(u)[1]
@@ -126,29 +124,6 @@ def _corrected(
     return orbit_at(orbits, point.u, orbits.evaluate(point.u)[1])
 
 
-def _parameter_scale(
-    problem: EquilibriumProblem, equilibrium: Equilibrium, parameter: str, known: NDArray[np.float64]
-) -> float:
-    """Return the change of the parameter that alters the Jacobian by its own size, along the branch.
-
-    A Jacobian may vanish as a whole, as at a branch point of one state. It then has the size of its change over `known`
-    sizes of the states.
-    """
-    n = problem.n
-    u = np.append(equilibrium.state, equilibrium.parameters[parameter])
-    J = problem.evaluate(u)[1]
-    sizes = np.maximum(known, 1e-300)
-    moved = np.linalg.lstsq(J[:, :n], -J[:, n], rcond=1e-8)[0]
-    ways = [np.append(moved, 1.0), np.append(known, 0.0)]
-    change, *bend = (problem.second(u, way)[:, :n] for way in ways)
-    own, by_parameter, *rest = (
-        float(np.linalg.norm(part * sizes / sizes[:, None])) for part in (J[:, :n], change, *bend)
-    )
-    own = max([own, *rest])
-    value = abs(equilibrium.parameters[parameter])
-    return own / by_parameter if own > 0.0 and by_parameter > 0.0 else value or 1.0
-
-
 def equilibrium_of_cycle(orbit: PeriodicOrbit) -> Equilibrium:
     """Return the equilibrium to which a cycle has shrunk at a Hopf point.
 
@@ -193,61 +168,8 @@ def other_equilibrium(
     ConvergenceError
         No equilibrium of the other branch was found.
     """
-    if tangent is None:
-        raise InputError("point", "a BP without tangent", "a branch point of a branch")
-    problem, n = equilibrium.problem(parameter), equilibrium.state.size
-    scale = _parameter_scale(problem, equilibrium, parameter, known)
-    problem.scales[0] = scale
-    u = np.append(equilibrium.state, equilibrium.parameters[parameter] / scale)
-    J = problem.evaluate(u)[1]
-    sizes = np.append(known, 1.0)
-    terms = np.abs(J * sizes).max(axis=1)
-    rows = 1.0 / np.where(terms > _FAINT * terms.max(), terms, terms.max() or 1.0)
-    left, _, right = np.linalg.svd(J * sizes * rows[:, None])
-    w = left[:, -1] * rows
-    first, second = right[-1] * sizes, right[-2] * sizes
-    bend = [w @ problem.second(u, v) for v in (first, second)]
-    a, b, c = float(bend[0] @ first), float(bend[0] @ second), float(bend[1] @ second)
-    far = -(b + math.copysign(math.sqrt(max(b * b - a * c, 0.0)), b))
-    directions = [x * first + y * second for x, y in ((far, a), (c, far)) if (x, y) != (0.0, 0.0)]
-    own = np.append(tangent[:n], tangent[n] / scale) / sizes
-    likeness = [abs(float(own @ (d / sizes))) / float(np.linalg.norm(own) * np.linalg.norm(d / sizes))
-                for d in directions]  # fmt: skip
-    if not likeness or min(likeness) > 1.0 - _ALIKE:
-        hint = "to second order both branches leave in the same direction"
-        raise ConvergenceError("other branch", 0.0, 0, hint)
-    chosen = directions[int(np.argmin(likeness))]
-    chosen = chosen / float(np.linalg.norm(chosen / sizes))
-    third = w @ problem.third(u, *(3 * [chosen[:n].copy()]))
-    pull = abs(float(w @ problem.second(u, np.append(own * sizes, [])) @ chosen)) or 1.0
-    reason = ""
-    for share in _SHIFTS:
-        # a step that moves the parameter by that share: linearly, or by its square where the branch is tangent
-        steps = [share / abs(chosen[n]) if abs(chosen[n]) > 1e-6 else math.inf]
-        steps += [math.sqrt(share * pull / abs(float(third)))] if float(third) != 0.0 else [math.sqrt(share)]
-        found = _stepped(problem, u, min(steps) * chosen, sizes, scale)
-        if isinstance(found, Equilibrium):
-            return found
-        reason = found
-    raise ConvergenceError("other branch", _SHIFTS[0], len(_SHIFTS), reason)
-
-
-def _stepped(
-    problem: EquilibriumProblem,
-    u: NDArray[np.float64],
-    step: NDArray[np.float64],
-    sizes: NDArray[np.float64],
-    scale: float,
-) -> Equilibrium | str:
-    """Return the equilibrium near `u + step`, corrected normally to the step, or why there is none."""
-    n = problem.n
-    branch = EquilibriumZeroProblem(problem, sizes[:n], Interest(-math.inf, math.inf, scale))
-    weights = np.append(1.0 / sizes[:n] ** 2, 1.0)
-    length = math.sqrt(float(weights @ step**2))
-    point = correct(branch, u + step, step / length, weights, _ITERATIONS)
-    if not isinstance(point, Point):
-        return point
-    if math.sqrt(float(weights @ (point.u - u - step) ** 2)) > 0.5 * length:
-        return "the other branch bends too sharply"
-    u = without_rounding(problem, point.u, sizes[:n])
-    return equilibrium_at(problem, u, np.maximum(sizes[:n], np.abs(u[:n])))
+    problem = equilibrium.problem(parameter)
+    u = np.append(equilibrium.state, equilibrium.parameters[parameter])
+    u, sizes = other_branch(problem, u, tangent, EquilibriumZeroProblem, known)
+    u = without_rounding(problem, u, sizes)
+    return equilibrium_at(problem, u, sizes)

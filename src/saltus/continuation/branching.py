@@ -37,16 +37,23 @@ def everywhere(scale: float) -> Interest:
 def parameter_scale(
     problem: AlgebraicProblem, u: NDArray[np.float64], known: NDArray[np.float64] | None = None
 ) -> float:
-    """Return the change of the parameter that alters the Jacobian by its own size, along the branch."""
+    """Return the change of the parameter that alters the Jacobian by its own size, along the branch.
+
+    A Jacobian may vanish as a whole, as at a branch point of one state. It then has the size of its change over `known`
+    sizes of the unknowns.
+    """
     n = problem.n
     J = problem.evaluate(u)[1]
-    sizes = state_sizes(problem, u, J) if known is None else known
+    known = state_sizes(problem, u, J) if known is None else known
+    sizes = np.maximum(known, 1e-300)
     moved = np.linalg.lstsq(J[:, :n], -J[:, n], rcond=1e-8)[0]
-    change = problem.second(u, np.append(moved, 1.0))[:, :n]
-    sizes = np.maximum(sizes, 1e-300)
-    parts = [float(np.linalg.norm(part * sizes / sizes[:, None])) for part in (J[:, :n], change)]
-    value = abs(float(u[n]))
-    return parts[0] / parts[1] if parts[0] > 0.0 and parts[1] > 0.0 else value or 1.0
+    ways = [np.append(moved, 1.0), np.append(known, 0.0)]
+    change, *bend = (problem.second(u, way)[:, :n] for way in ways)
+    own, by_parameter, *rest = (
+        float(np.linalg.norm(part * sizes / sizes[:, None])) for part in (J[:, :n], change, *bend)
+    )
+    own, value = max([own, *rest]), abs(float(u[n]))
+    return own / by_parameter if own > 0.0 and by_parameter > 0.0 else value or 1.0
 
 
 def other_branch(

@@ -47,19 +47,21 @@ def column_name(name: str, taken: Collection[str]) -> str:
     return f"varied_{name}" if name in taken else name
 
 
-def described(curve: Any, what: str, solutions: str) -> str:
+def described(curve: Any, what: str, solutions: str, unnamed: str = "a hybrid system") -> str:
     """Return the text of a curve's `repr`: kind, range, ends and special points.
 
     Parameters
     ----------
-    curve : OrbitCurve or EquilibriumCurve
+    curve : OrbitCurve or AlgebraicCurve
         The curve.
     what : str
         Its kind in words.
     solutions : str
         What its points are, as ``orbits``.
+    unnamed : str
+        What the system is called where it has no name.
     """
-    of = curve.system.name or "a hybrid system"
+    of = curve.system.name or unnamed
     lines = [f"{what} of {of}: {len(curve)} {solutions}, {int(curve.stable.sum())} stable"]
     for name, column in zip(curve.varied, curve.values.reshape(len(curve), -1).T, strict=True):
         ends = (column.min(), column.max()) if len(curve) else (np.nan, np.nan)

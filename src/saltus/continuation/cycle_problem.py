@@ -52,7 +52,7 @@ class CycleZeroProblem(AlgebraicZeroProblem):
 
     critical = CYCLE_POINTS
     single = ("SN", "BP", "PD")
-    paired = _TR
+    paired, faint = _TR, FAINT
     vanishing = "the cycle does not close there"
     problem: CycleProblem
 
@@ -90,10 +90,6 @@ class CycleZeroProblem(AlgebraicZeroProblem):
             return self._over(name, self.problem.border(name.segment, name.transition, point.u)[0], point)
         values = multipliers_of(self.problem.slopes(point.u)[1])
         return flip_product(values) if name.kind == "PD" else pair_product(values)
-
-    def is_rounding(self, pair: float, before: Point | None) -> bool:
-        """See `AlgebraicZeroProblem.is_rounding`."""
-        return abs(pair) < FAINT and (before is None or not abs(before.examined.monitors[_TR]) >= FAINT)
 
     def is_pair(self, values: NDArray[np.complex128]) -> bool:
         """See `AlgebraicZeroProblem.is_pair`."""

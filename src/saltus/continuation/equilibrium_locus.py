@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.continuation.algebraic_curve import TwoParameters
 from saltus.continuation.equilibrium_curve import EquilibriumCurve
 from saltus.continuation.special_points import SpecialPoint
 from saltus.equilibria import Equilibrium
@@ -22,43 +23,30 @@ __all__ = ["EquilibriumLocus"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class EquilibriumLocus(EquilibriumCurve):
+class EquilibriumLocus(TwoParameters, EquilibriumCurve):
     """Critical equilibria along two parameters, with the parameters' values in `values`, shape (point, 2).
 
     Special points of an SN locus are ``CP`` (cusp), ``BT`` (Bogdanov-Takens) and ``ZH`` (zero-Hopf). Those of an HB
     locus are ``GH`` (generalised Hopf), ``BT``, ``ZH`` and ``HH`` (double Hopf). A BE locus has ``SN`` and ``HB``:
     there the equilibrium is critical too. At ``BE`` a boundary of the mode is met. At ``TP`` the parameter
-    `SpecialPoint.of` turns. `EquilibriumCurve` lists the other attributes.
+    `SpecialPoint.of` turns. `TwoParameters` and `EquilibriumCurve` list the
+    other attributes.
 
     Attributes
     ----------
-    type : str
-        ``SN``, ``HB`` or ``BE``.
-    names : tuple of str
-        The two parameters.
     frequency : ndarray, shape (point,)
         Imaginary part of the critical pair on an HB locus, in radians per unit of time; NaN on other loci.
-    coefficient : ndarray, shape (point,)
-        Coefficient of the normal form: a on an SN locus, the first Lyapunov coefficient on an HB locus, else NaN.
     """
 
-    type: str
-    names: tuple[str, str]
     frequency: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    coefficient: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("frequency", "coefficient"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
-    @property
-    def varied(self) -> tuple[str, ...]:
-        """The two parameters."""
-        return self.names
-
-    def _columns(self) -> dict[str, NDArray[np.float64]]:
-        return {"frequency": self.frequency, "coefficient": self.coefficient} | super()._columns()
+    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
+        return {"frequency": self.frequency, "coefficient": self.coefficient}
 
     def point(self, index: int) -> SpecialPoint[Equilibrium]:
         """Return one point of the locus as a special point of the locus' type; another locus can start from it.
@@ -95,14 +83,8 @@ class EquilibriumLocus(EquilibriumCurve):
 
     @classmethod
     def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
-        held.expect(parameter=2)
-        return {
-            "type": held.text("type"),
-            "names": varied,
-            "values": values,
-            "frequency": held.array("frequency", ("point",), finite=False),
-            "coefficient": held.array("coefficient", ("point",), finite=False),
-        }
+        found = held.array("frequency", ("point",), finite=False)
+        return super()._own_fields(held, varied, values) | {"frequency": found}
 
     def __repr__(self) -> str:
         return self._described(f"{self.type} locus of equilibria")

@@ -62,7 +62,7 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
     forms: tuple[tuple[int, ...], ...]
     form: NDArray[np.int64]
 
-    counted = "cycles"
+    counted, unnamed = "cycles", "a map"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -187,8 +187,7 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
         )
 
     def _described(self, what: str) -> str:
-        period = f" of period {self.period}" if self.period > 1 else ""
-        return super()._described(f"{what} of {self.system.name or 'a map'}{period}")
+        return super()._described(f"{what} of period {self.period}" if self.period > 1 else what)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

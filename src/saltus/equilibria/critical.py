@@ -214,7 +214,7 @@ class Boundary:
 
 
 def solve_saddle_node(
-    problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
+    problem: AlgebraicProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
     """Return the saddle-node near `u`, shape (n + 1,), one parameter active; None where there is none.
 
