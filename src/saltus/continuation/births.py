@@ -224,7 +224,8 @@ def other_equilibrium(
     for share in _SHIFTS:
         # a step that moves the parameter by that share: linearly, or by its square where the branch is tangent
         steps = [share / abs(chosen[n]) if abs(chosen[n]) > 1e-6 else math.inf]
-        steps += [math.sqrt(share * pull / abs(float(third)))] if float(third) != 0.0 else [math.sqrt(share)]
+        steps += [math.sqrt(share * pull / abs(float(third)))] if float(third) != 0.0 else []
+        steps += [math.sqrt(share)]  # third derivatives may vanish: no step is longer, in sizes of the states
         found = _stepped(problem, u, min(steps) * chosen, sizes, scale)
         if isinstance(found, Equilibrium):
             return found
