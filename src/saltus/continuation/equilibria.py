@@ -15,6 +15,7 @@ from saltus.continuation.arclength import StepControl, follow
 from saltus.continuation.boundary import Crossing, beyond_boundary
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.equilibrium_problem import CRITICAL, EquilibriumZeroProblem, closes, extents
+from saltus.continuation.monitor import Monitor
 from saltus.continuation.options import checked_interval, read_stops, unit_of
 from saltus.continuation.orbit_problem import Interest
 from saltus.continuation.run import Going, OneParameterRun
@@ -23,6 +24,7 @@ from saltus.continuation.zero_problem import Event, Point, start_point
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.critical import solve_branch_point, solve_saddle_node
 from saltus.equilibria.equilibrium import equilibrium_at
+from saltus.equilibria.normal_forms import normal_form
 from saltus.equilibria.problem import EquilibriumProblem, check_autonomous
 from saltus.errors import InputError, nearest
 from saltus.progress import Report, Reporter
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 __all__ = ["continue_equilibrium", "joined_fields"]
 
 _AT_START = 1e-10  # test function, over its usual size, up to which a start is critical
+_TURNS = 1e-5  # change of the parameter per unit of arclength, up to which a start may be a saddle-node
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
 _NEAR = 1e-3  # distance in arclength between a special point and the zero of its test function
@@ -109,6 +112,9 @@ def continue_equilibrium(
     with reporter:
         halves = traced(lambda sign: run.trace(start, sign), directions)
     joined = join(start, halves, "branch")
+    if (fold := run.fold_at_start(*start, halves)) is not None:
+        own = (fold, float(joined.offset), 0.0)
+        joined.specials = sorted([*joined.specials, own], key=lambda item: item[2])
     return EquilibriumBranch(
         system=system,
         parameter=parameter,
@@ -277,6 +283,19 @@ class _Run(OneParameterRun):
         }  # fmt: skip
         point.examined = replace(found, monitors=monitors)
         return beside, point, self.control.initial
+
+    def fold_at_start(self, branch: EquilibriumZeroProblem, origin: Point, halves: list[OneSide]) -> Found | None:
+        """Return the saddle-node at which the branch starts; None where it starts at none, or where it was located."""
+        located = (found for half in halves for found in half.specials if found.name == "SN")
+        if abs(float(origin.tangent[-1])) > _TURNS or any(abs(found.arc) < _ASIDE for found in located):
+            return None
+        u = solve_saddle_node(branch.problem, origin.u, branch.sizes)
+        if u is None or float(origin.weights @ (u - origin.u) ** 2) > _ASIDE**2:
+            return None
+        if normal_form(branch.problem, u, "SN").coefficient == 0.0:
+            return None
+        at = replace(origin, u=u)
+        return self._found("SN", branch, Event(Monitor("SN"), at, float(origin.tangent[-1])), OneSide())
 
     def _found(self, name: str, branch: EquilibriumZeroProblem, event: Event, half: OneSide) -> Found:
         point = event.point
