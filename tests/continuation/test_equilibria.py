@@ -384,3 +384,11 @@ def test_an_orbit_is_no_equilibrium_and_an_equilibrium_no_orbit():
         _ = point.orbit
     with pytest.raises(InputError, match="orbit = "):
         saltus.continue_orbit(lorenz, "r", (15.0, 30.0))
+
+
+@pytest.mark.parametrize("directions", ["both", "up", "down"])
+def test_a_start_exactly_at_a_saddle_node_is_one(directions):
+    system = saltus.HybridSystem.smooth({"x": "mu - x**2", "y": "x - y"}, parameters={"mu": 0.0})
+    start = find_equilibrium(system, x0=[0.0, 0.0])
+    branch = continue_equilibrium(start, "mu", (-1.0, 1.0), directions=directions)
+    assert [(point.label, point.parameters["mu"]) for point in branch.special_points] == [("SN1", 0.0)]

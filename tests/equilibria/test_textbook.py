@@ -170,10 +170,7 @@ def test_cycles_of_a_linear_field_at_one_value_have_no_saddle_nodes_before_they_
 BRANCHING = [name for name in TEXTBOOK if any(entry["type"] == "BP" for entry in VALUES[name]["special"])]
 
 
-ALIKE = pytest.mark.xfail(reason="Newton's method leaves the other branch at this pitchfork")
-
-
-@pytest.mark.parametrize("name", [pytest.param(n, marks=ALIKE) if n == "toggle switch" else n for n in BRANCHING])
+@pytest.mark.parametrize("name", BRANCHING)
 def test_the_other_branch_at_a_branch_point_begins_there_and_is_not_the_own_one(name: str) -> None:
     item, own = TEXTBOOK[name], branch(name)
     unit = np.append(sizes(own), item.bounds[1] - item.bounds[0])

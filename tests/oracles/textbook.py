@@ -1,6 +1,7 @@
 """Smooth autonomous systems of the literature, each with its source; nothing here comes from saltus.
 
-`python tests/oracles/textbook_values.py` computes their special points independently into `textbook.json`.
+`PYTHONPATH=tests python tests/oracles/textbook_values.py` computes their special points independently, into
+`textbook.json`.
 """
 
 from __future__ import annotations

@@ -16,7 +16,8 @@ from typing import Any
 import mpmath
 import numpy as np
 import sympy
-from textbook import TEXTBOOK, Textbook
+
+from oracles.textbook import TEXTBOOK, Textbook
 
 mpmath.mp.dps = 40
 STEP = 1e-3  # arclength of a step, states and parameter in units of their ranges

@@ -72,9 +72,9 @@ class AlgebraicLocusRun(TwoParameterRun):
     def end(self, kind: str) -> str | None:
         """Return why the locus ends at a special point of some type; None where it does not."""
 
-    @abstractmethod
     def met(self, name: Monitor) -> str:
         """Return what is met at the zero of a monitor function of a border; empty for others."""
+        return ""
 
     def passed(self, point: Point) -> str | None:
         """Return why the locus ended before a point; None where it did not."""

@@ -106,12 +106,19 @@ class AlgebraicRun(OneParameterRun):
         """Return why a branch ends at a point from which it grows without bound; None where it does not."""
         return None
 
+    def at_start(self, branch: Any, origin: Point, halves: list[OneSide]) -> Found | None:
+        """Return the special point at which the branch starts; None where there is none, or where it was located."""
+        return None
+
     def joined(self, directions: str) -> BothSides:
         """Return the branch in both directions."""
         start = self.begin(directions)
         with self.reporter:
             halves = traced(lambda sign: self.trace(start, sign), directions)
-        return join(start, halves, "branch")
+        joined = join(start, halves, "branch")
+        if (own := self.at_start(*start, halves)) is not None:
+            joined.specials = sorted([*joined.specials, (own, float(joined.offset), 0.0)], key=lambda item: item[2])
+        return joined
 
     def begin(self, directions: str) -> tuple[AlgebraicZeroProblem, Point]:
         """Return the equations and the first point, its tangent towards growing parameter."""
@@ -191,13 +198,13 @@ class AlgebraicRun(OneParameterRun):
             if u is not None and float(point.weights @ (u - point.u) ** 2) < _NEAR**2:
                 point.u = u
         if kind != self.border:
-            half.specials.append(self._found(name, branch, event, half))
+            half.specials.append(self.found(name, branch, event, half))
             if kind == "BP" and (end := self.closed_up(branch, point)) is not None:
                 half.points.append((branch, point))
                 return f"{self.place(point)}: {end}"
             return self.end_at(half, branch, point, name)
         of, crossing = self.crossing(branch, event)
-        half.specials.append(replace(self._found(name, branch, event, half), of=of, kind=crossing.kind))
+        half.specials.append(replace(self.found(name, branch, event, half), of=of, kind=crossing.kind))
         if (end := self.end_at(half, branch, point, name)) is not None:
             return end
         if self.control.at_grazing == "pass":
@@ -229,7 +236,8 @@ class AlgebraicRun(OneParameterRun):
         point.examined = replace(found, monitors=monitors)
         return beside, point, self.control.initial
 
-    def _found(self, name: str, branch: AlgebraicZeroProblem, event: Event, half: OneSide) -> Found:
+    def found(self, name: str, branch: AlgebraicZeroProblem, event: Event, half: OneSide) -> Found:
+        """Return a special point of one direction, behind the points found so far."""
         point = event.point
         solution = self.solution_at(branch, point.u)
         p = {**solution.parameters, self.name: self.value(point)}

@@ -114,7 +114,8 @@ def other_branch(
     for share in _SHIFTS:
         # a step that moves the parameter by that share: linearly, or by its square where the branch is tangent
         steps = [share / abs(chosen[n]) if abs(chosen[n]) > 1e-6 else math.inf]
-        steps += [math.sqrt(share * pull / abs(float(third)))] if float(third) != 0.0 else [math.sqrt(share)]
+        steps += [math.sqrt(share * pull / abs(float(third)))] if float(third) != 0.0 else []
+        steps += [math.sqrt(share)]  # third derivatives may vanish: no step is longer, in sizes of the unknowns
         found = stepped(zero_problem(problem, sizes[:n], everywhere(scale)), u, min(steps) * chosen, sizes[:n])
         if not isinstance(found, str):
             return found, np.maximum(sizes[:n], np.abs(found[:n]))

@@ -29,9 +29,8 @@ __all__ = ["CRITICAL", "EquilibriumZeroProblem", "has_pair", "row_units"]
 _HB = Monitor("HB")  # product of the sums of two eigenvalues
 _DOMAIN = Monitor("domain")  # domain function of the mode
 
-_SN, _BP = Monitor("SN"), Monitor("BP")  # where one eigenvalue vanishes
-_LOW, _HIGH = Monitor("low"), Monitor("high")  # ends of the parameter's interval
-_QUIET = (_SN, _BP, _HB, _LOW, _HIGH)  # test functions that must keep their signs where many steps are taken at once
+# test functions that must keep their signs where many steps are taken at once
+_QUIET = tuple(Monitor(kind) for kind in ("SN", "BP", "HB", "low", "high"))
 CRITICAL = ("SN", "BP", "HB", "BE")  # kinds of monitor functions at whose zeros something bifurcates
 
 

@@ -176,7 +176,8 @@ def _of_pieces(
     values = _of_product(np.array(turned)[:, 1:, 1:])
     if values[-1].imag == 0.0 and abs(values[-1]) < 1.0:
         # the least multiplier follows from the product of all, which the flow's error in its own direction spares
-        signs, logs = np.linalg.slogdet(maps)
+        with np.errstate(divide="ignore"):  # maps of a long stay at a saddle may have no determinant within the floats
+            signs, logs = np.linalg.slogdet(maps)
         others = complex(np.prod(values[:-1])).real
         if 0.0 < abs(others) < math.inf:
             values[-1] = math.copysign(
