@@ -166,6 +166,21 @@ class Map(Definition):
         return len(self.pieces) + np.cumsum([0, *counts], dtype=np.int64)
 
     @cached_property
+    def borders(self) -> HybridSystem:
+        """The conditions of all pieces as functions with derivatives: the first state's rate in one mode for each."""
+        first, *others = self.states
+        texts = [text for conditions in self.conditions.values() for text in conditions]
+        modes = {
+            f"condition{k}": Mode({first: text, **dict.fromkeys(others, "0")}) for k, text in enumerate(texts)
+        }  # fmt: skip
+        return HybridSystem(self.states, self.parameters, modes, name=f"borders of {self.name or 'a map'}")
+
+    @cached_property
+    def third(self) -> CompiledThird:
+        """The compiled third derivatives of the images in the state."""
+        return compiled.load_third(self)
+
+    @cached_property
     def compiled(self) -> Compiled:
         """The compiled functions of this map: ``field`` is the image of a piece, ``vary`` its derivative."""
         return compiled.load(self)
@@ -191,21 +206,6 @@ class Map(Definition):
         if active not in self._second:
             self._second[active] = compiled.load_second(self, active)
         return self._second[active]
-
-    @cached_property
-    def third(self) -> CompiledThird:
-        """The compiled third derivatives of the images in the state."""
-        return compiled.load_third(self)
-
-    @cached_property
-    def borders(self) -> HybridSystem:
-        """The conditions of all pieces as functions with derivatives: the first state's rate in one mode for each."""
-        first, *others = self.states
-        texts = [text for conditions in self.conditions.values() for text in conditions]
-        modes = {
-            f"condition{k}": Mode({first: text, **dict.fromkeys(others, "0")}) for k, text in enumerate(texts)
-        }  # fmt: skip
-        return HybridSystem(self.states, self.parameters, modes, name=f"borders of {self.name or 'a map'}")
 
     def piece_index(self, x: NDArray[np.float64], p: NDArray[np.float64]) -> int:
         """Return the index of the piece that holds at a state.
