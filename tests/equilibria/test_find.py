@@ -131,3 +131,9 @@ def test_an_identity_reset_does_not_matter_to_a_mode_of_its_own():
     )
     assert find_equilibrium(system, x0=[0.0, 0.0]).state == pytest.approx([0.3, 0.0], abs=1e-15)
     assert not find_equilibrium(system, {"mu": 2.0}, x0=[0.0, 0.0]).regular
+
+
+def test_a_map_has_fixed_points_instead():
+    doubling = saltus.Map(("x",), {"r": 2.8}, {"x": "r*x*(1 - x)"})
+    with pytest.raises(InputError, match="this is a map: use solve_orbit, find_orbit"):
+        find_equilibrium(doubling, x0=[0.6])

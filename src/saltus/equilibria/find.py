@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus import checks
 from saltus.equilibria.equilibrium import Equilibrium, equilibrium_at
 from saltus.equilibria.problem import EquilibriumProblem, check_autonomous
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.motion import starting_mode
 from saltus.system import HybridSystem
+from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -81,7 +81,7 @@ def find_equilibrium(
     >>> find_equilibrium(lorenz, x0=[8.0, 8.0, 23.0]).kind
     'stable focus'
     """
-    checks.instance("system", system, HybridSystem)
+    flowing(system, "solve_orbit, find_orbit")
     check_autonomous(system)
     p = system.parameter_vector(parameters)
     x = np.zeros(len(system.states)) if x0 is None else system.full_state(x0)
