@@ -10,6 +10,7 @@ import sympy
 import systems
 from saltus import DefinitionError, HybridSystem, InputError, Mode, Transition
 from saltus.system.compiled import FLOW
+from saltus.system.evaluate import evaluate
 from saltus.system.generated import source_file
 
 
@@ -112,6 +113,21 @@ def transition(**changes):
         ({"groups": {"all": "ga"}}, "group 'all' = 'ga': must be a sequence of names of parameters"),
         ({"regimes": {"up": ("flght",)}}, "regime 'up' = 'flght': must be a mode: flight; did you mean 'flight'"),
         ({"regimes": {"up": "flight"}}, "regime 'up' = 'flight': must be a sequence of names of modes"),
+        ({"let": {"a": "g"}}, "let = 'a': must be a name that no state, phase or parameter has"),
+        ({"let": {"gap": "g"}}, "= 'gap': must be named once"),
+        ({"let": {"h": "z - q"}}, "let 'h' = 'z - q'.*'q' is unknown"),
+        ({"let": {"h": "k", "k": "z"}}, "let 'h' = 'k'.*'k' is unknown"),
+        ({"let": {"h k": "z"}}, "let = 'h k': must be an identifier"),
+        ({"let": "z"}, "let = 'z': must be a mapping of names to expressions"),
+        (
+            {"modes": {"flight": Mode({"z": "v", "v": "-g - 2*Max(z, a)"})}},
+            r"mode 'flight' = 'Max\(z, a\)': must be of Max and Min of parameters alone.*a transition where the two",
+        ),
+        (
+            {"transitions": transition(event="Min(z, v)")},
+            r"transition 'impact' = 'Min\(z, v\)': must be of Max and Min",
+        ),
+        ({"outputs": {"gap": "Max(z)"}}, "must be an expression in which Max has 2 or more argument"),
         ({"regimes": ["up"]}, r"regimes = \['up'\]: must be a mapping of names to sequences"),
     ],
 )
@@ -166,6 +182,25 @@ def test_each_unusable_state_is_told(x0, message):
 def test_state_without_the_phase_is_at_phase_zero():
     assert make().full_state([1.0, 2.0]).tolist() == [1.0, 2.0, 0.0]
     assert make().full_state([1.0, 2.0, 0.5]).tolist() == [1.0, 2.0, 0.5]
+
+
+def test_let_names_sub_expressions_of_all_parts():
+    system = make(
+        let={"table": "a*sin(theta)", "height": "z - table", "pull": sympy.Symbol("g") * 2},
+        modes={"flight": Mode({"z": "v", "v": "-pull/2"}, domain="height + 1")},
+        transitions=[
+            Transition(
+                "flight", "flight", event="height", direction=-1,
+                reset={"v": "-e*v + (1+e)*a*w*cos(theta)"}, name="impact",
+            )
+        ],
+        outputs={"gap": "1.0e0*height"},
+    )  # fmt: skip
+    plain, state = make(), [0.7, -0.3, 2.0]
+    np.testing.assert_allclose(system.field("flight", state), plain.field("flight", state), rtol=1e-15)
+    assert system.transitions[0].event == "(z - (a*sin(theta)))"
+    assert system.definition()["outputs"]["gap"]["flight"] == "1.0e0*(z - (a*sin(theta)))"
+    assert HybridSystem.from_definition(system.definition()) == system
 
 
 def test_a_group_sets_its_members():
@@ -306,3 +341,17 @@ def test_second_system_of_the_same_mathematics_needs_no_new_file(monkeypatch):
     monkeypatch.setattr("saltus.system.generated.write_checked", lambda *_: pytest.fail("wrote a file again"))
     second = make(name="two", parameters={"g": 2.0, "e": 0.1, "a": 1.0, "w": 3.0})
     assert source_file(FLOW, second) == source_file(FLOW, first)
+
+
+def test_greater_and_less_of_parameters_are_piecewise_smooth_in_them():
+    system = HybridSystem.smooth(
+        {"x": "v", "v": "-Max(k, c, 2)*x - Min(c, 5)*v"}, {"k": 3.0, "c": 1.0}, outputs={"up": "Max(x, 0)"}
+    )
+    compiled, p = system.compiled, system.parameter_vector({})
+    slopes = np.empty((2, 2))
+    for j in range(2):
+        compiled.call("field_p", 0, j, np.array([0.5, 0.25]), compiled.extended(p), slopes[j])
+    assert system.field("smooth", [0.5, 0.25]).tolist() == [0.25, -1.75]
+    assert slopes.tolist() == [[0.0, -0.5], [0.0, -0.25]]
+    assert system.field("smooth", [0.5, 0.25], {"k": 1e-9, "c": 1e9}).tolist() == [0.25, -0.5e9 - 1.25]
+    assert evaluate(system, "up + Min(x, v, 1)", [[0.5, 0.25], [-0.5, 0.25]], 0).tolist() == [0.75, -0.5]

@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import math
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from saltus import checks
 from saltus.errors import DefinitionError, InputError, nearest
-from saltus.system.expressions import check_name, text_of
+from saltus.system.expressions import Names, check_name, text_of
+from saltus.system.grammar import chosen_among, clipped
 from saltus.system.parts import (
     Mode,
     Transition,
@@ -39,6 +40,7 @@ class Definition:
     """The checked data of a hybrid system or a map, as `saltus.HybridSystem` takes them; all expressions are texts."""
 
     part = "mode"  # what messages call a part of the definition with equations of its own
+    smooth_cure = "a mode on either side, and a transition where the two are equal"  # of a field with a corner
 
     def __init__(
         self,
@@ -53,6 +55,7 @@ class Definition:
         positive: Iterable[str] = (),
         parameter_bounds: Mapping[str, tuple[float, float]] | None = None,
         regimes: Mapping[str, Sequence[str]] | None = None,
+        let: Mapping[str, Any] | None = None,
         name: str = "",
     ) -> None:
         if not isinstance(name, str):
@@ -61,8 +64,9 @@ class Definition:
         self.states = names_of(states, "states")
         parameters = mapping_of(parameters, "parameters", "of names to numbers")
         self.parameters = {check_name(key, "parameters"): number_of(value, key) for key, value in parameters.items()}
-        self.phase = clean_phase(phase, (*self.states, *self.parameters))
-        names = (*self.all_states, *self.parameters)
+        let = mapping_of(let, "let", "of names to expressions")
+        self.phase = clean_phase(phase, (*self.states, *self.parameters), let)
+        names = Names((*self.all_states, *self.parameters)).with_let(let)
         self.modes = self._clean_modes(modes, names)
         listed = sequence_of(transitions, "transitions", "of Transition")
         self.transitions = tuple(clean_transition(transition, names) for transition in listed)
@@ -76,7 +80,8 @@ class Definition:
         self.parameter_bounds = {key: clean_bounds(key, interval) for key, interval in bounds.items()}
         regimes = mapping_of(regimes, "regimes", "of names to sequences of modes")
         self.regimes = {key: texts_of(visited, f"regime {key!r}", "names of modes") for key, visited in regimes.items()}
-        self._check_structure()
+        self._check_structure(names.let)
+        self._check_choices()
         self.parameter_vector({})
         self._prepare()
 
@@ -320,11 +325,29 @@ class Definition:
             clean[key] = {mode: text_of(by_mode[mode], where, names) for mode in self.modes}
         return clean
 
-    def _check_structure(self) -> None:
+    def _equations(self) -> Iterator[tuple[str, str]]:
+        """The expressions that must be smooth, each with where it stands."""
+        for key, mode in self.modes.items():
+            yield from ((f"{self.part} {key!r}", text) for text in (*mode.field.values(), mode.domain) if text)
+        for t in self.transitions:
+            yield from ((f"transition {t.name!r}", text) for text in (t.event, *t.reset.values(), t.when) if text)
+        for key, texts in self.conditions.items():
+            yield from ((f"{self.part} {key!r}", text) for text in texts)
+
+    def _check_choices(self) -> None:
+        """Raise `DefinitionError` where the greater or less of two values that vary with the state is taken."""
+        names = (*self.all_states, *self.parameters)
+        for where, text in self._equations():
+            for call, used in chosen_among(text, names).items():
+                if used.intersection(self.all_states):
+                    allowed = "of Max and Min of parameters alone, since it must be smooth in the state"
+                    raise DefinitionError(where, clipped(call), allowed, self.smooth_cure)
+
+    def _check_structure(self, let: Iterable[str]) -> None:
         taken: set[str] = set()
-        for name in (*self.all_states, *self.parameters, *self.outputs):
+        for name in (*self.all_states, *self.parameters, *self.outputs, *let):
             if (read := unicodedata.normalize("NFKC", name)) in taken:
-                raise DefinitionError("states, parameters, phase and outputs", name, "named once")
+                raise DefinitionError("states, parameters, phase, outputs and let", name, "named once")
             taken.add(read)
         if not self.modes:
             raise DefinitionError(f"{self.part}s", {}, f"at least one {self.part}")

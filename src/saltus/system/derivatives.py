@@ -129,6 +129,8 @@ def _smooth_diff(expression: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
     corners = {a for a in expression.atoms(sympy.Abs, sympy.sign) if not a.args[0].is_extended_real}
     if not corners:
         derivative = sympy.diff(expression, symbol)
+        if expression.has(sympy.Max, sympy.Min):
+            derivative = derivative.replace(sympy.Heaviside, lambda x, *_: (1 + sympy.sign(x)) / 2)
         if not expression.has(sympy.sign):
             return derivative
         return derivative.replace(sympy.DiracDelta, lambda *args: sympy.Integer(0))

@@ -127,7 +127,12 @@ def _build(node: ast.expr, names: frozenset[str]) -> _Expression:
             steps = [(_OPERATORS[type(operation.op)], _build(operation.right, names)) for operation in operations]
             return _chained(_build(first, names), steps)
         case ast.Call(func=ast.Name(id=name), args=args):
-            return _applied(_function(FUNCTIONS[name]), *(_build(argument, names) for argument in args))
+            function, terms = _function(FUNCTIONS[name]), [_build(argument, names) for argument in args]
+            return (
+                _applied(function, *terms)
+                if len(terms) == 1
+                else _chained(terms[0], [(function, t) for t in terms[1:]])
+            )
     raise AssertionError(node)
 
 
@@ -141,6 +146,7 @@ _OWN: Mapping[str, Callable[..., _Value]] = {
     "asinh": np.arcsinh, "acosh": np.arccosh, "atanh": np.arctanh, "Abs": np.abs,
     "sqrt": lambda x: np.sqrt(np.maximum(x, 0.0)),
     "sign": lambda x: np.copysign(1.0, x),
+    "Max": np.maximum, "Min": np.minimum,
 }  # fmt: skip
 
 

@@ -6,7 +6,9 @@ import ast
 import keyword
 import math
 import numbers
-from collections.abc import Collection
+import re
+import unicodedata
+from collections.abc import Collection, Mapping
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -17,10 +19,12 @@ from saltus.system.grammar import FUNCTIONS, chain, clipped, syntax_tree
 if TYPE_CHECKING:
     import sympy
 
-__all__ = ["check_name", "parse", "text_of"]
+__all__ = ["Names", "check_name", "parse", "text_of"]
 
+_CHARACTERS = 200_000  # longest text, as the grammar allows
 _EXPONENT = 1000  # largest exponent of what varies
 _DIGITS = 30_000  # most digits of an exact power of two whole numbers
+_NAME = re.compile(r"(?<![\w.])[^\W\d]\w*")  # a name in a text, not the exponent of a number
 _DERIVATIVES = 200_000  # most operations that the first derivatives of an expression may have, by a bound from above
 
 
@@ -38,18 +42,78 @@ def check_name(name: object, where: str) -> str:
     return name
 
 
+class Names(tuple[str, ...]):
+    """The names that a definition declares, and sub-expressions with names of their own, which `text_of` writes out.
+
+    Parameters
+    ----------
+    names : iterable of str
+        States, phase and parameters.
+
+    Examples
+    --------
+    >>> names = Names(("x", "a")).with_let({"gap": "a - x", "force": "1/gap**2"})
+    >>> text_of("2*force - gap", "output 'F'", names)
+    '2*(1/(a - x)**2) - (a - x)'
+    """
+
+    let: Mapping[str, str]
+
+    def with_let(self, let: Mapping[str, object]) -> Names:
+        """Return the names with sub-expressions, each of which may use those before it.
+
+        Parameters
+        ----------
+        let : mapping of str to expression
+            The sub-expressions by name.
+
+        Raises
+        ------
+        DefinitionError
+            A name that is no identifier or is declared already, or what is no expression.
+        """
+        found = Names(self)
+        found.let = known = {}
+        for name, expression in let.items():
+            key = _normal(check_name(name, "let"))
+            if key in map(_normal, self):
+                raise DefinitionError("let", name, "a name that no state, phase or parameter has")
+            text = text_of(expression, f"let {name!r}", found)
+            syntax_tree(text, found, f"let {name!r}")
+            known[key] = f"({text})"
+        return found
+
+    def written_out(self, text: str, where: str) -> str:
+        """Return a text with the sub-expressions in place of their names."""
+        let = getattr(self, "let", {})
+        if not let:
+            return text
+        full = _NAME.sub(lambda found: let.get(_normal(found[0]), found[0]), text)
+        if len(full) > _CHARACTERS:
+            allowed = f"an expression of at most {_CHARACTERS} characters, sub-expressions written out"
+            raise DefinitionError(where, clipped(text), allowed, f"it has {len(full)}")
+        return full
+
+
 def text_of(expression: object, where: str, names: Collection[str] = ("pi",)) -> str:
     """Return an expression (text, number or SymPy) as the text that `parse` reads back as the same expression.
 
     `names` are those that the definition declares: where ``pi`` is among them, SymPy's constant is written otherwise.
     """
-    if isinstance(expression, str):
-        return expression.strip()
     if isinstance(expression, numbers.Real | Decimal) and checks.is_real(expression):
         return _number_text(expression, where)
-    if hasattr(type(expression), "free_symbols"):
-        return _sympy_text(expression, where, "acos(-1)" if "pi" in names else "pi")
-    raise DefinitionError(where, expression, "an expression: text, a number or SymPy")
+    if isinstance(expression, str):
+        text = expression.strip()
+    elif hasattr(type(expression), "free_symbols"):
+        text = _sympy_text(expression, where, "acos(-1)" if "pi" in names else "pi")
+    else:
+        raise DefinitionError(where, expression, "an expression: text, a number or SymPy")
+    return names.written_out(text, where) if isinstance(names, Names) else text
+
+
+def _normal(name: str) -> str:
+    """A name as Python's grammar reads it: the micro sign, for one, as the Greek letter."""
+    return unicodedata.normalize("NFKC", name)
 
 
 def _number_text(number: numbers.Real | Decimal, where: str) -> str:

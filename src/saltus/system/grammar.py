@@ -14,13 +14,14 @@ from typing import NoReturn
 
 from saltus.errors import DefinitionError, InputError, nearest
 
-__all__ = ["FUNCTIONS", "chain", "clipped", "syntax_tree"]
+__all__ = ["FUNCTIONS", "chain", "chosen_among", "clipped", "syntax_tree"]
 
 # Functions that an expression may call, and SymPy's names for them.
 FUNCTIONS = {
     "sin": "sin", "cos": "cos", "tan": "tan", "asin": "asin", "acos": "acos", "atan": "atan", "atan2": "atan2",
     "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "asinh": "asinh", "acosh": "acosh", "atanh": "atanh",
     "exp": "exp", "log": "log", "sqrt": "sqrt", "abs": "Abs", "Abs": "Abs", "sign": "sign", "erf": "erf",
+    "Max": "Max", "Min": "Min",
 }  # fmt: skip
 
 _CHARACTERS = 200_000  # longest text
@@ -28,12 +29,14 @@ _NODES = 20_000  # most numbers, names, signs and calls in one
 _DEPTH = 32  # deepest nesting of functions, powers and brackets; a sum or a product is one level, however long
 _LISTED = 160  # characters of the known names that a message lists
 
+_CHOICES = ("Max", "Min")  # functions that choose one of their arguments
+
 _SUM = (ast.Add, ast.Sub)
 _PRODUCT = (ast.Mult, ast.Div)
 
 _VALUES: dict[str, Callable[..., float]] = {
     **{name: getattr(math, name) for name in FUNCTIONS if hasattr(math, name)},
-    "abs": abs, "Abs": abs, "sign": lambda x: math.copysign(1.0, x),
+    "abs": abs, "Abs": abs, "sign": lambda x: math.copysign(1.0, x), "Max": max, "Min": min,
 }  # fmt: skip
 
 
@@ -68,6 +71,33 @@ def syntax_tree(text: str, names: Collection[str], where: str, error: type[Input
     return tree
 
 
+def chosen_among(text: str, names: Collection[str]) -> dict[str, set[str]]:
+    """Return the calls of ``Max`` and ``Min`` in an expression, each with the names among their arguments.
+
+    Parameters
+    ----------
+    text : str
+        The expression.
+    names : collection of str
+        Declared names.
+
+    Examples
+    --------
+    >>> {call: sorted(used) for call, used in chosen_among("k*Max(x, 2*a)", ["x", "a", "k"]).items()}
+    {'Max(x, 2*a)': ['a', 'x']}
+    """
+    if not any(f"{name}(" in text for name in _CHOICES):
+        return {}
+    tree = syntax_tree(text, names, "expression")
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and _name_of(node) in _CHOICES]
+    return {
+        ast.get_source_segment(text.strip(), call) or ast.unparse(call): {
+            node.id for node in ast.walk(call) if isinstance(node, ast.Name) and node.id in names
+        }
+        for call in calls
+    }
+
+
 def chain(node: ast.BinOp) -> tuple[ast.expr, list[ast.BinOp]]:
     """Return the first operand of a sum or a product, and the operations on it from left to right."""
     alike = _alike(node.op)
@@ -82,6 +112,10 @@ def chain(node: ast.BinOp) -> tuple[ast.expr, list[ast.BinOp]]:
 def clipped(text: str, longest: int = 80) -> str:
     """Return a text, with the middle left out where it is long."""
     return text if len(text) <= longest else f"{text[: longest // 2]} ... {text[-longest // 4 :]}"
+
+
+def _name_of(call: ast.Call) -> str:
+    return call.func.id if isinstance(call.func, ast.Name) else ""
 
 
 def _alike(operator: ast.operator) -> tuple[type[ast.operator], ...]:
@@ -164,9 +198,10 @@ class _Reader:
         if name not in FUNCTIONS:
             allowed = f"in the functions {', '.join(FUNCTIONS)}, but {clipped(name)!r} is unknown"
             self.refuse(allowed, nearest(name, FUNCTIONS))
-        wanted = 2 if name == "atan2" else 1
-        if len(args) != wanted:
-            self.refuse(f"an expression in which {name} has {wanted} argument(s)")
+        wanted = 2 if name == "atan2" or name in _CHOICES else 1
+        if len(args) != wanted and not (name in _CHOICES and len(args) > wanted):
+            more = " or more" if name in _CHOICES else ""
+            self.refuse(f"an expression in which {name} has {wanted}{more} argument(s)")
         return self.applied(node, _VALUES[name], *map(self.value, args))
 
     def chained(self, node: ast.BinOp) -> float | None:

@@ -47,6 +47,9 @@ class HybridSystem(Definition):
         Closed interval in which a parameter must lie.
     regimes : mapping of str to sequence of str, optional
         Names for kinds of motion, each with the modes that a motion so named visits, exactly these.
+    let : mapping of str to expression, optional
+        Names of sub-expressions, for use in all expressions of the definition. Each may use those before it. They are
+        written out when the system is made; a quantity to look at is an output.
     name : str, optional
         What the system is called in its `repr` and in files.
 
@@ -83,6 +86,7 @@ class HybridSystem(Definition):
         phase: tuple[str, Any] | None = None,
         outputs: Mapping[str, Any] | None = None,
         positive: Iterable[str] = (),
+        let: Mapping[str, Any] | None = None,
         name: str = "",
     ) -> Self:
         """Return a system with one mode, ``smooth``, and no transitions.
@@ -99,6 +103,8 @@ class HybridSystem(Definition):
             Named quantities that results record.
         positive : iterable of str, optional
             Parameters that must be positive.
+        let : mapping of str to expression, optional
+            Names of sub-expressions, as in `HybridSystem`.
         name : str, optional
             What the system is called in its `repr` and in files.
 
@@ -124,7 +130,7 @@ class HybridSystem(Definition):
         rates = mapping_of(field, "field", "of states to expressions")
         values = {} if parameters is None else parameters
         modes = {"smooth": Mode(rates)}
-        return cls(tuple(rates), values, modes, phase=phase, outputs=outputs, positive=positive, name=name)
+        return cls(tuple(rates), values, modes, phase=phase, outputs=outputs, positive=positive, let=let, name=name)
 
     def _prepare(self) -> None:
         source_file(compiled.FLOW, self)

@@ -81,6 +81,8 @@ class Map(Definition):
         Parameters that must be positive.
     parameter_bounds : mapping of str to (float, float), optional
         Closed interval in which a parameter must lie.
+    let : mapping of str to expression, optional
+        Names of sub-expressions, as in `HybridSystem`.
     name : str, optional
         What the map is called in its `repr` and in files.
 
@@ -109,6 +111,7 @@ class Map(Definition):
     """
 
     part = "piece"
+    smooth_cure = "a piece on either side, with the difference of the two as its condition"
 
     def __init__(
         self,
@@ -121,6 +124,7 @@ class Map(Definition):
         groups: Mapping[str, Sequence[str]] | None = None,
         positive: Iterable[str] = (),
         parameter_bounds: Mapping[str, tuple[float, float]] | None = None,
+        let: Mapping[str, Any] | None = None,
         name: str = "",
     ) -> None:
         if (image is None) == (pieces is None):
@@ -130,7 +134,7 @@ class Map(Definition):
             pieces = {SMOOTH: Piece(mapping_of(image, "image", "of each state to its next value"))}
         super().__init__(
             states, parameters, pieces, outputs=outputs, groups=groups, positive=positive,
-            parameter_bounds=parameter_bounds, name=name,
+            parameter_bounds=parameter_bounds, let=let, name=name,
         )  # fmt: skip
 
     def _clean_modes(self, modes: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, Mode]:

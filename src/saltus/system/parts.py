@@ -11,7 +11,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import DefinitionError, InputError
-from saltus.system.expressions import check_name, text_of
+from saltus.system.expressions import Names, check_name, text_of
 
 __all__ = [
     "Mode",
@@ -147,14 +147,14 @@ def as_definition(check: Callable[_P, _T], *arguments: _P.args, **options: _P.kw
         raise DefinitionError(*error.args) from None
 
 
-def clean_phase(phase: Any, names: tuple[str, ...]) -> tuple[str, str] | None:
-    """Return name and rate of the phase, None where there is none."""
+def clean_phase(phase: Any, names: tuple[str, ...], let: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Return name and rate of the phase, None where there is none; `let` as a definition takes it."""
     if phase is None:
         return None
     if not isinstance(phase, tuple | list) or len(phase) != 2:
         raise DefinitionError("phase", phase, "a name and a rate, as in ('theta', 'w')")
     name = check_name(phase[0], "phase")
-    return name, text_of(phase[1], "phase", (*names, name))
+    return name, text_of(phase[1], "phase", Names((*names, name)).with_let(let))
 
 
 def clean_bounds(parameter: str, interval: Any) -> tuple[float, float]:

@@ -73,6 +73,12 @@ def code_printer(*, clamped: bool) -> Any:
         def _print_Abs(self, expr: Any) -> str:
             return f"abs({self._print(expr.args[0])})"
 
+        def _print_Max(self, expr: Any) -> str:
+            return f"max({', '.join(map(self._print, expr.args))})"
+
+        def _print_Min(self, expr: Any) -> str:
+            return f"min({', '.join(map(self._print, expr.args))})"
+
         def _print_Pow(self, expr: Any, rational: bool = False, sqrt: str = "math.sqrt") -> str:
             base, exponent = expr.as_base_exp()
             text = f"({self._print(base)})"
