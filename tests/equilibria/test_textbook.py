@@ -195,15 +195,18 @@ RESCALED = [
 ]
 
 
-def moved(item: Textbook, units: list[float], offset: float) -> HybridSystem:
-    """Return the system in the states X = unit x + offset."""
-    old = {state: f"((({state}) - {offset!r})/{unit!r})" for state, unit in zip(item.states, units, strict=True)}
+@functools.cache
+def movable(name: str) -> HybridSystem:
+    """Return a system in the states X = unit x + offset, whose units and origin are parameters."""
+    item = TEXTBOOK[name]
+    units = {state: f"unit{i}" for i, state in enumerate(item.states)}
+    old = {state: f"((({state}) - offset)/{unit})" for state, unit in units.items()}
     word = re.compile(rf"\b({'|'.join(item.states)})\b")
     field = {
-        state: f"{unit!r}*({word.sub(lambda m: old[m[1]], item.field[state])})"
-        for state, unit in zip(item.states, units, strict=True)
+        state: f"{unit}*({word.sub(lambda found: old[found[1]], item.field[state])})" for state, unit in units.items()
     }
-    return HybridSystem(item.states, item.parameters, {"flow": Mode(field)}, name=item.name)
+    parameters = {**item.parameters, **dict.fromkeys(units.values(), 1.0), "offset": 0.0}
+    return HybridSystem(item.states, parameters, {"flow": Mode(field)}, name=item.name)
 
 
 def same_points(name: str, found: EquilibriumBranch, accuracy: float) -> None:
@@ -224,8 +227,8 @@ def test_special_points_do_not_depend_on_units_and_origin_of_the_states(name: st
         [1e-9] * n if kind == "tiny" else [1e-9 if i % 2 else 1e6 for i in range(n)] if kind == "mixed" else [1.0] * n
     )
     offset = 300.0 if kind == "offset" else 0.0
-    other = moved(item, units, offset)
-    first = start(item, other, np.array(units) * np.array(item.start) + offset)
+    place = {item.parameter: item.value, "offset": offset} | {f"unit{i}": unit for i, unit in enumerate(units)}
+    first = find_equilibrium(movable(name), place, np.array(units) * np.array(item.start) + offset)
     same_points(name, continue_equilibrium(first, item.parameter, item.bounds), 1e-9)
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from saltus import Average, HybridSystem, InputError, Mode, lyapunov_spectrum, simulate
+from saltus import Average, HybridSystem, InputError, Mode, Transition, lyapunov_spectrum, simulate
 from saltus.system import cache, generated
 from saltus.system.cache import let_numba_cache, read_checked, write_checked
 from saltus.system.compiled import FLOW, FUNCTIONS
@@ -143,15 +143,25 @@ def loaded(file, text):
     return module
 
 
-def test_derivatives_are_compiled_when_they_are_first_needed(folder):
-    def compiled():
-        return {file.name.split(".")[1].split("-")[0] for file in folder.rglob("*.nbc")}
+def compiled(folder):
+    return {file.name.split(".")[1].split("-")[0] for file in folder.rglob("*.nbc")}
 
-    system = tiny()
-    simulate(system, x0=[2.0], t_end=1.0)
-    assert compiled() == {"derive", "field", "event", "event_x", "reset", "guard"}
-    lyapunov_spectrum(system, x0=[2.0], average=Average(t_end=1.0))
-    assert compiled() == set(FUNCTIONS)
+
+def test_derivatives_are_compiled_when_they_are_first_needed(folder):
+    impact = Transition("flight", "flight", "z", -1, {"v": "-e*v"}, name="impact")
+    flight = Mode({"z": "v", "v": "-g - 0.1*v"}, domain="z + 1")
+    system = HybridSystem(("z", "v"), {"g": 1.0, "e": 0.9}, {"flight": flight}, [impact], outputs={"rate": "v"})
+    simulate(system, x0=[2.0, 0.0], t_end=1.0)
+    assert compiled(folder) == {"derive", "field", "event", "event_x", "reset", "guard"}
+    lyapunov_spectrum(system, x0=[2.0, 0.0], average=Average(t_end=1.0))
+    assert compiled(folder) == set(FUNCTIONS)
+
+
+def test_what_a_smooth_system_lacks_is_compiled_once_for_all_of_them(folder):
+    simulate(tiny(), x0=[2.0], t_end=1.0)
+    assert compiled(folder) == {"derive", "field"}
+    lyapunov_spectrum(tiny(), x0=[2.0], average=Average(t_end=1.0))
+    assert compiled(folder) == {"derive", "field", "vary", "field_p"}
 
 
 def test_compiled_code_is_of_the_kernels_that_it_calls(tmp_path, monkeypatch):
