@@ -68,6 +68,48 @@ def test_points_and_special_points_have_the_observables_of_their_orbits(branch):
     assert branch.at(fold, "velocity(impact)") == pytest.approx(ImpactOrbit(1.1).U_fold, abs=1e-6)
 
 
+SURVEYED = ("mean(x)", "amplitude(x, 1)", "phase(x, 1)", "amplitude(v, 1)", "fraction(free)", "max(x)", "min(v)")
+
+
+def test_what_the_survey_sums_is_what_each_orbit_shows_by_itself(branch, tmp_path):
+    held = saltus.load(branch.save(tmp_path / "branch.nc"))
+    for name in SURVEYED:
+        alone = np.array([orbit.observe(name)[name] for orbit in branch])
+        along = branch.column(name)
+        assert (
+            np.angle(np.exp(1j * (along - alone))) == pytest.approx(0.0, abs=1e-10)
+            if "phase" in name
+            else (along == pytest.approx(alone, abs=1e-10))
+        )
+        assert np.array_equal(held.column(name), along)
+
+
+def test_harmonics_of_doubled_and_of_autonomous_orbits_are_the_orbits_own(impact_oscillator):
+    twice = saltus.find_orbit(impact_oscillator, {"w": 1.1, "A": 4.5}, [0.0, 0.0])
+    doubled = saltus.continue_orbit(twice, "A", bounds=(4.45, 4.6))
+    van_der_pol = saltus.HybridSystem.smooth({"x": "y", "y": "mu*(1 - x**2)*y - x"}, {"mu": 1.0})
+    cycles = saltus.continue_orbit(saltus.find_orbit(van_der_pol, {}, [2.0, 0.0]), "mu", bounds=(0.8, 1.2))
+    for curve, names in ((doubled, ("mean(x)", "amplitude(x, 1)")), (cycles, ("amplitude(y, 1)", "mean(x)"))):
+        for name in names:
+            alone = [orbit.observe(name)[name] for orbit in curve]
+            assert curve.column(name) == pytest.approx(np.array(alone), abs=1e-10)
+
+
+def test_formulas_in_observables_and_parameters_are_columns(response):
+    w = response.values
+    z = 0.05 / (1.0 - w**2 + 0.1j * w)
+    lag = response.column("-degrees(phase(x, 1))")
+    assert lag == pytest.approx(-np.degrees(np.angle(z) + math.pi / 2.0), abs=1e-7)
+    gain = response.column("(max(x) - min(x))/(2*A)*w")
+    assert gain == pytest.approx(np.abs(z) / 0.05 * w, abs=1e-9)
+    special = saltus.continue_orbit(
+        response.orbit(0), "w", bounds=(0.5, 2.0), events={"(max(x) - min(x))/2": 0.3}
+    ).special_points
+    assert [abs(0.05 / (1.0 - p.parameters["w"] ** 2 + 0.1j * p.parameters["w"])) for p in special] == pytest.approx(
+        [0.3, 0.3], abs=1e-9
+    )
+
+
 def test_extremes_are_those_that_the_branch_keeps(branch):
     observed = branch.observe("max(x)", "min(v)")
     assert observed["max(x)"].values == pytest.approx(branch.column("max_x"), abs=1e-10)

@@ -10,7 +10,8 @@ import pytest
 import saltus
 from oracles.closed_forms import ImpactOrbit
 from saltus.errors import InputError
-from saltus.flow.observables import Observable, check_observables, observe, read_observable
+from saltus.flow.formulas import Observable, check_observables, read_observable
+from saltus.flow.observables import observe
 from saltus.system.hybrid import HybridSystem, Mode, Transition
 
 TIGHT = {"tolerance": (1e-12, 1e-14)}
@@ -71,6 +72,32 @@ def test_harmonics_of_an_impact_oscillator_balance_drive_and_impulses(impacting,
     X = ((order == 1) + 2.0 * impulse / closed.period) / complex(closed.k - w**2, closed.c * w)
     a, phi = impacting.observe(f"amplitude(x, {order})", f"phase(x, {order})").values()
     assert a * cmath.exp(1j * phi) == pytest.approx(1j * X, abs=1e-10)
+
+
+def test_a_formula_is_made_of_observables_and_parameters(impacting):
+    formulas = ("(max(x) - min(x))/2*A", "-degrees(phase(x, 1)) + 0*mean(v)", "Max(mean(x), 1e3)")
+    found = impacting.observe(*formulas, "max(x)", "min(x)", "phase(x, 1)")
+    half = (found["max(x)"] - found["min(x)"]) / 2.0
+    assert found[formulas[0]] == pytest.approx(half * impacting.parameters["A"], rel=1e-14)
+    assert found[formulas[1]] == pytest.approx(-math.degrees(found["phase(x, 1)"]), rel=1e-13)
+    assert found[formulas[2]] == 1e3
+
+
+@pytest.mark.parametrize(
+    ("formula", "told"),
+    [
+        ("max(x) - mn(x)", "'max\\(x\\) - mn\\(x\\)': must be a formula in observables and par.*'mn' is unknown"),
+        ("max(x) - x", "'max\\(x\\) - x': must be a formula in observables and parameters; .*'x' is unknown"),
+        ("max(x) -", "'max\\(x\\) -': must be a formula .* an expression"),
+        ("2*max(q)", "'q' is unknown"),
+        ("2*velocity(impct)", "did you mean 'impact'"),
+        ("2*w", "must be one of max\\(expression\\)"),
+        ("max(x - 1", "must be one of max\\(expression\\)"),
+    ],
+)
+def test_what_is_no_formula_is_told(impacting, formula, told):
+    with pytest.raises(InputError, match=told):
+        impacting.observe(formula)
 
 
 def test_the_mean_of_an_impact_oscillator_is_that_of_the_impulses(impacting):
@@ -219,7 +246,6 @@ def test_a_name_is_taken_apart_at_its_last_comma(impact_oscillator):
     [
         ("amplitde(x, 1)", "must be one of max(expression), min(expression), .*; did you mean 'amplitude'?"),
         ("x", "must be one of max(expression), .*, velocity(transition)"),
-        ("max(x) - min(x)", "must be one of max(expression)"),
         (1.0, "must be one of max(expression)"),
         ("amplitude(x)", "must be amplitude(expression, order) with an order > 0, a whole number or a fraction of two"),
         ("phase(x, 0)", "must be phase(expression, order) with an order > 0"),

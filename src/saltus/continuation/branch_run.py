@@ -290,7 +290,9 @@ class BranchRun(OneParameterRun):
 
 
 # Survey of a grazing from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
-_INADMISSIBLE = Survey(1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
+_INADMISSIBLE = Survey(
+    1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3))
+)
 
 
 def _beyond_grazings(problem: OrbitProblem, point: Point) -> bool:

@@ -1,17 +1,14 @@
-"""A curve of periodic orbits as a result, along one parameter or two, with its special points."""
+"""A curve of periodic orbits as a result that is saved: along one parameter or two, with its special points."""
 
 from __future__ import annotations
 
 import json
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from saltus import checks
 from saltus.contents import Contents
 from saltus.continuation.curve_files import (
     column_name,
@@ -21,17 +18,11 @@ from saltus.continuation.curve_files import (
     special_points_of,
     special_variables,
 )
-from saltus.continuation.special_points import SpecialPoint, SpecialPoints
+from saltus.continuation.orbit_columns import OrbitColumns
+from saltus.continuation.special_points import SpecialPoints
 from saltus.errors import InputError
-from saltus.flow.observables import check_observables, observe, read_observable
-from saltus.orbits import PeriodicOrbit
-from saltus.orbits.orbit import TOLERANCES, follow_from, orbit_at, signature_from
-from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.sampling import motion_of
-from saltus.orbits.signature import Signature
-from saltus.orbits.unfolding import Fixed, read_fixed
-from saltus.results import Result, frozen
-from saltus.system import HybridSystem
+from saltus.orbits.orbit import TOLERANCES, signature_from
+from saltus.orbits.unfolding import read_fixed
 from saltus.system.plain import held_parameters, held_system
 
 if TYPE_CHECKING:
@@ -42,289 +33,8 @@ __all__ = ["OrbitCurve"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class OrbitCurve(Result):
-    """Orbits in order along a curve, their properties, and special points: the base of `Branch` and `Locus`.
-
-    Attributes
-    ----------
-    system : HybridSystem
-        The system.
-    parameters : mapping of str to float
-        All parameters at the start.
-    values : ndarray
-        The varied parameters: shape (point,) for one, (point, parameter) for more.
-    x0 : ndarray, shape (point, state)
-        State at phase 0, or at the first segment's start.
-    multipliers : ndarray of complex, shape (point, multiplier)
-        Floquet multipliers; infinite at a grazing.
-    stable, admissible : ndarray of bool, shape (point,)
-        Whether the orbit is stable, and whether it is a motion of the system.
-    period, residual, arclength : ndarray, shape (point,)
-        Period, residual of the equations, and arclength from the first point.
-    lows, highs : ndarray, shape (point, all states + outputs)
-        Extremes over the period, in the order of `quantities`.
-    forms : tuple of Signature
-        The signatures that occur.
-    form : ndarray of int, shape (point,)
-        Index of each point's signature in `forms`.
-    unknowns : tuple of ndarray
-        States and durations of each point's segments, as `OrbitProblem` orders them.
-    special_points : SpecialPoints
-        In order along the curve; ``curve["SN1"]`` is one of them.
-    stopped : tuple of str
-        Why the curve ended, at its first and at its last point.
-    rejected : tuple of str
-        Rejected steps, with their reasons.
-    options : mapping
-        Arguments of the continuation.
-    tolerance : float
-        Relative tolerance of the flow.
-    """
-
-    system: HybridSystem
-    parameters: Mapping[str, float]
-    values: NDArray[np.float64]
-    x0: NDArray[np.float64]
-    multipliers: NDArray[np.complex128]
-    stable: NDArray[np.bool_]
-    admissible: NDArray[np.bool_]
-    period: NDArray[np.float64]
-    residual: NDArray[np.float64]
-    arclength: NDArray[np.float64]
-    lows: NDArray[np.float64]
-    highs: NDArray[np.float64]
-    forms: tuple[Signature, ...]
-    form: NDArray[np.int64]
-    unknowns: tuple[NDArray[np.float64], ...]
-    special_points: SpecialPoints
-    stopped: tuple[str, str]
-    rejected: tuple[str, ...] = ()
-    options: Mapping[str, Any] = field(default_factory=dict)
-    tolerance: float = 1e-12
-
-    def __post_init__(self) -> None:
-        reals = ("values", "x0", "period", "residual", "arclength", "lows", "highs")
-        kinds: dict[str, Any] = dict.fromkeys(reals, np.float64)
-        kinds |= {"multipliers": np.complex128, "form": np.int64, "stable": np.bool_, "admissible": np.bool_}
-        for name, kind in kinds.items():
-            object.__setattr__(self, name, frozen(getattr(self, name), kind))
-
-    @property
-    @abstractmethod
-    def varied(self) -> tuple[str, ...]:
-        """Names of the parameters that vary."""
-
-    @abstractmethod
-    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
-        """Return the columns, shape (point,) each, that only this kind of curve has."""
-
-    def __len__(self) -> int:
-        return len(self.values)
-
-    def __getitem__(self, label: str) -> SpecialPoint:
-        """Return the special point of that label."""
-        known = {point.label: point for point in self.special_points}
-        return known[checks.chosen("label", label, known)]
-
-    def __iter__(self) -> Iterator[PeriodicOrbit]:
-        """Go through the orbits of all points."""
-        return (self.orbit(i) for i in range(len(self)))
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        """Names of all states and outputs, in the order of `lows` and `highs`."""
-        return (*self.system.all_states, *self.system.output_names)
-
-    def column(self, name: str) -> NDArray[np.float64]:
-        """Return a quantity along the curve.
-
-        Parameters
-        ----------
-        name : str
-            A varied parameter, ``period``, ``arclength``, a state (its value at phase 0), or an observable as `observe`
-            takes it. An extreme is ``min_`` or ``max_`` and a state or output. A locus has ``angle`` and
-            ``coefficient`` too.
-
-        Returns
-        -------
-        ndarray, shape (point,)
-            In the units of the definition.
-
-        Raises
-        ------
-        InputError
-            A quantity of another name.
-        """
-        if isinstance(name, str) and "(" in name:
-            return self._observed(name)
-        table = self.values.reshape(len(self), -1)
-        declared: dict[str, Any] = {parameter: table[:, i] for i, parameter in enumerate(self.varied)}
-        columns: dict[str, Any] = declared | {"period": self.period, "arclength": self.arclength}
-        columns |= self._own_columns()
-        declared |= {state: self.x0[:, i] for i, state in enumerate(self.system.states)}
-        columns |= declared
-        columns |= {f"min_{q}": self.lows[:, i] for i, q in enumerate(self.quantities)}
-        columns |= {f"max_{q}": self.highs[:, i] for i, q in enumerate(self.quantities)}
-        if self.system.phase is not None:
-            for side in ("min", "max"):
-                columns.pop(f"{side}_{self.system.phase[0]}")
-        columns |= declared
-        instead = f", or an observable, as in 'mean({self.quantities[0]})'"
-        found: NDArray[np.float64] = columns[checks.chosen("quantity", name, columns, instead=instead)]
-        return found
-
-    def observe(self, *names: str) -> xr.Dataset:
-        """Return observables of the orbits, against ``point``.
-
-        A phase is continuous along the curve. Each observable is computed once.
-
-        Parameters
-        ----------
-        *names : str
-            As in ``"amplitude(z, 1)"`` or ``"fraction(contact)"``; `saltus.flow.observables` lists them.
-
-        Returns
-        -------
-        xarray.Dataset
-            A variable for each observable, and the varied parameters as coordinates.
-
-        Raises
-        ------
-        InputError
-            A name that is no observable.
-        """
-        import xarray as xr
-
-        self._observe(names)
-        table = self.values.reshape(len(self), -1)
-        coords = {parameter: ("point", table[:, i]) for i, parameter in enumerate(self.varied)}
-        return xr.Dataset({name: ("point", self._observed(name)) for name in names}, coords)
-
-    @cached_property
-    def _observations(self) -> dict[str, NDArray[np.float64]]:
-        return {}
-
-    def _observed(self, name: str) -> NDArray[np.float64]:
-        self._observe((name,))
-        return self._observations[name]
-
-    def _observe(self, names: Sequence[str]) -> None:
-        """Compute the observables that are not known yet."""
-        check_observables(self.system, names)
-        wanted = [name for name in dict.fromkeys(names) if name not in self._observations]
-        if not wanted:
-            return
-        rows = [observe(motion_of(*self._solved(i)), wanted) for i in range(len(self))]
-        for name in wanted:
-            column = np.array([row[name] for row in rows])
-            if turn := self._turn(name):
-                known = np.isfinite(column)
-                column[known] = np.unwrap(column[known], period=turn)
-            self._observations[name] = frozen(column)
-
-    def _turn(self, name: str) -> float:
-        """Return the angle up to which a phase is defined, in radians; 0.0 where the observable is no phase."""
-        observable = read_observable(self.system, name)
-        return 2.0 * np.pi / observable.order.denominator if observable.kind == "phase" and observable.order else 0.0
-
-    def at(self, point: SpecialPoint, name: str) -> float:
-        """Return the quantity that `column` names at a special point.
-
-        Parameters
-        ----------
-        point : SpecialPoint
-            One of the curve's.
-        name : str
-            As `column` takes it.
-
-        Returns
-        -------
-        float
-            In the units of the definition.
-
-        Raises
-        ------
-        InputError
-            A quantity of another name, or no special point.
-        """
-        orbit = checks.instance("point", point, SpecialPoint).orbit
-        checks.text("quantity", name, "the name of a quantity")
-        if name.startswith(("min_", "max_")) and name[4:] in self.quantities:
-            source = orbit.lows if name.startswith("min_") else orbit.highs
-            return float(source[self.quantities.index(name[4:])])
-        if name in self.varied or name in orbit.parameters:
-            return point.value(name)
-        if name == "period":
-            return orbit.period
-        if name in self.system.states:
-            return float(orbit.x0[self.system.states.index(name)])
-        if name == "arclength":
-            return point.arclength
-        nearby = float(np.interp(point.arclength, self.arclength, self.column(name)))
-        if "(" not in name:
-            return nearby
-        value, turn = orbit.observe(name)[name], self._turn(name)
-        return value + turn * round((nearby - value) / turn) if turn and np.isfinite(nearby - value) else value
-
-    def signature(self, index: int) -> tuple[tuple[str, str], ...]:
-        """Return the (mode, transition) names of a point's segments.
-
-        Parameters
-        ----------
-        index : int
-            The point; negative ones count from the end.
-
-        Returns
-        -------
-        tuple of (str, str)
-            One for each segment, in order.
-
-        Raises
-        ------
-        InputError
-            There is no such point.
-        """
-        form: Signature = self.forms[self.form[checks.count("index", index, -len(self), len(self) - 1)]]
-        return form.names(self.system)
-
-    def orbit(self, index: int) -> PeriodicOrbit:
-        """Return the orbit of one point, from which another continuation can start.
-
-        Parameters
-        ----------
-        index : int
-            The point; negative ones count from the end.
-
-        Returns
-        -------
-        PeriodicOrbit
-            With meshes of its own, made from the point's unknowns.
-
-        Raises
-        ------
-        InputError
-            There is no such point.
-        """
-        index = checks.count("index", index, -len(self), len(self) - 1)
-        problem, u = self._solved(index)
-        return orbit_at(problem, u, problem.resolve(u)[1], fixed=self._fixed(index))
-
-    def _parameters(self, index: int) -> dict[str, float]:
-        """Return all parameters of one point's orbit."""
-        return {**self.parameters, **dict(zip(self.varied, np.atleast_1d(self.values[index]).tolist(), strict=True))}
-
-    def _fixed(self, index: int) -> Fixed | None:
-        """Return what is fixed of one point's orbit, and what is freed; None along parameters."""
-        return None
-
-    def _solved(self, index: int) -> tuple[OrbitProblem, NDArray[np.float64]]:
-        """Return the equations of one point's orbit, meshes made, and their solution."""
-        p = self.system.parameter_vector(self._parameters(index))
-        problem = OrbitProblem(self.system, self.forms[self.form[index]], p, tol=self.tolerance)
-        u = np.array(self.unknowns[index])
-        states = len(self.system.states)
-        follow_from(problem, u, np.maximum(np.abs(self.lows), np.abs(self.highs))[:, :states].max(axis=0))
-        return problem, u
+class OrbitCurve(OrbitColumns):
+    """Orbits in order along a curve, their properties, and special points: the base of `Branch` and `Locus`."""
 
     def to_xarray(self) -> xr.Dataset:
         """Return the curve as a Dataset: points against ``point``, special points against ``special``."""
@@ -354,7 +64,9 @@ class OrbitCurve(Result):
             if q != skip:
                 data[f"min_{q}"] = ("point", self.lows[:, i])
                 data[f"max_{q}"] = ("point", self.highs[:, i])
-        data |= {"lows": (("point", "quantity"), self.lows), "highs": (("point", "quantity"), self.highs)}
+        each = ("point", "quantity")
+        data |= {"lows": (each, self.lows), "highs": (each, self.highs), "means": (each, self.means)}
+        data |= {"harmonic_re": (each, self.harmonics.real), "harmonic_im": (each, self.harmonics.imag)}
         forms = list(dict.fromkeys([*self.forms, *(point.orbit.form for point in self.special_points)]))
         data |= special_variables(self.special_points, self.varied, self.multipliers.shape[1], forms, self.system)
         coords = {
@@ -428,6 +140,8 @@ class OrbitCurve(Result):
             arclength=held.array("arclength", point, finite=False),
             lows=held.array("lows", ("point", "quantity"), finite=False),
             highs=held.array("highs", ("point", "quantity"), finite=False),
+            means=held.array("means", ("point", "quantity"), finite=False),
+            harmonics=complex_table(held, "harmonic", ("point", "quantity")),
             forms=tuple(forms[:n_forms]),
             form=number,
             unknowns=ragged_rows(held, "unknown", "ragged", "point", [len(forms[i]) * wide for i in number.tolist()]),

@@ -123,6 +123,8 @@ class BothSides:
             "arclength": np.array(self.arcs) - self.arcs[0],
             "lows": np.array([d.survey.lows for d in data]),
             "highs": np.array([d.survey.highs for d in data]),
+            "means": np.array([d.survey.means for d in data]),
+            "harmonics": np.array([d.survey.harmonics for d in data]),
             "forms": tuple(forms),
             "form": np.array([forms.index(piece.problem.signature) for piece, _ in self.rows]),
             "unknowns": tuple(point.u[: piece.problem.size] for piece, point in self.rows),

@@ -19,6 +19,8 @@ taken over whole multiples of its own period. The system's phase does not tell i
 up to multiples of 2 pi over the denominator. In an orbit with another period its amplitude is 0, and its phase NaN.
 Without a phase, the motion's length is the period of order 1, and its start is where the angle is 0.
 
+A formula in observables and parameters is taken as well: ``-degrees(phase(x, 1))``, ``max(z) - min(z)``.
+
 Integrals are Gauss-Legendre sums over each step of the dense output, in clustered time. Let an expression be smooth
 between events, or like a half-integer power of the distance from one. Its integrals are then as accurate as the dense
 output.
@@ -27,37 +29,26 @@ output.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from saltus.errors import InputError, nearest
-from saltus.system.evaluate import check_expression, evaluate
+from saltus.errors import InputError
+from saltus.flow.formulas import Observable, read_formula
+from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
-    from saltus.system.definition import Definition
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["Motion", "Observable", "check_observables", "dense_states", "observe", "read_observable"]
+__all__ = ["Motion", "angles", "dense_states", "observe"]
 
 States: TypeAlias = "Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64]]"
-
-_FORMS = {
-    "max": "max(expression)",
-    "min": "min(expression)",
-    "mean": "mean(expression)",
-    "amplitude": "amplitude(expression, order)",
-    "phase": "phase(expression, order)",
-    "fraction": "fraction(mode)",
-    "velocity": "velocity(transition)",
-}
 
 _NODES = 16  # fewest nodes in a step; a step through a wide angle has more
 _NEAR = 0.05  # share of the range by which a sampled extreme that is refined may miss the true one
@@ -150,24 +141,6 @@ class Motion:
         )
 
 
-class Observable(NamedTuple):
-    """An observable's name, taken apart.
-
-    Attributes
-    ----------
-    kind : str
-        What is observed, as in ``amplitude``.
-    of : str
-        The expression, mode or transition that is observed.
-    order : Fraction or None
-        Order of the harmonic.
-    """
-
-    kind: str
-    of: str
-    order: Fraction | None = None
-
-
 def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
     """Return observables of a motion by name; the page of this module lists them.
 
@@ -176,7 +149,7 @@ def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
     motion : Motion
         The stretch.
     names : iterable of str
-        What is observed, as in ``"amplitude(z, 1)"``.
+        What is observed, as in ``"amplitude(z, 1)"`` or ``"-degrees(phase(z, 1))"``.
 
     Raises
     ------
@@ -200,54 +173,13 @@ def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
     mean(v) = -0.250000
     velocity(impact) = -1.000000
     """
-    wanted = {name: read_observable(motion.system, name) for name in names}
+    formulas = {name: read_formula(motion.system, name) for name in names}
+    wanted = {part: observable for formula in formulas.values() for part, observable in formula.parts.items()}
     advance = float(np.abs(motion.durations).max()) * motion.angle[1]
     highest = max((float(observable.order) for observable in wanted.values() if observable.order), default=0.0)
     seen = _Seen(motion, _NODES + math.ceil(highest * advance))
-    return {name: _value(seen, name, observable) for name, observable in wanted.items()}
-
-
-def check_observables(system: HybridSystem, names: Iterable[str]) -> None:
-    """Raise `InputError` for a name that is no observable of the system."""
-    for name in names:
-        read_observable(system, name)
-
-
-def read_observable(system: Definition, name: str) -> Observable:
-    """Return an observable's name taken apart, and checked.
-
-    Raises
-    ------
-    InputError
-        The name is no observable, or the system has no such mode, transition, state, parameter or output.
-
-    Examples
-    --------
-    >>> from saltus.system.hybrid import HybridSystem, Mode
-    >>> read_observable(HybridSystem(("z",), {}, {"free": Mode({"z": "-z"})}), "amplitude(z, 1/2)")
-    Observable(kind='amplitude', of='z', order=Fraction(1, 2))
-    """
-    found = re.fullmatch(r"\s*(\w+)\s*\((.*)\)\s*", name, re.DOTALL) if isinstance(name, str) else None
-    if found is None or found[1] not in _FORMS or not _balanced(found[2]):
-        hint = nearest(found[1], _FORMS) if found is not None and found[1] not in _FORMS else ""
-        raise InputError("observable", name, f"one of {', '.join(_FORMS.values())}", hint)
-    kind, of = found[1], found[2].strip()
-    for role, known in (("fraction", system.mode_names), ("velocity", system.transition_names)):
-        if kind == role and of not in known:
-            what = "modes" if role == "fraction" else "transitions"
-            allowed = f"{_FORMS[role]} of one of the {what} {', '.join(known) or '(there is none)'}"
-            raise InputError("observable", name, allowed, nearest(of, known))
-    if kind in ("fraction", "velocity"):
-        return Observable(kind, of)
-    if kind not in ("amplitude", "phase"):
-        check_expression(system, of)
-        return Observable(kind, of)
-    of, _, number = of.rpartition(",")
-    order = re.fullmatch(r"\s*(\d+)\s*(?:/\s*(\d+)\s*)?", number)
-    if order is None or int(order[1]) == 0 or (order[2] is not None and int(order[2]) == 0):
-        raise InputError("observable", name, f"{_FORMS[kind]} with an order > 0, a whole number or a fraction of two")
-    check_expression(system, of.strip())
-    return Observable(kind, of.strip(), Fraction(int(order[1]), int(order[2] or 1)))
+    values = {part: _value(seen, part, observable) for part, observable in wanted.items()}
+    return {name: float(formula.value(values, motion.parameters)) for name, formula in formulas.items()}
 
 
 def dense_states(
@@ -345,7 +277,7 @@ def _value(seen: _Seen, name: str, observable: Observable) -> float:
             harmonic = _harmonic(seen, name, of, observable.order)
             if kind == "amplitude":
                 return abs(harmonic)
-            return _angle(harmonic) if harmonic != 0.0 else math.nan
+            return float(angles(harmonic))
 
 
 def _harmonic(seen: _Seen, name: str, expression: str, order: Fraction) -> complex:
@@ -363,9 +295,10 @@ def _harmonic(seen: _Seen, name: str, expression: str, order: Fraction) -> compl
     return 2j * stretch.integral(stretch.values(expression)[:, 1:-1] * wave) / stretch.length
 
 
-def _angle(harmonic: complex) -> float:
-    angle = math.atan2(harmonic.imag, harmonic.real)
-    return math.pi if angle == -math.pi else angle
+def angles(harmonics: ArrayLike) -> NDArray[np.float64]:
+    """Return the phases of harmonics, above -pi and up to pi; NaN where there is no harmonic."""
+    found = np.angle(np.asarray(harmonics))
+    return np.where(np.equal(harmonics, 0.0), np.nan, np.where(found == -math.pi, math.pi, found))
 
 
 def _greatest(seen: _Seen, expression: str, sign: float) -> float:
@@ -400,16 +333,6 @@ def _rule(nodes: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     s = np.concatenate([[0.0], 0.5 * (roots + 1.0), [1.0]])
     rates = 6.0 * s * (1.0 - s)
     return s**2 * (3.0 - 2.0 * s), rates * np.concatenate([[0.0], 0.5 * weights, [0.0]])
-
-
-def _balanced(text: str) -> bool:
-    """Whether every parenthesis is closed, and none before it is opened."""
-    depth = 0
-    for character in text:
-        depth += {"(": 1, ")": -1}.get(character, 0)
-        if depth < 0:
-            return False
-    return depth == 0
 
 
 def _times(clocks: NDArray[np.float64], fractions: NDArray[np.float64]) -> NDArray[np.float64]:

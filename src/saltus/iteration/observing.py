@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import InputError
-from saltus.flow.observables import read_observable
+from saltus.flow.formulas import read_formula
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _KINDS: Mapping[str, Callable[[NDArray[np.float64]], Any]] = {"max": np.max, "mi
 def check_map_observables(system: Map, names: Sequence[str]) -> None:
     """Raise `InputError` where a name is no observable of a map's motion."""
     for name in names:
-        if read_observable(system, name).kind not in (*_KINDS, "fraction"):
+        if any(part.kind not in (*_KINDS, "fraction") for part in read_formula(system, name).parts.values()):
             allowed = "max(expression), min(expression), mean(expression) or fraction(piece)"
             raise InputError("observable", name, allowed, "a map has no phase and no transitions")
 
@@ -44,12 +44,12 @@ def observe_states(
         No observable of a map, or an unknown name in it.
     """
     check_map_observables(system, names)
-    found = []
-    for name in names:
-        observable = read_observable(system, name)
-        if observable.kind == "fraction":
-            found.append(float(np.mean(pieces == system.piece_names.index(observable.of))))
-        else:
-            values = evaluate(system, observable.of, states, pieces, parameters)
-            found.append(float(_KINDS[observable.kind](values)))
-    return found
+    formulas, values = [read_formula(system, name) for name in names], {}
+    for formula in formulas:
+        for part, observable in formula.parts.items():
+            if observable.kind == "fraction":
+                values[part] = float(np.mean(pieces == system.piece_names.index(observable.of)))
+            else:
+                along = evaluate(system, observable.of, states, pieces, parameters)
+                values[part] = float(_KINDS[observable.kind](along))
+    return [float(formula.value(values, parameters)) for formula in formulas]

@@ -13,6 +13,7 @@ from saltus.flow._segment_kernels import EVENT_X, FIELD, Segment, dense, missed
 from saltus.orbits._curve_kernels import EVENT, FINE, GUARD, OUTPUTS, Curve, Room, View, at_phase, fine, lowest
 from saltus.orbits._equation_kernels import RESET, piece_at, pointed, total_duration
 from saltus.orbits._margin_kernels import margin
+from saltus.orbits._moment_kernels import add_moments
 from saltus.orbits.records import Dense, Events, Found, Mesh, Orbit
 from saltus.orbits.signature import (
     CLOSED_END,
@@ -34,7 +35,7 @@ PEAK = 0.02  # share of a quantity's range by which a sampled extreme may miss t
 
 @njit(cache=True, error_model="numpy")
 def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
-    """Follow an orbit densely: extremes of every state and output, margins to other events, normal velocities, state at phase 0.
+    """Follow an orbit densely: extremes and means of states and outputs, margins to events, velocities, state at phase 0.
 
     orbit, events, mesh, curves, found: the fields of `Orbit`, `Events`, `Mesh`, `Dense` and `Found`; the last two are
     written. tolerances: relative and absolute. Returns the bits of what makes the orbit inadmissible, and COARSE where a
@@ -54,6 +55,9 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
     for q in range(n + view.outputs):
         found.lows[q] = np.inf
         found.highs[q] = -np.inf
+        for k in range(3):
+            found.moments[3 * q + k] = 0.0
+    begun, turns, start = 0.0, max(orbit.turns, 1), u[n - 1] if events.phase else 0.0
     bad, found_zero, head, steps = 0, False, 0, int64(0)
     target = _first_zero(u[n - 1], transitions[segments - 1], orbit.turns) if events.phase else 0.0
     for i in range(segments):
@@ -61,6 +65,8 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         nodes, coefficients = pointer(curves.nodes, first * n), pointer(curves.coefficients, first * 7 * n)
         curve = Curve(piece.mode, piece.duration, pointer(mesh.places, first), count, nodes, coefficients)
         bad |= _followed(view, piece, curve, u, tolerances, room)
+        add_moments(view, curve, begun, start, turns, room, found.moments)
+        begun += piece.duration
         bad |= _ended(view, piece, curve, u, orbit.turns, room, pointer(found.rates, 3 * i))
         for k in range(view.transitions):
             found.margins[i * view.transitions + k] = np.inf
@@ -142,6 +148,7 @@ def _pointed(found):
         pointer(found.places, 0),
         pointer(found.rates, 0),
         pointer(found.x0, 0),
+        pointer(found.moments, 0),
     )
 
 

@@ -423,7 +423,8 @@ class OrbitProblem:
         outputs, transitions = self.system.compiled.n_outputs, len(self.system.transitions)
         lows, highs = np.empty(self.n + outputs), np.empty(self.n + outputs)
         margins, places = np.empty((self.segments, transitions)), np.empty((self.segments, transitions))
-        found = lows, highs, margins, places, np.zeros((self.segments, 3)), np.empty(self.n)
+        moments = np.empty((self.n + outputs, 3))
+        found = lows, highs, margins, places, np.zeros((self.segments, 3)), np.empty(self.n), moments
         faults = self._surveys.survey(
             self._orbit, self._events, self._mesh, self._dense, (self.tol, self._atol), self.state_scale, u, found
         )

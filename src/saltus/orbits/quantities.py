@@ -13,7 +13,8 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import InputError, nearest
-from saltus.flow.observables import dense_states, observe, read_observable
+from saltus.flow.formulas import read_formula
+from saltus.flow.observables import dense_states, observe
 from saltus.orbits.sampling import motion_of, steps_of
 from saltus.system.evaluate import evaluate
 
@@ -41,7 +42,8 @@ class Quantity:
     name : str
         As the user wrote it.
     kind : str
-        ``period``, ``min``, ``max``, ``constant`` (a state or output that keeps its value) or ``observable``.
+        ``period``, ``min``, ``max``, ``constant`` (a state or output that keeps its value), ``observable`` or
+        ``formula`` (one in observables).
     column : int
         Index among states and outputs; -1 of a period and of an observable.
     turn : float
@@ -66,7 +68,7 @@ class Quantity:
         if self.kind == "period":
             return float(u[problem.n : problem.size : problem.n + 1].sum())
         survey = problem.survey(u)
-        if self.kind == "observable":
+        if self.kind in ("observable", "formula"):
             return observe(motion_of(problem, u), (self.name,))[self.name]
         if self.kind == "constant":
             return 0.5 * float(survey.lows[self.column] + survey.highs[self.column])
@@ -79,7 +81,8 @@ class Quantity:
         if self.kind in sides:
             return self.name.partition("_")[2], sides[self.kind]
         kind, _, rest = self.name.partition("(")
-        return (rest.strip()[:-1], sides[kind.strip()]) if kind.strip() in sides else None
+        known = self.kind == "observable" and kind.strip() in sides
+        return (rest.strip()[:-1], sides[kind.strip()]) if known else None
 
     def beyond(self, value: float, wanted: float) -> float:
         """Return a value less a wanted one; of a phase the least angle between both."""
@@ -110,8 +113,8 @@ def read_quantity(system: HybridSystem, name: object) -> Quantity:
     system : HybridSystem
         The system.
     name : str
-        ``period``; ``min_`` or ``max_`` and a state or output; an observable, as ``"mean(x)"``. A state or output alone
-        must be constant along the motion.
+        ``period``; ``min_`` or ``max_`` and a state or output; an observable, as ``"mean(x)"``, or a formula in some. A
+        state or output alone must be constant along the motion.
 
     Raises
     ------
@@ -126,9 +129,8 @@ def read_quantity(system: HybridSystem, name: object) -> Quantity:
     """
     name = checks.text("fix", name, f"the name of a quantity, as {_EXAMPLES}")
     if "(" in name:
-        observable = read_observable(system, name)
-        turn = 2.0 * math.pi / observable.order.denominator if observable.kind == "phase" and observable.order else 0.0
-        return Quantity(name, "observable", -1, turn)
+        formula = read_formula(system, name)
+        return Quantity(name, "observable" if formula.expression is None else "formula", -1, formula.turn)
     phase = None if system.phase is None else system.phase[0]
     columns = {q: i for i, q in enumerate((*system.all_states, *system.output_names)) if q != phase}
     known = {q: Quantity(q, "constant", i) for q, i in columns.items()}

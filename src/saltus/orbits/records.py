@@ -136,6 +136,8 @@ class Found(NamedTuple):
         one's start, or from its event.
     x0 : ndarray, shape (n,)
         State at phase 0.
+    moments : ndarray, shape (n + outputs, 3)
+        Means of every state and output, and of their products with cosine and sine of the angle.
     """
 
     lows: NDArray[np.float64]
@@ -144,6 +146,7 @@ class Found(NamedTuple):
     places: NDArray[np.float64]
     rates: NDArray[np.float64]
     x0: NDArray[np.float64]
+    moments: NDArray[np.float64]
 
 
 def events_of(system: HybridSystem) -> Events:

@@ -149,6 +149,9 @@ class Survey:
         Lie derivative of each segment's event at its end and start, and what is left of the segment's equations.
     x0 : ndarray, shape (states,)
         State at phase 0, or at the first segment's start where there is no phase.
+    moments : ndarray, shape (states + outputs, 3)
+        Means over the period, and of the products with cosine and sine of the angle, which is the phase; without a
+        phase it grows by 2 pi in a period.
     """
 
     faults: int
@@ -159,6 +162,17 @@ class Survey:
     places: NDArray[np.float64]
     rates: NDArray[np.float64]
     x0: NDArray[np.float64]
+    moments: NDArray[np.float64]
+
+    @property
+    def means(self) -> NDArray[np.float64]:
+        """Means over the period, shape (states + outputs,)."""
+        return self.moments[:, 0]
+
+    @property
+    def harmonics(self) -> NDArray[np.complex128]:
+        """First harmonics, shape (states + outputs,): a exp(i phi) of a sin(angle + phi)."""
+        return np.asarray(2.0 * self.moments[:, 2] + 2.0j * self.moments[:, 1])
 
     @property
     def residual(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
@@ -214,10 +215,9 @@ class FlowReturns:
         self, parameters: Mapping[str, float], found: Iterates, kind: Kind, observables: Sequence[str]
     ) -> list[float]:
         """Return observables over the period of a periodic motion, else over the time of the returns kept."""
-        from saltus.flow.observables import observe, read_observable
+        from saltus.flow.observables import observe
 
-        orders = [read_observable(self.system, name).order for name in observables]
-        multiple = math.lcm(*(order.denominator for order in orders if order is not None))
+        multiple = math.lcm(*(order.denominator for order in self._orders(observables)))
         time = self.mean_time(found) * (kind.period if kind.label.startswith("period-") else self.keep)
         how_long: dict[str, Any] = {"t_end": time}
         if self.system.phase is not None:
@@ -230,12 +230,16 @@ class FlowReturns:
 
     def check_observables(self, observables: Sequence[str]) -> None:
         """Raise `InputError` where a name is no observable of a motion."""
-        from saltus.flow.observables import read_observable
-
         for name in observables:
-            order = read_observable(self.system, name).order
-            if order is not None and order.denominator > 1 and self.system.phase is None:
+            if self.system.phase is None and any(order.denominator > 1 for order in self._orders([name])):
                 raise InputError("observable", name, "of a whole order for a system without a phase")
+
+    def _orders(self, observables: Sequence[str]) -> list[Fraction]:
+        """Return the orders of the harmonics among observables."""
+        from saltus.flow.formulas import read_formula
+
+        parts = [part for name in observables for part in read_formula(self.system, name).parts.values()]
+        return [part.order for part in parts if part.order is not None]
 
     def _iterated(
         self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, discard: int, keep: int, longest: float

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from saltus.system.definition import Definition
 
-__all__ = ["check_expression", "evaluate"]
+__all__ = ["Expression", "check_expression", "evaluate", "read_expression"]
 
 _Value: TypeAlias = Any  # float64 or an array of them
 _Term: TypeAlias = Callable[[Mapping[str, _Value]], _Value]
@@ -79,7 +79,7 @@ def evaluate(
             names = constants | dict(zip(system.all_states, columns, strict=True))
             outputs = expression.names.intersection(system.output_names)
             key = system.mode_names[mode]
-            here = {name: _read(system.outputs[name][key], known).value(names) for name in outputs}
+            here = {name: read_expression(system.outputs[name][key], known).value(names) for name in outputs}
             values[rows] = expression.value(names | here)
     return values
 
@@ -90,31 +90,32 @@ def check_expression(system: Definition, text: str) -> None:
 
 
 @dataclass(frozen=True)
-class _Expression:
+class Expression:
     """What an expression computes from the values of its names."""
 
     value: _Term
     names: frozenset[str]
 
 
-def _known(system: Definition, text: str) -> _Expression:
+def _known(system: Definition, text: str) -> Expression:
     if not isinstance(text, str):
         raise InputError("expression", text, "text")
-    return _read(text, (*system.all_states, *system.parameter_names, *system.output_names))
+    return read_expression(text, (*system.all_states, *system.parameter_names, *system.output_names))
 
 
 @lru_cache(maxsize=512)
-def _read(text: str, names: tuple[str, ...]) -> _Expression:
+def read_expression(text: str, names: tuple[str, ...]) -> Expression:
+    """Return an expression in some names, which is evaluated by NumPy; raise `InputError` where it is none."""
     return _build(syntax_tree(text, names, "expression", InputError), frozenset(names))
 
 
-def _build(node: ast.expr, names: frozenset[str]) -> _Expression:
+def _build(node: ast.expr, names: frozenset[str]) -> Expression:
     """Return the expression of a checked tree."""
     match node:
         case ast.Constant(value=int(number) | float(number)):
             return _constant(float(number))
         case ast.Name(id=name) if name in names:
-            return _Expression(lambda values: values[name], frozenset((name,)))
+            return Expression(lambda values: values[name], frozenset((name,)))
         case ast.Name():
             return _constant(math.pi)
         case ast.UnaryOp(op=sign, operand=operand):
@@ -146,6 +147,7 @@ _OWN: Mapping[str, Callable[..., _Value]] = {
     "asinh": np.arcsinh, "acosh": np.arccosh, "atanh": np.arctanh, "Abs": np.abs,
     "sqrt": lambda x: np.sqrt(np.maximum(x, 0.0)),
     "sign": lambda x: np.copysign(1.0, x),
+    "deg": np.degrees, "rad": np.radians,
     "Max": np.maximum, "Min": np.minimum,
 }  # fmt: skip
 
@@ -159,21 +161,21 @@ def _function(name: str) -> Callable[..., _Value]:
     return found
 
 
-def _constant(number: float) -> _Expression:
+def _constant(number: float) -> Expression:
     value = np.float64(number)
-    return _Expression(lambda values: value, frozenset())
+    return Expression(lambda values: value, frozenset())
 
 
-def _applied(function: Callable[..., _Value], *terms: _Expression) -> _Expression:
+def _applied(function: Callable[..., _Value], *terms: Expression) -> Expression:
     names = frozenset().union(*(term.names for term in terms))
     if len(terms) == 1:
         (only,) = terms
-        return _Expression(lambda values: function(only.value(values)), names)
+        return Expression(lambda values: function(only.value(values)), names)
     left, right = terms
-    return _Expression(lambda values: function(left.value(values), right.value(values)), names)
+    return Expression(lambda values: function(left.value(values), right.value(values)), names)
 
 
-def _chained(first: _Expression, steps: list[tuple[Callable[..., _Value], _Expression]]) -> _Expression:
+def _chained(first: Expression, steps: list[tuple[Callable[..., _Value], Expression]]) -> Expression:
     """Return a sum or a product, however long."""
 
     def value(values: Mapping[str, _Value]) -> _Value:
@@ -182,10 +184,10 @@ def _chained(first: _Expression, steps: list[tuple[Callable[..., _Value], _Expre
             total = operator(total, term.value(values))
         return total
 
-    return _Expression(value, first.names.union(*(term.names for _, term in steps)))
+    return Expression(value, first.names.union(*(term.names for _, term in steps)))
 
 
-def _power(base: _Expression, exponent: _Expression) -> _Expression:
+def _power(base: Expression, exponent: Expression) -> Expression:
     """Return a power; a broken one is 0 for a negative base, as in compiled code, whose stages overshoot."""
 
     def value(x: _Value, a: _Value) -> _Value:

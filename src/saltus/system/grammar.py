@@ -21,7 +21,7 @@ FUNCTIONS = {
     "sin": "sin", "cos": "cos", "tan": "tan", "asin": "asin", "acos": "acos", "atan": "atan", "atan2": "atan2",
     "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "asinh": "asinh", "acosh": "acosh", "atanh": "atanh",
     "exp": "exp", "log": "log", "sqrt": "sqrt", "abs": "Abs", "Abs": "Abs", "sign": "sign", "erf": "erf",
-    "Max": "Max", "Min": "Min",
+    "Max": "Max", "Min": "Min", "degrees": "deg", "radians": "rad",
 }  # fmt: skip
 
 _CHARACTERS = 200_000  # longest text

@@ -1,0 +1,201 @@
+"""Names of observables taken apart: what is observed, and formulas in observables and parameters."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from saltus.errors import InputError, nearest
+from saltus.system.evaluate import check_expression, read_expression
+
+if TYPE_CHECKING:
+    from saltus.system.definition import Definition
+    from saltus.system.evaluate import Expression
+
+__all__ = ["Formula", "Observable", "check_observables", "read_formula", "read_observable"]
+
+_FORMS = {
+    "max": "max(expression)",
+    "min": "min(expression)",
+    "mean": "mean(expression)",
+    "amplitude": "amplitude(expression, order)",
+    "phase": "phase(expression, order)",
+    "fraction": "fraction(mode)",
+    "velocity": "velocity(transition)",
+}
+
+
+class Observable(NamedTuple):
+    """An observable's name, taken apart.
+
+    Attributes
+    ----------
+    kind : str
+        What is observed, as in ``amplitude``.
+    of : str
+        The expression, mode or transition that is observed.
+    order : Fraction or None
+        Order of the harmonic.
+    """
+
+    kind: str
+    of: str
+    order: Fraction | None = None
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A formula in observables and parameters; one observable alone is a formula, too.
+
+    Attributes
+    ----------
+    parts : mapping of str to Observable
+        The observables in it, by their texts.
+    expression : Expression or None
+        What is made of their values; None for the value of the only one.
+    """
+
+    parts: Mapping[str, Observable]
+    expression: Expression | None = None
+
+    @property
+    def turn(self) -> float:
+        """Angle up to which a phase is defined, in radians; 0 of all other observables, and of formulas."""
+        (first, *_) = self.parts.values()
+        is_phase = self.expression is None and first.kind == "phase" and first.order is not None
+        return 2.0 * math.pi / first.order.denominator if is_phase and first.order else 0.0
+
+    def value(self, values: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
+        """Return the formula's value.
+
+        Parameters
+        ----------
+        values : mapping of str to float or ndarray
+            Values of the observables by their texts.
+        parameters : mapping of str to float or ndarray
+            All parameters.
+        """
+        if self.expression is None:
+            (only,) = self.parts
+            return values[only]
+        return self.expression.value(dict(parameters) | {_name(i): values[part] for i, part in enumerate(self.parts)})
+
+
+def read_formula(system: Definition, text: str) -> Formula:
+    """Return a formula in observables taken apart, and checked.
+
+    Parameters
+    ----------
+    system : Definition
+        The system.
+    text : str
+        An observable, or an expression in observables and parameters.
+
+    Raises
+    ------
+    InputError
+        The text is neither, or there is no such name.
+
+    Examples
+    --------
+    >>> from saltus.system.hybrid import HybridSystem, Mode
+    >>> formula = read_formula(HybridSystem(("z",), {"a": 2.0}, {"free": Mode({"z": "-z"})}), "(max(z) - min(z))/a")
+    >>> list(formula.parts), float(formula.value({"max(z)": 3.0, "min(z)": 1.0}, {"a": 2.0}))
+    (['max(z)', 'min(z)'], 1.0)
+    """
+    calls = _calls(text)
+    if len(calls) == 0 or calls == [(0, len(text.strip()))]:
+        return Formula({text: read_observable(system, text)})
+    parts: dict[str, Observable] = {}
+    stripped, formula, end = text.strip(), "", 0
+    for first, last in calls:
+        part = stripped[first:last]
+        parts.setdefault(part, read_observable(system, part))
+        formula, end = formula + stripped[end:first] + _name(list(parts).index(part)), last
+    names = (*system.parameter_names, *(_name(i) for i in range(len(parts))))
+    try:
+        return Formula(parts, read_expression(formula + stripped[end:], names))
+    except InputError as error:
+        why = str(error.args[2])
+        for i, part in enumerate(parts):
+            why = why.replace(_name(i), part)
+        raise InputError("observable", text, "a formula in observables and parameters", why) from None
+
+
+def _name(index: int) -> str:
+    return f"__{index}"  # a name that no definition can have
+
+
+def _calls(text: object) -> list[tuple[int, int]]:
+    """Where the observables of a formula begin and end; empty for what is no expression."""
+    if not isinstance(text, str):
+        return []
+    found, end, stripped = [], 0, text.strip()
+    for match in re.finditer(rf"(?<![\w.])({'|'.join(_FORMS)})\s*\(", stripped):
+        if match.start() < end:
+            continue
+        depth, end = 1, match.end()
+        while depth and end < len(stripped):
+            depth += {"(": 1, ")": -1}.get(stripped[end], 0)
+            end += 1
+        if depth:
+            return []
+        found.append((match.start(), end))
+    return found
+
+
+def check_observables(system: Definition, names: Iterable[str]) -> None:
+    """Raise `InputError` for a name that is no observable of the system, nor a formula in them."""
+    for name in names:
+        read_formula(system, name)
+
+
+def read_observable(system: Definition, name: str) -> Observable:
+    """Return an observable's name taken apart, and checked.
+
+    Raises
+    ------
+    InputError
+        The name is no observable, or the system has no such mode, transition, state, parameter or output.
+
+    Examples
+    --------
+    >>> from saltus.system.hybrid import HybridSystem, Mode
+    >>> read_observable(HybridSystem(("z",), {}, {"free": Mode({"z": "-z"})}), "amplitude(z, 1/2)")
+    Observable(kind='amplitude', of='z', order=Fraction(1, 2))
+    """
+    found = re.fullmatch(r"\s*(\w+)\s*\((.*)\)\s*", name, re.DOTALL) if isinstance(name, str) else None
+    if found is None or found[1] not in _FORMS or not _balanced(found[2]):
+        hint = nearest(found[1], _FORMS) if found is not None and found[1] not in _FORMS else ""
+        raise InputError("observable", name, f"one of {', '.join(_FORMS.values())}", hint)
+    kind, of = found[1], found[2].strip()
+    for role, known in (("fraction", system.mode_names), ("velocity", system.transition_names)):
+        if kind == role and of not in known:
+            what = "modes" if role == "fraction" else "transitions"
+            allowed = f"{_FORMS[role]} of one of the {what} {', '.join(known) or '(there is none)'}"
+            raise InputError("observable", name, allowed, nearest(of, known))
+    if kind in ("fraction", "velocity"):
+        return Observable(kind, of)
+    if kind not in ("amplitude", "phase"):
+        check_expression(system, of)
+        return Observable(kind, of)
+    of, _, number = of.rpartition(",")
+    order = re.fullmatch(r"\s*(\d+)\s*(?:/\s*(\d+)\s*)?", number)
+    if order is None or int(order[1]) == 0 or (order[2] is not None and int(order[2]) == 0):
+        raise InputError("observable", name, f"{_FORMS[kind]} with an order > 0, a whole number or a fraction of two")
+    check_expression(system, of.strip())
+    return Observable(kind, of.strip(), Fraction(int(order[1]), int(order[2] or 1)))
+
+
+def _balanced(text: str) -> bool:
+    """Whether every parenthesis is closed, and none before it is opened."""
+    depth = 0
+    for character in text:
+        depth += {"(": 1, ")": -1}.get(character, 0)
+        if depth < 0:
+            return False
+    return depth == 0
