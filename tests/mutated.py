@@ -163,7 +163,7 @@ def _use_orbit(found: Any) -> None:
 def _use_curve(found: Any) -> None:
     found.column("period"), found.special_points.to_dataframe()
     for point in found.special_points:
-        repr(point), found.at(point, "period"), point.sizes
+        repr(point), found.value_at(point, "period"), point.sizes
         _use_orbit(point.orbit)
     if len(found):
         _use_orbit(found.orbit(len(found) // 2))
@@ -180,7 +180,7 @@ def _use_equilibria(found: Any) -> None:
         found.column(name)
     found.special_points.to_dataframe()
     for point in found.special_points:
-        repr(point), found.at(point, found.system.states[0]), point.parameters
+        repr(point), found.value_at(point, found.system.states[0]), point.parameters
         _use_equilibrium(point.equilibrium)
     if len(found):
         _use_equilibrium(found.equilibrium(len(found) // 2))

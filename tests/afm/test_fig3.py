@@ -153,7 +153,7 @@ def test_every_special_point_lies_in_a_zoom_without_overlap(found):
     (inset,) = c.child_axes
     lone = []
     for point in found["branch"].special_points:
-        place = found["branch"].at(point, "Omega"), found["branch"].at(point, "min_z")
+        place = found["branch"].value_at(point, "Omega"), found["branch"].value_at(point, "min_z")
         for ax in (inset, d, c, b):
             inside = ax.get_xlim()[0] < place[0] < ax.get_xlim()[1] and ax.get_ylim()[0] < place[1] < ax.get_ylim()[1]
             if inside:

@@ -277,7 +277,7 @@ def test_events_record_states_outputs_and_the_parameter():
     passed = branch.special_points.of_type("b1")
     assert [point.parameters["b1"] for point in passed] == pytest.approx([-1.5, -1.5], abs=1e-12)
     for point in branch.special_points.of_type("square"):
-        assert branch.at(point, "square") == pytest.approx(1.0, abs=1e-11)
+        assert branch.value_at(point, "square") == pytest.approx(1.0, abs=1e-11)
     stopped = continue_equilibrium(start, "b1", (-2.0, 2.0), events={"x": 0.25}, stop_at="x", directions="up")
     assert stopped.stopped[1] == "b1 = 0.1875: x"
 
@@ -289,7 +289,7 @@ def test_columns_and_points_of_a_branch():
     assert np.array_equal(branch.column("x"), branch.states[:, 0])
     assert branch.column("double") == pytest.approx(2.0 * branch.column("x"))
     assert branch.column("arclength")[0] == 0.0
-    assert branch.at(branch["SN1"], "mu") == pytest.approx(0.0, abs=1e-12)
+    assert branch.value_at(branch["SN1"], "mu") == pytest.approx(0.0, abs=1e-12)
     assert branch.equilibrium(-1).state[0] == branch.states[-1, 0]
     assert [found.parameters["mu"] for found in branch] == branch.values.tolist()
     with pytest.raises(InputError, match="did you mean 'SN1'"):
@@ -297,7 +297,7 @@ def test_columns_and_points_of_a_branch():
     with pytest.raises(InputError, match="quantity = 'z'"):
         branch.column("z")
     with pytest.raises(InputError, match="quantity = 'z'"):
-        branch.at(branch["SN1"], "z")
+        branch.value_at(branch["SN1"], "z")
     with pytest.raises(InputError, match="index = "):
         branch.equilibrium(len(branch))
 

@@ -254,7 +254,7 @@ def test_columns_of_a_locus():
     locus = continue_locus(_takens(fields.SAME)["HB1"], ("b1", "b2"), WINDOW)
     assert np.array_equal(locus.column("frequency"), locus.frequency)
     assert np.array_equal(locus.column("b2"), locus.values[:, 1])
-    assert locus.at(locus["BT1"], "b2") == pytest.approx(0.0, abs=1e-10)
+    assert locus.value_at(locus["BT1"], "b2") == pytest.approx(0.0, abs=1e-10)
 
 
 def test_progress_is_told_and_an_interrupt_keeps_what_is_done():

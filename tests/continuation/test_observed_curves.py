@@ -63,9 +63,9 @@ def test_points_and_special_points_have_the_observables_of_their_orbits(branch):
         for point in branch.special_points:
             lower = int(point.position)
             low, high = sorted(column[[lower, min(lower + 1, len(branch) - 1)]])
-            assert low - 0.1 <= branch.at(point, name) <= high + 0.1
+            assert low - 0.1 <= branch.value_at(point, name) <= high + 0.1
     fold = branch["SN1"]
-    assert branch.at(fold, "velocity(impact)") == pytest.approx(ImpactOrbit(1.1).U_fold, abs=1e-6)
+    assert branch.value_at(fold, "velocity(impact)") == pytest.approx(ImpactOrbit(1.1).U_fold, abs=1e-6)
 
 
 SURVEYED = ("mean(x)", "amplitude(x, 1)", "phase(x, 1)", "amplitude(v, 1)", "fraction(free)", "max(x)", "min(v)")

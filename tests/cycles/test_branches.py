@@ -137,7 +137,7 @@ def test_events_and_types_stop_a_branch():
     assert branch["x1"].parameters["r"] == pytest.approx(1 / 0.35, abs=1e-9)
     stopped = branch_of(logistic(), "r", (2.0, 4.0), [0.6], {"r": 2.5}, stop_at="PD", directions="up")
     assert stopped.stopped[1] == "r = 3: PD"
-    assert branch.at(branch["x1"], "x") == pytest.approx(0.65)
+    assert branch.value_at(branch["x1"], "x") == pytest.approx(0.65)
 
 
 def test_a_branch_is_saved_and_loaded(tmp_path):

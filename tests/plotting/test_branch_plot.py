@@ -64,7 +64,7 @@ def test_no_gap_and_no_nan_anywhere_along_the_branch(tapping, names):
 def test_the_curve_passes_through_every_point_and_every_special_point(tapping):
     pieces = pieces_of(tapping, "Omega", "min_z")
     drawn = {(x, y) for piece in pieces for x, y in zip(piece.x, piece.y, strict=True)}
-    specials = {(tapping.at(p, "Omega"), tapping.at(p, "min_z")) for p in tapping.special_points}
+    specials = {(tapping.value_at(p, "Omega"), tapping.value_at(p, "min_z")) for p in tapping.special_points}
     assert specials <= drawn
     missing = set(zip(tapping.values, tapping.column("min_z"), strict=True)) - drawn
     grazings = [p.parameters["Omega"] for p in tapping.special_points if p.type == "GR"]
@@ -98,7 +98,7 @@ def _overshoot(branch, x_name: str, y_name: str) -> float:
     x = np.concatenate([pieces[0].x[:1], *(piece.x[1:] for piece in pieces)])
     y = np.concatenate([pieces[0].y[:1], *(piece.y[1:] for piece in pieces)])
     nodes = set(zip(branch.column(x_name), branch.column(y_name), strict=True))
-    nodes |= {(branch.at(p, x_name), branch.at(p, y_name)) for p in branch.special_points}
+    nodes |= {(branch.value_at(p, x_name), branch.value_at(p, y_name)) for p in branch.special_points}
     at = [i for i, place in enumerate(zip(x, y, strict=True)) if place in nodes]
     assert (at[0], at[-1]) == (0, len(x) - 1)
     worst = 0.0

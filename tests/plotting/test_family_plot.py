@@ -84,7 +84,7 @@ def test_special_points_are_marked_on_their_members(family):
     ax = family.plot("A", "max_v")
     marked = {tuple(place) for line in dots(ax) for place in np.transpose(line.get_data_3d())}
     wanted = {
-        (branch.at(point, "A"), gap, branch.at(point, "max_v"))
+        (branch.value_at(point, "A"), gap, branch.value_at(point, "max_v"))
         for branch, gap in zip(family, GAPS, strict=True)
         for point in branch.special_points
     }

@@ -146,7 +146,7 @@ class AlgebraicCurve(Result, Generic[Solved]):
             return columns[name]
         return np.array([_output(self._solution(i), name) for i in range(len(self))])
 
-    def at(self, point: SpecialPoint[Solved], name: str) -> float:
+    def value_at(self, point: SpecialPoint[Solved], name: str) -> float:
         """Return the quantity that `column` names at a special point.
 
         Parameters

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.continuation.crossings import solutions_at
 from saltus.continuation.orbit_curve import OrbitCurve
+from saltus.errors import ConvergenceError
+from saltus.orbits import PeriodicOrbit, solve_orbit
+from saltus.orbits.signature import Signature
+from saltus.orbits.solve import converge, in_pieces
 from saltus.orbits.unfolding import Fixed, read_fixed
 from saltus.results import frozen
 from saltus.system.plain import held_system
@@ -20,6 +26,10 @@ if TYPE_CHECKING:
     from saltus.contents import Contents
 
 __all__ = ["Branch"]
+
+
+def _extent(orbit: PeriodicOrbit) -> NDArray[np.float64]:
+    return np.concatenate([orbit.lows, orbit.highs])
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -51,6 +61,68 @@ class Branch(OrbitCurve):
     def varied(self) -> tuple[str, ...]:
         """The parameter, in a tuple."""
         return (self.parameter,)
+
+    def at(self, value: float) -> tuple[PeriodicOrbit, ...]:
+        """Return the orbits of the branch at a value of its parameter, each solved there.
+
+        Parameters
+        ----------
+        value : float
+            The value, or that of the quantity along which the branch goes.
+
+        Returns
+        -------
+        tuple of PeriodicOrbit
+            In order along the branch; more than one where it turns.
+
+        Raises
+        ------
+        InputError
+            The branch does not come to the value.
+        ConvergenceError
+            Newton's method does not find the orbit between two points of the branch.
+
+        Examples
+        --------
+        >>> from saltus import HybridSystem, continue_orbit, find_orbit
+        >>> spring = HybridSystem.smooth(
+        ...     {"x": "v", "v": "-0.1*v - x - x**3 + 0.5*cos(theta)"}, {"w": 1.0}, phase=("theta", "w")
+        ... )
+        >>> response = continue_orbit(find_orbit(spring, {"w": 1.2}, [0.0, 0.0]), "w", (1.0, 2.5))
+        >>> [(round(orbit.max["x"], 6), orbit.stable) for orbit in response.at(2.0)]
+        [(2.083176, True), (1.973689, False), (0.1675, True)]
+        """
+        return solutions_at(self, value, lambda a, b, share: self._solved_between(a, b, share, value), _extent)
+
+    def _solution(self, index: int) -> PeriodicOrbit:
+        return self.orbit(index)
+
+    def _solved_between(
+        self, first: PeriodicOrbit, last: PeriodicOrbit, share: float, value: float
+    ) -> Iterator[PeriodicOrbit]:
+        """Yield orbits at a value of the parameter, from a guess between two neighbours and from the nearer one."""
+        guesses = [(first.form, first.unknowns), (last.form, last.unknowns)]
+        if share > 0.5:
+            guesses.reverse()
+        if first.form == last.form:
+            guesses.insert(0, (first.form, (1.0 - share) * first.unknowns + share * last.unknowns))
+        for form, u in guesses:
+            try:
+                yield self._converged(form, u, first, value)
+            except ConvergenceError:
+                continue  # the next guess may be nearer; the caller tells where none is
+
+    def _converged(self, form: Signature, u: NDArray[np.float64], like: PeriodicOrbit, value: float) -> PeriodicOrbit:
+        if self.fixed is None:
+            p = self.system.parameter_vector({**like.parameters, self.parameter: value})
+            return in_pieces(converge(self.system, form, u, p, self.tolerance))
+        blocks = u.reshape(len(form), -1)
+        guess = replace(like, form=form, states=blocks[:, :-1], durations=blocks[:, -1])
+        segments = [(mode, transition or None, x0, duration) for mode, transition, x0, duration in guess.segments]
+        return solve_orbit(
+            self.system, like.parameters, segments, fix={self.parameter: value},
+            free=self.fixed.free or None, tolerance=self.tolerance,
+        )  # fmt: skip
 
     def column(self, name: str) -> NDArray[np.float64]:
         """Return a quantity along the branch.

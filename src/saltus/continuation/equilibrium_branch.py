@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from saltus.continuation.algebraic_curve import OneParameter
+from saltus.continuation.crossings import solutions_at
 from saltus.continuation.equilibrium_curve import EquilibriumCurve
+from saltus.equilibria import Equilibrium, find_equilibrium
+from saltus.errors import ConvergenceError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 __all__ = ["EquilibriumBranch"]
+
+
+def _extent(found: Equilibrium) -> NDArray[np.float64]:
+    return found.state
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -19,6 +32,45 @@ class EquilibriumBranch(OneParameter, EquilibriumCurve):
     ``nonsmooth fold`` where both lie on the same side of the parameter. `OneParameter` and `EquilibriumCurve` list the
     attributes.
     """
+
+    def at(self, value: float) -> tuple[Equilibrium, ...]:
+        """Return the equilibria of the branch at a value of its parameter, each solved there.
+
+        Parameters
+        ----------
+        value : float
+            The value.
+
+        Returns
+        -------
+        tuple of Equilibrium
+            In order along the branch; more than one where it turns.
+
+        Raises
+        ------
+        InputError
+            The branch does not come to the value.
+        ConvergenceError
+            Newton's method does not find the equilibrium between two points of the branch.
+
+        Examples
+        --------
+        >>> from saltus import HybridSystem, continue_equilibrium, find_equilibrium
+        >>> fold = HybridSystem.smooth({"x": "a - x**2"}, {"a": 1.0})
+        >>> branch = continue_equilibrium(find_equilibrium(fold, x0=[1.0]), "a", (-1.0, 4.0))
+        >>> [float(found.state[0].round(9)) for found in branch.at(2.25)]
+        [1.5, -1.5]
+        """
+        return solutions_at(self, value, lambda a, b, share: self._solved_between(a, b, share, value), _extent)
+
+    def _solved_between(self, a: Equilibrium, b: Equilibrium, share: float, value: float) -> Iterator[Equilibrium]:
+        """Yield equilibria at a value of the parameter, from a guess between two neighbours and from both of them."""
+        mode, parameters = (a if share < 0.5 else b).mode, {**a.parameters, self.parameter: value}
+        for x0 in (a.state + share * (b.state - a.state), a.state, b.state):
+            try:
+                yield find_equilibrium(self.system, parameters, x0, mode=mode)
+            except ConvergenceError:
+                continue  # the next guess may be nearer; the caller tells where none is
 
     def __repr__(self) -> str:
         return self._described("EquilibriumBranch")

@@ -17,18 +17,20 @@ from saltus.continuation.algebraic_curve import (
     special_table,
     special_variables_of,
 )
+from saltus.continuation.crossings import solutions_at
 from saltus.continuation.curve_files import complex_table
 from saltus.continuation.cycle_problem import in_lockstep
 from saltus.continuation.special_points import SpecialPoints
 from saltus.cycles.orbit import MapOrbit, cycle_at, itinerary_of
 from saltus.cycles.problem import CycleProblem
-from saltus.errors import InputError
+from saltus.cycles.solve import solve_cycle
+from saltus.errors import ConvergenceError, InputError
 from saltus.results import frozen
 from saltus.system.maps import Map
 from saltus.system.plain import all_parameters, held_map, held_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     import xarray as xr
     from numpy.typing import NDArray
@@ -200,8 +202,52 @@ class MapBranch(OneParameter, MapCurve):
     attributes.
     """
 
+    def at(self, value: float) -> tuple[MapOrbit, ...]:
+        """Return the cycles of the branch at a value of its parameter, each solved there.
+
+        Parameters
+        ----------
+        value : float
+            The value.
+
+        Returns
+        -------
+        tuple of MapOrbit
+            In order along the branch; more than one where it turns.
+
+        Raises
+        ------
+        InputError
+            The branch does not come to the value.
+        ConvergenceError
+            Newton's method does not find the cycle between two points of the branch.
+
+        Examples
+        --------
+        >>> from saltus import Map, continue_orbit, solve_orbit
+        >>> logistic = Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"})
+        >>> branch = continue_orbit(solve_orbit(logistic, x0=[0.7]), "r", (2.0, 4.0))
+        >>> [float(found.points[0, 0].round(9)) for found in branch.at(2.5)]
+        [0.6]
+        """
+        return solutions_at(self, value, lambda a, b, share: self._solved_between(a, b, share, value), _extent)
+
+    def _solved_between(self, a: MapOrbit, b: MapOrbit, share: float, value: float) -> Iterator[MapOrbit]:
+        """Yield cycles at a value of the parameter, from a guess between two neighbours and from both of them."""
+        itinerary, parameters = (a if share < 0.5 else b).itinerary, {**a.parameters, self.parameter: value}
+        guesses = (a.points + share * (b.points - a.points), a.points, b.points)
+        for points in guesses:
+            try:
+                yield solve_cycle(self.system, parameters, itinerary, points)
+            except ConvergenceError:
+                continue  # the next guess may be nearer; the caller tells where none is
+
     def __repr__(self) -> str:
         return self._described("MapBranch")
+
+
+def _extent(found: MapOrbit) -> NDArray[np.float64]:
+    return found.points.ravel()
 
 
 def _forms(held: Contents, system: Map, period: int) -> tuple[tuple[int, ...], ...]:

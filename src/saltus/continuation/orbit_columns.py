@@ -245,7 +245,7 @@ class OrbitColumns(Result):
             shares[i] = durations[np.array(self.forms[form].modes) == mode].sum() / durations.sum()
         return shares
 
-    def at(self, point: SpecialPoint, name: str) -> float:
+    def value_at(self, point: SpecialPoint, name: str) -> float:
         """Return the quantity that `column` names at a special point.
 
         Parameters

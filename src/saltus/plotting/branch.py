@@ -142,7 +142,7 @@ def draw_special(ax: Axes, branch: AnyBranch, x: str, y: str, drawn: Iterable[Sp
 
 
 def _at(branch: AnyBranch, point: Any, name: str) -> float:
-    return branch.at(point, name)
+    return branch.value_at(point, name)
 
 
 def pieces_of(branch: AnyBranch, x: str, y: str) -> list[Piece]:

@@ -86,7 +86,7 @@ def _doublings(cascade: Cascade, levels: list[list[Branch]], x: str, y: str) -> 
     start = replace(cascade.start, arclength=float(first.arclength[0]))
     ends = [(branch, branch.special_points.of_type("PD")[:1]) for sheets in levels for branch in sheets]
     owners = [(first, start), *((branch, point) for branch, found in ends for point in found)]
-    return [(branch.at(point, x), branch.at(point, y)) for branch, point in owners]
+    return [(branch.value_at(point, x), branch.value_at(point, y)) for branch, point in owners]
 
 
 def _sheets(branch: Branch, count: int) -> list[Branch]:

@@ -137,7 +137,7 @@ def _placed(x: Any, y: Any, depth: float, deep: bool) -> tuple[Any, ...]:
 def _draw_special(ax: Axes, branch: Branch, x: str, y: str, depth: float, deep: bool, order: float) -> None:
     for kind in _kinds([branch]):
         points = [point for point in branch.special_points if point.type == kind]
-        places = np.array([[branch.at(point, x), branch.at(point, y)] for point in points]).T
+        places = np.array([[branch.value_at(point, x), branch.value_at(point, y)] for point in points]).T
         ax.plot(*_placed(places[0], places[1], depth, deep), zorder=order, **_marker(kind).options())
 
 

@@ -86,7 +86,7 @@ def stretches_of(curve: Curve, names: Sequence[str]) -> list[Stretch]:
 
 def coordinates_of(curve: Curve, point: SpecialPoint[Any], names: Sequence[str]) -> NDArray[np.float64]:
     """Return quantities of `stretches_of` at a special point of a curve; shape (quantity,)."""
-    return np.array([point.parameters[n] if _is_constant(curve, n) else curve.at(point, n) for n in names])
+    return np.array([point.parameters[n] if _is_constant(curve, n) else curve.value_at(point, n) for n in names])
 
 
 def _is_constant(curve: Curve, name: str) -> bool:

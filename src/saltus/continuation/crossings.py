@@ -1,0 +1,152 @@
+"""All solutions of a branch at a value of its parameter, each solved there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from saltus import checks
+from saltus.continuation.special_points import Solution
+from saltus.errors import ConvergenceError, InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.special_points import SpecialPoints
+
+__all__ = ["OneParameterCurve", "solutions_at"]
+
+_APART = 1e-9  # distance in arclength below which a special point is a point of the branch
+_NEAR = 1e-6  # share of a solution's size by which it may be further from its guess than both neighbours are apart
+
+
+class OneParameterCurve(Protocol[Solution]):
+    """What is asked of a branch: its parameter, points, special points and solutions."""
+
+    @property
+    def parameter(self) -> str:
+        """Name of the parameter."""
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """Values of the parameter, shape (point,)."""
+
+    @property
+    def arclength(self) -> NDArray[np.float64]:
+        """Arclength from the first point, shape (point,)."""
+
+    @property
+    def special_points(self) -> SpecialPoints[Solution]:
+        """The special points."""
+
+    def _solution(self, index: int) -> Solution:
+        """Return the solution of one point."""
+
+
+def solutions_at(
+    curve: OneParameterCurve[Solution],
+    value: float,
+    solved: Callable[[Solution, Solution, float], Iterable[Solution]],
+    extent: Callable[[Solution], NDArray[np.float64]],
+) -> tuple[Solution, ...]:
+    """Return the solutions of a branch at a value of its parameter, in order along it.
+
+    Parameters
+    ----------
+    curve : OneParameterCurve
+        The branch.
+    value : float
+        The value.
+    solved : callable
+        Given neighbours and the share of the way between them: solutions there, from one guess after the other.
+    extent : callable
+        Sizes by which solutions are compared.
+
+    Raises
+    ------
+    InputError
+        The branch does not come to the value.
+    ConvergenceError
+        No solution is found between two neighbours.
+    """
+    value = checks.number("value", value)
+    found = [_between(curve, a, b, share, solved, extent) for a, b, share in _crossings(curve, value)]
+    if not found:
+        reached = [*curve.values.tolist(), *(point.value(curve.parameter) for point in curve.special_points)]
+        low, high = min(reached), max(reached)
+        raise InputError(curve.parameter, value, f"between {low:.9g} and {high:.9g}, where the branch is")
+    return tuple(found)
+
+
+def _between(
+    curve: OneParameterCurve[Solution],
+    a: Node,
+    b: Node,
+    share: float,
+    solved: Callable[[Solution, Solution, float], Iterable[Solution]],
+    extent: Callable[[Solution], NDArray[np.float64]],
+) -> Solution:
+    first, last = (
+        curve.special_points[node.which].solution if node.is_special else curve._solution(node.which) for node in (a, b)
+    )
+    if a is b:
+        return first
+    low, high = extent(first), extent(last)
+    sizes = np.maximum(np.maximum(np.abs(low), np.abs(high)), 1e-300)
+    reach = float(np.linalg.norm((high - low) / sizes)) + _NEAR
+    for solution in solved(first, last, share):
+        if np.linalg.norm((extent(solution) - low - share * (high - low)) / sizes) <= reach:
+            return solution
+    where = f"{curve.parameter} between {a.value:.9g} and {b.value:.9g}"
+    raise ConvergenceError(f"solution at {where}", math.inf, 0, "trace the branch with shorter steps there")
+
+
+class Node(NamedTuple):
+    """A point or special point of a branch.
+
+    Attributes
+    ----------
+    arclength, value : float
+        Where it is, and its parameter.
+    which : int
+        Which point or special point it is.
+    is_special : bool
+        Whether it is a special point.
+    turns : bool
+        Whether the parameter turns there.
+    """
+
+    arclength: float
+    value: float
+    which: int
+    is_special: bool
+    turns: bool
+
+
+def _crossings(curve: OneParameterCurve[Solution], value: float) -> Iterator[tuple[Node, Node, float]]:
+    """Yield neighbours before and after each place where a branch takes a value, and the share of the way between them.
+
+    Next to a turn the parameter grows like the square of the way; elsewhere it is taken to be linear. Where a node has
+    the value itself, it is both of them, and the share is 0.
+    """
+    arclength, values = curve.arclength.tolist(), curve.values.tolist()
+    nodes = [Node(arc, v, i, False, False) for i, (arc, v) in enumerate(zip(arclength, values, strict=True))]
+    for i, special in enumerate(curve.special_points):
+        if min(abs(special.arclength - arc) for arc in arclength) > _APART:
+            turns = special.type in ("SN", "TP")
+            nodes.append(Node(special.arclength, special.value(curve.parameter), i, True, turns))
+    nodes.sort()
+    for at, b in enumerate(nodes):
+        if b.value == value:
+            yield b, b, 0.0
+        a = nodes[at - 1]
+        if at > 0 and (a.value - value) * (b.value - value) < 0.0:
+            share = (value - a.value) / (b.value - a.value)
+            if a.turns:
+                share = math.sqrt(share)
+            elif b.turns:
+                share = 1.0 - math.sqrt(1.0 - share)
+            yield a, b, share

@@ -1,0 +1,87 @@
+"""Solutions of a branch at a value of its parameter: closed forms, turns, bad input."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+import saltus
+from oracles.closed_forms import ImpactOrbit
+from saltus import ConvergenceError, HybridSystem, InputError, Map
+
+
+@pytest.fixture(scope="module")
+def impacting(impact_oscillator):
+    closed = ImpactOrbit(1.1)
+    guess = [("free", "impact", closed.after_impact(closed.speeds(1.0)[1]), closed.period)]
+    orbit = saltus.solve_orbit(impact_oscillator, {"w": 1.1, "A": 1.0}, guess)
+    return saltus.continue_orbit(orbit, "A", bounds=(0.05, 2.0))
+
+
+@pytest.fixture(scope="module")
+def fold():
+    system = HybridSystem.smooth({"x": "a - x**2", "y": "x - y"}, {"a": 1.0})
+    return saltus.continue_equilibrium(saltus.find_equilibrium(system, x0=[1.0, 1.0]), "a", (-1.0, 1e4))
+
+
+@pytest.mark.parametrize("share", [1e-9, 1e-5, 0.01, 0.3])
+def test_orbits_on_both_sides_of_a_fold_are_those_of_the_closed_form(impacting, share):
+    turn = impacting["SN1"].parameters["A"]
+    A = turn + share * (0.9 - turn)
+    found = [orbit for orbit in impacting.at(A) if any(name == "impact" for _, name in orbit.signature)]
+    speeds = sorted(orbit.observe("velocity(impact)")["velocity(impact)"] for orbit in found)
+    assert speeds == pytest.approx(sorted(U for U in ImpactOrbit(1.1).speeds(A) if U > 0.0), rel=1e-6)
+    assert all(orbit.parameters["A"] == A for orbit in found)
+
+
+def test_a_value_of_a_point_and_of_a_fold_has_the_solution_once(impacting, fold):
+    whole = impacting.values.tolist()
+    assert any(np.array_equal(orbit.x0, impacting.x0[3]) for orbit in impacting.at(whole[3]))
+    at_fold = fold.at(fold["SN1"].parameters["a"])
+    assert [found.state.tolist() for found in at_fold] == [fold["SN1"].equilibrium.state.tolist()]
+
+
+def test_equilibria_at_a_value_are_in_order_along_the_branch(fold):
+    for a in (1e-12, 1e-6, 0.3, 77.7, 9999.0):
+        states = np.array([found.state for found in fold.at(a)])
+        assert states == pytest.approx(np.array([[-1.0, -1.0], [1.0, 1.0]]) * math.sqrt(a), rel=1e-9)
+
+
+def test_cycles_of_a_map_at_a_value():
+    logistic = Map(("x",), {"r": 3.3}, {"x": "r*x*(1 - x)"})
+    two = saltus.continue_orbit(saltus.solve_orbit(logistic, x0=[0.5], period=2), "r", (3.1, 4.0))
+    (found,) = two.at(3.7)
+    root = math.sqrt(0.7 * 4.7)
+    assert sorted(found.points[:, 0]) == pytest.approx([(4.7 - root) / 7.4, (4.7 + root) / 7.4], rel=1e-12)
+
+
+def test_orbits_at_a_value_of_a_quantity():
+    pendulum = HybridSystem.smooth({"x": "v", "v": "-sin(x)"})
+    swing = saltus.solve_orbit(pendulum, x0=[1.0, 0.0], period=6.7, fix={"max_x": 1.0})
+    (found,) = saltus.continue_orbit(swing, "max_x", (0.5, 2.5)).at(2.0)
+    assert found.max["x"] == pytest.approx(2.0, abs=1e-9)
+    assert found.period == pytest.approx(4.0 * ellipk(math.sin(1.0) ** 2), abs=1e-8)
+
+
+def test_stiff_cycles_that_are_cut_are_solved_at_a_value():
+    van_der_pol = HybridSystem.smooth({"x": "y", "y": "mu*(1 - x**2)*y - x"}, {"mu": 1.0})
+    cycles = saltus.continue_orbit(saltus.find_orbit(van_der_pol, {"mu": 5.0}, [2.0, 0.0]), "mu", bounds=(4.0, 30.0))
+    (found,) = cycles.at(10.0)
+    assert found.period == pytest.approx(19.07836957, abs=1e-7)
+
+
+def test_a_value_that_the_branch_does_not_come_to_is_told(fold, impacting):
+    with pytest.raises(InputError, match=r"a = -0.5: must be between 0 and 10000, where the branch is"):
+        fold.at(-0.5)
+    with pytest.raises(InputError, match="value = nan"):
+        impacting.at(math.nan)
+
+
+def test_a_gap_that_newton_does_not_close_is_told(fold, monkeypatch):
+    def lost(*_arguments, **_options):
+        raise ConvergenceError("equilibrium", 1.0, 3, "lost")
+
+    monkeypatch.setattr("saltus.continuation.equilibrium_branch.find_equilibrium", lost)
+    with pytest.raises(ConvergenceError, match="solution at a between .* and .*; trace the branch with shorter steps"):
+        fold.at(0.123)
