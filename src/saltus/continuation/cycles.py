@@ -12,7 +12,7 @@ from saltus.continuation.algebraic_problem import extents
 from saltus.continuation.algebraic_run import AlgebraicRun, read_point_events
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.border import beyond_border
-from saltus.continuation.cycle_problem import CYCLE_POINTS, CycleZeroProblem, in_lockstep
+from saltus.continuation.cycle_problem import CYCLE_POINTS, CycleZeroProblem, grows_without_bound, in_lockstep
 from saltus.continuation.map_curve import MapBranch
 from saltus.continuation.options import checked_interval, read_stops, unit_of
 from saltus.continuation.orbit_problem import Interest
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_cycle", "cycle_fields"]
 
-_GROWN = 1e3  # size of a state, over that at the start, from which on a branch may grow without bound
-_RESTS = 1e-5  # change of the parameter per unit of arclength, below which such a branch does
 _HALVED = 1e-5  # distance of a cycle's halves, in the states' sizes, at which the period halves
 
 
@@ -129,8 +127,7 @@ class _CycleRun(AlgebraicRun):
 
     def unbounded(self, branch: CycleZeroProblem, point: Point) -> str | None:
         """See `AlgebraicRun.unbounded`."""
-        grown = float(np.max(branch.sizes / self.first_sizes)) > _GROWN
-        return "the cycle grows without bound" if grown and abs(float(point.tangent[-1])) < _RESTS else None
+        return grows_without_bound(branch.sizes, self.first_sizes, point.tangent[-1:])
 
     def closed_up(self, branch: CycleZeroProblem, point: Point) -> str | None:
         """See `AlgebraicRun.closed_up`: where the second half of a cycle meets the first one, its period halves."""
