@@ -171,3 +171,28 @@ def test_what_cannot_be_used_is_named():
         saltus.continue_orbit(orbit, "r", (2.0, 3.0), stop_at="GR")
     with pytest.raises(InputError, match="events"):
         saltus.continue_orbit(orbit, "r", (2.0, 3.0), events={"y": 1.0})
+
+
+def test_points_that_move_to_different_sides_of_borders_met_at_once_end_the_branch():
+    """At mu = 0 both points of the cycle meet the border; it is virtual on either side, and so is the turned one."""
+    pieces = {
+        "left": Piece({"x": "x/2 + y + mu", "y": "-3*x/10"}, where="-x"),
+        "right": Piece({"x": "-6*x/5 + y + mu", "y": "-2*x/5"}, where="x"),
+    }
+    system = Map(("x", "y"), {"mu": 0.2}, pieces=pieces)
+    start = saltus.solve_orbit(system, segments=("left", "right"))
+    assert not start.regular
+    branch = saltus.continue_orbit(start, "mu", (-1.0, 1.0))
+    assert branch["BC1"].parameters["mu"] == pytest.approx(0.0, abs=1e-12)
+    assert "meet borders at once" in branch.stopped[0]
+    assert "bound reached" in branch.stopped[1]
+    assert len(branch) < 200
+
+
+def test_the_parameter_turns_at_a_pitchfork_without_a_saddle_node():
+    """At b = 1 both multipliers of the Duffing map's point 0 are 1, and x^2 = 1 - b meets it."""
+    system = Map(("x", "y"), {"b": 0.2}, {"x": "y", "y": "-b*x + 2*y - y**3"})
+    branch = saltus.continue_orbit(saltus.solve_orbit(system, x0=[0.9, 0.9]), "b", (-2.0, 2.0))
+    assert [point.type for point in branch.special_points] == ["PD", "BP", "PD"]
+    assert branch["BP1"].parameters["b"] == pytest.approx(1.0, abs=1e-10)
+    assert branch.x0[:, 0] ** 2 == pytest.approx(1.0 - branch.values, abs=1e-9)

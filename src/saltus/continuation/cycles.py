@@ -11,7 +11,7 @@ from saltus import checks
 from saltus.continuation.algebraic_problem import extents
 from saltus.continuation.algebraic_run import AlgebraicRun, read_point_events
 from saltus.continuation.arclength import StepControl
-from saltus.continuation.border import beyond_border
+from saltus.continuation.border import TOGETHER, beyond_border
 from saltus.continuation.cycle_problem import CYCLE_POINTS, CycleZeroProblem, grows_without_bound, in_lockstep
 from saltus.continuation.map_curve import MapBranch
 from saltus.continuation.options import checked_interval, read_stops, unit_of
@@ -120,6 +120,16 @@ class _CycleRun(AlgebraicRun):
     def inside(self, branch: CycleZeroProblem, event: Monitor) -> float:
         """See `AlgebraicRun.inside`."""
         return 1.0
+
+    def leaves(self, branch: CycleZeroProblem, point: Point) -> str | None:
+        """See `AlgebraicRun.leaves`: of several points on borders, each must move into its new piece."""
+        problem = branch.problem
+        for i, guard, height in problem.heights(point.u):
+            gradient = problem.border(i, guard, point.u)[1]
+            terms = np.abs(gradient[: problem.n]) @ branch.sizes
+            if abs(height) <= TOGETHER * terms and float(gradient @ point.tangent) < -TOGETHER * terms:
+                return "several points meet borders at once, and move to different sides of them"
+        return None
 
     def restart(self, branch: CycleZeroProblem, origin: Point) -> None:
         """See `OneParameterRun.restart`: the sizes may have grown along the other direction."""
