@@ -201,3 +201,15 @@ def test_a_saved_cycle_is_drawn_beside_its_file(tmp_path, capsys):
     with pytest.raises(SystemExit, match="2"):
         main(["plot", str(path), "--out", "cycle.xyz"])
     assert "must be a picture" in capsys.readouterr().err
+
+
+def test_a_diagram_of_a_map_draws_all_points_and_each_special_point_once():
+    found = saltus.diagram(logistic(), "r", (0.5, 3.6), [[0.6], [0.0]], options=saltus.DiagramOptions(depth=2))
+    ax = found.plot()
+    assert {"stable fixed points", "stable cycles", "BP, branch point", "PD, period doubling"} <= set(texts(ax))
+    blue = [line for line in ax.lines if line.get_linestyle() == "-" and to_hex(line.get_color()) == "#0f5fa8"]
+    assert len(blue) == 2 + 4
+    marks = [line.get_xydata() for line in ax.lines if line.get_label() == "BP, branch point"]
+    assert np.vstack(marks) == pytest.approx(np.array([[1.0, 0.0]]), abs=1e-12)
+    doublings = np.vstack([line.get_xydata() for line in ax.lines if line.get_label() == "PD, period doubling"])
+    assert len(doublings) == 1 + 2 + 4

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from saltus.continuation.faint import faint_step, without_rounding
+from saltus.continuation.faint import faint_step, resolved
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.zero_problem import Event, Examined, Point
 
@@ -143,7 +143,7 @@ class AlgebraicLocusProblem(ABC):
             if abs(monitors[name]) < _CONSTANT:
                 monitors[name] = math.nan
         special, data = self.special(point)
-        monitors = without_rounding(monitors | special, self.faint, before)
+        monitors = resolved(monitors | special, self.faint, before)
         if self._origin is None:
             self._origin = u[: self.n].copy()
         self.sizes = np.maximum(self.sizes, self.grown(u))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
-from saltus.continuation.faint import faint_step, without_rounding
+from saltus.continuation.faint import faint_step, resolved
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.equilibria.find import responses, state_sizes
@@ -155,7 +155,7 @@ class AlgebraicZeroProblem(ABC):
         monitors |= {
             name: self.monitor(name, point) for name in (Monitor("event", i) for i in range(len(self.interest.events)))
         }
-        monitors = without_rounding(monitors, self.faint, before)
+        monitors = resolved(monitors, self.faint, before)
         if self._origin is None:
             self._origin = u[: self.n].copy()
         self.sizes = np.maximum(self.sizes, self.grown(u))

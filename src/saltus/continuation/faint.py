@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from saltus.continuation.monitor import Monitor
     from saltus.continuation.zero_problem import Point
 
-__all__ = ["faint_step", "without_rounding"]
+__all__ = ["faint_step", "resolved"]
 
 _LONG = 1e-3  # arclength of a step from which on it must not end where a monitor function is rounding
 
@@ -23,7 +23,7 @@ def _is_known(name: Monitor, point: Point, faint: Mapping[Monitor, float]) -> bo
     return abs(point.examined.monitors.get(name, math.nan)) >= faint[name]
 
 
-def without_rounding(
+def resolved(
     monitors: Mapping[Monitor, float], faint: Mapping[Monitor, float], before: Point | None
 ) -> dict[Monitor, float]:
     """Return monitor functions, NaN in place of those that are rounding at a point and at the point before.

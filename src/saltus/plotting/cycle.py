@@ -16,10 +16,12 @@ from saltus.plotting.branch import draw_branch
 from saltus.plotting.iterates import draw_cobweb
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-__all__ = ["at_each_point", "plot_cycle", "plot_map_branch", "turned_cycle"]
+__all__ = ["at_each_point", "leave_out_the_unbounded", "plot_cycle", "plot_map_branch", "turned_cycle"]
 
 _STEEP = 0.05  # part of the parameter's range, next to an unbounded end, whose cycles do not set the axis' limits
 _MARGIN = 0.05  # room above and below the cycles shown, over their range
@@ -131,19 +133,23 @@ def plot_map_branch(
     y = [*branch.system.output_names, *branch.system.states][0] if y is None else y
     drawn = draw_branch(at_each_point(branch), x, y, ax, special=special, legend=legend)
     if ax is None and x == branch.parameter:
-        _leave_out_the_unbounded(drawn, branch, y)
+        leave_out_the_unbounded(drawn, [branch], y)
     return drawn
 
 
-def _leave_out_the_unbounded(ax: Axes, branch: MapBranch, y: str) -> None:
-    """Limit the axis to where a branch that runs to infinity still depends on the parameter."""
-    values, near = branch.values, np.zeros(len(branch), bool)
-    for end, reason in zip((0, -1), branch.stopped, strict=True):
-        if "without bound" in reason:
-            near |= np.abs(values - values[end]) < _STEEP * float(np.ptp(values))
-    if np.any(near) and not np.all(near):
-        shown = np.concatenate([sheet.column(y)[~near] for sheet in at_each_point(branch)])
-        low, high = float(shown.min()), float(shown.max())
+def leave_out_the_unbounded(ax: Axes, branches: Sequence[MapBranch], y: str) -> None:
+    """Limit the axis to where branches that run to infinity still depend on the parameter."""
+    shown, hidden = [np.empty(0)], False
+    for branch in branches:
+        values, near = branch.values, np.zeros(len(branch), bool)
+        for end, reason in zip((0, -1), branch.stopped, strict=True):
+            if "without bound" in reason:
+                near |= np.abs(values - values[end]) < _STEEP * float(np.ptp(values))
+        hidden |= bool(np.any(near))
+        shown += [sheet.column(y)[~near] for sheet in at_each_point(branch)]
+    heights = np.concatenate(shown)
+    if hidden and heights.size:
+        low, high = float(heights.min()), float(heights.max())
         room = _MARGIN * ((high - low) or abs(high) or 1.0)
         ax.set_ylim(low - room, high + room)
 
