@@ -196,3 +196,20 @@ def test_the_parameter_turns_at_a_pitchfork_without_a_saddle_node():
     assert [point.type for point in branch.special_points] == ["PD", "BP", "PD"]
     assert branch["BP1"].parameters["b"] == pytest.approx(1.0, abs=1e-10)
     assert branch.x0[:, 0] ** 2 == pytest.approx(1.0 - branch.values, abs=1e-9)
+
+
+def test_a_loop_of_nonsmooth_folds_is_followed_once():
+    """A branch of virtual cycles enters a loop between two nonsmooth folds; each round begins at another point."""
+    parameters = {"p": -0.1626564684583851, "q": -0.844126052125311, "r": 0.3859767611271874, "s": 1.131582096201642}
+    pieces = {
+        "left": Piece({"x": "p*x + y + 1/5", "y": "-q*x"}, where="-x"),
+        "right": Piece({"x": "r*x + y + 1/5", "y": "-s*x"}, where="x"),
+    }
+    start = saltus.solve_orbit(Map(("x", "y"), parameters, pieces=pieces), segments=("right", "left", "left", "right"))
+    branch = saltus.continue_orbit(start, "r", (-4.0, 3.0))
+    assert "followed already" in branch.stopped[0]
+    assert [point.kind for point in branch.special_points.of_type("BC")] == ["nonsmooth fold"] * 2
+    assert len(branch) < 300
+    last, met = branch.orbit(0), branch.special_points[-1].cycle
+    assert last.parameters["r"] == pytest.approx(met.parameters["r"], abs=1e-9)
+    assert sorted(last.points[:, 0]) == pytest.approx(sorted(met.points[:, 0]), abs=1e-9)

@@ -95,6 +95,10 @@ class AlgebraicRun(OneParameterRun):
     def inside(self, branch: Any, event: Any) -> float:
         """Return the sign of a border's monitor function on the regular side."""
 
+    def returned(self, half: OneSide, branch: Any, point: Point) -> bool:
+        """Return whether a branch has come back to a border at which it was before, on the same side of it."""
+        return False
+
     def leaves(self, branch: Any, point: Point) -> str | None:
         """Return why the solutions next to a border do not belong to the equations behind it; None where they do."""
         return None
@@ -210,6 +214,9 @@ class AlgebraicRun(OneParameterRun):
                 half.points.append((branch, point))
                 return f"{self.place(point)}: {end}"
             return self.end_at(half, branch, point, name)
+        if self.returned(half, branch, point):
+            half.points.append((branch, point))
+            return f"{self.place(point)}: {self.at_border}, from which on the branch is followed already"
         of, crossing = self.crossing(branch, event)
         half.specials.append(replace(self.found(name, branch, event, half), of=of, kind=crossing.kind))
         if (end := self.end_at(half, branch, point, name)) is not None:

@@ -25,11 +25,12 @@ if TYPE_CHECKING:
 
     from saltus.continuation.boundary import Crossing
     from saltus.continuation.monitor import Monitor
-    from saltus.continuation.two_sided import BothSides
+    from saltus.continuation.two_sided import BothSides, OneSide
     from saltus.continuation.zero_problem import Event, Point
 
 __all__ = ["continue_cycle", "cycle_fields"]
 
+_RETURNED = 1e-8  # distance, in the states' sizes and the parameter's unit, up to which two border collisions are one
 _HALVED = 1e-5  # distance of a cycle's halves, in the states' sizes, at which the period halves
 
 
@@ -120,6 +121,19 @@ class _CycleRun(AlgebraicRun):
     def inside(self, branch: CycleZeroProblem, event: Monitor) -> float:
         """See `AlgebraicRun.inside`."""
         return 1.0
+
+    def returned(self, half: OneSide, branch: CycleZeroProblem, point: Point) -> bool:
+        """See `AlgebraicRun.returned`; another of the cycle's points may be the first one by then."""
+        here, sizes = self.solution_at(branch, point.u), branch.sizes[: branch.problem.states]
+        for old in (found.solution for found in half.specials if found.name == self.border):
+            assert isinstance(old, MapOrbit)
+            near = abs(old.parameters[self.name] - self.value(point)) <= _RETURNED * self.scale
+            for k in range(here.period if near else 0):
+                turned = (*old.itinerary[k:], *old.itinerary[:k])
+                away = np.abs(np.roll(old.points, -k, axis=0) - here.points)
+                if turned == here.itinerary and np.all(away <= _RETURNED * sizes):
+                    return True
+        return False
 
     def leaves(self, branch: CycleZeroProblem, point: Point) -> str | None:
         """See `AlgebraicRun.leaves`: of several points on borders, each must move into its new piece."""
