@@ -33,6 +33,7 @@ _AT_START = 1e-10  # test function, over its usual size, up to which a start is 
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
 _AT_REST = 1e-7  # the same, below which all solutions beyond a border have one parameter
+_TURNING = 1e-5  # arclength from a branch point within which the parameter turns because of it
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
@@ -93,6 +94,14 @@ class AlgebraicRun(OneParameterRun):
     @abstractmethod
     def inside(self, branch: Any, event: Any) -> float:
         """Return the sign of a border's monitor function on the regular side."""
+
+    def returned(self, half: OneSide, branch: Any, point: Point) -> bool:
+        """Return whether a branch has come back to a border at which it was before, on the same side of it."""
+        return False
+
+    def leaves(self, branch: Any, point: Point) -> str | None:
+        """Return why the solutions next to a border do not belong to the equations behind it; None where they do."""
+        return None
 
     def ended(self, branch: Any, point: Point, kind: str) -> str | None:
         """Return why a branch ends at an event of its own, that is no special point; None where it does not."""
@@ -197,12 +206,17 @@ class AlgebraicRun(OneParameterRun):
             u = solve(branch.problem, point.u, branch.sizes)
             if u is not None and float(point.weights @ (u - point.u) ** 2) < _NEAR**2:
                 point.u = u
+        if kind == "SN" and any(f.name == "BP" and abs(f.arc - point.arc) < _TURNING for f in half.specials):
+            return None
         if kind != self.border:
             half.specials.append(self.found(name, branch, event, half))
             if kind == "BP" and (end := self.closed_up(branch, point)) is not None:
                 half.points.append((branch, point))
                 return f"{self.place(point)}: {end}"
             return self.end_at(half, branch, point, name)
+        if self.returned(half, branch, point):
+            half.points.append((branch, point))
+            return f"{self.place(point)}: {self.at_border}, from which on the branch is followed already"
         of, crossing = self.crossing(branch, event)
         half.specials.append(replace(self.found(name, branch, event, half), of=of, kind=crossing.kind))
         if (end := self.end_at(half, branch, point, name)) is not None:
@@ -227,6 +241,8 @@ class AlgebraicRun(OneParameterRun):
         point = turned(point, crossing.sign(point), self.odd)
         point.arc = old.arc
         found = beside.examine(point, None)
+        if (beyond := self.leaves(beside, point)) is not None:
+            return f"{self.place(old)}: {self.at_border}, {beyond}"
         # on a surface the sign of its event function is rounding: the point counts as on the regular side
         monitors = {
             name: _ON_SURFACE * self.inside(beside, name)
