@@ -128,8 +128,7 @@ class AlgebraicRun(OneParameterRun):
         try:
             point = start_point(branch, u)
         except (ValueError, np.linalg.LinAlgError) as error:
-            hint = f"the equations have no regular branch there: {error}"
-            raise InputError(self.what, self.solution.parameters[self.name], f"a regular {self.what}", hint) from None
+            raise self.irregular(self.what, self.solution.parameters[self.name], error) from None
         point.examined = branch.examine(point, None)
         self.first_sizes = branch.sizes.copy()
         return branch, self._aside(branch, point, directions)
