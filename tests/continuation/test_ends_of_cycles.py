@@ -148,3 +148,35 @@ def test_a_start_at_a_branch_point_is_refused_with_the_cure() -> None:
     branch = continue_orbit(solve_orbit(wells, x0=[2.0, 0.0]), "A", (1.0, 4.0))
     with pytest.raises(InputError, match="at another A; switch_branch goes to the other branch"):
         continue_orbit(branch["BP1"].orbit, "A", (1.0, 4.0))
+
+
+def test_small_cycles_with_a_fast_decay_shrink_to_their_hopf_point() -> None:
+    """Oxidation of CO on platinum, Bykov, Yablonskii, Kim, Dokl. Akad. Nauk SSSR 242 (1978) 637."""
+    free = "(1 - x - y - s)"
+    field = {
+        "x": f"5*{free}**2 - 2*x**2 - 10*x*y",
+        "y": f"q2*{free} - y/10 - 10*x*y",
+        "s": f"27/400*{free} - 27/1000*s",
+    }
+    surface = HybridSystem.smooth(field, {"q2": 1.0})
+    rests = continue_equilibrium(find_equilibrium(surface, x0=[0.107, 0.176, 0.513]), "q2", (0.5, 2.0))
+    assert [point.parameters["q2"] for point in rests.special_points.of_type("SN")] == pytest.approx(
+        [1.05220028787, 1.04204850538], rel=1e-10
+    )
+    cycles = continue_orbit(switch_branch(rests["HB2"]), "q2", (0.5, 2.0), steps=StepControl(most=30))
+    (end,) = cycles.special_points
+    assert (end.type, end.parameters["q2"]) == ("HB", pytest.approx(1.05155746246, rel=1e-10))
+    assert max(np.abs(cycles.multipliers[:, 0]).real) > 1.5  # it is subcritical
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-9])
+def test_a_hopf_point_that_is_a_saddle_node_as_well_is_told_to_be_a_zero_hopf_point(unit: float) -> None:
+    field = {"x": "-y - z", "y": "x + y/5", "z": "u/5 + z*(x - c*u)/u"}  # both of Roessler's equilibria meet at c = 0.4
+    roessler = HybridSystem.smooth(field, {"c": 5.7, "u": unit})
+    branch = continue_equilibrium(find_equilibrium(roessler, x0=unit * np.array([5.7, -28.0, 28.0])), "c", (0.3, 6.0))
+    assert sorted(point.type for point in branch.special_points) == ["HB", "SN"]
+    assert [point.parameters["c"] for point in branch.special_points] == pytest.approx([0.4, 0.4], abs=1e-9)
+    with pytest.raises(InputError, match="it is a zero-Hopf point"):
+        _ = branch["HB1"].normal_form
+    with pytest.raises(InputError, match="it is a zero-Hopf point"):
+        switch_branch(branch["HB1"])

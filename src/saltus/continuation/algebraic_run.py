@@ -33,6 +33,10 @@ _AT_START = 1e-10  # test function, over its usual size, up to which a start is 
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
 _AT_REST = 1e-7  # the same, below which all solutions beyond a border have one parameter
+_RESTS = 1e-5  # change of the parameter per unit of arclength, below which a branch may grow without bound
+_GROWN = 1e3  # size of a state, over that at the start, from which on it may
+_DOUBLED = 2.0  # growth of a size while the parameter rests, with which it does
+_MOST_GROWN = 1e100  # size of a state, over that at the start, up to which a branch is followed
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
@@ -73,6 +77,7 @@ class AlgebraicRun(OneParameterRun):
         super().__init__(*options)
         self.solution = solution
         self.first_sizes: NDArray[np.float64] = np.empty(0)
+        self._resting: NDArray[np.float64] | None = None  # sizes where the parameter came to rest
 
     @abstractmethod
     def equations(self, form: Any, u: NDArray[np.float64], sizes: NDArray[np.float64] | None) -> AlgebraicZeroProblem:
@@ -102,9 +107,23 @@ class AlgebraicRun(OneParameterRun):
         """Return why a branch ends at a branch point; None where it does not."""
         return None
 
-    def unbounded(self, branch: Any, point: Point) -> str | None:
-        """Return why a branch ends at a point from which it grows without bound; None where it does not."""
-        return None
+    def restart(self, branch: Any, origin: Point) -> None:
+        """See `OneParameterRun.restart`: the sizes may have grown along the other direction."""
+        branch.sizes, self._resting = self.first_sizes.copy(), None
+
+    def unbounded(self, point: Point) -> str | None:
+        """Return why a branch ends at a point from which it grows without bound; None where it does not.
+
+        At a saddle-node the parameter rests as well, but the states do not grow meanwhile.
+        """
+        sizes = 1.0 / np.sqrt(point.weights[:-1])
+        grown = float(np.max(sizes / self.first_sizes))
+        if abs(float(point.tangent[-1])) >= _RESTS:
+            self._resting = None
+        elif self._resting is None:
+            self._resting = sizes
+        doubled = self._resting is not None and float(np.max(sizes / self._resting)) > _DOUBLED
+        return f"the {self.what} grows without bound" if (grown > _GROWN and doubled) or grown > _MOST_GROWN else None
 
     def at_start(self, branch: Any, origin: Point, halves: list[OneSide]) -> Found | None:
         """Return the special point at which the branch starts; None where there is none, or where it was located."""
@@ -179,7 +198,7 @@ class AlgebraicRun(OneParameterRun):
             if (end := self.keep(half, branch, item)) is not None:
                 return end
             last = item
-            if (end := self.unbounded(branch, item)) is not None:
+            if (end := self.unbounded(item)) is not None:
                 return f"{self.place(item)}: {end}"
         raise AssertionError("follow ends with a reason")
 

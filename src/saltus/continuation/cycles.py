@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["continue_cycle", "cycle_fields"]
 
-_GROWN = 1e3  # size of a state, over that at the start, from which on a branch may grow without bound
-_RESTS = 1e-5  # change of the parameter per unit of arclength, below which such a branch does
 _HALVED = 1e-5  # distance of a cycle's halves, in the states' sizes, at which the period halves
 
 
@@ -122,15 +120,6 @@ class _CycleRun(AlgebraicRun):
     def inside(self, branch: CycleZeroProblem, event: Monitor) -> float:
         """See `AlgebraicRun.inside`."""
         return 1.0
-
-    def restart(self, branch: CycleZeroProblem, origin: Point) -> None:
-        """See `OneParameterRun.restart`: the sizes may have grown along the other direction."""
-        branch.sizes = self.first_sizes.copy()
-
-    def unbounded(self, branch: CycleZeroProblem, point: Point) -> str | None:
-        """See `AlgebraicRun.unbounded`."""
-        grown = float(np.max(branch.sizes / self.first_sizes)) > _GROWN
-        return "the cycle grows without bound" if grown and abs(float(point.tangent[-1])) < _RESTS else None
 
     def closed_up(self, branch: CycleZeroProblem, point: Point) -> str | None:
         """See `AlgebraicRun.closed_up`: where the second half of a cycle meets the first one, its period halves."""
