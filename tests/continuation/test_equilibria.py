@@ -432,3 +432,16 @@ def test_a_fold_far_from_a_tiny_start_is_no_way_to_infinity():
     branch = _branch({"x": "p - x + x**2/4"}, {"p": 1e-7}, [1e-7], "p", (0.0, 2.0))
     assert fields.places(branch.special_points, "p") == [("SN", pytest.approx(1.0, abs=1e-12))]
     assert [end.split(": ")[1] for end in branch.stopped] == ["bound reached"] * 2
+
+
+def test_a_parameter_that_rests_on_the_way_to_infinity_does_not_turn():
+    branch = _branch({"x": "r*(1 - exp(x/20)) - 0.1", "y": "x - y"}, {"r": 1.0}, [-1.0, -1.0], "r", (-1.0, 2.0))
+    assert branch.stopped[0].endswith("the equilibrium grows without bound")
+    assert branch.values[0] == pytest.approx(0.1, abs=1e-9)
+    assert len(branch.special_points) == 0
+
+
+@pytest.mark.parametrize("power", [2, 4])
+def test_a_flat_fold_is_found_where_the_parameter_rests_for_a_while(power):
+    branch = _branch({"x": f"mu - x**{power}"}, {"mu": 1.0}, [1.0], "mu", (-1.0, 2.0))
+    assert fields.places(branch.special_points, "mu") == [("SN", pytest.approx(0.0, abs=1e-10))]

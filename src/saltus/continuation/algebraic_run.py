@@ -35,6 +35,7 @@ _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes,
 _AT_REST = 1e-7  # the same, below which all solutions beyond a border have one parameter
 _RESTS = 1e-5  # change of the parameter per unit of arclength, below which a branch may grow without bound
 _GROWN = 1e3  # size of a state, over that at the start, from which on it may
+_FAR = 10.0  # the same, from which on a parameter that rests need not turn
 _DOUBLED = 2.0  # growth of a size while the parameter rests, with which it does
 _MOST_GROWN = 1e100  # size of a state, over that at the start, up to which a branch is followed
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
@@ -116,14 +117,17 @@ class AlgebraicRun(OneParameterRun):
 
         At a saddle-node the parameter rests as well, but the states do not grow meanwhile.
         """
-        sizes = 1.0 / np.sqrt(point.weights[:-1])
-        grown = float(np.max(sizes / self.first_sizes))
+        sizes, grown = 1.0 / np.sqrt(point.weights[:-1]), self._grown(point)
         if abs(float(point.tangent[-1])) >= _RESTS:
             self._resting = None
         elif self._resting is None:
             self._resting = sizes
         doubled = self._resting is not None and float(np.max(sizes / self._resting)) > _DOUBLED
         return f"the {self.what} grows without bound" if (grown > _GROWN and doubled) or grown > _MOST_GROWN else None
+
+    def _grown(self, point: Point) -> float:
+        """Return the largest ratio of a state's size at a point to its size at the start."""
+        return float(np.max(1.0 / np.sqrt(point.weights[:-1]) / self.first_sizes))
 
     def at_start(self, branch: Any, origin: Point, halves: list[OneSide]) -> Found | None:
         """Return the special point at which the branch starts; None where there is none, or where it was located."""
@@ -215,6 +219,8 @@ class AlgebraicRun(OneParameterRun):
             u = solve(branch.problem, point.u, branch.sizes)
             if u is not None and float(point.weights @ (u - point.u) ** 2) < _NEAR**2:
                 point.u = u
+            if kind == "SN" and u is None and event.value == 0.0 and self._grown(point) > _FAR:
+                return None  # the parameter rests on the way to infinity, and does not turn
         if kind != self.border:
             half.specials.append(self.found(name, branch, event, half))
             if kind == "BP" and (end := self.closed_up(branch, point)) is not None:
