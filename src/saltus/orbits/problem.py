@@ -26,7 +26,7 @@ _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jaco
 _RESTING = 1e-9  # size of a state that no other moves, over the largest one, below which it rests at zero
 
 _ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes of the smallest state
-_FEW = 50  # steps of a segment below which stability does not limit them; ten times as many for errors
+_FEW = 500  # steps of a segment below which stability does not limit them
 _EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
 _NEARBY = 1e-6  # size of an orbit at rest, over those on its branch, below which it tells nothing
@@ -334,7 +334,7 @@ class OrbitProblem:
         )  # fmt: skip
 
     def _move(self, limit: float) -> bool:
-        if not self._worst <= _UNSTABLE and self.steps < 10 * _FEW * self.segments:
+        if not self._worst <= _UNSTABLE and self.steps < _FEW * self.segments:
             self._use([halved(mesh) for mesh in np.split(self._mesh[0], self._mesh[1][1:-1])])
             return False
         fine, fresh, counts = self._meshes.remesh(*self._mesh, self._errors, limit)
