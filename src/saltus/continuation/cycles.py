@@ -12,7 +12,7 @@ from saltus.continuation.algebraic_problem import extents
 from saltus.continuation.algebraic_run import AlgebraicRun, read_point_events
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.border import TOGETHER, beyond_border
-from saltus.continuation.cycle_problem import CYCLE_POINTS, CycleZeroProblem, grows_without_bound, in_lockstep
+from saltus.continuation.cycle_problem import CYCLE_POINTS, CycleZeroProblem, in_lockstep
 from saltus.continuation.map_curve import MapBranch
 from saltus.continuation.options import checked_interval, read_stops, unit_of
 from saltus.continuation.orbit_problem import Interest
@@ -144,14 +144,6 @@ class _CycleRun(AlgebraicRun):
             if abs(height) <= TOGETHER * terms and float(gradient @ point.tangent) < -TOGETHER * terms:
                 return "several points meet borders at once, and move to different sides of them"
         return None
-
-    def restart(self, branch: CycleZeroProblem, origin: Point) -> None:
-        """See `OneParameterRun.restart`: the sizes may have grown along the other direction."""
-        branch.sizes = self.first_sizes.copy()
-
-    def unbounded(self, branch: CycleZeroProblem, point: Point) -> str | None:
-        """See `AlgebraicRun.unbounded`."""
-        return grows_without_bound(branch.sizes, self.first_sizes, point.tangent[-1:])
 
     def closed_up(self, branch: CycleZeroProblem, point: Point) -> str | None:
         """See `AlgebraicRun.closed_up`: where the second half of a cycle meets the first one, its period halves."""

@@ -243,15 +243,16 @@ class _Run:
         width = self.bounds[1] - self.bounds[0]
         ranges = np.maximum(Diagram(self.system, self.parameter, tuple(self.branches), ()).ranges, 1e-300)
         for point in branch.special_points:
+            if point.type not in (*kinds, "HB"):
+                continue
             place = place_of(point, self.parameter)
             if any(place.is_same(known, width, ranges) for known in self._known):
                 self._waiting = [(i, other) for i, other in self._waiting
                                  if not place_of(other, self.parameter).is_same(place, width, ranges)]  # fmt: skip
                 continue
-            if point.type in (*kinds, "HB"):
-                self._known.append(place)
-                if point.type in kinds and self.origins[index].depth < self.options.depth:
-                    self._waiting.append((index, point))
+            self._known.append(place)
+            if point.type in kinds and self.origins[index].depth < self.options.depth:
+                self._waiting.append((index, point))
 
     def _lies_on_a_branch(self, start: Equilibrium | MapOrbit) -> bool:
         """Return whether an equilibrium or a fixed point lies on a branch that is known."""
