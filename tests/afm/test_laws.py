@@ -178,6 +178,8 @@ def test_a_dashpot_follows_the_contact_that_it_is_added_to():
     for level, law in levels.items():
         assert {one.level for one in law.crossings} == {level}
     assert float((levels["0"]).force_nN(0.1, R_nm=10.0, V_nm_us=-2.0)) == 0.0
+    above = afm.Neck(gamma_N_m=0.02, h_nm=0.5, on_nm=0.6, off_nm=1.5) + afm.Dashpot(c_uNs_m=1.0)
+    assert [one.level for one in above.crossings if one.name == "touch"] == ["0"]  # a neck is no contact
     hysteretic = afm.JKR(E_GPa=1.0, w_N_m=0.05) + afm.Dashpot(c_uNs_m=1.0)
     assert list(product(hysteretic.parts, 10.0).regions) == ["far", "contact", "contact_far"]
 
@@ -196,6 +198,12 @@ def test_one_name_has_one_value_in_a_sum():
         solid.energy_per_cycle_eV(Zc_nm=1.0, A_nm=2.0, f_kHz=1.0)
     with pytest.raises(TypeError):
         solid + 1.0
+
+
+def test_two_crossings_at_one_gap_are_refused():
+    law = afm.VanDerWaals(H_aJ=0.2, a0_nm=0.3) + afm.Neck(gamma_N_m=0.02, h_nm=0.5, on_nm=0.3, off_nm=1.5)
+    with pytest.raises(InputError, match="a0_nm and on_nm.*two events coincide"):
+        law.force_nN(1.0, R_nm=10.0)
 
 
 def test_parameters_that_must_not_vanish_are_refused():

@@ -119,6 +119,17 @@ def test_jumps_and_grazing_on_approach(approach):
     assert grazing.orbit.min["D_nm"] == pytest.approx(0.3, abs=1e-8)
 
 
+def test_locus_of_the_jump_has_the_cusp_and_the_critical_amplitude(approach):
+    bounds = {"Zc_nm": (1.0, 40.0), "A0_nm": (5.0, 40.0)}
+    locus = saltus.continue_locus(approach["SN1"], ("Zc_nm", "A0_nm"), bounds)
+    (cusp,) = (point.parameters for point in locus.special_points if point.type == "CP")
+    assert (cusp["A0_nm"], cusp["Zc_nm"]) == (pytest.approx(25.6149973, abs=1e-7), pytest.approx(25.1789782, abs=1e-7))
+    turns = [point.parameters for point in locus.special_points if point.type == "TP"]
+    lowest = min(turns, key=lambda p: p["A0_nm"])
+    assert lowest["A0_nm"] == pytest.approx(10.5434078, abs=1e-7)  # no jump to the repulsive branch below
+    assert lowest["Zc_nm"] == pytest.approx(5.9804976, abs=1e-7)
+
+
 def test_damping_in_contact(dmt):
     orbit = saltus.find_orbit(dmt, {"c_uNs_m": 2.0}, x0=[0.0, 0.0])
     seen = assert_scipy_agrees(orbit, dmt_law)
@@ -186,6 +197,29 @@ def test_both_forms_of_kelvin_and_voigt_have_one_orbit(form):
     contact = 1e-2 * math.sqrt(20.0) * rooted * (2e-3 * math.pi * 70.0) ** 2 / 2.0
     assert product(orbit) == pytest.approx(math.exp(-decay(orbit) - contact), rel=1e-8)
     assert_energies_balance(seen)
+
+
+def test_the_impulse_of_several_modes_over_a_shaken_base_is_the_viscous_force():
+    probe = afm.Probe(k_N_m=(2.0, 70.0), f0_kHz=(70.0, 400.0), Q=(5.0, 9.0), R_nm=20.0)
+    law = afm.Hertz(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0)
+    system = afm.model(probe, law, afm.Drive.base(Y_nm=0.8), Zc_nm=2.0)
+    w, own = 2e-3 * math.pi * 70.0, 2e-3 * math.pi * np.array([70.0, 400.0])
+    mass = np.array([2.0, 70.0]) / own**2
+    state = np.array([-3.1, -0.4, 0.9, -0.3, 0.7])
+    rate = system.field("contact", state)
+
+    def velocities(at):
+        return system.field("contact", at)[:2]
+
+    step = 1e-5
+    acceleration = (velocities(state + step * rate) - velocities(state - step * rate)) / (2.0 * step)
+    z, velocity = state[:2], rate[:2]
+    gap, gap_rate = 2.0 + z.sum() + 0.8 * math.cos(0.7), velocity.sum() - 0.8 * w * math.sin(0.7)
+    assert gap < -0.5
+    force = sphere(1.0, 20.0, -gap) - 1e-2 * math.sqrt(20.0 * -gap) * gap_rate
+    inertia = mass * np.array([1.56598351, -0.86787179]) * w**2 * 0.8 * math.cos(0.7)
+    expected = (force + inertia) / mass - own**2 * z - own / np.array([5.0, 9.0]) * velocity
+    np.testing.assert_allclose(acceleration, expected, rtol=1e-7)
 
 
 # hysteresis
@@ -415,6 +449,8 @@ def test_free_amplitude_at_the_peak_or_at_a_frequency():
     assert (at_f0, f0) == (0.5 * 10.0 / 2.0, 10.0)
     _, peak = force_and_place(afm.Drive(A0_nm=10.0), f_kHz="peak")
     assert peak / f0 == pytest.approx(0.935414347, rel=1e-9)
+    with pytest.raises(InputError, match="Q = 0.6"):
+        afm.model(probe, afm.Hertz(E_GPa=1.0), afm.Drive(1.0, at="peak"), Zc_nm=100.0).resolve({"Q": 0.6})
     for at, f in (("peak", peak), (7.0, 7.0)):
         force, _ = force_and_place(afm.Drive(A0_nm=10.0, at=at))
         r = f / 10.0

@@ -99,6 +99,7 @@ def test_a_probe_is_told_what_is_missing_or_too_much():
         ("H_aJ", -1e-19, "in J? then it is -0.1 aJ"),
         ("a0_nm", 3e-10, "in m? then it is 0.3 nm"),
         ("Zc_nm", 1e6, "check"),
+        ("Zc_nm", 10e-9, "in m? then it is 10 nm"),
     ],
 )
 def test_an_implausible_value_names_the_unit_it_may_be_in(name, value, meant):

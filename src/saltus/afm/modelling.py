@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["model", "suffix"]
 
+_LEAST_Q = math.sqrt(0.5)  # quality factor from which on the response has a peak
 _OMEGA = "0.002*pi"  # angular frequency per us of 1 kHz
 
 
@@ -138,7 +139,7 @@ def _frequency(probe: Probe, mode: int, f_kHz: float | str) -> Any:
 
 def _has_peak(Q: float) -> float:
     """Return 1 where the response of a quality factor has a peak; raise `InputError` where it has none."""
-    if 2.0 * Q * Q <= 1.0:
+    if Q <= _LEAST_Q:
         raise InputError("Q", Q, "above sqrt(1/2), where the response has a peak")
     return 1.0
 
@@ -181,6 +182,7 @@ class _Writing:
             "positive": [name for name, sign in signs.items() if sign == "+" or name in self.law.positive],
             "parameter_bounds": {
                 **{name: (0.0, math.inf) for name, sign in signs.items() if sign == "0+"},
+                **{f"Q{suffix(part.mode)}": (_LEAST_Q, math.inf) for part in self.drives.parts if part.at == "peak"},
                 **{name: (value, value) for name, value in values.items() if name.startswith("ratio_")},
             },
             "name": f"tip and sample, {n} {'mode' if n == 1 else 'modes'}",

@@ -60,7 +60,7 @@ QUANTITIES = {
     "A0_nm": Quantity("nm", 1e-3, 1e4),
     "Y_nm": Quantity("nm", 1e-4, 1e4),
     "F0_nN": Quantity("nN", 1e-6, 1e5),
-    "Zc_nm": Quantity("nm", 0.0, 1e5, "any"),
+    "Zc_nm": Quantity("nm", 1e-5, 1e5, "any"),
     "H_aJ": Quantity("aJ", 1e-4, 1e2, "any"),
     "a0_nm": Quantity("nm", 0.05, 2.0, "+"),
     "E_GPa": Quantity("GPa", 1e-6, 2e3),

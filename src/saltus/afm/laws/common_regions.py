@@ -150,9 +150,14 @@ class _Making:
         self.states = self.own_states()
 
     def contact(self) -> str:
-        """Gap at which contact begins: that of a law of contact, else the first that is passed on the way down."""
+        """Gap at which contact begins: that of a law of contact, else the first below which a law tells a depth."""
         told = [part.contact for part in self.parts if part.contact]
-        passed = [one.level for part in self.parts for one in part.crossings if one.direction < 0]
+        passed = [
+            one.level
+            for part, regions in zip(self.parts, self.of_parts, strict=True)
+            for one in part.crossings
+            if one.direction < 0 and regions[one.target].indentation
+        ]
         return next((level for level in (*told, *passed) if level != "contact_nm"), "0")
 
     def own_states(self) -> tuple[str, ...]:
@@ -191,6 +196,11 @@ class _Making:
         steps, beyond = [], []
         for (level, direction), together in leaving.items():
             others = [values[other] for other, way in leaving if way == direction]
+            if others.count(values[level]) > 1:
+                alike = [other for other, way in leaving if way == direction and values[other] == values[level]]
+                raise InputError(
+                    " and ".join(alike), values[level], "different gaps, or one", "two events coincide there"
+                )
             if _comes_later(values[level], others, direction):
                 beyond.append(f"D_nm - {in_brackets(level)}" if direction < 0 else f"{in_brackets(level)} - D_nm")
                 continue
