@@ -77,6 +77,11 @@ def approach(dmt):
     return saltus.continue_orbit(orbit, "Zc_nm", bounds=(9.0, 13.0), events={"Zc_nm": 10.0})
 
 
+@pytest.fixture(scope="module")
+def damped(dmt):
+    return saltus.find_orbit(dmt, {"c_uNs_m": 2.0}, x0=[0.0, 0.0])
+
+
 def dmt_law(p):
     pull = attraction(p["H_aJ"], p["R_nm"], p["a0_nm"])
     return two_sided(
@@ -130,8 +135,8 @@ def test_locus_of_the_jump_has_the_cusp_and_the_critical_amplitude(approach):
     assert lowest["Zc_nm"] == pytest.approx(5.9804976, abs=1e-7)
 
 
-def test_damping_in_contact(dmt):
-    orbit = saltus.find_orbit(dmt, {"c_uNs_m": 2.0}, x0=[0.0, 0.0])
+def test_damping_in_contact(damped):
+    orbit = damped
     seen = assert_scipy_agrees(orbit, dmt_law)
     wanted = {
         "amplitude_nm": 9.80540558, "lag_deg": 121.946729, "E_ts_eV": 4.712305, "min_force_nN": -8.005223,
@@ -144,6 +149,45 @@ def test_damping_in_contact(dmt):
     contact = seen["contact_time_us"] * 2.0 / mass
     assert product(orbit) == pytest.approx(math.exp(-decay(orbit) - contact), rel=1e-9)
     assert_energies_balance(seen)
+
+
+def slope(orbit, name):
+    """Derivatives of amplitude and lag by differences of solved orbits, of fourth order."""
+    guess = [(one.mode, one.transition, one.state, one.duration) for one in orbit.segments]
+    value = orbit.parameters[name]
+
+    def at(step):
+        seen = afm.observables(saltus.solve_orbit(orbit.system, {**orbit.parameters, name: value + step}, guess))
+        return np.array([seen["amplitude_nm"], seen["lag_deg"]])
+
+    step = 1e-4 * value
+    near, far = ((at(h) - at(-h)) / (2.0 * h) for h in (step, 2.0 * step))
+    return (4.0 * near - far) / 3.0
+
+
+@pytest.mark.parametrize(
+    ("name", "amplitude", "lag"),
+    [
+        ("H_aJ", -3.047971, 175.5153), ("E_GPa", 0.00742867, None), ("c_uNs_m", -0.01686345, None),
+        ("R_nm", -0.03001542, None), ("a0_nm", 1.153323, None), ("Zc_nm", 0.9298894, -4.812085),
+        ("A0_nm", 0.1052797, None),
+    ],
+)  # fmt: skip
+def test_amplitude_and_lag_depend_on_every_parameter(damped, name, amplitude, lag):
+    found = slope(damped, name)
+    assert found[0] == pytest.approx(amplitude, rel=1e-6)
+    assert lag is None or found[1] == pytest.approx(lag, rel=1e-6)
+
+
+def test_the_radius_enters_with_the_hamaker_constant_and_the_modulus_only(damped):
+    # as H R and E sqrt(R)
+    by = {name: slope(damped, name) * damped.parameters[name] for name in ("R_nm", "H_aJ", "E_GPa")}
+    np.testing.assert_allclose(by["R_nm"], by["H_aJ"] + 0.5 * by["E_GPa"], rtol=1e-7)
+
+
+def test_observables_of_an_orbit_from_a_file_are_the_same(damped, tmp_path):
+    read = saltus.load(damped.save(tmp_path / "orbit.nc"))
+    assert dict(afm.observables(read)) == dict(afm.observables(damped))
 
 
 def test_elastic_part_of_the_force_is_the_one_without_the_dashpot(dmt):
@@ -261,6 +305,17 @@ def test_adhesive_contact(schwarz):
     assert seen["min_force_nN"] == pytest.approx(-1.5 * math.pi * 0.05 * 10.0, rel=1e-8)
     assert product(orbit) == pytest.approx(math.exp(-decay(orbit)), rel=1e-9)
     assert_energies_balance(seen)
+
+
+def test_adhesion_costs_the_same_along_branches(schwarz):
+    orbit = saltus.find_orbit(schwarz, x0=[0.0, 0.0])
+    for name, bounds in (("w1_N_m", (0.02, 0.08)), ("R_nm", (5.0, 30.0))):
+        branch = saltus.continue_orbit(orbit, name, bounds=bounds)
+        for end in (branch.orbit(0), branch.orbit(len(branch) - 1)):
+            p, seen = end.parameters, afm.observables(end)
+            assert p[name] in (pytest.approx(bounds[0]), pytest.approx(bounds[1]))
+            assert seen["E_ts_eV"] == pytest.approx(jkr_loss(p["E_GPa"], p["w1_N_m"], p["R_nm"]), rel=1e-9)
+            assert_energies_balance(seen)
 
 
 def test_long_forces_of_the_transition_cost_what_they_lose_until_pull_off(schwarz):
