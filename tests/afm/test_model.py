@@ -382,9 +382,18 @@ def test_necks_in_some_cycles_only(neck, Zc, period, necks):
     assert_energies_balance(seen)
 
 
-def test_a_neck_that_forms_behind_the_surface_is_refused_by_the_domain(neck):
-    with pytest.raises(saltus.SaltusError, match=r"domain|D_nm|far_dry"):
-        saltus.simulate(neck, {"on_nm": 0.1}, [0.0, 0.0], periods=100)
+@pytest.mark.parametrize("values", [{"on_nm": 0.1}, {"a0_nm": 0.7}, {"off_nm": 0.5}])
+def test_gaps_in_another_order_are_refused_by_the_domain(neck, values):
+    with pytest.raises((saltus.DivergenceError, InputError), match=r"the domain of .*mode"):
+        saltus.simulate(neck, values, [0.0, 0.0], periods=100)
+
+
+def test_a_branch_ends_where_gaps_change_their_order(neck):
+    orbit = saltus.find_orbit(neck, x0=[0.0, 0.0])
+    for name, bounds, last in (("on_nm", (0.1, 0.6), 0.3), ("off_nm", (0.2, 1.5), 0.6)):
+        branch = saltus.continue_orbit(orbit, name, bounds=bounds, directions="down")
+        assert branch.orbit(len(branch) - 1).parameters[name] == pytest.approx(last, abs=1e-4)
+        assert "domain" in branch.stopped[-1]
 
 
 # a law with a state
