@@ -14,7 +14,7 @@ import systems
 from saltus import afm
 from saltus.system.derivatives import Symbolic
 from saltus.system.hybrid import HybridSystem, Mode, Transition
-from saltus.system.regularise import regularised
+from saltus.system.regularise import multiple_of, regularised
 
 ORDER = 12
 
@@ -203,3 +203,17 @@ def test_w_tells_a_state_that_its_event_function_is_linear_in(event, state, writ
     names = {name: sympy.Symbol(name, real=True) for name in ("x", "v", "s", "d", "w")}
     assert solved[0] == state
     assert sympy.expand(solved[1] - sympy.sympify(written, locals=names)) == 0
+
+
+def test_nested_roots_off_the_surface_are_told_by_numbers_without_algebra(monkeypatch):
+    simple = sympy.cancel
+
+    def cancel(ratio):
+        return pytest.fail("nested roots are simplified") if ratio.atoms(sympy.Pow) else simple(ratio)
+
+    monkeypatch.setattr(sympy, "cancel", cancel)
+    symbolic = Symbolic(spring("(1 + sqrt(x - d)*sqrt(x**2 + 3*x + 9))**(1/3)", d=0.5))
+    bases = {power.base for power in symbolic.field[1][1].atoms(sympy.Pow)}
+    found = {base: multiple_of(symbolic, base, symbolic.event[0]) for base in bases}
+    assert len(found) == 4
+    assert {base: ratio for base, ratio in found.items() if ratio is not None} == {symbolic.event[0]: (1, 1)}

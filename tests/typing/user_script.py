@@ -50,6 +50,11 @@ diagram: saltus.Sweep = saltus.run_sweep(henon, "a", [1.0, 1.2], x0=[0.1, 0.1])
 of_map: saltus.Basins = saltus.map_basins(henon, None, {"x": (-2.0, 2.0, 10), "y": (-2.0, 2.0, 10)})
 setup: afm.Setup = afm.table1()
 tapping: HybridSystem = afm.tapping_mode(setup, modes=2)
+probe = afm.Probe(k_N_m=(2.0, 78.5), f0_kHz=(70.0, 438.7), Q=(150.0, 450.0), R_nm=10.0)
+law: afm.Law = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3) + afm.DMT(E_GPa=1.0)
+drive = afm.Drive(10.0) + afm.Drive(1.0, mode=2, ratio="19/3")
+model: HybridSystem = afm.model(probe, law, drive, Zc_nm=8.5, f_kHz="peak")
+amplitude: float = afm.observables(saltus.find_orbit(model, x0=[0.0] * 4))["amplitude_nm"]
 
 try:
     saltus.load("orbit.nc").plot()
@@ -76,3 +81,7 @@ saltus.continue_equilibrium(orbit, "g", (0.5, 2.0))  # wrong
 saltus.continue_equilibrium(rest, "g", 2.0)  # wrong
 afm.tapping_mode(setup, number=2)  # wrong
 afm.table2()  # wrong
+afm.model(probe, law, Zc_nm=8.5)  # wrong
+afm.VanDerWaals(H=0.1, a0_nm=0.3)  # wrong
+afm.Probe(k=2.0, f0_kHz=70.0, Q=150.0, R_nm=10.0)  # wrong
+probe + law  # wrong

@@ -2,7 +2,17 @@
 
 from .animation import animate as animate
 from .cantilever import Cantilever as Cantilever
+from .drive import Drive as Drive
+from .laws.adhesive import JKR as JKR, Neck as Neck, Schwarz as Schwarz
+from .laws.contact import DMT as DMT, Hertz as Hertz, VanDerWaals as VanDerWaals
+from .laws.law import Law as Law
+from .laws.long_range import DLVO as DLVO, Hydration as Hydration, LennardJones as LennardJones, Morse as Morse
+from .laws.regions import Crossing as Crossing, Region as Region
+from .laws.viscous import SLS as SLS, Dashpot as Dashpot, KelvinVoigt as KelvinVoigt
+from .modelling import model as model
+from .orbit_observables import observables as observables
 from .paper import table1 as table1
+from .probe import Probe as Probe
 from .regimes import settled_orbit as settled_orbit
 from .sample import DMTSample as DMTSample, tip_force as tip_force
 from .tapping import Setup as Setup, tapping_mode as tapping_mode

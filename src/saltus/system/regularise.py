@@ -22,6 +22,11 @@ if TYPE_CHECKING:
 __all__ = ["Regularised", "multiple_of", "regularised"]
 
 
+_PLACES = (0.71, 1.13)  # value of the first state at which expressions are compared; the others lie beyond
+_PARAMETER = 0.4142  # value of the first parameter there; the others are multiples
+_ALIKE = 1e-6  # difference of two ratios, relative, that rounding may make
+
+
 @dataclass(frozen=True)
 class Regularised:
     """A mode's field in the time sigma about one of its event surfaces.
@@ -116,6 +121,8 @@ def regularised(system: Symbolic, mode: int) -> Regularised | None:
 
 def multiple_of(system: Symbolic, base: sympy.Expr, event: sympy.Expr) -> tuple[sympy.Expr, int] | None:
     """What `base` is a multiple of `event` by, and its sign, where that is a constant of known sign; None otherwise."""
+    if _varies(system, base, event):
+        return None
     positive = {symbol: sympy.Dummy(positive=True) for symbol in system.p if symbol.name in system.system.positive}
     base, event = expanded(base.xreplace(positive)), expanded(event.xreplace(positive))
     for symbol in system.x:
@@ -131,3 +138,19 @@ def multiple_of(system: Symbolic, base: sympy.Expr, event: sympy.Expr) -> tuple[
         sign = 1 if ratio.is_positive else -1
         return ratio.xreplace({dummy: symbol for symbol, dummy in positive.items()}), sign
     return None
+
+
+def _varies(system: Symbolic, base: sympy.Expr, event: sympy.Expr) -> bool:
+    """Whether the ratio of two expressions differs between two states, by numbers: nested roots cancel only slowly."""
+    names = [*system.x, *system.p]
+    values = sympy.lambdify(names, [base, event], "mpmath")
+    p = [_PARAMETER * (j + 1) for j in range(len(system.p))]
+    ratios = []
+    for place in _PLACES:
+        try:
+            above, below = values(*(place + 0.37 * i for i in range(len(system.x))), *p)
+            ratios.append(complex(above / below))
+        except (ArithmeticError, ValueError):
+            return False
+    first, other = ratios
+    return abs(first - other) > _ALIKE * max(abs(first), abs(other))

@@ -1,0 +1,281 @@
+"""Laws of a sum in common regions: the product of their regions, without those that no motion reaches.
+
+Crossings of several laws at one gap, given by one text, happen at once. Gaps with different texts are ordered by their
+values. Where the order of two gaps decides that a crossing cannot happen, the region's domain ends at that gap. So a
+motion at parameters with another order ends with an error.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+from saltus.afm.laws.regions import Crossing, Part, Region
+from saltus.errors import InputError
+from saltus.system.definition import Definition
+from saltus.system.evaluate import evaluate
+from saltus.system.parts import Mode
+
+__all__ = ["Product", "in_brackets", "named", "product", "shared_parameters", "sum_of", "value_of"]
+
+_NAME = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
+_Place: TypeAlias = tuple[str, ...]  # the region of each law
+
+
+@dataclass(frozen=True)
+class Product:
+    """The laws of a sum as one.
+
+    Attributes
+    ----------
+    parameters : mapping of str to float
+        Values of all parameters that the formulas use.
+    positive : tuple of str
+        Parameters that must not be 0.
+    states : tuple of str
+        The laws' own states.
+    regions : mapping of str to Region
+        Common regions, that of a tip far away first. The domain of each is a product of all domains.
+    crossings : tuple of Crossing
+        Where they end.
+    """
+
+    parameters: Mapping[str, float]
+    positive: tuple[str, ...]
+    states: tuple[str, ...]
+    regions: Mapping[str, Region]
+    crossings: tuple[Crossing, ...]
+
+
+def named(text: str, meanings: Mapping[str, str]) -> str:
+    """Return a formula with names replaced by what they mean.
+
+    Examples
+    --------
+    >>> named("-c*D_nm + 1e-3*Dx", {"D_nm": "Zc + z"})
+    '-c*(Zc + z) + 1e-3*Dx'
+    """
+    return _NAME.sub(lambda found: in_brackets(meanings.get(found[0], found[0])), text)
+
+
+def in_brackets(text: str) -> str:
+    """Return a formula that can be a factor: in brackets, if it is no single name or number and has none.
+
+    Examples
+    --------
+    >>> in_brackets("a + b"), in_brackets("(a + b)"), in_brackets("(a)*(b)"), in_brackets("a_nm")
+    ('(a + b)', '(a + b)', '((a)*(b))', 'a_nm')
+    """
+    if re.fullmatch(r"[\w.]+", text):
+        return text
+    depth = 0
+    for place, character in enumerate(text):
+        depth += {"(": 1, ")": -1}.get(character, 0)
+        if depth == 0:
+            return text if place == len(text) - 1 else f"({text})"
+    return f"({text})"
+
+
+def sum_of(terms: Iterable[str]) -> str:
+    """Return the sum of formulas, without those that are 0.
+
+    Examples
+    --------
+    >>> sum_of(["-a", "0", "b*c"]), sum_of(["0"])
+    ('(-a) + (b*c)', '0')
+    """
+    shown = [term for term in terms if term != "0"]
+    return " + ".join(map(in_brackets, shown)) if len(shown) > 1 else "".join(shown) or "0"
+
+
+def shared_parameters(parts: tuple[Part, ...]) -> dict[str, float]:
+    """Return all parameters that laws give; raise `InputError` where two laws give one name different values."""
+    values: dict[str, float] = {}
+    for part in parts:
+        for name, value in part.parameters.items():
+            if values.setdefault(name, value) != value:
+                hint = f"{type(part).__name__} has another value; give it once, or make a law with another name"
+                raise InputError(name, values[name], "one value in all laws of a sum", hint)
+    return values
+
+
+def value_of(text: str, values: Mapping[str, float]) -> float:
+    """Return the value of a formula in parameters alone.
+
+    Examples
+    --------
+    >>> value_of("2*a", {"a": 1.5})
+    3.0
+    """
+    known = Definition(("unused_",), values, {"any": Mode({"unused_": "0"})})
+    return float(evaluate(known, text, [[0.0]], [0])[0])
+
+
+def product(parts: tuple[Part, ...], R_nm: float | None = None) -> Product:
+    """Return the common regions of laws.
+
+    Parameters
+    ----------
+    parts : tuple of Law
+        The laws, one by one.
+    R_nm : float, optional
+        Radius of the tip, where no part gives it.
+
+    Raises
+    ------
+    InputError
+        Laws do not go together: two values of one parameter, a parameter without a value, a state with two meanings.
+    """
+    return _Making(parts, R_nm).made()
+
+
+class _Making:
+    """The product of laws in the making."""
+
+    def __init__(self, parts: tuple[Part, ...], R_nm: float | None) -> None:
+        self.parts = parts
+        self.values = shared_parameters(parts)
+        if R_nm is not None:
+            self.values.setdefault("R_nm", R_nm)
+        self.of_parts = [dict(part.regions) for part in parts]
+        self.check_names()
+        contact = self.contact()
+        self.ends = [
+            tuple(replace(one, level=contact) if one.level == "contact_nm" else one for one in part.crossings)
+            for part in parts
+        ]
+        self.states = self.own_states()
+
+    def contact(self) -> str:
+        """Gap at which contact begins: that of a law of contact, else the first below which a law tells a depth."""
+        told = [part.contact for part in self.parts if part.contact]
+        passed = [
+            one.level
+            for part, regions in zip(self.parts, self.of_parts, strict=True)
+            for one in part.crossings
+            if one.direction < 0 and regions[one.target].indentation
+        ]
+        return next((level for level in (*told, *passed) if level != "contact_nm"), "0")
+
+    def own_states(self) -> tuple[str, ...]:
+        states: list[str] = []
+        for part, regions in zip(self.parts, self.of_parts, strict=True):
+            own = [set(region.states) for region in regions.values()]
+            if any(other != own[0] for other in own):
+                raise InputError(type(part).__name__, own, "a law with the same states in every region")
+            if taken := own[0] & set(states):
+                raise InputError(type(part).__name__, sorted(taken), "a law with states that no other law has")
+            states += list(next(iter(regions.values())).states)
+        return tuple(states)
+
+    def made(self) -> Product:
+        start = tuple(next(iter(regions)) for regions in self.of_parts)
+        places, moves, beyond = [start], [], {}
+        for place in places:
+            steps, beyond[place] = self.steps(place)
+            for crossing, target in steps:
+                moves.append((place, crossing, target))
+                if target not in places:
+                    places.append(target)
+        names = self.names(places)
+        regions = {names[place]: self.region(place, beyond[place]) for place in places}
+        crossings = self.crossings(moves, names)
+        return Product(self.values, self.positive(), self.states, regions, crossings)
+
+    def steps(self, place: _Place) -> tuple[list[tuple[Crossing, _Place]], list[str]]:
+        """Crossings from a place with where they lead, and levels which others come before."""
+        leaving: dict[tuple[str, int], list[Crossing]] = {}
+        for own, ends in zip(place, self.ends, strict=True):
+            for crossing in ends:
+                if crossing.source == own:
+                    leaving.setdefault((crossing.level, crossing.direction), []).append(crossing)
+        values = {level: self.level(level) for level, _ in leaving}
+        steps, beyond = [], []
+        for (level, direction), together in leaving.items():
+            others = [values[other] for other, way in leaving if way == direction]
+            if others.count(values[level]) > 1:
+                alike = [other for other, way in leaving if way == direction and values[other] == values[level]]
+                raise InputError(
+                    " and ".join(alike), values[level], "different gaps, or one", "two events coincide there"
+                )
+            if _comes_later(values[level], others, direction):
+                beyond.append(f"D_nm - {in_brackets(level)}" if direction < 0 else f"{in_brackets(level)} - D_nm")
+                continue
+            target = tuple(
+                next((one.target for one in together if one in ends and one.source == own), own)
+                for own, ends in zip(place, self.ends, strict=True)
+            )
+            steps.append((together[0], target))
+        return steps, beyond
+
+    def level(self, text: str) -> float:
+        """Value of a level, NaN where it depends on states."""
+        used = set(_NAME.findall(text))
+        return math.nan if used & set(self.states) else value_of(text, self.values)
+
+    def names(self, places: list[_Place]) -> dict[_Place, str]:
+        several = [i for i, regions in enumerate(self.of_parts) if len(regions) > 1]
+        short = {place: "_".join(dict.fromkeys(place[i] for i in several)) or "free" for place in places}
+        if len(set(short.values())) == len(places):
+            return short
+        return {place: "_".join(place[i] for i in several) for place in places}
+
+    def region(self, place: _Place, beyond: list[str]) -> Region:
+        """The formulas at a place, in which ``D_nm`` and ``V_nm_us`` stay."""
+        mine = [regions[own] for regions, own in zip(self.of_parts, place, strict=True)]
+        separation = next((region.separation for region in mine if region.separation), "D_nm")
+        meanings = {"contact_nm": self.contact()}
+        meanings["separation_nm"] = named(separation, meanings)
+
+        def total(texts: Iterable[str]) -> str:
+            return sum_of(named(text, meanings) for text in texts)
+
+        still = {"V_nm_us": "0"}
+        domains = dict.fromkeys(named(text, meanings) for text in (*(one.domain for one in mine), *beyond) if text)
+        return Region(
+            force=total(region.force for region in mine),
+            elastic=total(named(one.force, still) if one.elastic is None else one.elastic for one in mine),
+            states={name: named(rate, meanings) for region in mine for name, rate in region.states.items()},
+            impulse=total(region.impulse for region in mine),
+            impulse_force=total(region.impulse_force for region in mine),
+            separation=meanings["separation_nm"],
+            indentation=named(next((one.indentation for one in mine if one.indentation), ""), meanings),
+            domain="*".join(map(in_brackets, domains)),
+        )
+
+    def crossings(
+        self, moves: list[tuple[_Place, Crossing, _Place]], names: Mapping[_Place, str]
+    ) -> tuple[Crossing, ...]:
+        uses = [crossing.name for _, crossing, _ in moves]
+        return tuple(
+            replace(
+                crossing,
+                source=names[place],
+                target=names[target],
+                name=crossing.name if uses.count(crossing.name) == 1 else f"{crossing.name}_{names[place]}",
+            )
+            for place, crossing, target in moves
+        )
+
+    def positive(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(name for part in self.parts for name in part.positive if name in self.values))
+
+    def check_names(self) -> None:
+        """Raise `InputError` where a formula uses a parameter that no law gives."""
+        texts = [crossing.level for part in self.parts for crossing in part.crossings]
+        for region in (region for regions in self.of_parts for region in regions.values()):
+            texts += [region.force, region.elastic or "0", region.impulse, region.indentation, region.domain]
+            texts += region.states.values()
+        used = {name for text in texts for name in _NAME.findall(text)}
+        unset = {name for part in self.parts for name in vars(part) if getattr(part, name) is None} | {"R_nm"}
+        for name in sorted(used & unset - set(self.values)):
+            hint = "R_nm may be given by the probe" if name == "R_nm" else ""
+            raise InputError(name, None, "given by one of the laws", hint)
+
+
+def _comes_later(level: float, others: list[float], direction: int) -> bool:
+    """Whether another level is passed first; NaN stands for a level that is not known."""
+    return not any(map(math.isnan, [level, *others])) and direction * level > min(direction * other for other in others)

@@ -1,0 +1,218 @@
+"""The base of all laws of force, and their sums; `saltus.afm.laws.regions` says what formulas may contain."""
+
+from __future__ import annotations
+
+from dataclasses import InitVar, dataclass, fields
+from typing import TYPE_CHECKING, ClassVar
+
+from saltus import checks
+from saltus.afm.laws.common_regions import product, shared_parameters
+from saltus.afm.laws.prescribed import energy_per_cycle_eV, force_nN
+from saltus.afm.laws.regions import Crossing, Region
+from saltus.afm.units import checked
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Law", "Sum"]
+
+_RADIUS = 10.0  # nm; radius of the tip by which gaps are ordered where no law of a sum gives it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """Base of all laws; `+` adds laws.
+
+    A law of one's own is a frozen dataclass: its fields are the parameters, and `regions` has its formulas, the
+    farthest region first. A field that is None takes the value that another law of the sum gives to this name. The
+    radius ``R_nm`` is the probe's unless a law has it as a field.
+
+    Parameters
+    ----------
+    check : bool, optional
+        Whether implausible values are refused.
+
+    Attributes
+    ----------
+    regions : dict of str to Region
+        Formulas; a law with one region has no crossings.
+    crossings : tuple of Crossing
+        Where regions end.
+    parameters : dict of str to float
+        Values that are given.
+
+    Raises
+    ------
+    InputError
+        A value that is not allowed or, with `check`, not plausible.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True, kw_only=True)
+    ... class Yukawa(Law):
+    ...     '''A screened attraction.'''
+    ...
+    ...     F_nN: float
+    ...     l_nm: float
+    ...
+    ...     @property
+    ...     def regions(self):
+    ...         return {"everywhere": Region("-F_nN*exp(-D_nm/l_nm)*l_nm/D_nm", domain="D_nm")}
+    >>> law = Yukawa(F_nN=1.0, l_nm=2.0)
+    >>> law.parameters, float(law.force_nN(2.0).round(6))
+    ({'F_nN': 1.0, 'l_nm': 2.0}, -0.367879)
+    """
+
+    positive: ClassVar[tuple[str, ...]] = ()  # parameters that must not be 0, beyond those that never may
+    contact: ClassVar[str] = ""  # gap at which contact begins; empty where the law has no contact of its own
+
+    check: InitVar[bool] = True
+
+    def __post_init__(self, check: bool) -> None:
+        checks.flag("check", check)
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if value is None and one.default is None:
+                continue
+            if not isinstance(value, str):
+                number = checked(one.name, value, plausible=check)
+                object.__setattr__(self, one.name, number)
+                if one.name in self.positive:
+                    checks.positive(one.name, number)
+
+    @property
+    def regions(self) -> dict[str, Region]:
+        """Formulas of each region, the farthest first."""
+        raise NotImplementedError("a law has regions")
+
+    @property
+    def crossings(self) -> tuple[Crossing, ...]:
+        """Where regions end."""
+        return ()
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Names and values of the parameters that are given."""
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        return {name: value for name, value in values.items() if checks.is_real(value)}
+
+    @property
+    def parts(self) -> tuple[Law, ...]:
+        """The law itself, as the only one."""
+        return (self,)
+
+    def __add__(self, other: Law) -> Sum:
+        return Sum(laws=self.parts + other.parts) if isinstance(other, Law) else NotImplemented
+
+    def force_nN(
+        self, D_nm: ArrayLike, region: str | None = None, *, R_nm: float | None = None, V_nm_us: ArrayLike = 0.0
+    ) -> NDArray[np.float64]:
+        """Return the force on the tip, in nN.
+
+        Parameters
+        ----------
+        D_nm : array_like
+            Gaps, in nm.
+        region : str, optional
+            Region. By default the one in which a tip is that came from afar to each gap.
+        R_nm : float, optional
+            Radius of the tip, in nm, where the law needs and does not have it.
+        V_nm_us : array_like, optional
+            Rates of the gap, in nm/us. The law's own states are 0.
+
+        Returns
+        -------
+        ndarray
+            Of the shape of `D_nm` and `V_nm_us` together.
+
+        Raises
+        ------
+        InputError
+            There is no such region, or a parameter is given by no law.
+
+        Examples
+        --------
+        >>> from saltus.afm import DMT, VanDerWaals
+        >>> law = VanDerWaals(H_aJ=0.2, a0_nm=0.2) + DMT(E_GPa=10.0)
+        >>> law.force_nN([1.0, 0.1], R_nm=12.0).round(6).tolist()
+        [-0.4, -8.539407]
+        """
+        return force_nN(self.parts, D_nm, region, R_nm, V_nm_us)
+
+    def energy_per_cycle_eV(self, *, Zc_nm: float, A_nm: float, f_kHz: float, R_nm: float | None = None) -> float:
+        """Return the energy that the tip loses to the sample in a cycle of a prescribed motion.
+
+        Parameters
+        ----------
+        Zc_nm, A_nm : float
+            Mean and amplitude of the gap ``Zc + A cos(2 pi f t)``, in nm.
+        f_kHz : float
+            Frequency, in kHz, on which viscous losses depend.
+        R_nm : float, optional
+            Radius of the tip, in nm, where the law needs and does not have it.
+
+        Returns
+        -------
+        float, in eV
+            Positive where energy is lost. The cycle is the second one, after hysteresis has been passed once.
+
+        Raises
+        ------
+        InputError
+            The law has states of its own; a value that is not allowed.
+
+        Examples
+        --------
+        >>> from saltus.afm import Neck
+        >>> neck = Neck(gamma_N_m=0.072, h_nm=1.0, on_nm=1.0, off_nm=3.0)
+        >>> round(neck.energy_per_cycle_eV(Zc_nm=10.0, A_nm=9.5, f_kHz=70.0, R_nm=20.0), 8)  # 2 pi gamma R h
+        28.23592184
+        """
+        return energy_per_cycle_eV(self.parts, Zc_nm, A_nm, f_kHz, R_nm)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sum(Law):
+    """Laws that act at once, as `+` makes them; `saltus.afm.laws.common_regions` has their common regions.
+
+    Parameters
+    ----------
+    laws : tuple of Law
+        The laws.
+    check : bool, optional
+        Without effect: each law is checked where it is made.
+
+    Examples
+    --------
+    >>> from saltus.afm import DMT, VanDerWaals
+    >>> law = VanDerWaals(H_aJ=0.2, a0_nm=0.2) + DMT(E_GPa=10.0)
+    >>> list(law.regions), law.parameters
+    (['far', 'contact'], {'H_aJ': 0.2, 'a0_nm': 0.2, 'E_GPa': 10.0})
+    """
+
+    laws: tuple[Law, ...]
+
+    def __post_init__(self, check: bool) -> None:
+        """Leave the values to the laws, which are checked."""
+
+    @property
+    def parts(self) -> tuple[Law, ...]:
+        """The laws, one by one."""
+        return self.laws
+
+    @property
+    def regions(self) -> dict[str, Region]:
+        """Formulas of the common regions, the farthest first."""
+        return dict(product(self.parts, _RADIUS).regions)
+
+    @property
+    def crossings(self) -> tuple[Crossing, ...]:
+        """Where common regions end."""
+        return product(self.parts, _RADIUS).crossings
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Names and values of the parameters that the parts give."""
+        return shared_parameters(self.parts)

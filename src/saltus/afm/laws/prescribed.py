@@ -1,0 +1,112 @@
+"""Laws along a prescribed motion: the force at a gap, and the energy that a cycle of a given amplitude costs."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus import checks
+from saltus.afm.laws.common_regions import Product, product, sum_of, value_of
+from saltus.afm.units import ENERGY_EV, checked
+from saltus.errors import InputError
+from saltus.system.definition import Definition
+from saltus.system.evaluate import evaluate
+from saltus.system.parts import Mode
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from saltus.afm.laws.regions import Part
+
+__all__ = ["energy_per_cycle_eV", "force_nN"]
+
+_NODES = 200  # Gauss points on the way from one crossing to the next
+_LEGS = 4  # half cycles that are followed: two cycles, of which the second counts
+
+
+class _Table:
+    """The forces of a product of laws at many gaps."""
+
+    def __init__(self, parts: tuple[Part, ...], R_nm: float | None) -> None:
+        self.product: Product = product(parts, None if R_nm is None else checked("R_nm", R_nm, plausible=False))
+        names = ("D_nm", "V_nm_us", *self.product.states)
+        regions = self.product.regions
+        idle = Mode(dict.fromkeys(names, "0"))
+        force = {key: sum_of((region.force, region.impulse_force)) for key, region in regions.items()}
+        self.known = Definition(
+            names, self.product.parameters, dict.fromkeys(regions, idle), outputs={"force_nN": force}
+        )
+
+    def force(self, D: NDArray[np.float64], V: NDArray[np.float64], region: str) -> NDArray[np.float64]:
+        states = np.zeros((D.size, len(self.known.states)))
+        states[:, 0], states[:, 1] = D.ravel(), V.ravel()
+        mode = np.full(D.size, self.known.mode_index(region))
+        return evaluate(self.known, "force_nN", states, mode).reshape(D.shape)
+
+    def levels(self, region: str, direction: int) -> list[tuple[float, str]]:
+        """Gaps at which a region ends in a direction, in the order in which they are met, and what comes next."""
+        ends = [one for one in self.product.crossings if one.source == region and one.direction == direction]
+        found = [(value_of(one.level, self.product.parameters), one.target) for one in ends]
+        return sorted(found, reverse=direction < 0)
+
+
+def force_nN(
+    parts: tuple[Part, ...], D_nm: ArrayLike, region: str | None, R_nm: float | None, V_nm_us: ArrayLike
+) -> NDArray[np.float64]:
+    """Return the force of laws at gaps; see `Law.force_nN`."""
+    table = _Table(parts, R_nm)
+    D, V = np.broadcast_arrays(checks.array("D_nm", D_nm), checks.array("V_nm_us", V_nm_us))
+    if region is not None:
+        return table.force(D, V, checks.chosen("region", region, table.product.regions))
+    _refuse_states(table)
+    force = np.empty(D.shape)
+    for at in np.ndindex(D.shape):
+        own = next(iter(table.product.regions))
+        while ahead := [target for level, target in table.levels(own, -1) if D[at] < level]:
+            own = ahead[0]
+        force[at] = table.force(D[at], V[at], own)
+    return force
+
+
+def energy_per_cycle_eV(parts: tuple[Part, ...], Zc_nm: float, A_nm: float, f_kHz: float, R_nm: float | None) -> float:
+    """Return the energy lost in a cycle of a prescribed motion; see `Law.energy_per_cycle_eV`."""
+    table = _Table(parts, R_nm)
+    _refuse_states(table)
+    Zc, A = checks.number("Zc_nm", Zc_nm), checks.positive("A_nm", A_nm)
+    omega = 2e-3 * math.pi * checks.positive("f_kHz", f_kHz)
+    region = next(iter(table.product.regions))
+    energies = []
+    for leg in range(_LEGS):
+        direction, angle, end, lost = (-1 if leg % 2 == 0 else 1), leg * math.pi, (leg + 1) * math.pi, 0.0
+        while angle < end:
+            stop, target = end, region
+            for level, after in table.levels(region, direction):
+                if direction * (Zc + A * math.cos(end) - level) > 0.0:
+                    at = math.acos(max(-1.0, min(1.0, (level - Zc) / A)))
+                    stop, target = max(angle, leg * math.pi + (at if direction < 0 else math.pi - at)), after
+                    break
+            lost += _lost(table, region, (angle, stop), (Zc, A, omega))
+            if target == region:
+                break
+            angle, region = stop, target
+        energies.append(lost)
+    return sum(energies[-2:]) * ENERGY_EV
+
+
+def _lost(table: _Table, region: str, angles: tuple[float, float], motion: tuple[float, float, float]) -> float:
+    """Return minus the work of the force on the way between two angles of the motion, in aJ."""
+    (begin, end), (Zc, A, omega) = angles, motion
+    roots, weights = np.polynomial.legendre.leggauss(_NODES)
+    s = 0.5 * (roots + 1.0)
+    angle = begin + (end - begin) * s**2 * (3.0 - 2.0 * s)  # stands still at both ends, where the force may have roots
+    D, V = Zc + A * np.cos(angle), -A * omega * np.sin(angle)
+    rate = (end - begin) * 6.0 * s * (1.0 - s)
+    return float(-np.sum(0.5 * weights * rate * table.force(D, V, region) * V) / omega)
+
+
+def _refuse_states(table: _Table) -> None:
+    if table.product.states:
+        allowed = "a law without states of its own"
+        raise InputError("law", list(table.product.states), allowed, "its force depends on the past: take an orbit's")

@@ -1,0 +1,156 @@
+"""Units and plausible ranges of the instrument's quantities: nm, nN, us, kHz, N/m, GPa, aJ.
+
+These units are consistent: nN = (N/m) nm, aJ = nN nm, nN = GPa nm**2, pW = aJ/us. Only kHz (1e-3 per us) and
+Pa s (1e-3 nN us/nm**2) bring factors, which the formulas contain.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from saltus import checks
+from saltus.errors import InputError
+
+__all__ = ["ENERGY_EV", "QUANTITIES", "Quantity", "checked", "quantity_of"]
+
+ENERGY_EV = 6.241509074460763  # eV in 1 aJ, by the definition of the SI
+
+# Units in which a value may have been meant, and what it is to be multiplied by.
+_OTHER_UNITS = {
+    "nm": {"m": 1e9, "um": 1e3, "pm": 1e-3},
+    "N/m": {"mN/m": 1e-3, "nN/m": 1e-9, "N/nm": 1e9},
+    "kHz": {"Hz": 1e-3, "MHz": 1e3, "GHz": 1e6},
+    "GPa": {"Pa": 1e-9, "MPa": 1e-3, "kPa": 1e-6},
+    "aJ": {"J": 1e18, "zJ": 1e-3},
+    "nN": {"N": 1e9, "uN": 1e3, "pN": 1e-3},
+    "Pa s": {"mPa s": 1e-3},
+    "uN s/m": {"N s/m": 1e6, "nN s/m": 1e-3},
+    "mC/m^2": {"C/m^2": 1e3},
+    "ng": {"kg": 1e12, "g": 1e9, "pg": 1e-3},
+}
+
+
+class Quantity(NamedTuple):
+    """What values of a quantity are allowed and plausible.
+
+    Attributes
+    ----------
+    unit : str
+        Its unit; empty for a number.
+    low, high : float
+        Plausible absolute values.
+    sign : {"+", "0+", "any"}
+        Whether it must be positive, may be zero as well, or may have any sign.
+    """
+
+    unit: str
+    low: float
+    high: float
+    sign: str = "0+"
+
+
+QUANTITIES = {
+    "k_N_m": Quantity("N/m", 1e-3, 1e4, "+"),
+    "f0_kHz": Quantity("kHz", 0.1, 1e5, "+"),
+    "f_kHz": Quantity("kHz", 0.1, 1e5, "+"),
+    "Q": Quantity("", 0.5, 1e7, "+"),
+    "R_nm": Quantity("nm", 0.5, 1e5, "+"),
+    "tip_mass_ng": Quantity("ng", 1e-4, 1e5),
+    "A0_nm": Quantity("nm", 1e-3, 1e4),
+    "Y_nm": Quantity("nm", 1e-4, 1e4),
+    "F0_nN": Quantity("nN", 1e-6, 1e5),
+    "Zc_nm": Quantity("nm", 1e-5, 1e5, "any"),
+    "H_aJ": Quantity("aJ", 1e-4, 1e2, "any"),
+    "a0_nm": Quantity("nm", 0.05, 2.0, "+"),
+    "E_GPa": Quantity("GPa", 1e-6, 2e3),
+    "c_uNs_m": Quantity("uN s/m", 1e-6, 1e4),
+    "eta_Pa_s": Quantity("Pa s", 1e-3, 1e7),
+    "w_N_m": Quantity("N/m", 1e-5, 10.0, "+"),
+    "w1_N_m": Quantity("N/m", 1e-5, 10.0, "+"),
+    "w2_N_m": Quantity("N/m", 1e-5, 10.0),
+    "gamma_N_m": Quantity("N/m", 1e-4, 2.0),
+    "h_nm": Quantity("nm", 0.01, 1e3, "+"),
+    "on_nm": Quantity("nm", 0.01, 1e3),
+    "off_nm": Quantity("nm", 0.01, 1e4, "+"),
+    "k1_N_m": Quantity("N/m", 1e-4, 1e5, "+"),
+    "k2_N_m": Quantity("N/m", 1e-4, 1e5, "+"),
+    "sigma_nm": Quantity("nm", 0.05, 10.0, "+"),
+    "F_nN": Quantity("nN", 1e-4, 1e4, "any"),
+    "l_nm": Quantity("nm", 0.01, 1e3, "+"),
+    "U_aJ": Quantity("aJ", 1e-4, 1e4),
+    "D0_nm": Quantity("nm", 0.01, 1e2, "+"),
+    "debye_nm": Quantity("nm", 0.05, 1e4, "+"),
+    "tip_mC_m2": Quantity("mC/m^2", 1e-3, 1e3, "any"),
+    "sample_mC_m2": Quantity("mC/m^2", 1e-3, 1e3, "any"),
+    "permittivity": Quantity("", 1.0, 200.0, "+"),
+}
+
+
+def quantity_of(name: str) -> Quantity | None:
+    """Return the quantity that a name stands for, that of the first mode for ``k_N_m_2``; None for a name of one's own.
+
+    Examples
+    --------
+    >>> quantity_of("k_N_m_2").unit, quantity_of("stickiness")
+    ('N/m', None)
+    """
+    return QUANTITIES.get(re.sub(r"_[2-9]\d*$", "", name))
+
+
+def checked(name: str, value: object, *, plausible: bool = True) -> float:
+    """Return the value of a quantity, in its unit.
+
+    Parameters
+    ----------
+    name : str
+        The quantity, as ``"R_nm"``.
+    value : object
+        Its value.
+    plausible : bool, optional
+        Whether a value outside the plausible range is refused.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    InputError
+        It is not a finite number, its sign is not allowed, or it is implausible. The hint names the slip of units that
+        would explain the value.
+
+    Examples
+    --------
+    >>> checked("R_nm", 10)
+    10.0
+    >>> checked("R_nm", 10e-9)
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: R_nm = 1e-08: must be between 0.5 and 100000 nm; in m? ...
+    """
+    quantity = quantity_of(name)
+    if quantity is None:
+        return checks.number(name, value)
+    if quantity.sign == "+":
+        number = checks.positive(name, value, quantity.unit)
+    elif quantity.sign == "0+":
+        number = checks.non_negative(name, value, quantity.unit)
+    else:
+        number = checks.number(name, value, unit=quantity.unit)
+    if plausible and number != 0.0 and not _within(quantity, number):
+        allowed = f"between {quantity.low:g} and {quantity.high:g} {quantity.unit}".rstrip()
+        raise InputError(name, value, allowed, f"{_slip(quantity, number)}check=False insists")
+    return number
+
+
+def _within(quantity: Quantity, number: float) -> bool:
+    return quantity.low <= abs(number) <= quantity.high
+
+
+def _slip(quantity: Quantity, number: float) -> str:
+    """Return the question whether another unit was meant, an empty text where none makes the number plausible."""
+    for unit, factor in _OTHER_UNITS.get(quantity.unit, {}).items():
+        if _within(quantity, number * factor):
+            return f"in {unit}? then it is {number * factor:g} {quantity.unit}; "
+    return ""

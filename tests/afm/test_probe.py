@@ -1,0 +1,167 @@
+"""The probe and its drive: beams with a mass at the end by quadrature, plausible values, ratios of frequencies."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from saltus import afm
+from saltus.afm.tip_mass import modes_with_mass
+from saltus.afm.units import QUANTITIES, checked
+from saltus.errors import InputError
+
+BEAM = afm.Cantilever(length=240e-6, width=64e-6, thickness=2.1e-6, density=2300.0, young=176e9)
+BEAM_NG = 240e-6 * 64e-6 * 2.1e-6 * 2300.0 * 1e12
+
+
+def test_optical_weights_and_frequencies_of_a_uniform_beam():
+    lever = afm.Cantilever.from_measured(k=2.0, f0=70e3, Q=150.0)
+    probe = afm.Probe.from_cantilever(lever, modes=4, R_nm=10.0)
+    np.testing.assert_allclose(probe.optical_weights, [1.0, 3.473127, 5.701878, 7.988279], atol=5e-7)
+    np.testing.assert_allclose(np.array(probe.f0_kHz) / 70.0, [1.0, 6.266893, 17.547482, 34.386061], atol=5e-7)
+    np.testing.assert_allclose(probe.k_N_m, lever.stiffnesses(4), rtol=1e-13)
+    np.testing.assert_allclose(probe.base_weights, [1.56598351, -0.86787179, 0.50885059, -0.36379604], atol=5e-9)
+
+
+def shape(b, mu, x):
+    """A mode of the loaded beam by the two conditions at its end, 1 there."""
+    sigma = (math.cosh(b) + math.cos(b)) / (math.sinh(b) + math.sin(b))
+    phi = np.cosh(b * x) - np.cos(b * x) - sigma * (np.sinh(b * x) - np.sin(b * x))
+    slope = b * (np.sinh(b * x) + np.sin(b * x) - sigma * (np.cosh(b * x) - np.cos(b * x)))
+    return phi / phi[-1], slope / phi[-1]
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.05, 2.0])
+def test_modes_of_a_loaded_beam_by_quadrature(mu):
+    def condition(b):
+        return 1.0 + math.cos(b) * math.cosh(b) + mu * b * (math.cos(b) * math.sinh(b) - math.sin(b) * math.cosh(b))
+
+    grid = np.linspace(0.3, 11.5, 400)
+    roots = [brentq(condition, a, b) for a, b in pairwise(grid) if condition(a) * condition(b) < 0.0]
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    x = np.append(0.5 * (nodes + 1.0), 1.0)
+    for mode, b in zip(modes_with_mass(3, mu), roots, strict=False):
+        phi, slope = shape(b, mu, x)
+        mass = 0.5 * weights @ phi[:-1] ** 2 + mu
+        assert mode.wavenumber == pytest.approx(b, rel=1e-11)
+        assert mode.slope == pytest.approx(slope[-1], rel=1e-9)
+        assert mode.mass == pytest.approx(mass, rel=1e-9)
+        assert mode.base_weight == pytest.approx((0.5 * weights @ phi[:-1] + mu) / mass, rel=1e-9)
+
+
+def test_a_tips_mass_lowers_the_frequency_as_in_rayleighs_quotient():
+    bare = afm.Probe.from_cantilever(BEAM, R_nm=10.0, Q=200.0)
+    light = afm.Probe.from_cantilever(BEAM, R_nm=10.0, Q=200.0, tip_mass_ng=1e-4 * BEAM_NG)
+    assert light.f0_kHz[0] / bare.f0_kHz[0] == pytest.approx(1.0 - 2e-4, abs=1e-7)  # mass/4 of the beam moves
+    assert light.k_N_m[0] == pytest.approx(bare.k_N_m[0], rel=1e-4)
+    heavy = afm.Probe.from_cantilever(BEAM, R_nm=10.0, Q=200.0, tip_mass_ng=1e3 * BEAM_NG)
+    inertia = 176e9 * 64e-6 * 2.1e-6**3 / 12.0
+    assert heavy.k_N_m[0] == pytest.approx(3.0 * inertia / 240e-6**3, rel=1e-3)
+
+
+def test_a_tilted_lever_is_stiffer_along_the_normal():
+    flat = afm.Probe.from_cantilever(BEAM, R_nm=10.0, modes=2, Q=(200.0, 500.0))
+    tilted = afm.Probe.from_cantilever(BEAM, R_nm=10.0, modes=2, Q=(200.0, 500.0), tilt_deg=60.0)
+    np.testing.assert_allclose(np.array(tilted.k_N_m) / flat.k_N_m, 4.0, rtol=1e-12)
+    np.testing.assert_allclose(np.array(tilted.base_weights) / flat.base_weights, 0.25, rtol=1e-12)
+    assert tilted.f0_kHz == flat.f0_kHz
+    assert tilted.Q == (200.0, 500.0)
+
+
+def test_a_probe_is_told_what_is_missing_or_too_much():
+    with pytest.raises(InputError, match="one number a mode"):
+        afm.Probe(k_N_m=(1.0, 2.0), f0_kHz=30.0, Q=(100.0, 200.0), R_nm=10.0)
+    with pytest.raises(InputError, match="a beam given by geometry has none"):
+        afm.Probe.from_cantilever(BEAM, R_nm=10.0)
+    lever = afm.Cantilever.from_measured(k=2.0, f0=70e3, Q=150.0)
+    with pytest.raises(InputError, match="contain the tip's mass"):
+        afm.Probe.from_cantilever(lever, R_nm=10.0, tip_mass_ng=1.0)
+    with pytest.raises(InputError, match="one number for each of 1 modes"):
+        afm.Probe(k_N_m=1.0, f0_kHz=30.0, Q=100.0, R_nm=10.0, optical_weights=(1.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "meant"),
+    [
+        ("R_nm", 10e-9, "in m? then it is 10 nm"),
+        ("R_nm", 2e5, "in pm? then it is 200 nm"),
+        ("k_N_m", 2e-4, "check"),
+        ("k_N_m", 40e3, "in mN/m? then it is 40 N/m"),
+        ("f0_kHz", 300e3, "in Hz? then it is 300 kHz"),
+        ("f0_kHz", 0.07, "in MHz? then it is 70 kHz"),
+        ("E_GPa", 1e9, "in Pa? then it is 1 GPa"),
+        ("H_aJ", -1e-19, "in J? then it is -0.1 aJ"),
+        ("a0_nm", 3e-10, "in m? then it is 0.3 nm"),
+        ("Zc_nm", 1e6, "check"),
+        ("Zc_nm", 10e-9, "in m? then it is 10 nm"),
+    ],
+)
+def test_an_implausible_value_names_the_unit_it_may_be_in(name, value, meant):
+    with pytest.raises(InputError) as told:
+        checked(name, value)
+    assert meant in str(told.value)
+    assert "check=False insists" in str(told.value)
+    assert checked(name, value, plausible=False) == value
+
+
+def test_signs_that_are_never_allowed_are_refused_without_check_too():
+    for name in ("R_nm", "k_N_m", "f0_kHz", "Q", "a0_nm"):
+        for value in (0.0, -1.0, math.nan, math.inf, "10"):
+            with pytest.raises(InputError):
+                checked(name, value, plausible=False)
+    with pytest.raises(InputError, match=">= 0"):
+        checked("E_GPa", -1.0, plausible=False)
+    assert checked("H_aJ", -0.1) == -0.1
+    assert checked("Zc_nm", 0.0) == 0.0
+    assert all(quantity.low < quantity.high for quantity in QUANTITIES.values())
+
+
+def test_check_false_insists_for_every_part():
+    afm.Probe(k_N_m=1e-5, f0_kHz=0.01, Q=0.3, R_nm=1e6, check=False)
+    afm.VanDerWaals(H_aJ=1e3, a0_nm=5.0, check=False)
+    afm.Drive(A0_nm=1e5, check=False)
+    with pytest.raises(InputError, match="check=False insists"):
+        dataclasses.replace(afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3), a0_nm=5.0)
+
+
+# drives
+
+
+@pytest.mark.parametrize("ratio", ["19/3", Fraction(19, 3), 19.0 / 3.0])
+def test_a_ratio_is_a_fraction_however_it_is_written(ratio):
+    drives = afm.Drive(10.0) + afm.Drive(1.0, mode=2, ratio=ratio)
+    assert drives.parts[1].ratio == Fraction(19, 3)
+    assert drives.turns == 3
+    assert (drives + afm.Drive(1.0, ratio="5/2")).turns == 6
+
+
+@pytest.mark.parametrize("ratio", ["6.267", 6.267, math.pi, "101/100", "one", "1/0", -2, 0])
+def test_a_ratio_that_is_no_small_fraction_is_refused(ratio):
+    with pytest.raises(InputError, match="fraction of integers up to 100|> 0"):
+        afm.Drive(1.0, ratio=ratio)
+
+
+def test_a_ratio_without_a_period_says_what_to_do():
+    with pytest.raises(InputError, match=r"simulate instead, or take one near, as '47/15'|'22/7'"):
+        afm.Drive(1.0, ratio=math.pi)
+
+
+def test_drives_that_do_not_go_together_are_refused():
+    with pytest.raises(InputError, match="another for each drive"):
+        afm.Drive(1.0) + afm.Drive(2.0, mode=2)
+    with pytest.raises(InputError, match="repeat after at most 100 periods"):
+        afm.Drive(1.0) + afm.Drive(2.0, ratio="98/97") + afm.Drive(2.0, ratio="2/3")
+    with pytest.raises(InputError, match="exactly one of"):
+        afm.Drive()
+    with pytest.raises(InputError, match="exactly one of"):
+        afm.Drive(1.0, F0_nN=2.0)
+    with pytest.raises(InputError, match="belong to A0_nm"):
+        afm.Drive(F0_nN=2.0, mode=2)
+    with pytest.raises(InputError, match="at"):
+        afm.Drive(1.0, at="resonance")
