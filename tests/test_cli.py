@@ -52,6 +52,7 @@ def test_help_names_the_commands(capsys):
     assert code == 0
     assert "reproduce" in out
     assert "animate" in out
+    assert "plot" in out
     assert "--version" in out
 
 

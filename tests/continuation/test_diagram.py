@@ -155,3 +155,12 @@ def test_a_forced_system_has_no_diagram():
 def test_steps_are_those_of_the_options(nagumo):
     few = DiagramOptions(depth=0, equilibria=StepControl(most=5))
     assert len(diagram(nagumo, "I0", (-1.0, 3.0), [-1.2, -0.6], options=few)[0]) <= 11
+
+
+def test_a_hopf_point_at_a_saddle_node_is_tried_and_its_failure_told():
+    field = {"x": "-y - z", "y": "x + y/5", "z": "1/5 + z*(x - c)"}  # Roessler's two equilibria meet at c = 0.4
+    found = diagram(HybridSystem.smooth(field, {"c": 5.7}), "c", (0.3, 6.0), [5.7, -28.0, 28.0])
+    assert sorted(point.type for point in found.special_points) == ["HB", "SN"]
+    (failure,) = found.failures
+    assert failure.startswith("HB1 of branch 0: ")
+    assert "it is a zero-Hopf point" in failure

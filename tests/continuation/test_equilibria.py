@@ -392,3 +392,56 @@ def test_a_start_exactly_at_a_saddle_node_is_one(directions):
     start = find_equilibrium(system, x0=[0.0, 0.0])
     branch = continue_equilibrium(start, "mu", (-1.0, 1.0), directions=directions)
     assert [(point.label, point.parameters["mu"]) for point in branch.special_points] == [("SN1", 0.0)]
+
+
+# equilibria at infinity
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("unit", "steps"), [(1.0, None), (1e-9, None), (1e6, None), (1.0, STEPS[1]), (1.0, STEPS[2])])
+@pytest.mark.parametrize(
+    ("field", "start", "bounds", "limit"),
+    [
+        ({"x": "p*x - u", "y": "x - y"}, [1.0, 1.0], (-1.0, 2.0), 0.0),
+        # a bacterium's respiration: Fairen, Velarde, J. Math. Biol. 8 (1979) 147
+        ({"x": "10*u - x - g", "y": "p*u - g"}, [5.0, 13.5], (2.0, 11.0), 10.0),
+    ],
+)
+def test_a_branch_to_infinity_ends_there_without_a_saddle_node(field, start, bounds, limit, unit, steps):
+    field = {name: rate.replace("g", "x*y/u/(1 + x**2/u**2/2)") for name, rate in field.items()}
+    system = fields.system(field, {"p": 0.5 * sum(bounds) if limit else 1.0, "u": unit})
+    branch = continue_equilibrium(find_equilibrium(system, x0=np.array(start) * unit), "p", bounds, steps=steps)
+    end = int(limit > 0.0)
+    assert branch.stopped[end].endswith("the equilibrium grows without bound")
+    assert branch.stopped[1 - end].endswith("bound reached")
+    assert branch.values[-end] == pytest.approx(limit, abs=1e-3)
+    wanted = (10.0 - branch.values if limit else 1.0 / branch.values) * unit
+    assert branch.states[:, 0] == pytest.approx(wanted, rel=1e-6)
+    assert len(branch.special_points) == 0
+
+
+def test_the_way_to_infinity_on_one_side_leaves_the_other_side_as_it_was():
+    system = fields.system({"x": "p*x - 1 - h*(p - 3)*x**2/100"}, {"p": 1.0, "h": 0.0})
+    rest = find_equilibrium(system, x0=[1.0])
+    both = continue_equilibrium(rest, "p", (-1.0, 4.0))
+    alone = continue_equilibrium(rest, "p", (-1.0, 4.0), directions="up")
+    assert np.array_equal(both.states[-len(alone) :], alone.states)
+
+
+def test_a_fold_far_from_a_tiny_start_is_no_way_to_infinity():
+    branch = _branch({"x": "p - x + x**2/4"}, {"p": 1e-7}, [1e-7], "p", (0.0, 2.0))
+    assert fields.places(branch.special_points, "p") == [("SN", pytest.approx(1.0, abs=1e-12))]
+    assert [end.split(": ")[1] for end in branch.stopped] == ["bound reached"] * 2
+
+
+def test_a_parameter_that_rests_on_the_way_to_infinity_does_not_turn():
+    branch = _branch({"x": "r*(1 - exp(x/20)) - 0.1", "y": "x - y"}, {"r": 1.0}, [-1.0, -1.0], "r", (-1.0, 2.0))
+    assert branch.stopped[0].endswith("the equilibrium grows without bound")
+    assert branch.values[0] == pytest.approx(0.1, abs=1e-9)
+    assert len(branch.special_points) == 0
+
+
+@pytest.mark.parametrize("power", [2, 4])
+def test_a_flat_fold_is_found_where_the_parameter_rests_for_a_while(power):
+    branch = _branch({"x": f"mu - x**{power}"}, {"mu": 1.0}, [1.0], "mu", (-1.0, 2.0))
+    assert fields.places(branch.special_points, "mu") == [("SN", pytest.approx(0.0, abs=1e-10))]

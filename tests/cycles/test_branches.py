@@ -171,3 +171,45 @@ def test_what_cannot_be_used_is_named():
         saltus.continue_orbit(orbit, "r", (2.0, 3.0), stop_at="GR")
     with pytest.raises(InputError, match="events"):
         saltus.continue_orbit(orbit, "r", (2.0, 3.0), events={"y": 1.0})
+
+
+def test_points_that_move_to_different_sides_of_borders_met_at_once_end_the_branch():
+    """At mu = 0 both points of the cycle meet the border; it is virtual on either side, and so is the turned one."""
+    pieces = {
+        "left": Piece({"x": "x/2 + y + mu", "y": "-3*x/10"}, where="-x"),
+        "right": Piece({"x": "-6*x/5 + y + mu", "y": "-2*x/5"}, where="x"),
+    }
+    system = Map(("x", "y"), {"mu": 0.2}, pieces=pieces)
+    start = saltus.solve_orbit(system, segments=("left", "right"))
+    assert not start.regular
+    branch = saltus.continue_orbit(start, "mu", (-1.0, 1.0))
+    assert branch["BC1"].parameters["mu"] == pytest.approx(0.0, abs=1e-12)
+    assert "meet borders at once" in branch.stopped[0]
+    assert "bound reached" in branch.stopped[1]
+    assert len(branch) < 200
+
+
+def test_the_parameter_turns_at_a_pitchfork_without_a_saddle_node():
+    """At b = 1 both multipliers of the Duffing map's point 0 are 1, and x^2 = 1 - b meets it."""
+    system = Map(("x", "y"), {"b": 0.2}, {"x": "y", "y": "-b*x + 2*y - y**3"})
+    branch = saltus.continue_orbit(saltus.solve_orbit(system, x0=[0.9, 0.9]), "b", (-2.0, 2.0))
+    assert [point.type for point in branch.special_points] == ["PD", "BP", "PD"]
+    assert branch["BP1"].parameters["b"] == pytest.approx(1.0, abs=1e-10)
+    assert branch.x0[:, 0] ** 2 == pytest.approx(1.0 - branch.values, abs=1e-9)
+
+
+def test_a_loop_of_nonsmooth_folds_is_followed_once():
+    """A branch of virtual cycles enters a loop between two nonsmooth folds; each round begins at another point."""
+    parameters = {"p": -0.1626564684583851, "q": -0.844126052125311, "r": 0.3859767611271874, "s": 1.131582096201642}
+    pieces = {
+        "left": Piece({"x": "p*x + y + 1/5", "y": "-q*x"}, where="-x"),
+        "right": Piece({"x": "r*x + y + 1/5", "y": "-s*x"}, where="x"),
+    }
+    start = saltus.solve_orbit(Map(("x", "y"), parameters, pieces=pieces), segments=("right", "left", "left", "right"))
+    branch = saltus.continue_orbit(start, "r", (-4.0, 3.0))
+    assert "followed already" in branch.stopped[0]
+    assert [point.kind for point in branch.special_points.of_type("BC")] == ["nonsmooth fold"] * 2
+    assert len(branch) < 300
+    last, met = branch.orbit(0), branch.special_points[-1].cycle
+    assert last.parameters["r"] == pytest.approx(met.parameters["r"], abs=1e-9)
+    assert sorted(last.points[:, 0]) == pytest.approx(sorted(met.points[:, 0]), abs=1e-9)

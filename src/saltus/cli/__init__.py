@@ -154,6 +154,32 @@ def animate(
     typer.echo(f"written  {path}  ({path.stat().st_size / 1e6:.2f} MB)")
 
 
+@app.command(no_args_is_help=True)
+def plot(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A saved result: a branch, a cycle, basins, ...")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE", help="The picture, as .png or .svg; that of the file if left out."),
+    ] = None,
+) -> None:
+    """Draw a saved result."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from saltus.results import load
+
+    picture = file.with_suffix(".png") if out is None else out
+    kinds = FigureCanvasAgg.filetypes
+    if picture.suffix[1:].lower() not in kinds:
+        raise InputError("--out", str(picture), f"a picture: .{', .'.join(sorted(kinds))}")
+    with interruptible(), status():
+        _writable_folder(picture.parent)
+        load(file).plot().figure.savefig(picture)
+    typer.echo(f"written  {picture}")
+
+
 def _writable_folder(out: Path) -> Path:
     """Return the folder, created if absent; raise `InputError` where nothing can be written."""
     there = next((path for path in (out, *out.absolute().parents) if path.exists()), Path("/"))

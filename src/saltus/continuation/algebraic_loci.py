@@ -45,6 +45,7 @@ class AlgebraicLocusRun(TwoParameterRun):
     odd = AlgebraicLocusProblem.odd
     codimension_two: ClassVar[tuple[str, ...]]  # types of special points that a start may be
     zero_problem: ClassVar[type[AlgebraicLocusProblem]]  # how the equations are followed
+    first_sizes: NDArray[np.float64]  # sizes of the unknowns at the start, known when the first point is
 
     def __init__(self, start: Any, solution: Any, *options: Any) -> None:
         super().__init__(*options)
@@ -78,6 +79,10 @@ class AlgebraicLocusRun(TwoParameterRun):
 
     def passed(self, point: Point) -> str | None:
         """Return why the locus ended before a point; None where it did not."""
+        return None
+
+    def unbounded(self, point: Point) -> str | None:
+        """Return why the locus ends at a point from which it grows without bound; None where it does not."""
         return None
 
     def extents(self, problem: Any, u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -117,6 +122,7 @@ class AlgebraicLocusRun(TwoParameterRun):
         if float(np.max(away / np.append(sizes, [1.0, 1.0]))) > _MOVED:
             raise InputError("start", f"{float(np.max(away)):.2g} away", f"a located {self.kind}")
         examined = self.branch.examine(point, None)
+        self.first_sizes = self.branch.sizes.copy()
         own = self.start.type if isinstance(self.start, SpecialPoint) else ""
         # a test function that vanishes at the start itself has no sign there
         monitors = {name: math.nan if name.kind == own else value for name, value in examined.monitors.items()}
@@ -124,7 +130,8 @@ class AlgebraicLocusRun(TwoParameterRun):
         return turned(point, float(point.tangent[towards - 2]), self.odd)
 
     def restarted(self, origin: Point) -> Point:
-        """See `TwoParameterRun.restarted`: borders of a condition are those of the other direction's end."""
+        """See `TwoParameterRun.restarted`: sizes and borders of a condition are those of the other direction's end."""
+        self.branch.sizes = self.first_sizes.copy()
         if hasattr(self.branch.condition, "restart"):
             at = slice(self.branch.n, -2)
             J = self.branch.problem.evaluate(self.branch.unknowns(origin.u))[1]
@@ -151,6 +158,8 @@ class AlgebraicLocusRun(TwoParameterRun):
             if (end := self.keep(half, self.branch, item)) is not None:
                 return end
             last = item
+            if (end := self.unbounded(item)) is not None:
+                return f"{self.place(item)}: {end}"
         raise AssertionError("follow ends with a reason")
 
     def _event(self, half: OneSide, event: Event) -> str | None:

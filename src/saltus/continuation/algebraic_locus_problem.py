@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from saltus.continuation.faint import faint_step, resolved
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.zero_problem import Event, Examined, Point
 
@@ -52,6 +53,7 @@ class AlgebraicLocusProblem(ABC):
     singular: frozenset[Monitor] = frozenset()
     odd = frozenset(_TURNS)  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
+    faint: Mapping[Monitor, float] = MappingProxyType({})  # values of monitor functions up to which they are rounding
     vanishing: ClassVar[str]  # the fault of a point that is no solution
 
     def __init__(
@@ -141,13 +143,14 @@ class AlgebraicLocusProblem(ABC):
             if abs(monitors[name]) < _CONSTANT:
                 monitors[name] = math.nan
         special, data = self.special(point)
-        monitors |= special
+        monitors = resolved(monitors | special, self.faint, before)
         if self._origin is None:
             self._origin = u[: self.n].copy()
         self.sizes = np.maximum(self.sizes, self.grown(u))
         point.weights = self.metric(point.u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
-        return Examined(monitors, None, data)
+        doubt = None if before is None else faint_step(monitors, self.faint, before, point)
+        return Examined(monitors, doubt, data)
 
     def monitor(self, name: Monitor, point: Point) -> float:
         """Return one monitor function at a point that may be corrected roughly only."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
+from saltus.continuation.faint import faint_step, resolved
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.equilibria.find import responses, state_sizes
@@ -34,7 +35,6 @@ _BP = Monitor("BP")  # determinant of the bordered Jacobian
 _RESIDUAL = 1e-8  # most residual of a point, over the sizes of its terms
 _NEAR = 1e-2  # share of a state's modulus below which its size on a branch is not chosen
 _SHORT = 1e-5  # arclength of a step up to which several critical values may be passed in it
-_LONG = 1e-3  # arclength of a step from which on it must not end where the test function of pairs is rounding
 _CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
 _RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it rests
 
@@ -90,7 +90,7 @@ class AlgebraicZeroProblem(ABC):
     critical: ClassVar[tuple[str, ...]]  # kinds of monitor functions at whose zeros something bifurcates
     single: ClassVar[tuple[str, ...]]  # those at which one value becomes critical
     paired: ClassVar[Monitor]  # that at which a pair of them does
-    faint: ClassVar[float]  # value of `paired` up to which it is rounding
+    faint: ClassVar[Mapping[Monitor, float]]  # values of monitor functions up to which they are rounding
     vanishing: ClassVar[str]  # the fault of a point that is no solution
 
     def __init__(self, problem: Any, sizes: NDArray[np.float64], interest: Interest) -> None:
@@ -155,18 +155,13 @@ class AlgebraicZeroProblem(ABC):
         monitors |= {
             name: self.monitor(name, point) for name in (Monitor("event", i) for i in range(len(self.interest.events)))
         }
-        if abs(monitors.get(self.paired, 1.0)) < self.faint and (before is None or not self._paired_at(before)):
-            monitors[self.paired] = math.nan  # rounding, as along a family of centres
+        monitors = resolved(monitors, self.faint, before)
         if self._origin is None:
             self._origin = u[: self.n].copy()
         self.sizes = np.maximum(self.sizes, self.grown(u))
         point.weights = self.metric(u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
         return Examined(monitors, None if before is None else self._fault(point, before, monitors, data), data)
-
-    def _paired_at(self, point: Point) -> bool:
-        """Return whether the test function of pairs is more than rounding at a point."""
-        return abs(point.examined.monitors[self.paired]) >= self.faint
 
     def ahead(self, control: StepControl, before: Point, point: Point, step: float) -> tuple[list[Point], float]:
         """Return many points at once, as far as nothing happens, and the length of the step behind the last one."""
@@ -228,9 +223,8 @@ class AlgebraicZeroProblem(ABC):
         if point.arc - before.arc < _SHORT:
             return None
         known = before.examined.monitors
-        faint = abs(monitors.get(self.paired, 1.0)) < self.faint
-        if faint and point.arc - before.arc > _LONG and self._paired_at(before):
-            return f"events: the step ends at a zero of {self.paired.kind}, and may have passed over another"
+        if (doubt := faint_step(monitors, self.faint, before, point)) is not None:
+            return doubt
         changed = {
             name.kind
             for name, value in monitors.items()

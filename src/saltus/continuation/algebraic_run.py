@@ -33,6 +33,12 @@ _AT_START = 1e-10  # test function, over its usual size, up to which a start is 
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
 _AT_REST = 1e-7  # the same, below which all solutions beyond a border have one parameter
+_TURNING = 1e-5  # arclength from a branch point within which the parameter turns because of it
+_RESTS = 1e-5  # change of the parameter per unit of arclength, below which a branch may grow without bound
+_GROWN = 1e3  # size of a state, over that at the start, from which on it may
+_FAR = 10.0  # the same, from which on a parameter that rests need not turn
+_DOUBLED = 2.0  # growth of a size while the parameter rests, with which it does
+_MOST_GROWN = 1e100  # size of a state, over that at the start, up to which a branch is followed
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
@@ -73,6 +79,7 @@ class AlgebraicRun(OneParameterRun):
         super().__init__(*options)
         self.solution = solution
         self.first_sizes: NDArray[np.float64] = np.empty(0)
+        self._resting: NDArray[np.float64] | None = None  # sizes where the parameter came to rest
 
     @abstractmethod
     def equations(self, form: Any, u: NDArray[np.float64], sizes: NDArray[np.float64] | None) -> AlgebraicZeroProblem:
@@ -94,6 +101,14 @@ class AlgebraicRun(OneParameterRun):
     def inside(self, branch: Any, event: Any) -> float:
         """Return the sign of a border's monitor function on the regular side."""
 
+    def returned(self, half: OneSide, branch: Any, point: Point) -> bool:
+        """Return whether a branch has come back to a border at which it was before, on the same side of it."""
+        return False
+
+    def leaves(self, branch: Any, point: Point) -> str | None:
+        """Return why the solutions next to a border do not belong to the equations behind it; None where they do."""
+        return None
+
     def ended(self, branch: Any, point: Point, kind: str) -> str | None:
         """Return why a branch ends at an event of its own, that is no special point; None where it does not."""
         return None
@@ -102,9 +117,26 @@ class AlgebraicRun(OneParameterRun):
         """Return why a branch ends at a branch point; None where it does not."""
         return None
 
-    def unbounded(self, branch: Any, point: Point) -> str | None:
-        """Return why a branch ends at a point from which it grows without bound; None where it does not."""
-        return None
+    def restart(self, branch: Any, origin: Point) -> None:
+        """See `OneParameterRun.restart`: the sizes may have grown along the other direction."""
+        branch.sizes, self._resting = self.first_sizes.copy(), None
+
+    def unbounded(self, point: Point) -> str | None:
+        """Return why a branch ends at a point from which it grows without bound; None where it does not.
+
+        At a saddle-node the parameter rests as well, but the states do not grow meanwhile.
+        """
+        sizes, grown = 1.0 / np.sqrt(point.weights[:-1]), self._grown(point)
+        if abs(float(point.tangent[-1])) >= _RESTS:
+            self._resting = None
+        elif self._resting is None:
+            self._resting = sizes
+        doubled = self._resting is not None and float(np.max(sizes / self._resting)) > _DOUBLED
+        return f"the {self.what} grows without bound" if (grown > _GROWN and doubled) or grown > _MOST_GROWN else None
+
+    def _grown(self, point: Point) -> float:
+        """Return the largest ratio of a state's size at a point to its size at the start."""
+        return float(np.max(1.0 / np.sqrt(point.weights[:-1]) / self.first_sizes))
 
     def at_start(self, branch: Any, origin: Point, halves: list[OneSide]) -> Found | None:
         """Return the special point at which the branch starts; None where there is none, or where it was located."""
@@ -128,8 +160,7 @@ class AlgebraicRun(OneParameterRun):
         try:
             point = start_point(branch, u)
         except (ValueError, np.linalg.LinAlgError) as error:
-            hint = f"the equations have no regular branch there: {error}"
-            raise InputError(self.what, self.solution.parameters[self.name], f"a regular {self.what}", hint) from None
+            raise self.irregular(self.what, self.solution.parameters[self.name], error) from None
         point.examined = branch.examine(point, None)
         self.first_sizes = branch.sizes.copy()
         return branch, self._aside(branch, point, directions)
@@ -180,7 +211,7 @@ class AlgebraicRun(OneParameterRun):
             if (end := self.keep(half, branch, item)) is not None:
                 return end
             last = item
-            if (end := self.unbounded(branch, item)) is not None:
+            if (end := self.unbounded(item)) is not None:
                 return f"{self.place(item)}: {end}"
         raise AssertionError("follow ends with a reason")
 
@@ -197,12 +228,19 @@ class AlgebraicRun(OneParameterRun):
             u = solve(branch.problem, point.u, branch.sizes)
             if u is not None and float(point.weights @ (u - point.u) ** 2) < _NEAR**2:
                 point.u = u
+            if kind == "SN" and u is None and event.value == 0.0 and self._grown(point) > _FAR:
+                return None  # the parameter rests on the way to infinity, and does not turn
+        if kind == "SN" and any(f.name == "BP" and abs(f.arc - point.arc) < _TURNING for f in half.specials):
+            return None
         if kind != self.border:
             half.specials.append(self.found(name, branch, event, half))
             if kind == "BP" and (end := self.closed_up(branch, point)) is not None:
                 half.points.append((branch, point))
                 return f"{self.place(point)}: {end}"
             return self.end_at(half, branch, point, name)
+        if self.returned(half, branch, point):
+            half.points.append((branch, point))
+            return f"{self.place(point)}: {self.at_border}, from which on the branch is followed already"
         of, crossing = self.crossing(branch, event)
         half.specials.append(replace(self.found(name, branch, event, half), of=of, kind=crossing.kind))
         if (end := self.end_at(half, branch, point, name)) is not None:
@@ -227,6 +265,8 @@ class AlgebraicRun(OneParameterRun):
         point = turned(point, crossing.sign(point), self.odd)
         point.arc = old.arc
         found = beside.examine(point, None)
+        if (beyond := self.leaves(beside, point)) is not None:
+            return f"{self.place(old)}: {self.at_border}, {beyond}"
         # on a surface the sign of its event function is rounding: the point counts as on the regular side
         monitors = {
             name: _ON_SURFACE * self.inside(beside, name)

@@ -17,7 +17,7 @@ from saltus.continuation.zero_problem import correct
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.equilibrium import equilibrium_at
 from saltus.equilibria.find import solve_equilibrium, without_rounding
-from saltus.equilibria.normal_forms import HopfTerms, hopf_terms
+from saltus.equilibria.normal_forms import HopfTerms, check_no_zero, hopf_terms
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
@@ -51,7 +51,7 @@ def cycle_born(equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float
     Raises
     ------
     InputError
-        There is no imaginary pair, or the pair does not cross the axis as the parameter varies.
+        There is no imaginary pair, another eigenvalue is 0, or the pair does not cross the axis.
     ConvergenceError
         No cycle was found near the point.
     """
@@ -65,6 +65,7 @@ def cycle_born(equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float
     if not pairs.size or float(np.abs(pairs.real).min()) > _CRITICAL * float(np.abs(values).max()):
         raise InputError("point", f"eigenvalues {values}", "an equilibrium with an imaginary pair, as every HB has")
     w = float(pairs[np.argmin(np.abs(pairs.real))].imag)
+    check_no_zero(values, w)
     terms = hopf_terms(problem, u, A, w)
     tangent = np.append(-np.linalg.solve(A, J[:, n]), 1.0)
     speed = complex(terms.p.conj() @ (problem.second(u, tangent)[:, :n] @ terms.q)).real

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
     from saltus.cycles.problem import CycleProblem
 
-__all__ = ["beyond_border"]
+__all__ = ["TOGETHER", "beyond_border"]
 
 _NEAR = 1e-6  # distance beyond a border, in the states' sizes, at which the neighbouring piece is looked for
-_TOGETHER = 1e-9  # condition, over its variation with the states' sizes, up to which another point meets a border too
+TOGETHER = 1e-9  # condition, over its variation with the states' sizes, up to which another point meets a border too
 
 
 def beyond_border(
@@ -48,7 +48,7 @@ def beyond_border(
     for i, other, height in problem.heights(u):
         gradient = problem.border(i, other, u)[1] if (i, other) != (point, guard) else inwards
         unit = float(np.abs(gradient[: problem.n]) @ sizes)
-        if (i, other) != (point, guard) and abs(height) > _TOGETHER * unit:
+        if (i, other) != (point, guard) and abs(height) > TOGETHER * unit:
             continue
         beyond = _piece_beyond(problem, i, gradient, u, sizes)
         if beyond is None:

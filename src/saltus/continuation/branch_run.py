@@ -18,7 +18,7 @@ from saltus.continuation.run import OneParameterRun
 from saltus.continuation.shrinking import equilibrium_ahead
 from saltus.continuation.to_homoclinic import end_unbounded
 from saltus.continuation.two_sided import SAME, Found, OneSide, turned
-from saltus.continuation.unbounded import grows_at_last, grows_for_ever, too_stiff
+from saltus.continuation.unbounded import grows_at_last, grows_for_ever, swells_at_last, too_stiff
 from saltus.continuation.zero_problem import Event, Examined, Point, start_point
 from saltus.errors import InputError
 from saltus.orbits.critical import solve_branch_point
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["BranchRun"]
 
 _TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
+_SHRUNK = 1e-6  # ranges of a cycle's states, over those on its branch, up to which it is an equilibrium
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
@@ -120,8 +121,8 @@ class BranchRun(OneParameterRun):
         except InputError:
             raise
         except ValueError as error:
-            hint = f"the equations have no regular branch there: {error}{self.advice()}"
-            raise InputError("orbit", self.orbit.signature, "a regular periodic orbit", hint) from None
+            value = float(u[-1]) * self.scale
+            raise self.irregular("periodic orbit", value, error, self.advice()) from None
         if stretched(branch.problem, point.J):
             problem, u = cut(branch.problem, point.u, point.J)
             branch = self.zero_problem(problem, u)
@@ -143,7 +144,7 @@ class BranchRun(OneParameterRun):
     def advice(self) -> str:
         """Return what to do where a branch along a parameter starts at an orbit of a family."""
         family = self.orbit.fixed is not None and self.orbit.fixed.family
-        return "; the orbit is one of a family: vary a quantity, as 'period'" if family else ""
+        return "the orbit is one of a family: vary a quantity, as 'period'" if family else ""
 
     def restart(self, branch: OrbitZeroProblem, origin: Point) -> None:
         """Make meshes for the start: they are still those of the other direction's end."""
@@ -163,7 +164,7 @@ class BranchRun(OneParameterRun):
             if isinstance(item, str):
                 if (grown := grows_at_last(half.points)) is not None:
                     return self._unbounded(half, grown)
-                return f"{self.place(last)}: {too_stiff(branch.problem) or item}"
+                return f"{self.place(last)}: {too_stiff(branch.problem) or swells_at_last(half.points) or item}"
             if isinstance(item, Event):
                 end = self._event(half, branch, item)
                 if end is not None:
@@ -228,6 +229,11 @@ class BranchRun(OneParameterRun):
             return self.end_at(half, branch, event.point, name)
         if any(s.name == "GR" and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
             return None
+        if self._is_point(half, branch, point):
+            point.examined = _as_before(point.examined, half.points[-1][1].examined.data)
+            half.specials.append(self._found("BE", branch, event, half))
+            half.points.append((branch, point))
+            return f"{self.place(point)}: the cycle shrinks to a boundary equilibrium"
         if self.control.at_grazing == "pass":
             half.specials.append(self._found(name, branch, event, half))
             return self.end_at(half, branch, point, name)
@@ -243,6 +249,16 @@ class BranchRun(OneParameterRun):
         if isinstance(found, str):
             return f"{self.place(point)}: grazing, {found}"
         return self._switch(found, point)
+
+    def _is_point(self, half: OneSide, branch: OrbitZeroProblem, point: Point) -> bool:
+        """Return whether the autonomous cycle of a point is an equilibrium, by the sizes of the branch's cycles."""
+        if branch.problem.system.phase is not None or not half.points:
+            return False
+        surveys = [item.examined.data.survey for _, item in half.points]
+        n = branch.problem.n
+        largest = np.max([survey.highs[:n] - survey.lows[:n] for survey in surveys], axis=0)
+        own = point.examined.data.survey
+        return bool(np.all(own.highs[:n] - own.lows[:n] <= _SHRUNK * largest))
 
     def _found(self, name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
         point, orbit = event.point, self.orbit_of(branch, event.point)
@@ -305,6 +321,12 @@ def _beyond_grazings(problem: OrbitProblem, point: Point) -> bool:
         if at_grazing(name) and not math.isnan(value)
     )
     return point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
+
+
+def _as_before(examined: Examined, last: OrbitData) -> Examined:
+    """Return the data of a cycle that is a point with the multipliers of the last one that is none."""
+    data = replace(examined.data, multipliers=last.multipliers, unstable=last.unstable)
+    return Examined(examined.monitors, examined.fault, data)
 
 
 def _sharpened(branch: OrbitZeroProblem, point: Point) -> Point:

@@ -12,7 +12,7 @@ import numpy as np
 
 from saltus.continuation.orbit_problem import Interest
 from saltus.continuation.zero_problem import Point, correct
-from saltus.equilibria.find import state_sizes
+from saltus.equilibria.find import state_sizes, without_rounding
 from saltus.errors import ConvergenceError, InputError
 
 if TYPE_CHECKING:
@@ -118,6 +118,7 @@ def other_branch(
         steps += [math.sqrt(share)]  # third derivatives may vanish: no step is longer, in sizes of the unknowns
         found = stepped(zero_problem(problem, sizes[:n], everywhere(scale)), u, min(steps) * chosen, sizes[:n])
         if not isinstance(found, str):
+            found = without_rounding(problem, found, sizes[:n])
             return found, np.maximum(sizes[:n], np.abs(found[:n]))
         reason = found
     raise ConvergenceError("other branch", _SHIFTS[0], len(_SHIFTS), reason)

@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus.continuation.algebraic_loci import AlgebraicLocusRun
 from saltus.continuation.cycle_locus_problem import CycleLocusProblem
-from saltus.continuation.cycle_problem import in_lockstep
+from saltus.continuation.cycle_problem import grows_without_bound, in_lockstep
 from saltus.continuation.cycles import cycle_fields
 from saltus.continuation.map_locus import MapLocus
 from saltus.cycles.critical import OnBorder, Rotation
@@ -85,6 +85,10 @@ class CycleLocusRun(AlgebraicLocusRun):
         """See `AlgebraicLocusRun.passed`."""
         cosine = float(point.u[-3]) if self.kind == "TR" else 0.0
         return None if abs(cosine) < 1.0 else f"{'R1' if cosine > 0.0 else 'R2'}: {_ENDS['R1']}"
+
+    def unbounded(self, point: Point) -> str | None:
+        """See `AlgebraicLocusRun.unbounded`."""
+        return grows_without_bound(self.branch.sizes, self.first_sizes, point.tangent[-2:])
 
     def condition(
         self, problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]

@@ -21,7 +21,7 @@ from saltus.continuation.zero_problem import Event, Point
 from saltus.cycles.critical import OnBorder, Rotation
 from saltus.cycles.normal_forms import flip_terms, fold_terms, null_vectors, rotation_terms
 from saltus.cycles.orbit import faults_of
-from saltus.cycles.spectrum import flip_product, fold_product, multipliers_of, pair_product, unstable_count
+from saltus.cycles.spectrum import FAINT, flip_product, fold_product, multipliers_of, pair_product, unstable_count
 from saltus.equilibria.critical import Singular
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ _GPD = Monitor("GPD")  # that of a period doubling
 _CH = Monitor("CH")  # that of a Neimark-Sacker point
 _FF = Monitor("FF")  # what makes the other of the multipliers 1 and -1
 _TWISTS = {"SN": Monitor("R1"), "PD": Monitor("R2")}  # product of both null vectors
-_ANGLES = {"R1": 1.0, "R2": -1.0, "R3": -0.5, "R4": 0.0}  # cosine of the multipliers' angle at each resonance
+_ANGLES = {Monitor("R1"): 1.0, Monitor("R2"): -1.0, Monitor("R3"): -0.5, Monitor("R4"): 0.0}  # their cosines
 _TR = Monitor("TR")  # pairs on the unit circle, on a locus of border collisions
 
 
@@ -70,6 +70,9 @@ class CycleLocusProblem(AlgebraicLocusProblem):
     """Critical cycles of one itinerary as a `ZeroProblem`; see `AlgebraicLocusProblem`."""
 
     noise: Mapping[Monitor, float] = MappingProxyType({_CP: 1e-10, _GPD: 1e-11, _CH: 1e-10})
+    faint: Mapping[Monitor, float] = MappingProxyType(
+        dict.fromkeys([_FF, *_TWISTS.values(), *_ANGLES, Monitor("SN"), Monitor("PD"), _TR], FAINT)
+    )
     vanishing = "the cycle does not close there"
     problem: CycleProblem
 
@@ -121,12 +124,14 @@ class CycleLocusProblem(AlgebraicLocusProblem):
             terms = fold_terms(self.problem, u, q, p) if fold else flip_terms(self.problem, u, J, q, p)
         except np.linalg.LinAlgError:
             terms = math.nan
-        name = _CP if fold else _GPD
-        monitors = {name: terms / self.unit(name, terms) if math.isfinite(terms) else math.nan}
+        monitors: dict[Monitor, float] = {}
         if values.size > 1:
             turn = _TWISTS[self.kind]
             monitors[turn] = twist / float(np.linalg.norm(p * self.sizes) * np.linalg.norm(q / self.sizes))
             monitors[_FF] = (flip_product if fold else fold_product)(values, (critical,))
+        # the coefficient of a period doubling has a pole where another multiplier is 1
+        name, weighed = (_CP, terms) if fold else (_GPD, terms * monitors.get(_FF, 1.0))
+        monitors[name] = weighed / self.unit(name, weighed) if math.isfinite(weighed) else math.nan
         head = q[: self.problem.states]
         size = float(np.linalg.norm(head))
         coefficient = terms / (twist * size ** (1 if fold else 2)) if twist * size != 0.0 else math.inf
@@ -144,7 +149,7 @@ class CycleLocusProblem(AlgebraicLocusProblem):
         reasons: tuple[str, ...],
     ) -> tuple[dict[Monitor, float], CycleLocusData]:
         """Return monitors and data where a pair is on the unit circle."""
-        monitors = {Monitor(name): cosine - goal for name, goal in _ANGLES.items()}
+        monitors = {name: cosine - goal for name, goal in _ANGLES.items()}
         angle, coefficient = math.nan, math.nan
         if abs(cosine) < 1.0:
             angle = math.acos(cosine)

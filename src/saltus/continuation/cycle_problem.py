@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,10 +23,13 @@ if TYPE_CHECKING:
 
     from saltus.cycles.problem import CycleProblem
 
-__all__ = ["CYCLE_POINTS", "CycleData", "CycleZeroProblem", "in_lockstep", "rotates"]
+__all__ = ["CYCLE_POINTS", "CycleData", "CycleZeroProblem", "grows_without_bound", "in_lockstep", "rotates"]
 
 _PD = Monitor("PD")  # product of 1 + mu
 _TR = Monitor("TR")  # product of the pairs' products less 1
+
+_GROWN = 1e3  # size of a state, over that at the start, from which on a curve may grow without bound
+_RESTS = 1e-5  # change of each parameter per unit of arclength, below which such a curve does
 
 CYCLE_POINTS = ("SN", "PD", "TR", "BP", "BC")  # types of special points of a branch of cycles
 
@@ -52,7 +56,8 @@ class CycleZeroProblem(AlgebraicZeroProblem):
 
     critical = CYCLE_POINTS
     single = ("SN", "BP", "PD")
-    paired, faint = _TR, FAINT
+    paired = _TR
+    faint = MappingProxyType({_PD: FAINT, _TR: FAINT})
     vanishing = "the cycle does not close there"
     problem: CycleProblem
 
@@ -106,6 +111,22 @@ class CycleZeroProblem(AlgebraicZeroProblem):
         p = compiled.extended(self.problem.parameters_at(point.u))
         compiled.call("outputs", self.problem.itinerary[0], 0, x, p, out)
         return float(out[system.output_names.index(name)])
+
+
+def grows_without_bound(
+    sizes: NDArray[np.float64], first: NDArray[np.float64], rates: NDArray[np.float64]
+) -> str | None:
+    """Return why a curve of cycles ends whose points run to infinity while the parameters rest; None if they do not.
+
+    Parameters
+    ----------
+    sizes, first : ndarray, shape (n,)
+        Sizes of the points, now and at the curve's start.
+    rates : ndarray, shape (parameters,)
+        Change of the varied parameters per unit of arclength.
+    """
+    grown = float(np.max(sizes / first)) > _GROWN and bool(np.all(np.abs(rates) < _RESTS))
+    return "the cycle grows without bound" if grown else None
 
 
 def in_lockstep(sizes: NDArray[np.float64], period: int) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from saltus import checks
 from saltus.continuation.algebraic_problem import extents
 from saltus.continuation.algebraic_run import AlgebraicRun, read_point_events
 from saltus.continuation.arclength import StepControl
-from saltus.continuation.border import beyond_border
+from saltus.continuation.border import TOGETHER, beyond_border
 from saltus.continuation.cycle_problem import CYCLE_POINTS, CycleZeroProblem, in_lockstep
 from saltus.continuation.map_curve import MapBranch
 from saltus.continuation.options import checked_interval, read_stops, unit_of
@@ -25,13 +25,12 @@ if TYPE_CHECKING:
 
     from saltus.continuation.boundary import Crossing
     from saltus.continuation.monitor import Monitor
-    from saltus.continuation.two_sided import BothSides
+    from saltus.continuation.two_sided import BothSides, OneSide
     from saltus.continuation.zero_problem import Event, Point
 
 __all__ = ["continue_cycle", "cycle_fields"]
 
-_GROWN = 1e3  # size of a state, over that at the start, from which on a branch may grow without bound
-_RESTS = 1e-5  # change of the parameter per unit of arclength, below which such a branch does
+_RETURNED = 1e-8  # distance, in the states' sizes and the parameter's unit, up to which two border collisions are one
 _HALVED = 1e-5  # distance of a cycle's halves, in the states' sizes, at which the period halves
 
 
@@ -123,14 +122,28 @@ class _CycleRun(AlgebraicRun):
         """See `AlgebraicRun.inside`."""
         return 1.0
 
-    def restart(self, branch: CycleZeroProblem, origin: Point) -> None:
-        """See `OneParameterRun.restart`: the sizes may have grown along the other direction."""
-        branch.sizes = self.first_sizes.copy()
+    def returned(self, half: OneSide, branch: CycleZeroProblem, point: Point) -> bool:
+        """See `AlgebraicRun.returned`; another of the cycle's points may be the first one by then."""
+        here, sizes = self.solution_at(branch, point.u), branch.sizes[: branch.problem.states]
+        for old in (found.solution for found in half.specials if found.name == self.border):
+            assert isinstance(old, MapOrbit)
+            near = abs(old.parameters[self.name] - self.value(point)) <= _RETURNED * self.scale
+            for k in range(here.period if near else 0):
+                turned = (*old.itinerary[k:], *old.itinerary[:k])
+                away = np.abs(np.roll(old.points, -k, axis=0) - here.points)
+                if turned == here.itinerary and np.all(away <= _RETURNED * sizes):
+                    return True
+        return False
 
-    def unbounded(self, branch: CycleZeroProblem, point: Point) -> str | None:
-        """See `AlgebraicRun.unbounded`."""
-        grown = float(np.max(branch.sizes / self.first_sizes)) > _GROWN
-        return "the cycle grows without bound" if grown and abs(float(point.tangent[-1])) < _RESTS else None
+    def leaves(self, branch: CycleZeroProblem, point: Point) -> str | None:
+        """See `AlgebraicRun.leaves`: of several points on borders, each must move into its new piece."""
+        problem = branch.problem
+        for i, guard, height in problem.heights(point.u):
+            gradient = problem.border(i, guard, point.u)[1]
+            terms = np.abs(gradient[: problem.n]) @ branch.sizes
+            if abs(height) <= TOGETHER * terms and float(gradient @ point.tangent) < -TOGETHER * terms:
+                return "several points meet borders at once, and move to different sides of them"
+        return None
 
     def closed_up(self, branch: CycleZeroProblem, point: Point) -> str | None:
         """See `AlgebraicRun.closed_up`: where the second half of a cycle meets the first one, its period halves."""

@@ -1,4 +1,4 @@
-"""Whole bifurcation diagrams: from equilibria over Hopf points and branch points to cycles and their doublings."""
+"""Whole bifurcation diagrams: from equilibria, or fixed points of a map, to cycles and their doublings."""
 
 from __future__ import annotations
 
@@ -10,27 +10,29 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation.arclength import StepControl
-from saltus.continuation.branch import Branch
-from saltus.continuation.diagram_tree import Diagram, Origin, Place, place_of
+from saltus.continuation.diagram_tree import Diagram, DiagramBranch, Origin, Place, kind_of, place_of
 from saltus.continuation.equilibria import continue_equilibrium
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.map_curve import MapBranch
 from saltus.continuation.orbits import continue_orbit
 from saltus.continuation.switching import switch_branch
+from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium, find_equilibrium
 from saltus.equilibria.problem import check_autonomous
 from saltus.errors import InputError, SaltusError
-from saltus.orbits import PeriodicOrbit
+from saltus.orbits import PeriodicOrbit, solve_orbit
 from saltus.progress import Progress, Report, Reporter
-from saltus.system import HybridSystem
+from saltus.system import HybridSystem, Map
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from saltus.continuation.special_points import SpecialPoint
 
 __all__ = ["DiagramOptions", "diagram"]
 
-_SWITCHED = {"equilibria": ("HB", "BP"), "orbits": ("PD", "BP")}  # special points from which other branches are sought
+# Special points from which other branches are sought, by what a branch consists of.
+_SWITCHED = {"equilibria": ("HB", "BP"), "orbits": ("PD", "BP"), "cycles": ("PD", "BP")}
 _INTERRUPTED = "interrupted"
 
 
@@ -42,11 +44,12 @@ class DiagramOptions:
     ----------
     depth : int
         Most special points between a branch and a start: 0 for the equilibria through the starts alone, 1 for what
-        meets them as well (cycles at HB, equilibria at BP), 2 for doubled cycles too.
+        meets them as well (cycles at HB, equilibria at BP), 2 for doubled cycles too. Of a map 1 has the cycles of
+        period 2, 2 those of period 4.
     most : int
         Most branches.
     equilibria, orbits : StepControl
-        Steps along branches of equilibria, and along those of orbits.
+        Steps along branches of equilibria, and along those of orbits or of cycles of a map.
 
     Raises
     ------
@@ -72,7 +75,7 @@ class DiagramOptions:
 
 
 def diagram(
-    system: HybridSystem,
+    system: HybridSystem | Map,
     parameter: str,
     bounds: tuple[float, float],
     x0: ArrayLike | None = None,
@@ -81,21 +84,22 @@ def diagram(
     options: DiagramOptions | None = None,
     progress: bool | Report = False,
 ) -> Diagram:
-    """Return the bifurcation diagram of an autonomous system, from its equilibria to a stated depth.
+    """Return the bifurcation diagram of an autonomous system or a map to a stated depth.
 
-    The equilibria through each start are followed to both bounds. Cycles are followed from each Hopf point, equilibria
-    from each branch point, doubled cycles from each period doubling. A point that two branches share is followed once.
+    The equilibria, or a map's fixed points, through each start are followed to both bounds. Cycles are followed from
+    each Hopf point, other equilibria or cycles from each branch point, doubled cycles from each period doubling. A
+    point that two branches share is followed once.
 
     Parameters
     ----------
-    system : HybridSystem
-        An autonomous system.
+    system : HybridSystem or Map
+        An autonomous system, or a map.
     parameter : str
         The parameter that varies.
     bounds : (float, float)
         Its interval. The starts have the parameter's given value, or the middle of the interval if that lies outside.
     x0 : array_like, shape (states,) or (starts, states), optional
-        States near equilibria, one or several; by default the origin.
+        States near equilibria or fixed points, one or several; by default the origin.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
     options : DiagramOptions, optional
@@ -113,7 +117,7 @@ def diagram(
     InputError
         The system is forced; names, bounds, states or options that cannot be used.
     ConvergenceError
-        There is no equilibrium near a start.
+        There is no equilibrium or fixed point near a start.
 
     Examples
     --------
@@ -125,8 +129,8 @@ def diagram(
     >>> [len(branch) > 9 for branch in found], [point.label for point in found.special_points]
     ([True, True], ['HB1'])
     """
-    checks.instance("system", system, HybridSystem)
-    check_autonomous(system)
+    if not isinstance(system, Map):
+        check_autonomous(checks.instance("system", system, HybridSystem))
     chosen = DiagramOptions() if options is None else checks.instance("options", options, DiagramOptions)
     low, high = checks.interval("bounds", bounds, finite=True)
     values = system.resolve(parameters)
@@ -137,9 +141,9 @@ def diagram(
     )
     reporter = Reporter(progress)
     run = _Run(system, parameter, (low, high), chosen, reporter)
-    equilibria = [find_equilibrium(system, values, state) for state in starts]
+    solved = [_solution_near(system, values, state) for state in starts]
     with reporter:
-        stopped = run.trace(equilibria)
+        stopped = run.trace(solved)
     told = {
         "bounds": [low, high],
         "depth": chosen.depth,
@@ -151,24 +155,33 @@ def diagram(
     return Diagram(system, parameter, tuple(run.branches), tuple(run.origins), tuple(run.failures), stopped, told)
 
 
+def _solution_near(
+    system: HybridSystem | Map, parameters: Mapping[str, float], state: NDArray[np.float64]
+) -> Equilibrium | MapOrbit:
+    """Return the equilibrium, or the fixed point of a map, near a state."""
+    if isinstance(system, Map):
+        return solve_orbit(system, parameters, x0=state)
+    return find_equilibrium(system, parameters, state)
+
+
 @dataclass
 class _Run:
     """One call of `diagram`: branches found so far, and special points at which others may begin."""
 
-    system: HybridSystem
+    system: HybridSystem | Map
     parameter: str
     bounds: tuple[float, float]
     options: DiagramOptions
     reporter: Reporter
 
     def __post_init__(self) -> None:
-        self.branches: list[EquilibriumBranch | Branch] = []
+        self.branches: list[DiagramBranch] = []
         self.origins: list[Origin] = []
         self.failures: list[str] = []
         self._known: list[Place] = []
         self._waiting: list[tuple[int, SpecialPoint[Any]]] = []
 
-    def trace(self, starts: list[Equilibrium]) -> str:
+    def trace(self, starts: list[Equilibrium | MapOrbit]) -> str:
         """Follow all branches; return why the search ended."""
         try:
             for start in starts:
@@ -186,11 +199,11 @@ class _Run:
             return _INTERRUPTED
         return f"all branches to depth {self.options.depth}"
 
-    def _other(self, parent: int, point: SpecialPoint[Any]) -> Equilibrium | PeriodicOrbit | None:
+    def _other(self, parent: int, point: SpecialPoint[Any]) -> Equilibrium | PeriodicOrbit | MapOrbit | None:
         """Return a solution of the other branch at a special point; None where there is none within the bounds."""
         told = f"{point.label} of branch {parent}"
         try:
-            found: Equilibrium | PeriodicOrbit = switch_branch(point)
+            found: Equilibrium | PeriodicOrbit | MapOrbit = switch_branch(point)
         except SaltusError as error:
             self.failures.append(f"{told}: {error}")
             return None
@@ -200,7 +213,7 @@ class _Run:
             return None
         return found
 
-    def _follow(self, start: Equilibrium | PeriodicOrbit, origin: Origin) -> str:
+    def _follow(self, start: Equilibrium | PeriodicOrbit | MapOrbit, origin: Origin) -> str:
         """Follow the branch through a solution; return why the search must end, or an empty text."""
         index = len(self.branches)
 
@@ -208,7 +221,7 @@ class _Run:
             self.reporter.step(1, f"branch {index}, {progress.text}")
 
         report: bool | Report = False if self.reporter.report is None else told
-        branch: EquilibriumBranch | Branch
+        branch: DiagramBranch
         try:
             if isinstance(start, Equilibrium):
                 steps = self.options.equilibria
@@ -224,35 +237,41 @@ class _Run:
         self._gather(index, branch)
         return _INTERRUPTED if _INTERRUPTED in branch.stopped else ""
 
-    def _gather(self, index: int, branch: EquilibriumBranch | Branch) -> None:
+    def _gather(self, index: int, branch: DiagramBranch) -> None:
         """Note the special points of a new branch; those that other branches share are not followed again."""
-        kinds = _SWITCHED["equilibria" if isinstance(branch, EquilibriumBranch) else "orbits"]
+        kinds = _SWITCHED[kind_of(branch)]
         width = self.bounds[1] - self.bounds[0]
         ranges = np.maximum(Diagram(self.system, self.parameter, tuple(self.branches), ()).ranges, 1e-300)
         for point in branch.special_points:
+            if point.type not in (*kinds, "HB"):
+                continue
             place = place_of(point, self.parameter)
             if any(place.is_same(known, width, ranges) for known in self._known):
                 self._waiting = [(i, other) for i, other in self._waiting
                                  if not place_of(other, self.parameter).is_same(place, width, ranges)]  # fmt: skip
                 continue
-            if point.type in (*kinds, "HB"):
-                self._known.append(place)
-                if point.type in kinds and self.origins[index].depth < self.options.depth:
-                    self._waiting.append((index, point))
+            self._known.append(place)
+            if point.type in kinds and self.origins[index].depth < self.options.depth:
+                self._waiting.append((index, point))
 
-    def _lies_on_a_branch(self, start: Equilibrium) -> bool:
-        """Return whether an equilibrium lies on a branch that is known."""
+    def _lies_on_a_branch(self, start: Equilibrium | MapOrbit) -> bool:
+        """Return whether an equilibrium or a fixed point lies on a branch that is known."""
         value = start.parameters[self.parameter]
+        state = start.state if isinstance(start, Equilibrium) else start.x0
         for branch in self.branches:
-            if not isinstance(branch, EquilibriumBranch):
+            if isinstance(branch, EquilibriumBranch):
+                states = branch.states
+            elif isinstance(branch, MapBranch) and branch.period == 1:
+                states = branch.x0
+            else:
                 continue
             for i in range(len(branch) - 1):
                 first, last = branch.values[i], branch.values[i + 1]
                 if (first - value) * (last - value) > 0.0:
                     continue
                 share = (value - first) / (last - first) if last != first else 0.0
-                there = branch.states[i] + share * (branch.states[i + 1] - branch.states[i])
-                reach = np.abs(branch.states[i + 1] - branch.states[i]) + 1e-6 * np.ptp(branch.states, axis=0)
-                if np.all(np.abs(start.state - there) <= np.maximum(reach, 1e-9 * np.abs(start.state))):
+                there = states[i] + share * (states[i + 1] - states[i])
+                reach = np.abs(states[i + 1] - states[i]) + 1e-6 * np.ptp(states, axis=0)
+                if np.all(np.abs(state - there) <= np.maximum(reach, 1e-9 * np.abs(state))):
                     return True
         return False

@@ -1,4 +1,4 @@
-"""A whole bifurcation diagram as a result: branches of equilibria and of cycles, and how each was reached."""
+"""A whole bifurcation diagram as a result: its branches, of a flow or of a map, and how each was reached."""
 
 from __future__ import annotations
 
@@ -13,20 +13,28 @@ from saltus import checks
 from saltus.contents import Contents, as_json
 from saltus.continuation.branch import Branch
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.map_curve import MapBranch
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints
+from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 from saltus.results import Result
-from saltus.system import HybridSystem
-from saltus.system.plain import held_system
+from saltus.system import HybridSystem, Map
+from saltus.system.plain import held_any
 
 if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["Diagram", "Origin", "Place", "place_of"]
+__all__ = ["Diagram", "DiagramBranch", "Origin", "Place", "kind_of", "place_of"]
 
-_KINDS: Mapping[str, type[Branch] | type[EquilibriumBranch]] = {"orbits": Branch, "equilibria": EquilibriumBranch}
+DiagramBranch = EquilibriumBranch | Branch | MapBranch
+
+_KINDS: Mapping[str, type[DiagramBranch]] = {
+    "orbits": Branch,
+    "equilibria": EquilibriumBranch,
+    "cycles": MapBranch,
+}
 _SAME_VALUE = 1e-6  # difference of the parameter, over the interval, up to which two special points are the same
 _SAME_STATE = 1e-4  # the same of the states, over their ranges in the diagram
 
@@ -66,27 +74,43 @@ class Place:
 
 
 def place_of(point: SpecialPoint[Any], parameter: str) -> Place:
-    """Return where a special point of orbits or of equilibria lies."""
+    """Return where a special point of orbits, of equilibria or of cycles of a map lies."""
     solution, value = point.solution, point.parameters[parameter]
+    if isinstance(solution, MapOrbit):
+        return Place(value, solution.points.min(axis=0), solution.points.max(axis=0))
     if isinstance(solution, Equilibrium):
         return Place(value, solution.state, solution.state)
     n = len(solution.system.states)
     return Place(value, solution.lows[:n], solution.highs[:n])
 
 
+def kind_of(branch: DiagramBranch) -> str:
+    """Return what a branch consists of: ``equilibria``, ``orbits``, or ``cycles`` of a map."""
+    return next(name for name, kind in _KINDS.items() if isinstance(branch, kind))
+
+
+def _extremes(branch: DiagramBranch) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the least and the greatest value of each state on a branch."""
+    if isinstance(branch, Branch):
+        n = len(branch.system.states)
+        return branch.lows[:, :n].min(axis=0), branch.highs[:, :n].max(axis=0)
+    points = branch.states if isinstance(branch, EquilibriumBranch) else branch.points.reshape(-1, branch.x0.shape[1])
+    return points.min(axis=0), points.max(axis=0)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagram(Result):
-    """Branches of equilibria and of periodic orbits along one parameter, and where they meet.
+    """Branches of equilibria and of periodic orbits, or of cycles of a map, along one parameter, and where they meet.
 
     ``diagram[i]`` is branch `i`, ``len(diagram)`` counts the branches, iteration goes through them.
 
     Attributes
     ----------
-    system : HybridSystem
+    system : HybridSystem or Map
         The system.
     parameter : str
         The parameter that varies.
-    branches : tuple of EquilibriumBranch or Branch
+    branches : tuple of EquilibriumBranch, Branch or MapBranch
         In the order in which they were found.
     origins : tuple of Origin
         How each branch was reached.
@@ -98,9 +122,9 @@ class Diagram(Result):
         Arguments of `saltus.diagram`.
     """
 
-    system: HybridSystem
+    system: HybridSystem | Map
     parameter: str
-    branches: tuple[EquilibriumBranch | Branch, ...]
+    branches: tuple[DiagramBranch, ...]
     origins: tuple[Origin, ...]
     failures: tuple[str, ...] = ()
     stopped: str = ""
@@ -109,20 +133,18 @@ class Diagram(Result):
     def __len__(self) -> int:
         return len(self.branches)
 
-    def __getitem__(self, index: int) -> EquilibriumBranch | Branch:
+    def __getitem__(self, index: int) -> DiagramBranch:
         """Return a branch by its index."""
         return self.branches[checks.count("index", index, -len(self), len(self) - 1)]
 
-    def __iter__(self) -> Iterator[EquilibriumBranch | Branch]:
+    def __iter__(self) -> Iterator[DiagramBranch]:
         """Go through the branches."""
         return iter(self.branches)
 
     @property
     def ranges(self) -> NDArray[np.float64]:
         """How far each state varies in the diagram, shape (state,)."""
-        n = len(self.system.states)
-        lows = [b.states.min(axis=0) if isinstance(b, EquilibriumBranch) else b.lows[:, :n].min(axis=0) for b in self]
-        highs = [b.states.max(axis=0) if isinstance(b, EquilibriumBranch) else b.highs[:, :n].max(axis=0) for b in self]
+        lows, highs = zip(*(_extremes(branch) for branch in self), strict=True)
         return np.asarray(np.max(highs, axis=0) - np.min(lows, axis=0))
 
     @property
@@ -160,7 +182,7 @@ class Diagram(Result):
         Returns
         -------
         pandas.DataFrame
-            One row for each special point, with the states of an equilibrium or of an orbit's start.
+            One row for each special point, with the states of an equilibrium, or of the start of an orbit or cycle.
         """
         import pandas as pd
 
@@ -173,7 +195,7 @@ class Diagram(Result):
                 "type": point.type,
                 self.parameter: point.parameters[self.parameter],
                 "branch": i,
-                "of": "equilibria" if rest else "orbits",
+                "of": kind_of(self.branches[i]),
                 "stable": solution.stable,
                 "period": np.nan if rest else solution.period,
             }
@@ -190,8 +212,8 @@ class Diagram(Result):
         for i, branch in enumerate(self.branches):
             dataset = branch.to_xarray()
             own = {key: value for key, value in dataset.attrs.items() if key != "definition"}
-            attributes.append({"kind": "equilibria" if isinstance(branch, EquilibriumBranch) else "orbits",
-                               "attributes": own, "coordinates": [str(name) for name in dataset.coords]})  # fmt: skip
+            names = [str(name) for name in dataset.coords]
+            attributes.append({"kind": kind_of(branch), "attributes": own, "coordinates": names})
             for name, variable in dataset.variables.items():
                 dims = [f"branch{i}_{dim}" for dim in variable.dims]
                 data[f"branch{i}_{name}"] = (dims, variable.values, variable.attrs)
@@ -213,7 +235,7 @@ class Diagram(Result):
 
     @classmethod
     def _read(cls, held: Contents) -> Diagram:
-        system, parameter = held_system(held), held.text("parameter")
+        system, parameter = held_any(held), held.text("parameter")
         checks.chosen("attribute 'parameter'", parameter, system.parameter_names)
         branches = []
         for i, told in enumerate(held.json("branches", list)):
@@ -236,11 +258,12 @@ class Diagram(Result):
         )
 
     def __repr__(self) -> str:
-        of = self.system.name or "a hybrid system"
+        of = self.system.name or ("a map" if isinstance(self.system, Map) else "a hybrid system")
         lines = [f"Diagram of {of}: {len(self)} branches along {self.parameter}, {self.stopped}"]
         for i, (branch, origin) in enumerate(zip(self.branches, self.origins, strict=True)):
-            rest = isinstance(branch, EquilibriumBranch)
-            what = "equilibria" if rest else "orbits"
+            what = kind_of(branch)
+            if isinstance(branch, MapBranch):
+                what = "fixed points" if branch.period == 1 else f"cycles of period {branch.period}"
             begin = "a start" if origin.parent < 0 else f"{origin.label} of branch {origin.parent}"
             lines.append(
                 f"  {i}: {len(branch)} {what} from {begin}, {self.parameter} from {branch.values.min():.6g} "

@@ -6,6 +6,7 @@ docs/theory/equilibria.md, "Test functions", derives the monitor functions.
 from __future__ import annotations
 
 import math
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,7 +48,8 @@ class EquilibriumZeroProblem(AlgebraicZeroProblem):
 
     critical = CRITICAL
     single = ("SN", "BP")
-    paired, faint = _HB, FAINT
+    paired = _HB
+    faint = MappingProxyType({_HB: FAINT})
     vanishing = "the field does not vanish there"
     problem: EquilibriumProblem
 

@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 
     Row = tuple[OrbitZeroProblem, Point]
 
-__all__ = ["Located", "homoclinic_of", "located"]
+__all__ = ["NONE_NEAR", "Located", "homoclinic_of", "located"]
+
+NONE_NEAR = "no equilibrium is near the cycle"  # why no homoclinic orbit is located: the period need not be unbounded
 
 _CLOSE = 0.1  # distance from an equilibrium, in sizes of the cycle, up to which a cycle passes near it
 _OTHER = 0.03  # the same for any further equilibrium
@@ -278,12 +280,12 @@ def _saddle_node(points: list[Row], cycle: _Cycle, low: float, high: float) -> L
     slowest = cycle.states[int(np.argmin(np.linalg.norm(rates / cycle.sizes, axis=1)))]
     fold = saddle_node_near(cycle.rest, slowest, cycle.parameter, cycle.sizes)
     if fold is None or not float(cycle.distances(fold[:-1]).min()) < _CLOSE or not low <= fold[-1] <= high:
-        return "no equilibrium is near the cycle"
+        return NONE_NEAR
     periods = np.array([period_of(piece, point) for piece, point in points])
     away = np.abs(np.array([point.parameter for _, point in points]) - fold[-1])
     late = periods * _LATE > periods[-1]
     if np.count_nonzero(late) < 3 or not np.all(np.diff(away[late]) < 0.0) or not away[-1] > 0.0:
-        return "no equilibrium is near the cycle"
+        return "the branch does not tend to the saddle-node near the cycle"
     slope = float(np.polyfit(np.log(away[late]), np.log(periods[late]), 1)[0])
     if abs(slope + 0.5) > _EXPONENT:
         return f"its period grows like the power {slope:.2g} of the distance from a saddle-node, not -0.5"

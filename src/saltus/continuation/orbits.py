@@ -63,13 +63,14 @@ def continue_orbit(
 ) -> Branch | MapBranch:
     """Return the branch of periodic orbits, or of cycles of a map, through an orbit, as one parameter varies.
 
-    Saddle-nodes (SN), period doublings (PD), torus bifurcations (TR), branch points (BP) and grazings (GR) are located
-    by Newton's method. At a grazing the branch goes on in the neighbouring signature, or ends where there is none. An
-    orbit that repeats a shorter one there goes on as the shorter one. `StepControl.at_grazing` and `stop_at` change
-    this. A branch of doubled period ends where the period halves. A branch of autonomous cycles ends at the Hopf point
-    (HB) to which the cycle shrinks. Where its period grows without bound it ends at the homoclinic orbit (HOM). Points
-    with a residual above 1e-8 of the orbit's size are rejected. Cycles of a map have border collisions (BC) in place of
-    grazings. docs/theory/continuation.md derives the method, docs/theory/cycles.md that of maps.
+    Saddle-nodes (SN), period doublings (PD), torus bifurcations (TR), branch points (BP) and grazings (GR) are
+    located by Newton's method. At a grazing the branch goes on in the neighbouring signature, or ends where there
+    is none. An orbit that repeats a shorter one there goes on as the shorter one. `StepControl.at_grazing` and
+    `stop_at` change this. A branch of doubled period ends where the period halves. A branch of autonomous cycles
+    ends at the Hopf point (HB), or the boundary equilibrium (BE), to which the cycle shrinks. Where its period
+    grows without bound it ends at the homoclinic orbit (HOM). Points with a residual above 1e-8 of the orbit's size
+    are rejected. Cycles of a map have border collisions (BC) in place of grazings. docs/theory/continuation.md
+    derives the method, docs/theory/cycles.md that of maps.
 
     Parameters
     ----------

@@ -90,6 +90,12 @@ class OneParameterRun(_Run, ABC):
             value = bound if abs(value - bound) < ROUNDING else value
         return value
 
+    def irregular(self, what: str, value: float, error: Exception, advice: str = "") -> InputError:
+        """Return the error of a start at which no one branch goes on; `what` names the start, at that parameter."""
+        beside = f"at a branch point start beside it, at another {self.name}; switch_branch goes to the other branch"
+        hint = f"the equations have no single branch there: {error}; {advice or beside}"
+        return InputError(f"{what} at {self.name}", value, f"a regular {what}", hint)
+
     def place(self, point: Point) -> str:
         """Return the parameter of a point as text; 0 where it is rounding of the interval."""
         return f"{self.name} = {self.value(point):.9g}"

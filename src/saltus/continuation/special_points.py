@@ -71,8 +71,8 @@ class SpecialPoint(Generic[Solution]):
     Attributes
     ----------
     type : str
-        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB``, ``HOM``, ``SNIC`` or the name of a user's
-        event. On a locus ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of another
+        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB``, ``BE``, ``HOM``, ``SNIC`` or the name of a
+        user's event. On a locus ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of another
         locus that meets it. `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list those of equilibria.
     label : str
         The type with its number along the curve, as in ``SN1``.
@@ -89,7 +89,7 @@ class SpecialPoint(Generic[Solution]):
         - HB: the amplitude of the last cycle; of equilibria the product of the sums of two eigenvalues.
         - HOM: the parameter's last change while it was located.
         - SNIC: the parameter's distance from the last cycle.
-        - BE: the event function, over its size.
+        - BE: of equilibria the event function, over its size; of cycles that of a GR.
         - BT, GH, ZH, HH: what docs/theory/equilibria.md, "Loci", lists.
         - CP, GPD, CH: the coefficient of the normal form, over its size nearby.
         - R1 to R4: cosine of the multipliers' angle less that of the resonance.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from saltus.continuation.homoclinic import located
+from saltus.continuation.homoclinic import NONE_NEAR, located
 from saltus.continuation.long_cycles import long_cycles
 from saltus.continuation.two_sided import Found
 from saltus.continuation.unbounded import LONGEST, period_of, told
@@ -32,6 +32,8 @@ def end_unbounded(half: OneSide, interest: Interest) -> str:
     """
     period = period_of(*half.points[-1])
     found = located(half.points, interest.low, interest.high)
+    if found == NONE_NEAR:
+        return f"the period grows while the parameter rests (T = {period:.6g}); {found}, as on a canard"
     if isinstance(found, str):
         return f"{told(period)}; no homoclinic orbit is located: {found}"
     failed = ""

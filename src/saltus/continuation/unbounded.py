@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from saltus.orbits.signature import CUT_END
 
 if TYPE_CHECKING:
@@ -16,10 +18,11 @@ if TYPE_CHECKING:
 
     Row = tuple[OrbitZeroProblem, Point]
 
-__all__ = ["LONGEST", "grows_at_last", "grows_for_ever", "period_of", "told", "too_stiff"]
+__all__ = ["LONGEST", "grows_at_last", "grows_for_ever", "period_of", "swells_at_last", "told", "too_stiff"]
 
 _GROWN = 1.2  # least ratio of an unbounded period to its least value on the branch
 _RESTS = 1e-3  # change of the parameter, over its interval and the period's relative growth, up to which it rests
+_SWOLLEN = 1e4  # least ratio of a state's unbounded range to its least on the branch
 LONGEST = 1e3  # ratio of the period to that of the first point at which a branch is ended
 _LATE = 1.5  # ratio by which the period of an orbit in pieces must grow while the parameter rests
 _RESTING = 3e-6  # change of the parameter, over its range on the branch, up to which it rests during that growth
@@ -37,6 +40,25 @@ def grows_at_last(points: list[Row]) -> str | None:
     moved = abs(points[-1][1].parameter - points[-2][1].parameter)
     growing = periods[-4] < periods[-3] < before < last and last > _GROWN * min(periods)
     return told(last) if growing and moved < _RESTS * (last / before - 1.0) else None
+
+
+def swells_at_last(points: list[Row]) -> str | None:
+    """Return the reason, after a failed step, that the orbit grows without bound; None if it does not.
+
+    Over the last four points a state's range grew, to many times its least on the branch, while the parameter rested.
+    """
+    if len(points) < 4:
+        return None
+    n = len(points[-1][0].problem.system.states)
+    surveys = [point.examined.data.survey for _, point in points]
+    ranges = np.array([survey.highs[:n] - survey.lows[:n] for survey in surveys])
+    swollen = np.all(np.diff(ranges[-4:], axis=0) > 0.0, axis=0) & (ranges[-1] > _SWOLLEN * ranges.min(axis=0))
+    values = [point.parameter for _, point in points[-4:]]
+    if not np.any(swollen) or max(values) - min(values) > _RESTS * _RESTS:
+        return None
+    largest = int(np.argmax(ranges[-1] / ranges.min(axis=0)))
+    name = points[-1][0].problem.system.states[largest]
+    return f"the orbit grows without bound ({name} ranges over {ranges[-1][largest]:.3g})"
 
 
 def grows_for_ever(points: list[Row]) -> str | None:

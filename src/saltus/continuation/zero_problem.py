@@ -19,6 +19,7 @@ __all__ = ["Event", "Examined", "Point", "ZeroProblem", "correct", "hermite", "s
 
 _STEP_ACCEPTED = 2e-9  # largest relative Newton step of a converged point
 _REMESHED = 20  # most further Newton iterations of a converged point while its mesh is refined
+_UNSTABLE = 2  # most evaluations of a point on meshes too coarse for the flow to be finite
 
 
 class ZeroProblem(Protocol):
@@ -155,9 +156,12 @@ def correct(
 
     u = guess.copy()
     row, scale = weights * tangent, problem.scale()
-    previous, remeshed = math.inf, 0
+    previous, remeshed, unstable = math.inf, 0, 0
     for iteration in range(1, iterations + _REMESHED + 1):
         F, J = problem.evaluate(u)
+        if unstable < _UNSTABLE and not np.all(np.isfinite(J)) and not problem.accurate():
+            unstable += 1
+            continue
         steps, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
         if sign == 0.0 or not math.isfinite(log):
             return "Newton: the equations are singular there"
@@ -190,10 +194,14 @@ def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float
     for _ in range(6 + _REMESHED):
         F, J = problem.evaluate(u)
         fine = problem.accurate()
+        if not np.all(np.isfinite(J)):  # on meshes too coarse for the flow, which are finer now
+            continue
         step = np.linalg.lstsq(J / root, -F, rcond=None)[0] / root
         u = u + step
         if fine and np.abs(step / problem.scale()).max() < _STEP_ACCEPTED:
             break
+    if not np.all(np.isfinite(J)):
+        raise ValueError("Newton: the equations have no finite values")
     null = np.linalg.svd(J / root)[2][-1] / root
     null *= np.sign(orientation * null[-1]) or 1.0
     null /= math.sqrt(float(weights @ null**2))

@@ -24,11 +24,12 @@ if TYPE_CHECKING:
 
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["NORMAL_FORMS", "EquilibriumNormalForm", "HopfTerms", "cusp_coefficient", "fold_coefficient",
-           "hopf_terms", "lyapunov_coefficient", "normal_form", "null_pair"]  # fmt: skip
+__all__ = ["NORMAL_FORMS", "EquilibriumNormalForm", "HopfTerms", "check_no_zero", "cusp_coefficient",
+           "fold_coefficient", "hopf_terms", "lyapunov_coefficient", "normal_form", "null_pair"]  # fmt: skip
 
 NORMAL_FORMS = ("SN", "HB", "CP", "BT")  # types of special points that have a normal form here
 _NOISE = 1e-10  # size of a coefficient, over its terms, up to which it is rounding
+_ZERO_HOPF = 1e-7  # modulus of an eigenvalue, over the pair's, below which it is 0
 _FAR = 1e-3  # distance of an eigenvalue from the critical one, over the largest, above which a point is not critical
 
 
@@ -106,6 +107,7 @@ def normal_form(
         if not pair.imag > 0.0 or abs(pair.real) > _FAR * top:
             raise InputError("point", f"eigenvalues {values}", "an equilibrium with an imaginary pair, as every HB has")
         w = float(pair.imag)
+        check_no_zero(values, w)
         return EquilibriumNormalForm(kind, lyapunov_coefficient(problem, u, J, w, sizes), w)
     if problem.n > 1 and float(np.abs(values).min()) > _FAR * top:
         raise InputError("point", f"eigenvalues {values}", f"an equilibrium with an eigenvalue 0, as every {kind} has")
@@ -116,6 +118,13 @@ def normal_form(
     if kind == "SN":
         return EquilibriumNormalForm(kind, fold_coefficient(scaled, u, q, p) * scaled.unit(q))
     return EquilibriumNormalForm(kind, cusp_coefficient(scaled, u, A, q, p) * scaled.unit(q) ** 2)
+
+
+def check_no_zero(values: NDArray[Any], w: float) -> None:
+    """Raise `InputError` where an eigenvalue beside the pair +-i w is 0: the normal form of an HB does not hold."""
+    if float(np.abs(values).min()) < _ZERO_HOPF * w:
+        hint = "it is a zero-Hopf point (ZH), and what is born there depends on two parameters"
+        raise InputError("point", f"eigenvalues {values}", "a pair +-i w beside which no eigenvalue is 0", hint)
 
 
 def lyapunov_coefficient(

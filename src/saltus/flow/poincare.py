@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["EventSection", "Iterates", "admits", "iterate"]
+__all__ = ["EventSection", "PoincareReturns", "admits", "iterate"]
 
 _BATCH = 1024  # returns between two clearances of what the engine keeps
 
@@ -40,7 +40,7 @@ class EventSection:
 
 
 @dataclass(frozen=True)
-class Iterates:
+class PoincareReturns:
     """Returns of a motion to a section, made by `iterate`.
 
     Parameters
@@ -74,7 +74,7 @@ def iterate(
     keep: int,
     section: EventSection | None = None,
     tolerance: tuple[float, float] = (1e-10, 1e-12),
-) -> Iterates:
+) -> PoincareReturns:
     """Return the returns of a motion to a section after the first `discard` of them.
 
     Parameters
@@ -114,13 +114,13 @@ def iterate(
         motion = TaylorRun(system, series, p, start_state(system, x), mode, transitions, *tolerance)
         states, modes, times = motion.follow(discard, keep, longest)
         x_end = frozen(motion.x[:-1])
-        return Iterates(frozen(states), frozen(modes, np.int64), frozen(times), x_end, motion.mode)
+        return PoincareReturns(frozen(states), frozen(modes, np.int64), frozen(times), x_end, motion.mode)
     most = STEPS_A_RETURN * max(discard + keep, 1)
     run = EventDrivenMotion(system, p, start_state(system, x), mode, *tolerance, most_steps=most)
     log = _to_phase_zero(run, discard, keep) if section is None else _to_events(run, section, discard, keep)
     times, which, ends, _ = log
     states = ends[:, 1] if section is None else ends[:, 0]
-    return Iterates(frozen(states), frozen(which[:, 1], np.int64), frozen(times), frozen(run.x), run.mode)
+    return PoincareReturns(frozen(states), frozen(which[:, 1], np.int64), frozen(times), frozen(run.x), run.mode)
 
 
 def admits(system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> bool:

@@ -31,6 +31,7 @@ _EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
 _NEARBY = 1e-6  # size of an orbit at rest, over those on its branch, below which it tells nothing
 _NOTHING = 1e-13  # size of an orbit above which it is no rounding of 0
+_UNSTABLE = 1e3  # error of a step, in tolerances, beyond which steps are halved: they may be unstable
 _REMESHED = 12  # most times that the meshes of one orbit are moved
 
 
@@ -333,6 +334,9 @@ class OrbitProblem:
         )  # fmt: skip
 
     def _move(self, limit: float) -> bool:
+        if not self._worst <= _UNSTABLE and self.steps < _FEW * self.segments:
+            self._use([halved(mesh) for mesh in np.split(self._mesh[0], self._mesh[1][1:-1])])
+            return False
         fine, fresh, counts = self._meshes.remesh(*self._mesh, self._errors, limit)
         if counts.size:
             if not np.all(np.isfinite(self._errors)):

@@ -282,9 +282,11 @@ def solve_unknowns(
     given = u
     u = _within_reach(problem, u)
     evaluate = problem.evaluate if unfolded is None else unfolded.evaluate
-    scale = np.tile(np.append(problem.state_scale, 1.0), problem.segments)
+    scale = sizes_of_unknowns(problem, u)
     if unfolded is not None:
-        scale = np.append(sizes_of_unknowns(problem, u), 1.0)
+        scale = np.append(scale, 1.0)
+    else:
+        scale[problem.n :: problem.n + 1] /= 2.0 * math.pi  # a radian, within which a step of an orbit stays
     F, J = evaluate(u)
     size, remeshed = float(np.abs(F).max()), 0
     extent = _extent(problem, u)

@@ -28,6 +28,10 @@ _HOMES = {
     "saltus.equilibria.equilibrium.Equilibrium": "saltus.plotting.equilibrium",
     "saltus.continuation.equilibrium_branch.EquilibriumBranch": "saltus.plotting.equilibrium",
     "saltus.continuation.equilibrium_locus.EquilibriumLocus": "saltus.plotting.locus",
+    "saltus.cycles.orbit.MapOrbit": "saltus.plotting.cycle",
+    "saltus.continuation.map_curve.MapBranch": "saltus.plotting.cycle",
+    "saltus.continuation.map_locus.MapLocus": "saltus.plotting.locus",
+    "saltus.continuation.map_cascade.MapCascade": "saltus.plotting.cascade",
     "saltus.sweeps.sweep.Sweep": "saltus.plotting.sweep",
     "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
     "saltus.basins.map.basins.Basins": "saltus.plotting.basin",
@@ -43,8 +47,8 @@ def plot(result: Any, *args: Any, **options: Any) -> Any:
     ----------
     result : Result
         A result of one of the kinds that docs/theory/plotting.md lists. Functions `plot_...` in
-        `saltus.plotting.branch`, `.cascade`, `.locus`, `.family`, `.orbit`, `.equilibrium`, `.diagram`, `.trajectory`,
-        `.iterates`, `.sweep`, `.lyapunov`, `.basin` and `.erosion` list the options of each kind.
+        `saltus.plotting.branch`, `.cascade`, `.locus`, `.family`, `.orbit`, `.equilibrium`, `.cycle`, `.diagram`,
+        `.trajectory`, `.iterates`, `.sweep`, `.lyapunov`, `.basin` and `.erosion` list the options of each kind.
     *args, **options
         Names of the quantities on the axes, and ``ax``, the Axes to draw into; by default in a new figure.
 

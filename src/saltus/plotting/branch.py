@@ -10,12 +10,14 @@ import numpy as np
 
 from saltus.continuation.branch import Branch
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.map_curve import MapBranch
 from saltus.continuation.special_points import SpecialPoint
+from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
@@ -33,10 +35,10 @@ __all__ = [
     "plot_branch",
 ]
 
-AnyBranch = Branch | EquilibriumBranch
+AnyBranch = Branch | EquilibriumBranch | MapBranch
 
 _SPLITS = ("SN", "PD", "TR", "BP", "HB")  # special points at which stability may change
-_MEETINGS = ("GR", "BE")  # special points at which the equations change
+_MEETINGS = ("GR", "BE", "BC")  # special points at which the equations change
 _NEAREST = 1e-9  # relative distance up to which a point of the branch is the grazing point next to it
 _VERTICES = 4000  # vertices of a branch, about
 
@@ -48,7 +50,7 @@ class Piece:
     Attributes
     ----------
     kind : str
-        ``stable``, ``unstable``, ``not admissible`` (orbits) or ``virtual`` (equilibria).
+        ``stable``, ``unstable``, ``not admissible`` (orbits) or ``virtual`` (equilibria, cycles).
     x, y : ndarray, shape (vertex,)
         Vertices of the curve: points of the branch, and interpolated ones between them.
     """
@@ -93,19 +95,20 @@ def plot_branch(
     """
     style.check_options(ax, x, y, special=special, legend=legend)
     x, y = default_axes(branch.system, branch.parameter, x, y)
-    return draw_branch(branch, x, y, ax, special=special, legend=legend)
+    return draw_branch([branch], x, y, ax, special=special, legend=legend)
 
 
-def draw_branch(branch: AnyBranch, x: str, y: str, ax: Axes | None, *, special: bool, legend: bool) -> Axes:
-    """Draw a branch of orbits or of equilibria; the options are those of `plot_branch`, checked."""
-    pieces = pieces_of(branch, x, y)
+def draw_branch(branches: Sequence[AnyBranch], x: str, y: str, ax: Axes | None, *, special: bool, legend: bool) -> Axes:
+    """Draw a branch; the options are those of `plot_branch`, checked. One of cycles is given once for each point."""
+    pieces = [piece for branch in branches for piece in pieces_of(branch, x, y)]
     ax = style.axes(ax)
     draw_pieces(ax, pieces)
     if special:
-        draw_special(ax, branch, x, y)
+        for branch in branches:
+            draw_special(ax, branch, x, y)
     ax.set_xlabel(style.label_of(x))
     ax.set_ylabel(style.label_of(y))
-    if legend and (pieces or len(branch.special_points)):
+    if legend and (pieces or any(len(branch.special_points) for branch in branches)):
         style.draw_legend(ax)
     return ax
 
@@ -188,9 +191,9 @@ class _Traits:
     fault : str
         The kind of those that are none.
     equations : ndarray of int, shape (point,)
-        Number of the equations: signature or mode.
+        Number of the equations: signature, mode or itinerary.
     states : ndarray, shape (point, state)
-        The equilibrium, or where the orbit starts.
+        The equilibrium, where the orbit starts, or all points of the cycle.
     """
 
     sound: NDArray[np.bool_]
@@ -202,6 +205,8 @@ class _Traits:
 def _traits(branch: AnyBranch) -> _Traits:
     if isinstance(branch, EquilibriumBranch):
         return _Traits(branch.regular, "virtual", branch.mode, branch.states)
+    if isinstance(branch, MapBranch):
+        return _Traits(branch.regular, "virtual", branch.form, branch.points.reshape(len(branch), -1))
     return _Traits(branch.admissible, "not admissible", branch.form, branch.x0)
 
 
@@ -238,7 +243,7 @@ def _twins(branch: AnyBranch, traits: _Traits, specials: list[SpecialPoint[Any]]
     twins: dict[int, int] = {}
     width = float(np.ptp(branch.values)) or 1.0
     for i, point in enumerate(specials):
-        own = point.equilibrium.state if isinstance(branch, EquilibriumBranch) else point.orbit.x0
+        own = _states_of(point.solution)
         for row in (int(np.floor(point.position)), int(np.ceil(point.position))):
             if point.type in _MEETINGS and 0 < row < len(branch) - 1:
                 apart = abs(branch.values[row] - point.value(branch.parameter))
@@ -246,6 +251,13 @@ def _twins(branch: AnyBranch, traits: _Traits, specials: list[SpecialPoint[Any]]
                 if near and apart < _NEAREST * width:
                     twins[i] = row
     return twins
+
+
+def _states_of(solution: Any) -> NDArray[np.float64]:
+    """Return what `_Traits.states` has of a special point's solution."""
+    if isinstance(solution, MapOrbit):
+        return solution.points.ravel()
+    return np.asarray(solution.state if isinstance(solution, Equilibrium) else solution.x0)
 
 
 def _kinds(
@@ -277,7 +289,7 @@ def _beyond(kind: str, point: SpecialPoint[Any]) -> str:
         values = point.solution.eigenvalues
         unstable = int(np.sum(values.real > 1e-6 * np.abs(values).max()))
     else:
-        unstable = int(np.sum(np.abs(point.orbit.multipliers) > 1.0 + 1e-6))
+        unstable = int(np.sum(np.abs(point.solution.multipliers) > 1.0 + 1e-6))
     return "unstable" if unstable else "stable"
 
 

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.continuation.branch import Branch
 from saltus.continuation.cascade import Cascade
-from saltus.continuation.special_points import SpecialPoints
+from saltus.continuation.map_cascade import MapCascade
+from saltus.continuation.map_curve import MapBranch
+from saltus.continuation.special_points import SpecialPoint, SpecialPoints
 from saltus.flow import simulate
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_pieces, pieces_of
+from saltus.plotting.cycle import at_each_point, turned_cycle
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
@@ -27,8 +30,9 @@ __all__ = ["plot_cascade"]
 
 
 @plot.register(Cascade)
+@plot.register(MapCascade)
 def plot_cascade(
-    cascade: Cascade,
+    cascade: Cascade | MapCascade,
     x: str | None = None,
     y: str | None = None,
     *,
@@ -39,15 +43,16 @@ def plot_cascade(
     """Draw a cascade and return the matplotlib Axes.
 
     Lines are those of `saltus.plotting.branch`. A state is drawn at every return, so an orbit of four times the first
-    period has four curves. Returns are counted from phase 0, or without a phase from the first segment's start. With
-    the parameter on the horizontal axis, a dotted line marks the limit of the doublings.
+    period has four curves. Returns are counted from phase 0, or without a phase from the first segment's start. Each
+    iteration of a map is a return. With the parameter on the horizontal axis, a dotted line marks the limit of the
+    doublings.
 
     Parameters
     ----------
-    cascade : Cascade
+    cascade : Cascade or MapCascade
         The cascade.
     x, y : str, optional
-        Quantities that `Branch.column` knows; by default the parameter, and the first state.
+        Quantities that `Branch.column` or `MapBranch.column` knows; by default the parameter, and the first state.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     special, legend : bool, optional
@@ -61,7 +66,8 @@ def plot_cascade(
     style.check_options(ax, x, y, special=special, legend=legend)
     x, y = cascade.parameter if x is None else x, cascade.system.states[0] if y is None else y
     tree = {x, y} & set(cascade.system.states)
-    levels = [_sheets(branch, 2 ** (k + 1)) if tree else [branch] for k, branch in enumerate(cascade.branches)]
+    branches: Sequence[Any] = cascade.branches
+    levels = [_sheets(branch, 2 ** (k + 1)) if tree else [branch] for k, branch in enumerate(branches)]
     pieces = [piece for sheets in levels for branch in sheets for piece in pieces_of(branch, x, y)]
     places = _doublings(cascade, levels, x, y) if special else []
     ax = style.axes(ax)
@@ -78,19 +84,23 @@ def plot_cascade(
     return ax
 
 
-def _doublings(cascade: Cascade, levels: list[list[Branch]], x: str, y: str) -> list[tuple[float, float]]:
+def _doublings(cascade: Cascade | MapCascade, levels: list[Any], x: str, y: str) -> list[tuple[float, float]]:
     """Return the coordinates of the doublings; the first is the beginning of the first branch."""
     if not levels:
         return []
     first = cascade.branches[0]
-    start = replace(cascade.start, arclength=float(first.arclength[0]))
+    start: SpecialPoint[Any] = replace(cascade.start, arclength=float(first.arclength[0]))
+    turns = range(start.cycle.period) if isinstance(cascade, MapCascade) else ()
+    starts = [replace(start, solution=turned_cycle(start.cycle, k)) for k in turns] or [start]
     ends = [(branch, branch.special_points.of_type("PD")[:1]) for sheets in levels for branch in sheets]
-    owners = [(first, start), *((branch, point) for branch, found in ends for point in found)]
+    owners = [*((first, point) for point in starts), *((branch, point) for branch, found in ends for point in found)]
     return [(branch.value_at(point, x), branch.value_at(point, y)) for branch, point in owners]
 
 
-def _sheets(branch: Branch, count: int) -> list[Branch]:
+def _sheets(branch: Branch | MapBranch, count: int) -> Sequence[Branch | MapBranch]:
     """Return a branch `count` times, its states those at each return; once where returns are unknown."""
+    if isinstance(branch, MapBranch):
+        return at_each_point(branch)
     system, names = branch.system, (branch.parameter,)
     wide = len(system.all_states) + 1
     points = list(branch.special_points)

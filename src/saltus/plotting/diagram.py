@@ -1,14 +1,16 @@
-"""Picture of a whole diagram: equilibria, and the least and greatest values of cycles, along one parameter."""
+"""Picture of a whole diagram: equilibria and extremes of cycles, or all points of a map's cycles."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
-from saltus.continuation.diagram_tree import Diagram
+from saltus.continuation.diagram_tree import Diagram, DiagramBranch
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.map_curve import MapBranch
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_special, pieces_of
+from saltus.plotting.cycle import at_each_point, leave_out_the_unbounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,8 +28,9 @@ def plot_diagram(
 ) -> Axes:
     """Draw all branches of a diagram and return the matplotlib Axes.
 
-    Equilibria are black, cycles blue with two lines: the least and the greatest value over the period. Stable solutions
-    are solid, unstable ones dashed, those that are no motion of the system dotted in grey.
+    Equilibria are black, cycles blue with two lines: the least and the greatest value over the period. Of a map, fixed
+    points are black, and cycles blue with a line for each point. Stable solutions are solid, unstable ones dashed. What
+    is no motion of the system is dotted in grey.
 
     Parameters
     ----------
@@ -48,29 +51,51 @@ def plot_diagram(
     style.check_options(ax, y, special=special, legend=legend)
     known = [*diagram.system.output_names, *diagram.system.states]
     y = known[0] if y is None else checks.chosen("y", y, known)
-    ax = style.axes(ax)
+    alone, ax = ax is None, style.axes(ax)
     named: set[str] = set()
     once: dict[int, list[SpecialPoint[Any]]] = {i: [] for i in range(len(diagram))}
     for i, point in diagram.numbered():
         once[i].append(point)
     for i, branch in enumerate(diagram):
-        rest = isinstance(branch, EquilibriumBranch)
-        for quantity in [y] if rest else [f"min_{y}", f"max_{y}"]:
-            for piece in pieces_of(branch, diagram.parameter, quantity):
+        rest, what = _described(branch)
+        for shown, quantity, points in _curves(branch, y, once[i]):
+            for piece in pieces_of(shown, diagram.parameter, quantity):
                 options: dict[str, Any] = dict(style.LINES[piece.kind])
                 label = piece.kind
                 if piece.kind not in style.FAULTY:
                     options |= {} if rest else {"color": _CYCLES}
-                    label = f"{piece.kind} {'equilibria' if rest else 'cycles'}"
+                    label = f"{piece.kind} {what}"
                 ax.plot(piece.x, piece.y, label="_" if label in named else label, **options)
                 named.add(label)
             if special:
-                draw_special(ax, branch, diagram.parameter, quantity, once[i])
+                draw_special(ax, shown, diagram.parameter, quantity, points)
+    cycles = [branch for branch in diagram if isinstance(branch, MapBranch)]
+    if alone and cycles:
+        leave_out_the_unbounded(ax, cycles, y)
     ax.set_xlabel(style.label_of(diagram.parameter))
     ax.set_ylabel(style.label_of(y))
     if legend:
         _draw_legend(ax)
     return ax
+
+
+def _described(branch: DiagramBranch) -> tuple[bool, str]:
+    """Return whether a branch is at rest, and what a legend calls it."""
+    if isinstance(branch, MapBranch):
+        return branch.period == 1, "fixed points" if branch.period == 1 else "cycles"
+    rest = isinstance(branch, EquilibriumBranch)
+    return rest, "equilibria" if rest else "cycles"
+
+
+def _curves(
+    branch: DiagramBranch, y: str, points: list[SpecialPoint[Any]]
+) -> list[tuple[DiagramBranch, str, list[SpecialPoint[Any]]]]:
+    """Return the curves of a branch, each as a branch and a quantity, with those special points that are drawn."""
+    if isinstance(branch, MapBranch):
+        drawn = [k for k, own in enumerate(branch.special_points) if any(own.solution is p.solution for p in points)]
+        return [(sheet, y, [sheet.special_points[k] for k in drawn]) for sheet in at_each_point(branch)]
+    names = [y] if isinstance(branch, EquilibriumBranch) else [f"min_{y}", f"max_{y}"]
+    return [(branch, name, points) for name in names]
 
 
 def _draw_legend(ax: Axes) -> None:

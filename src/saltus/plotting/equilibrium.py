@@ -97,4 +97,4 @@ def plot_equilibrium_branch(
     style.check_options(ax, x, y, special=special, legend=legend)
     x = branch.parameter if x is None else x
     y = [*branch.system.output_names, *branch.system.states][0] if y is None else y
-    return draw_branch(branch, x, y, ax, special=special, legend=legend)
+    return draw_branch([branch], x, y, ax, special=special, legend=legend)

@@ -11,10 +11,14 @@ from saltus.iteration.iterates import Iterates
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-__all__ = ["plot_iterates"]
+    from saltus.system import Map
+
+__all__ = ["draw_cobweb", "plot_iterates"]
 
 _COUNTED = "n"  # name of the count of iterations on an axis
 _FEW = 400  # states of a series up to which a thin line joins them
@@ -62,7 +66,11 @@ def plot_iterates(
         if len(system.states) != 1:
             raise InputError("cobweb", cobweb, f"left out for a map of {len(system.states)} states", "it needs one")
         ax = style.axes(ax)
-        _draw_cobweb(ax, iterates)
+        x_all = iterates.states[:, 0]
+        room = _ROOM * (float(np.ptp(x_all)) or abs(float(x_all[0])) or 1.0)
+        low, high = float(x_all.min()) - room, float(x_all.max()) + room
+        heights = draw_cobweb(ax, system, iterates.parameters, x_all, (low, high))
+        ax.set_ylim(min(float(np.nanmin(heights)), low), max(float(np.nanmax(heights)), high))
     else:
         y = system.states[0] if y is None else y
         n = iterates.steps.astype(np.float64)
@@ -89,15 +97,36 @@ def _draw_points(ax: Axes, iterates: Iterates, columns: list[NDArray[np.float64]
         )
 
 
-def _draw_cobweb(ax: Axes, iterates: Iterates) -> None:
-    system, x = iterates.system, iterates.states[:, 0]
-    room = _ROOM * (float(np.ptp(x)) or abs(float(x[0])) or 1.0)
-    places = np.linspace(float(x.min()) - room, float(x.max()) + room, _GRAPH)
-    p = system.parameter_vector(iterates.parameters)
+def draw_cobweb(
+    ax: Axes, system: Map, parameters: Mapping[str, float], x: NDArray[np.float64], window: tuple[float, float]
+) -> NDArray[np.float64]:
+    """Draw the graph of a map of one state, the diagonal, and a motion between them; return the graph's heights.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Where to draw.
+    system : Map
+        A map of one state.
+    parameters : mapping of str to float
+        Its parameters.
+    x : ndarray, shape (n,)
+        States of the motion, each the image of the one before.
+    window : (float, float)
+        Interval of the state over which the graph is drawn.
+
+    Returns
+    -------
+    ndarray
+        Images along the window, NaN where they are no numbers.
+    """
+    places = np.linspace(*window, _GRAPH)
+    p = system.parameter_vector(parameters)
     pieces = np.array([system.piece_index(np.array([place]), p) for place in places])
     images = np.array(
         [system.compiled.field(int(k), np.array([at]), p)[0] for k, at in zip(pieces, places, strict=True)]
     )
+    images = np.where(np.isfinite(images), images, np.nan)
     ax.plot(places, places, color="0.6", linewidth=0.7)
     for k in np.unique(pieces):
         shown = np.where(pieces == k, images, np.nan)
@@ -108,4 +137,4 @@ def _draw_cobweb(ax: Axes, iterates: Iterates) -> None:
     name = system.states[0]
     ax.set_xlabel(style.label_of(name))
     ax.set_ylabel(f"next {style.label_of(name)}")
-    ax.set_ylim(min(float(images.min()), float(places[0])), max(float(images.max()), float(places[-1])))
+    return images

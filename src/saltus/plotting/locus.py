@@ -8,9 +8,10 @@ import numpy as np
 
 from saltus.continuation.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.locus import Locus
+from saltus.continuation.map_locus import MapLocus
 from saltus.errors import InputError
 from saltus.plotting import plot, style
-from saltus.plotting.space import axes_in_space, coordinates_of, stretches_of
+from saltus.plotting.space import AnyLocus, axes_in_space, coordinates_of, stretches_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,8 +23,9 @@ _WIDE = 80  # characters of three entries of a legend from which on it has two c
 
 @plot.register(Locus)
 @plot.register(EquilibriumLocus)
+@plot.register(MapLocus)
 def plot_locus(
-    locus: Locus | EquilibriumLocus,
+    locus: AnyLocus,
     x: str | None = None,
     y: str | None = None,
     *,
@@ -32,7 +34,7 @@ def plot_locus(
     special: bool = True,
     legend: bool = True,
 ) -> Axes:
-    """Draw a locus of orbits or of equilibria and return the matplotlib Axes.
+    """Draw a locus of orbits, of equilibria or of cycles of a map and return the matplotlib Axes.
 
     The curve has the colour of its type's special points. It is solid where all multipliers or eigenvalues but the
     critical ones are stable, else dashed. It is dotted in grey where the solutions are no motion of the system. A GR
@@ -40,7 +42,7 @@ def plot_locus(
 
     Parameters
     ----------
-    locus : Locus or EquilibriumLocus
+    locus : Locus, EquilibriumLocus or MapLocus
         The locus.
     x, y : str, optional
         Quantities that its `column` knows; by default the two parameters.
@@ -97,15 +99,15 @@ def _draw_legend(ax: Axes, above: bool) -> None:
         style.draw_legend(ax)
 
 
-def _meaning(locus: Locus | EquilibriumLocus, stability: str) -> str:
+def _meaning(locus: AnyLocus, stability: str) -> str:
     if stability in style.FAULTY:
         return stability
-    what = "equilibria" if isinstance(locus, EquilibriumLocus) else "orbits"
+    what = "orbits" if isinstance(locus, Locus) else locus.counted
     known = f"{locus.type}, {style.SPECIAL[locus.type].meaning}"
     return known + (f", of unstable {what}" if stability == "unstable" else "")
 
 
-def _draw_special(ax: Axes, locus: Locus | EquilibriumLocus, names: list[str]) -> None:
+def _draw_special(ax: Axes, locus: AnyLocus, names: list[str]) -> None:
     for kind in dict.fromkeys(point.type for point in locus.special_points):
         marker = style.SPECIAL[kind]
         places = [coordinates_of(locus, point, names) for point in locus.special_points.of_type(kind)]

@@ -13,6 +13,8 @@ from saltus.continuation.branch import Branch
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.locus import Locus
+from saltus.continuation.map_curve import MapBranch
+from saltus.continuation.map_locus import MapLocus
 from saltus.continuation.special_points import SpecialPoint
 from saltus.errors import InputError
 from saltus.plotting import style
@@ -23,9 +25,19 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d.art3d import Line3D, Poly3DCollection
     from numpy.typing import NDArray
 
-__all__ = ["Curve", "Stretch", "axes_in_space", "coordinates_of", "draw_in_space", "draw_level", "stretches_of"]
+__all__ = [
+    "AnyLocus",
+    "Curve",
+    "Stretch",
+    "axes_in_space",
+    "coordinates_of",
+    "draw_in_space",
+    "draw_level",
+    "stretches_of",
+]
 
-Curve = Branch | EquilibriumBranch | Locus | EquilibriumLocus
+AnyLocus = Locus | EquilibriumLocus | MapLocus
+Curve = Branch | EquilibriumBranch | MapBranch | AnyLocus
 
 _VERTICES = 2000  # vertices of a locus, about
 _COINCIDENT = 1e-3  # distance in arclength, over a mean step, up to which two nodes of a locus are one
@@ -43,8 +55,8 @@ class Stretch:
     Attributes
     ----------
     kind : str
-        ``stable``, ``unstable``, ``not admissible`` (orbits) or ``virtual`` (equilibria). On a locus critical
-        multipliers or eigenvalues do not count.
+        ``stable``, ``unstable``, ``not admissible`` (orbits) or ``virtual`` (equilibria, cycles of maps). On a locus
+        critical multipliers or eigenvalues do not count.
     places : ndarray, shape (quantity, vertex)
         Vertices of the curve.
     """
@@ -58,7 +70,7 @@ def stretches_of(curve: Curve, names: Sequence[str]) -> list[Stretch]:
 
     Parameters
     ----------
-    curve : Branch, Locus, EquilibriumBranch or EquilibriumLocus
+    curve : Branch or Locus, or that of equilibria or of cycles of a map
         The curve.
     names : sequence of str
         Two quantities or more that its `column` knows, or parameters that are constant along the curve.
@@ -68,10 +80,10 @@ def stretches_of(curve: Curve, names: Sequence[str]) -> list[Stretch]:
     InputError
         A quantity of another name.
     """
-    if isinstance(curve, Locus | EquilibriumLocus):
+    if isinstance(curve, AnyLocus):
         return _stretches_of_locus(curve, names)
-    if not isinstance(curve, Branch | EquilibriumBranch):
-        raise InputError("curve", type(curve).__name__, "a Branch or a Locus, of orbits or of equilibria")
+    if not isinstance(curve, Curve):
+        raise InputError("curve", type(curve).__name__, "a Branch or a Locus")
     along = [name for name in names if not _is_constant(curve, name)]
     first = along[0] if along else curve.parameter
     tables = {name: pieces_of(curve, first, name) for name in along or [first]}
@@ -93,7 +105,7 @@ def _is_constant(curve: Curve, name: str) -> bool:
     return name in curve.parameters and name not in curve.varied
 
 
-def _stretches_of_locus(locus: Locus | EquilibriumLocus, names: Sequence[str]) -> list[Stretch]:
+def _stretches_of_locus(locus: AnyLocus, names: Sequence[str]) -> list[Stretch]:
     """Return a locus as curves, interpolated in arclength by modified Akima splines, which hardly overshoot."""
     points = np.array([_column(locus, name) for name in names]).T
     nodes = [(s, points[i], _kind(locus, i)) for i, s in enumerate(locus.arclength.tolist())]
@@ -119,13 +131,13 @@ def _stretches_of_locus(locus: Locus | EquilibriumLocus, names: Sequence[str]) -
     ]
 
 
-def _column(locus: Locus | EquilibriumLocus, name: str) -> NDArray[np.float64]:
+def _column(locus: AnyLocus, name: str) -> NDArray[np.float64]:
     return np.full(len(locus), locus.parameters[name]) if _is_constant(locus, name) else locus.column(name)
 
 
-def _kind(locus: Locus | EquilibriumLocus, index: int) -> str:
+def _kind(locus: AnyLocus, index: int) -> str:
     """Return the kind of a point; a GR locus, whose multipliers are infinite, counts as stable."""
-    if isinstance(locus, EquilibriumLocus):
+    if not isinstance(locus, Locus):
         return ("stable" if locus.stable[index] else "unstable") if locus.regular[index] else "virtual"
     if not locus.admissible[index]:
         return "not admissible"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from saltus.errors import DivergenceError, InputError
-from saltus.flow.poincare import Iterates
+from saltus.flow.poincare import PoincareReturns
 from saltus.flow.variational import Average, Growth
 from saltus.iteration.code import code_of
 from saltus.iteration.growth import growth_of_map
@@ -70,13 +70,15 @@ class MapReturns:
         x = self.x0 if end is None else end[0]
         return x, self.system.piece_index(x, p)
 
-    def settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, count: int) -> Iterates:
+    def settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, count: int) -> PoincareReturns:
         """Return states after those that are dropped."""
         states, pieces = self._path(p, x, self.discard + 1, count)
         times = np.arange(self.discard + 1.0, self.discard + 1.0 + count)
-        return Iterates(frozen(states), frozen(pieces, np.int64), frozen(times), frozen(states[-1]), int(pieces[-1]))
+        return PoincareReturns(
+            frozen(states), frozen(pieces, np.int64), frozen(times), frozen(states[-1]), int(pieces[-1])
+        )
 
-    def mean_time(self, found: Iterates) -> float:
+    def mean_time(self, found: PoincareReturns) -> float:
         """Return the time of an iteration, 1."""
         return 1.0
 
@@ -90,13 +92,13 @@ class MapReturns:
         return growth_of_map(self.system, p, x, average=average, exponents=self.exponents)
 
     def compared(
-        self, p: NDArray[np.float64], found: Iterates, time: float
+        self, p: NDArray[np.float64], found: PoincareReturns, time: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return states whose recurrence is looked at, and differences of them that are rounding."""
         return found.states, np.asarray(self.criteria.noise * _EPS * np.abs(found.states).max(axis=0))
 
     def observed(
-        self, parameters: Mapping[str, float], found: Iterates, kind: Kind, observables: Sequence[str]
+        self, parameters: Mapping[str, float], found: PoincareReturns, kind: Kind, observables: Sequence[str]
     ) -> list[float]:
         """Return observables over the period of a periodic motion, else over the states kept."""
         last = min(kind.period if kind.label.startswith("period-") else self.keep, len(found.states))

@@ -13,7 +13,7 @@ import numpy as np
 from saltus import checks
 from saltus.errors import ChatteringError, DivergenceError, InputError, StiffnessError
 from saltus.flow.motion import EventDrivenMotion, starting_mode, tolerances_of
-from saltus.flow.poincare import EventSection, Iterates, admits, iterate
+from saltus.flow.poincare import EventSection, PoincareReturns, admits, iterate
 from saltus.flow.simulation import simulate
 from saltus.flow.sizes import fitting_atol
 from saltus.flow.variational import Average, Growth, growth_along
@@ -61,22 +61,22 @@ class Returns(Protocol):
     ) -> tuple[NDArray[np.float64], int]:
         """Return state and mode from which a motion starts that follows another one's end."""
 
-    def settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, count: int) -> Iterates:
+    def settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, count: int) -> PoincareReturns:
         """Return returns after those that are dropped, fewer where the motion stops returning."""
 
-    def mean_time(self, found: Iterates) -> float:
+    def mean_time(self, found: PoincareReturns) -> float:
         """Return the mean time between returns."""
 
     def growth(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, returns: int, time: float) -> Growth:
         """Return the growth of perturbations over some returns of a mean time."""
 
     def compared(
-        self, p: NDArray[np.float64], found: Iterates, time: float
+        self, p: NDArray[np.float64], found: PoincareReturns, time: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return states whose recurrence is looked at, and differences of them that are rounding."""
 
     def observed(
-        self, parameters: Mapping[str, float], found: Iterates, kind: Kind, observables: Sequence[str]
+        self, parameters: Mapping[str, float], found: PoincareReturns, kind: Kind, observables: Sequence[str]
     ) -> list[float]:
         """Return observables of a motion."""
 
@@ -172,7 +172,7 @@ class FlowReturns:
                 return x, starting_mode(self.system, x, p)
         return self.x0, starting_mode(self.system, self.x0, p, self.mode)
 
-    def settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, count: int) -> Iterates:
+    def settled(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, count: int) -> PoincareReturns:
         """Return the returns from which the kind follows, fewer where the motion stops returning."""
         dropped, unit = self.discard, math.inf if self.system.phase is None else self._period(p)
         if self.section is not None and dropped >= _FIRST:
@@ -184,7 +184,7 @@ class FlowReturns:
             unit = mean if self.system.phase is None else max(mean, unit)
         return self._iterated(p, x, mode, dropped, count, self.criteria.absence * unit)
 
-    def mean_time(self, found: Iterates) -> float:
+    def mean_time(self, found: PoincareReturns) -> float:
         """Return the mean time between returns."""
         return float((found.times[-1] - found.times[0]) / (len(found.times) - 1))
 
@@ -200,7 +200,7 @@ class FlowReturns:
         return growth_along(self.system, p, x, mode, average=average, **tolerances)
 
     def compared(
-        self, p: NDArray[np.float64], found: Iterates, time: float
+        self, p: NDArray[np.float64], found: PoincareReturns, time: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return states whose recurrence is looked at, and differences of them that are rounding."""
         states, rounding = found.states, self._rounding(p, found, time)
@@ -212,7 +212,7 @@ class FlowReturns:
         return states, rounding
 
     def observed(
-        self, parameters: Mapping[str, float], found: Iterates, kind: Kind, observables: Sequence[str]
+        self, parameters: Mapping[str, float], found: PoincareReturns, kind: Kind, observables: Sequence[str]
     ) -> list[float]:
         """Return observables over the period of a periodic motion, else over the time of the returns kept."""
         from saltus.flow.observables import observe
@@ -243,7 +243,7 @@ class FlowReturns:
 
     def _iterated(
         self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, discard: int, keep: int, longest: float
-    ) -> Iterates:
+    ) -> PoincareReturns:
         """Return the returns of a motion; none for one without a phase that takes too many steps without a return."""
         section = None if self.section is None else EventSection(self.section, longest)
         tolerance = (self.rtol, self.atol)
@@ -253,13 +253,13 @@ class FlowReturns:
             if self.system.phase is not None:
                 raise
             none, state = np.empty((0, len(self.steady.all_states))), np.array(error.state)
-            return Iterates(none, np.empty(0, np.int64), np.empty(0), state, self.steady.mode_index(error.mode))
+            return PoincareReturns(none, np.empty(0, np.int64), np.empty(0), state, self.steady.mode_index(error.mode))
 
     def _period(self, p: NDArray[np.float64]) -> float:
         """Period of the phase."""
         return 2.0 * math.pi / float(self.system.compiled.field(0, self.x0, p)[-1])
 
-    def _rounding(self, p: NDArray[np.float64], found: Iterates, time: float) -> NDArray[np.float64]:
+    def _rounding(self, p: NDArray[np.float64], found: PoincareReturns, time: float) -> NDArray[np.float64]:
         """Return the differences of full states that are rounding, from their sizes over a mean return."""
         run = EventDrivenMotion(
             self.system, p, found.x_end.copy(), found.mode_end, self.rtol, self.atol, steps_kept=_STEPS_KEPT

@@ -11,7 +11,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.flow.motion_kind import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
-from saltus.flow.poincare import Iterates
+from saltus.flow.poincare import PoincareReturns
 from saltus.flow.variational import Growth
 from saltus.sweeps.map_returns import MapReturns
 from saltus.sweeps.options import SweepOptions
@@ -50,7 +50,7 @@ class Row:
 class _Seen(NamedTuple):
     """Returns of a motion, growth of its perturbations (None without returns), and its kind."""
 
-    found: Iterates
+    found: PoincareReturns
     growth: Growth | None
     kind: Kind
 
@@ -176,14 +176,14 @@ class Task:
     def _looked_at(self) -> int:
         return self.criteria.looked_at(self.keep)
 
-    def _points(self, found: Iterates, parameters: Mapping[str, float]) -> NDArray[np.float64]:
+    def _points(self, found: PoincareReturns, parameters: Mapping[str, float]) -> NDArray[np.float64]:
         points = np.full((self.keep, len(self.quantities)), np.nan)
         states, modes = found.states[-self.keep :], found.modes[-self.keep :]
         for column, text in enumerate(self.quantities):
             points[: len(states), column] = evaluate(self.system, text, states, modes, parameters)
         return points
 
-    def _measured(self, p: NDArray[np.float64], found: Iterates) -> tuple[Growth, Kind]:
+    def _measured(self, p: NDArray[np.float64], found: PoincareReturns) -> tuple[Growth, Kind]:
         """Return the growth of perturbations, and the kind of the motion."""
         returns = self._looked_at
         time = self.motions.mean_time(found)
