@@ -29,7 +29,8 @@ __all__ = ["Branch"]
 
 
 def _extent(orbit: PeriodicOrbit) -> NDArray[np.float64]:
-    return np.concatenate([orbit.lows, orbit.highs])
+    n = len(orbit.system.states)
+    return np.concatenate([orbit.lows[:n], orbit.highs[:n]])
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["OneParameterCurve", "solutions_at"]
 
 _APART = 1e-9  # distance in arclength below which a special point is a point of the branch
+_ROUNDING = 1e-9  # size of a state, over the largest one's, that may be rounding of 0
 _NEAR = 1e-6  # share of a solution's size by which it may be further from its guess than both neighbours are apart
 
 
@@ -95,7 +96,8 @@ def _between(
     if a is b:
         return first
     low, high = extent(first), extent(last)
-    sizes = np.maximum(np.maximum(np.abs(low), np.abs(high)), 1e-300)
+    sizes = np.maximum(np.abs(low), np.abs(high))
+    sizes = np.maximum(sizes, max(_ROUNDING * float(sizes.max()), 1e-300))
     reach = float(np.linalg.norm((high - low) / sizes)) + _NEAR
     for solution in solved(first, last, share):
         if np.linalg.norm((extent(solution) - low - share * (high - low)) / sizes) <= reach:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from saltus.continuation.monitor import Monitor
 from saltus.continuation.options import ROUNDING
 from saltus.continuation.two_sided import SAME, BothSides, Found, OneSide, turned
 from saltus.errors import InputError
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.arclength import Failure, StepControl
-    from saltus.continuation.monitor import Monitor
     from saltus.continuation.orbit_problem import Interest
     from saltus.continuation.zero_problem import Point
     from saltus.progress import Reporter
@@ -125,6 +125,7 @@ class OneParameterRun(_Run, ABC):
         if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -ROUNDING:
             half.stopped = f"{self.place(point)}: bound reached"
             return half
+        self._meet_bounds(point)
         first: float | None = None
         try:
             while True:
@@ -136,6 +137,13 @@ class OneParameterRun(_Run, ABC):
         except KeyboardInterrupt:
             half.stopped, half.interrupted = "interrupted", True
             return half
+
+    def _meet_bounds(self, point: Point) -> None:
+        """Take a start that misses a bound by rounding as one on it: a step away from the bound does not reach it."""
+        ends = {Monitor("low"): self.interest.low, Monitor("high"): self.interest.high}
+        met = {name: 0.0 for name, bound in ends.items() if abs(point.parameter - bound) < ROUNDING}
+        if met:
+            point.examined = replace(point.examined, monitors={**point.examined.monitors, **met})
 
     def restart(self, branch: Any, origin: Point) -> None:
         """Make the equations ready for the start again, after the other direction."""
