@@ -232,6 +232,34 @@ class Wall(afm.Law):
         return afm.Crossing("off", "on", "place_nm", -1, "hit"), afm.Crossing("on", "off", "place_nm", 1, "leave")
 
 
+def test_a_law_of_ones_own_is_checked():
+    with pytest.raises(InputError, match="the gap falls"):
+        afm.Crossing("off", "on", "place_nm", 0, "hit")
+
+    class Lost(Wall):
+        @property
+        def crossings(self):
+            return (afm.Crossing("off", "inside", "place_nm", -1, "hit"),)
+
+    class Empty(Wall):
+        @property
+        def regions(self):
+            return {}
+
+    with pytest.raises(InputError, match="end of crossing 'hit' = 'inside': must be one of off, on"):
+        Lost(stiffness=1.0, place_nm=1.0).force_nN(0.0)
+    with pytest.raises(InputError, match="one region or more"):
+        Empty(stiffness=1.0, place_nm=1.0).force_nN(0.0)
+    probe = afm.Probe(k_N_m=1.0, f0_kHz=10.0, Q=5.0, R_nm=10.0)
+
+    @dataclass(frozen=True, kw_only=True)
+    class Greedy(Wall):
+        Q: float
+
+    with pytest.raises(InputError, match="without names of the probe"):
+        afm.model(probe, Greedy(stiffness=1.0, place_nm=1.0, Q=2.0), afm.Drive(1.0), Zc_nm=3.0)
+
+
 def test_a_law_of_ones_own_adds_to_others():
     law = Wall(stiffness=3.0, place_nm=1.0) + afm.Hydration(F_nN=1.0, l_nm=2.0)
     np.testing.assert_allclose(law.force_nN([2.0, 0.0]), [math.exp(-1.0), 3.0 + 1.0], rtol=1e-14)

@@ -226,11 +226,14 @@ def voigt_law(p):
     return two_sided(lambda D, V, s: pull(D), contact, p["a0_nm"])
 
 
-@pytest.mark.parametrize("form", ["impulse", "raw"])
-def test_both_forms_of_kelvin_and_voigt_have_one_orbit(form):
-    law = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3) + afm.DMT(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0, form=form)
-    system = afm.model(afm.Probe(**LEVER_P, R_nm=20.0), law, afm.Drive(A0_nm=30.0), Zc_nm=24.0)
-    orbit = saltus.find_orbit(system, x0=[0.0, 0.0])
+@pytest.fixture(scope="module", params=["impulse", "raw"])
+def voigt(request):
+    law = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3) + afm.DMT(E_GPa=1.0) + afm.KelvinVoigt(eta_Pa_s=10.0, form=request.param)
+    return afm.model(afm.Probe(**LEVER_P, R_nm=20.0), law, afm.Drive(A0_nm=30.0), Zc_nm=24.0)
+
+
+def test_both_forms_of_kelvin_and_voigt_have_one_orbit(voigt):
+    orbit = saltus.find_orbit(voigt, x0=[0.0, 0.0])
     seen = assert_scipy_agrees(orbit, voigt_law)
     assert seen["amplitude_nm"] == pytest.approx(24.94540152, rel=1e-9)
     assert seen["lag_deg"] == pytest.approx(56.87312727, rel=2e-9)
@@ -241,6 +244,23 @@ def test_both_forms_of_kelvin_and_voigt_have_one_orbit(form):
     contact = 1e-2 * math.sqrt(20.0) * rooted * (2e-3 * math.pi * 70.0) ** 2 / 2.0
     assert product(orbit) == pytest.approx(math.exp(-decay(orbit) - contact), rel=1e-8)
     assert_energies_balance(seen)
+
+
+def test_jumps_with_viscous_contact_are_the_same_in_both_forms_and_lie_on_the_locus_of_the_impulse(voigt):
+    lever = {"A0_nm": 12.0, "f_kHz": 300.0, "R_nm": 12.0, "H_aJ": 0.12, "E_GPa": 1.5, "Zc_nm": 10.0, **LEVER_S}
+
+    def jump(eta):
+        orbit = saltus.find_orbit(voigt, {**lever, "eta_Pa_s": eta}, x0=[8.0, 0.0])
+        return saltus.continue_orbit(orbit, "Zc_nm", bounds=(9.5, 12.0))["SN1"]
+
+    low, middle = jump(5.0), jump(20.0)
+    assert low.parameters["Zc_nm"] == pytest.approx(11.471462976, rel=1e-9)  # both forms
+    bounds = {"Zc_nm": (9.5, 12.0), "eta_Pa_s": (5.0, 25.0)}
+    if voigt.modes["contact"].field["z1_nm"] == "v1_nm_us":
+        return  # the tip's own velocity has no second derivatives at the surface, which the locus needs
+    locus = saltus.continue_locus(middle, ("Zc_nm", "eta_Pa_s"), bounds)
+    ends = dict(zip(locus.column("eta_Pa_s")[[0, -1]].round(9), locus.column("Zc_nm")[[0, -1]], strict=True))
+    assert ends[5.0] == pytest.approx(low.parameters["Zc_nm"], rel=1e-10)
 
 
 def test_the_impulse_of_several_modes_over_a_shaken_base_is_the_viscous_force():
@@ -382,9 +402,18 @@ def test_necks_in_some_cycles_only(neck, Zc, period, necks):
     assert_energies_balance(seen)
 
 
-def test_a_neck_that_forms_behind_the_surface_is_refused_by_the_domain(neck):
-    with pytest.raises(saltus.SaltusError, match=r"domain|D_nm|far_dry"):
-        saltus.simulate(neck, {"on_nm": 0.1}, [0.0, 0.0], periods=100)
+@pytest.mark.parametrize("values", [{"on_nm": 0.1}, {"a0_nm": 0.7}, {"off_nm": 0.5}])
+def test_gaps_in_another_order_are_refused_by_the_domain(neck, values):
+    with pytest.raises((saltus.DivergenceError, InputError), match=r"the domain of .*mode"):
+        saltus.simulate(neck, values, [0.0, 0.0], periods=100)
+
+
+def test_a_branch_ends_where_gaps_change_their_order(neck):
+    orbit = saltus.find_orbit(neck, x0=[0.0, 0.0])
+    for name, bounds, last in (("on_nm", (0.1, 0.6), 0.3), ("off_nm", (0.2, 1.5), 0.6)):
+        branch = saltus.continue_orbit(orbit, name, bounds=bounds, directions="down")
+        assert branch.orbit(len(branch) - 1).parameters[name] == pytest.approx(last, abs=1e-4)
+        assert "domain" in branch.stopped[-1]
 
 
 # a law with a state

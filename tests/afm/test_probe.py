@@ -126,6 +126,9 @@ def test_check_false_insists_for_every_part():
     afm.Probe(k_N_m=1e-5, f0_kHz=0.01, Q=0.3, R_nm=1e6, check=False)
     afm.VanDerWaals(H_aJ=1e3, a0_nm=5.0, check=False)
     afm.Drive(A0_nm=1e5, check=False)
+    afm.Drive.base(Y_nm=1e5, check=False)
+    afm.Drive.force(F0_nN=1e7, check=False)
+    afm.Probe.from_cantilever(BEAM, R_nm=1e6, Q=200.0, check=False)
     with pytest.raises(InputError, match="check=False insists"):
         dataclasses.replace(afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3), a0_nm=5.0)
 

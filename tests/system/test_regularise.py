@@ -13,6 +13,7 @@ from numpy.polynomial import polynomial
 import systems
 from saltus import afm
 from saltus.system.derivatives import Symbolic
+from saltus.system.grammar import FUNCTIONS
 from saltus.system.hybrid import HybridSystem, Mode, Transition
 from saltus.system.regularise import multiple_of, regularised
 
@@ -217,3 +218,12 @@ def test_nested_roots_off_the_surface_are_told_by_numbers_without_algebra(monkey
     found = {base: multiple_of(symbolic, base, symbolic.event[0]) for base in bases}
     assert len(found) == 4
     assert {base: ratio for base, ratio in found.items() if ratio is not None} == {symbolic.event[0]: (1, 1)}
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+def test_roots_of_every_function_can_be_compared_with_the_surface(name):
+    argument = "sqrt(x - 3), v" if name == "atan2" else "sqrt(x - 3)"  # no real number at some states
+    symbolic = Symbolic(spring(f"sqrt(2 + {name}({argument}))"))
+    bases = {power.base for power in symbolic.field[1][1].atoms(sympy.Pow)}
+    assert len(bases) == 2
+    assert all(multiple_of(symbolic, base, symbolic.event[0]) is None for base in bases)

@@ -85,14 +85,16 @@ class Drive:
             raise InputError("drive", given[0], "given without mode and at, which belong to A0_nm")
 
     @classmethod
-    def force(cls, F0_nN: float, *, ratio: str | float | Fraction = 1, phase_deg: float = 0.0) -> Drive:
+    def force(
+        cls, F0_nN: float, *, ratio: str | float | Fraction = 1, phase_deg: float = 0.0, check: bool = True
+    ) -> Drive:
         """Return a force on the tip, which drives all modes, as a magnetic one.
 
         Parameters
         ----------
         F0_nN : float
             Its amplitude, in nN.
-        ratio, phase_deg : optional
+        ratio, phase_deg, check : optional
             As for `Drive`.
 
         Returns
@@ -109,10 +111,12 @@ class Drive:
         >>> Drive.force(2.0).size
         ('F0_nN', 2.0)
         """
-        return cls(F0_nN=F0_nN, ratio=ratio, phase_deg=phase_deg)
+        return cls(F0_nN=F0_nN, ratio=ratio, phase_deg=phase_deg, check=check)
 
     @classmethod
-    def base(cls, Y_nm: float, *, ratio: str | float | Fraction = 1, phase_deg: float = 0.0) -> Drive:
+    def base(
+        cls, Y_nm: float, *, ratio: str | float | Fraction = 1, phase_deg: float = 0.0, check: bool = True
+    ) -> Drive:
         """Return a motion of the base, as of a piezo under the cantilever.
 
         Each mode feels the inertia ``b m omega**2 Y``, with its weight b of `Probe.base_weights`, and the tip moves
@@ -122,7 +126,7 @@ class Drive:
         ----------
         Y_nm : float
             Its amplitude, in nm.
-        ratio, phase_deg : optional
+        ratio, phase_deg, check : optional
             As for `Drive`.
 
         Returns
@@ -139,7 +143,7 @@ class Drive:
         >>> Drive.base(0.5).size
         ('Y_nm', 0.5)
         """
-        return cls(Y_nm=Y_nm, ratio=ratio, phase_deg=phase_deg)
+        return cls(Y_nm=Y_nm, ratio=ratio, phase_deg=phase_deg, check=check)
 
     @property
     def size(self) -> tuple[str, float]:

@@ -117,6 +117,7 @@ class Probe:
         Q: float | Sequence[float] | None = None,
         tip_mass_ng: float = 0.0,
         tilt_deg: float = 0.0,
+        check: bool = True,
     ) -> Self:
         """Return the probe that a uniform beam is.
 
@@ -136,6 +137,8 @@ class Probe:
         tilt_deg : float, optional
             Angle between beam and sample. Lengths are those along the sample's normal: a stiffness is
             ``k / cos(tilt)**2``. A shaken base moves along this normal too, and is felt ``cos(tilt)**2`` as much.
+        check : bool, optional
+            Whether implausible values are refused.
 
         Returns
         -------
@@ -161,7 +164,7 @@ class Probe:
         """
         checks.instance("cantilever", cantilever, Cantilever)
         n = checks.count("modes", modes, 1, MOST_MODES)
-        mass = checked("tip_mass_ng", tip_mass_ng) / _NG_IN_KG
+        mass = checked("tip_mass_ng", tip_mass_ng, plausible=check) / _NG_IN_KG
         cosine = math.cos(math.radians(checks.between("tilt_deg", tilt_deg, -60.0, 60.0)))
         if mass and cantilever.density is None:
             hint = "measured values contain the tip's mass"
@@ -183,6 +186,7 @@ class Probe:
             R_nm=R_nm,
             optical_weights=[mode.slope / loaded[0].slope for mode in loaded],
             base_weights=[mode.base_weight * cosine**2 for mode in loaded],
+            check=check,
         )
 
 

@@ -15,13 +15,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from scipy.optimize import brentq
-
 from saltus.afm.beam import wavenumbers
 
 __all__ = ["EndMode", "modes_with_mass"]
 
 _STEPS = 40  # fixed-point steps to a root of tan(b) = tanh(b); each gains more than a digit
+_HALVINGS = 60  # of an interval of wavenumbers; 53 reach rounding
 _LEAST = 1e-9  # wavenumber below which no first mode is sought
 
 
@@ -68,11 +67,20 @@ def modes_with_mass(n: int, mu: float = 0.0) -> tuple[EndMode, ...]:
 
 
 def _mode(i: int, free: float, mu: float) -> EndMode:
-    b = free if mu == 0.0 else brentq(_characteristic, _pinned(i), free, args=(mu,), xtol=1e-14, rtol=1e-14)
+    b = free if mu == 0.0 else _wavenumber(_pinned(i), free, mu)
     s, c, t, sech = math.sin(b), math.cos(b), math.tanh(b), 1.0 / math.cosh(b)
     slope = b * s * t / (s - c * t)
     mass = 0.25 * (1.0 + mu + 2.0 * mu * slope)
     return EndMode(b, slope, mass, (1.0 + c * sech) / (b * (s - c * t)) / mass)
+
+
+def _wavenumber(low: float, high: float, mu: float) -> float:
+    """Return the root of the characteristic equation between two wavenumbers, by halving."""
+    sign = math.copysign(1.0, _characteristic(low, mu))
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if sign * _characteristic(middle, mu) > 0.0 else (low, middle)
+    return 0.5 * (low + high)
 
 
 def _characteristic(b: float, mu: float) -> float:

@@ -141,7 +141,12 @@ def multiple_of(system: Symbolic, base: sympy.Expr, event: sympy.Expr) -> tuple[
 
 
 def _varies(system: Symbolic, base: sympy.Expr, event: sympy.Expr) -> bool:
-    """Whether the ratio of two expressions differs between two states, by numbers: nested roots cancel only slowly."""
+    """Whether the ratio of two expressions differs between two states, by numbers: nested roots cancel only slowly.
+
+    Numbers may be complex, for which there is no atan2: then, and where a number is infinite, the ratio is not told.
+    """
+    if base.has(sympy.atan2) or event.has(sympy.atan2):
+        return False
     names = [*system.x, *system.p]
     values = sympy.lambdify(names, [base, event], "mpmath")
     p = [_PARAMETER * (j + 1) for j in range(len(system.p))]

@@ -162,7 +162,7 @@ class Neck(Law):
     def regions(self) -> dict[str, Region]:
         """Without and with a neck."""
         force = "-4*pi*gamma_N_m*R_nm/(1 + separation_nm/h_nm)**2"
-        return {"dry": Region(), "wet": Region(force, domain="separation_nm + h_nm")}
+        return {"dry": Region(domain="off_nm - on_nm"), "wet": Region(force, domain="separation_nm + h_nm")}
 
     @property
     def crossings(self) -> tuple[Crossing, ...]:
@@ -186,7 +186,7 @@ def _jumps(w: str) -> tuple[Crossing, ...]:
 def _adhering(w: str, further: str = "0") -> Region:
     """Return JKR's region of contact, with a further force; see `JKR` for the names, and ``p = -q``."""
     p = f"(D_nm*R_nm*{_radius(w, -2)})"
-    root = f"sqrt(R_nm)*{_radius(w, -1)}*({_pull_off(w)} - D_nm)**(1/2)"
+    root = f"(3 - {p})**(1/2)"
     cube = f"(1 + {root}*sqrt(({p}**2 + 3*{p} + 9)/27))"
     inverse = f"({cube}**(2/3) - {p}/3 + {p}**2/9*{cube}**(-2/3))"  # of r**2
     r = f"{inverse}**(-1/2)"

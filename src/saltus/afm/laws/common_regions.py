@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+from saltus import checks
 from saltus.afm.laws.regions import Crossing, Part, Region
 from saltus.errors import InputError
 from saltus.system.definition import Definition
@@ -140,7 +141,7 @@ class _Making:
         self.values = shared_parameters(parts)
         if R_nm is not None:
             self.values.setdefault("R_nm", R_nm)
-        self.of_parts = [dict(part.regions) for part in parts]
+        self.of_parts = [_regions_of(part) for part in parts]
         self.check_names()
         contact = self.contact()
         self.ends = [
@@ -274,6 +275,19 @@ class _Making:
         for name in sorted(used & unset - set(self.values)):
             hint = "R_nm may be given by the probe" if name == "R_nm" else ""
             raise InputError(name, None, "given by one of the laws", hint)
+
+
+def _regions_of(part: Part) -> dict[str, Region]:
+    """Return the regions of a law; raise `InputError` where a crossing leads elsewhere."""
+    regions = checks.mapping("regions", part.regions, "names to Region")
+    if not regions:
+        raise InputError("regions", regions, "one region or more", type(part).__name__)
+    for name, region in regions.items():
+        checks.instance(f"region {name!r}", region, Region)
+    for crossing in part.crossings:
+        for end in (crossing.source, crossing.target):
+            checks.chosen(f"end of crossing {crossing.name!r}", end, regions)
+    return regions
 
 
 def _comes_later(level: float, others: list[float], direction: int) -> bool:

@@ -16,6 +16,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
+from saltus.errors import InputError
+
 __all__ = ["Crossing", "Part", "Region"]
 
 
@@ -73,6 +75,11 @@ class Crossing:
     name : str
         What happens, as "touch".
 
+    Raises
+    ------
+    InputError
+        The direction is another.
+
     Examples
     --------
     >>> Crossing("far", "contact", "a0_nm", -1, "touch").level
@@ -84,6 +91,10 @@ class Crossing:
     level: str
     direction: int
     name: str
+
+    def __post_init__(self) -> None:
+        if self.direction not in (-1, 1):
+            raise InputError("direction of a crossing", self.direction, "-1 (the gap falls) or 1 (it rises)")
 
 
 class Part(Protocol):

@@ -66,7 +66,7 @@ class KelvinVoigt(Law):
     eta_Pa_s : float
         Viscosity, in Pa s.
     form : {"impulse", "raw"}, optional
-        Whether the model's velocities are those without the impulse, or the tip's own.
+        Whether the model's velocities are those without the impulse, or the tip's own. Only ``"impulse"`` has loci.
     check : bool, optional
         Whether implausible values are refused.
 
