@@ -12,7 +12,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.afm.readings import check_model, formulas, readings_of
-from saltus.afm.routes import Way, way_along
+from saltus.afm.routes import Landing, Way, way_along
 from saltus.contents import Contents
 from saltus.continuation import Branch
 from saltus.continuation.branch_files import RAGGED, branches_of, branches_together
@@ -36,6 +36,9 @@ _DIRECTIONS = {
     "Zc_nm": ("approach", "retract"),
     "f_kHz": ("down", "up"),
 }  # names of the ways to lower and higher values
+
+
+_NONE = np.empty(0)
 
 
 class Feature(NamedTuple):
@@ -93,6 +96,8 @@ class Curve(Result):
         The model.
     along : str
         What varies: ``Zc_nm``, ``f_kHz`` or another parameter.
+    bounds : (float, float)
+        Its range.
     branches : tuple of Branch
         The sheets: branches of periodic orbits that no fold joins.
     of : str or int
@@ -101,6 +106,7 @@ class Curve(Result):
 
     system: HybridSystem
     along: str
+    bounds: tuple[float, float]
     branches: tuple[Branch, ...]
     of: str | int = "deflection"
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -152,15 +158,22 @@ class Curve(Result):
         if "(" not in text:
             known = [*self._formulas, *self.branches[0].quantities, self.along, "period"]
             checks.chosen("reading", text, known, instead=", or an observable")
-        return np.concatenate([self._shown(name, branch.column(text)) for branch in self.branches])
+        return np.concatenate([branch.column(self.formula(name)) for branch in self.branches])
 
-    @staticmethod
-    def _shown(name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a lag between 0 and 360 degrees where it begins; it runs on continuously."""
-        if not name.startswith("lag_deg") or not np.isfinite(values).any():
-            return values
-        first = values[np.isfinite(values)][0]
-        return values - (first - first % 360.0)
+    def formula(self, name: str) -> str:
+        """Return a reading as a formula in observables, as `Branch.column` takes it; other names as they are.
+
+        A lag runs on continuously along a sheet; it begins between 0 and 360 degrees on the first one.
+        """
+        text = self._formulas.get(name, name)
+        if name.startswith("lag_deg") and (turns := self._turns(text)):
+            return f"{text} - {360 * turns}"
+        return text
+
+    def _turns(self, text: str) -> int:
+        values = self.branches[0].column(text)
+        known = values[np.isfinite(values)]
+        return int(known[0] // 360.0) if known.size else 0
 
     @property
     def special_points(self) -> tuple[Feature, ...]:
@@ -172,7 +185,7 @@ class Curve(Result):
         found = []
         for sheet, branch in enumerate(self.branches):
             for point in branch.special_points:
-                amplitude = branch.value_at(point, self._formulas["amplitude_nm"])
+                amplitude = branch.value_at(point, self.formula("amplitude_nm"))
                 what = words.get(point.type, point.type)
                 found.append(Feature(point.label, what, point.value(self.along), amplitude, sheet))
         return tuple(found)
@@ -214,8 +227,9 @@ class Curve(Result):
     @cached_property
     def ways(self) -> tuple[Way, Way]:
         """The ways that an experiment takes to lower and to higher values."""
-        down = way_along(self.branches, -1.0)
-        return down, way_along(self.branches, 1.0, down.points[-1] if "end of the range" in down.stopped else None)
+        down = way_along(self.branches, -1.0, self.bounds)
+        through = "end of the range" in down.stopped
+        return down, way_along(self.branches, 1.0, self.bounds, down.points[-1] if through else None)
 
     @property
     def jumps(self) -> tuple[Jump, ...]:
@@ -241,8 +255,8 @@ class Curve(Result):
         Returns
         -------
         xarray.Dataset
-            Along ``point``, in the order of the experiment: the varied parameter, the readings, ``sheet``, and ``jump``,
-            which is True at the first point behind a jump. The attribute ``stopped`` says why the way ends.
+            Along ``point``, in the order of the experiment: the varied parameter, the readings and ``sheet``. ``jump``
+            is True at the first point behind a jump. The attribute ``stopped`` says why the way ends.
 
         Raises
         ------
@@ -252,15 +266,37 @@ class Curve(Result):
         import xarray as xr
 
         way = self.ways[self.directions.index(checks.chosen("direction", direction, self.directions))]
-        table = {name: self.column(name) for name in self._formulas}
         starts = np.cumsum([0, *(len(branch) for branch in self.branches)])
-        rows = np.array([starts[sheet] + index for sheet, index in way.points], dtype=np.int64)
-        behind = np.zeros(len(rows), dtype=bool)
-        behind[way.first_behind] = True
-        data: dict[str, Any] = {name: ("point", values[rows], _attributes(name)) for name, values in table.items()}
-        data |= {"sheet": ("point", np.array([sheet for sheet, _ in way.points])), "jump": ("point", behind)}
-        coords = {self.along: ("point", self.values[rows], {"units": self.along.rpartition("_")[2]})}
+        parts = np.split(np.array(way.points, dtype=np.int64).reshape(-1, 2), way.first_behind)
+        table = {self.along: self.values} | {name: self.column(name) for name in self._formulas}
+        columns: dict[str, list[NDArray[np.float64]]] = {name: [] for name in (*table, "sheet", "jump")}
+        for k, part in enumerate(parts):
+            rows = starts[part[:, 0]] + part[:, 1]
+            before = self._reading_at(way.jumps[k], table, rows[-1:]) if k < len(way.jumps) else {}
+            after = self._reading_at(way.jumps[k - 1], table, rows[:1], landed=True) if k else {}
+            for name, values in table.items():
+                columns[name] += [after.get(name, _NONE), values[rows], before.get(name, _NONE)]
+            count = len(rows) + bool(before) + bool(after)
+            columns["sheet"].append(np.full(count, part[0, 0] if len(part) else 0))
+            columns["jump"].append(np.arange(count) == (0 if after else -1))
+        found = {name: np.concatenate(values) for name, values in columns.items()}
+        data: dict[str, Any] = {name: ("point", found[name], _attributes(name)) for name in self._formulas}
+        data |= {"sheet": ("point", found["sheet"].astype(np.int64)), "jump": ("point", found["jump"].astype(bool))}
+        coords = {self.along: ("point", found[self.along], {"units": self.along.rpartition("_")[2]})}
         return xr.Dataset(data, coords, {"direction": direction, "stopped": way.stopped})
+
+    def _reading_at(
+        self, jump: Landing, table: Mapping[str, NDArray[np.float64]], row: NDArray[np.int64], *, landed: bool = False
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return the readings before a jump, or where it has landed, shape (1,) each; `row`: the point next to it."""
+        orbit = jump.after if landed else jump.before
+        texts = {name: self.formula(name) for name in self._formulas}
+        seen = orbit.observe(*texts.values())
+        found = {name: np.array([seen[text]]) for name, text in texts.items()}
+        for name in found:
+            if name.startswith("lag_deg"):
+                found[name] += 360.0 * np.round((table[name][row] - found[name]) / 360.0)
+        return found | {self.along: np.array([orbit.parameters[self.along]])}
 
     def to_xarray(self) -> xr.Dataset:
         """Return the curve as a Dataset: readings and orbits along ``point``, sheet after sheet."""
@@ -270,6 +306,8 @@ class Curve(Result):
         data |= {name: ("point", self.column(name), _attributes(name)) for name in self._formulas}
         attrs = {
             "along": self.along,
+            "low": self.bounds[0],
+            "high": self.bounds[1],
             "of": json.dumps(self.of),
             "definition": json.dumps(self.system.definition()),
             "options": json.dumps(dict(self.options)),
@@ -287,7 +325,8 @@ class Curve(Result):
         found = branches_of(held, "sheet", [False] * count, along)
         of = held.json("of", str) if held.text("of").startswith('"') else held.json("of", int)
         branches = tuple(branch for branch in found if branch is not None)
-        return cls(system, along, branches, of, held.json("options", dict))
+        low, high = held.number("low"), held.number("high")
+        return cls(system, along, (low, high), branches, of, held.json("options", dict))
 
     def __repr__(self) -> str:
         low, high = float(self.values.min()), float(self.values.max())

@@ -10,9 +10,9 @@ import numpy as np
 
 from saltus import checks
 from saltus.afm.curve import Curve
+from saltus.afm.modelling import suffix
 from saltus.afm.readings import check_model, drives_of
 from saltus.afm.routes import stays_in_contact
-from saltus.afm.modelling import suffix
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
@@ -128,14 +128,15 @@ def _traced(
     for start in starts:
         if not any(_is_on(branch, start) for branch in branches):
             branches.append(continue_orbit(start, along, bounds, steps=steps, progress=progress))
-    curve = Curve(system, along, tuple(branches), of)
+    curve, tried = Curve(system, along, bounds, tuple(branches), of), set[float]()
     for _ in range(_MOST_SHEETS):
-        lost = [way.beyond.after for way in curve.ways if way.beyond is not None]
-        found = next((orbit for orbit in lost if not stays_in_contact(orbit)), None)
+        lost = [way.beyond for way in curve.ways if way.beyond is not None and way.beyond.value not in tried]
+        found = next((landing for landing in lost if not stays_in_contact(landing.after)), None)
         if found is None:
             return curve
-        sheet = continue_orbit(found, along, bounds, steps=steps, progress=progress)
-        curve = Curve(system, along, (*curve.branches, sheet), of)
+        tried.add(found.value)
+        sheet = continue_orbit(found.after, along, bounds, steps=steps, progress=progress)
+        curve = Curve(system, along, bounds, (*curve.branches, sheet), of)
     return curve
 
 

@@ -12,7 +12,7 @@ from saltus.afm.units import ENERGY_EV
 from saltus.errors import InputError
 from saltus.system import HybridSystem
 
-__all__ = ["READINGS", "Reading", "check_model", "drives_of", "formulas", "readings_of", "turns_of"]
+__all__ = ["READINGS", "Reading", "check_model", "drives_of", "formulas", "readings_of", "regime", "turns_of"]
 
 _DRIVEN = re.compile(r"(A0_nm|F0_nN|Y_nm)(?:_(\d+))?")
 _NEEDED = {"deflection_nm", "force_nN", "drive_pW", "medium_pW", "sample_pW", "virial_aJ"}

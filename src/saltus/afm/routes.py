@@ -108,7 +108,9 @@ def stretches_of(branches: Sequence[Branch]) -> list[Stretch]:
     return found
 
 
-def way_along(branches: Sequence[Branch], sign: float, start: tuple[int, int] | None = None) -> Way:
+def way_along(
+    branches: Sequence[Branch], sign: float, bounds: tuple[float, float], start: tuple[int, int] | None = None
+) -> Way:
     """Return the way of an experiment through the parameter's range.
 
     Parameters
@@ -117,13 +119,13 @@ def way_along(branches: Sequence[Branch], sign: float, start: tuple[int, int] | 
         The sheets.
     sign : {1.0, -1.0}
         Whether the parameter grows or falls.
+    bounds : (float, float)
+        The parameter's range.
     start : (int, int), optional
         Sheet and point where the way begins; by default the stable motion nearest to the end of the range.
     """
     way, stretches = Way(), stretches_of(branches)
-    values = np.concatenate([branch.values for branch in branches])
-    name, span = branches[0].parameter, float(np.ptp(values)) or 1.0
-    end = sign * float((sign * values).max())
+    name, span, end = branches[0].parameter, bounds[1] - bounds[0], bounds[1 if sign > 0.0 else 0]
 
     def reach(stretch: Stretch, *, last: bool) -> float:
         return float(branches[stretch.sheet].values[stretch.points[-1 if last == (sign > 0.0) else 0]])
