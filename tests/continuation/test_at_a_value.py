@@ -71,6 +71,17 @@ def test_stiff_cycles_that_are_cut_are_solved_at_a_value():
     assert found.period == pytest.approx(19.07836957, abs=1e-7)
 
 
+@pytest.mark.parametrize("end", [1.4, 1.7, 1.9])
+def test_an_orbit_solved_at_a_bound_starts_a_branch_away_from_it(impacting, end):
+    """The start may miss the bound by rounding; a step away from the bound must not take it for an end."""
+    for start in impacting.at(end):
+        for miss in (0.0, 3e-11, -3e-11):
+            bounds = (0.5, end * (1.0 + miss))
+            branch = saltus.continue_orbit(start, "A", bounds=bounds)
+            assert branch.values.min() < 0.9 * end
+            assert len(branch) > 5
+
+
 def test_a_value_that_the_branch_does_not_come_to_is_told(fold, impacting):
     with pytest.raises(InputError, match=r"a = -0.5: must be between 0 and 10000, where the branch is"):
         fold.at(-0.5)

@@ -59,7 +59,7 @@ class EquilibriumBranch(OneParameter, EquilibriumCurve):
         >>> fold = HybridSystem.smooth({"x": "a - x**2"}, {"a": 1.0})
         >>> branch = continue_equilibrium(find_equilibrium(fold, x0=[1.0]), "a", (-1.0, 4.0))
         >>> [float(found.state[0].round(9)) for found in branch.at(2.25)]
-        [1.5, -1.5]
+        [-1.5, 1.5]
         """
         return solutions_at(self, value, lambda a, b, share: self._solved_between(a, b, share, value), _extent)
 

@@ -424,10 +424,9 @@ class OrbitProblem:
     def survey(self, u: NDArray[np.float64]) -> Survey:
         """Return what a dense look at the orbit `u` shows."""
         self.set_parameters(u)
-        outputs, transitions = self.system.compiled.n_outputs, len(self.system.transitions)
-        lows, highs = np.empty(self.n + outputs), np.empty(self.n + outputs)
+        quantities, transitions = self.n + self.system.compiled.n_outputs, len(self.system.transitions)
+        lows, highs, moments = np.empty(quantities), np.empty(quantities), np.empty((quantities, 3))
         margins, places = np.empty((self.segments, transitions)), np.empty((self.segments, transitions))
-        moments = np.empty((self.n + outputs, 3))
         found = lows, highs, margins, places, np.zeros((self.segments, 3)), np.empty(self.n), moments
         faults = self._surveys.survey(
             self._orbit, self._events, self._mesh, self._dense, (self.tol, self._atol), self.state_scale, u, found

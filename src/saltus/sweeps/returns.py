@@ -231,7 +231,7 @@ class FlowReturns:
     def check_observables(self, observables: Sequence[str]) -> None:
         """Raise `InputError` where a name is no observable of a motion."""
         for name in observables:
-            if self.system.phase is None and any(order.denominator > 1 for order in self._orders([name])):
+            if any(order.denominator > 1 for order in self._orders([name])) and self.system.phase is None:
                 raise InputError("observable", name, "of a whole order for a system without a phase")
 
     def _orders(self, observables: Sequence[str]) -> list[Fraction]:
