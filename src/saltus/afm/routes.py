@@ -157,7 +157,7 @@ def way_along(
         if target is None:
             way.stopped, way.beyond = f"{name} = {landing.value:.9g}: {_told(landing.after)}", landing
             return way
-        way.jumps.append(landing)
+        way.jumps.append(landing._replace(after=_at_the_end(branches[target.sheet], landing)))
         way.first_behind.append(len(way.points))
         here, begin = target, sign * landing.value
 
@@ -184,10 +184,23 @@ def _landing(branch: Branch, stretch: Stretch, sign: float, span: float) -> Land
     return told
 
 
+def _at_the_end(branch: Branch, landing: Landing) -> PeriodicOrbit:
+    """Return the motion of a sheet at the value where a stretch ended, of which the settled one is a neighbour."""
+    if not float(branch.values.min()) <= landing.value <= float(branch.values.max()):
+        return landing.after
+    wanted = _extremes(landing.after)
+    return min(branch.at(landing.value), key=lambda orbit: float(np.abs(_extremes(orbit) - wanted).max()))
+
+
+def _extremes(orbit: PeriodicOrbit) -> NDArray[np.float64]:
+    n = len(orbit.system.states)
+    return np.concatenate([orbit.lows[:n], orbit.highs[:n]])
+
+
 def _target(branches: Sequence[Branch], stretches: Sequence[Stretch], settled: PeriodicOrbit) -> Stretch | None:
     """Return the stable stretch on which a settled motion lies; None where it lies on none."""
     n, here = len(settled.system.states), settled.parameters[branches[0].parameter]
-    wanted = np.concatenate([settled.lows[:n], settled.highs[:n]])
+    wanted = _extremes(settled)
 
     def values(stretch: Stretch) -> NDArray[np.float64]:
         found: NDArray[np.float64] = branches[stretch.sheet].values[list(stretch.points)]
@@ -205,7 +218,6 @@ def _target(branches: Sequence[Branch], stretches: Sequence[Stretch], settled: P
         return None
     nearest = min(covering, key=away)
     for orbit in branches[nearest.sheet].at(here):
-        there = np.concatenate([orbit.lows[:n], orbit.highs[:n]])
-        if orbit.stable and float(np.abs(there - wanted).max()) <= _SAME * float(np.abs(wanted).max()):
+        if orbit.stable and float(np.abs(_extremes(orbit) - wanted).max()) <= _SAME * float(np.abs(wanted).max()):
             return nearest
     return None
