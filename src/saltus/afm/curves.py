@@ -81,8 +81,8 @@ def distance_curve(
     >>> curve = distance_curve(system, (5.0, 14.0))
     >>> for jump in curve.jumps:
     ...     print(f"{jump.direction} at {jump.value:.4f} nm: {jump.before_nm:.3f} to {jump.after_nm:.3f} nm")
-    approach at 9.8783 nm: 9.847 to 10.588 nm
-    retract at 11.5029 nm: 11.986 to 11.201 nm
+    approach at 9.8783 nm: 9.847 to 10.600 nm
+    retract at 11.5029 nm: 11.986 to 11.188 nm
     >>> [round(afm.observables(orbit)["amplitude_nm"], 5) for orbit in curve.at(Zc_nm=10.0)]
     [10.7157, 10.04805, 9.89528]
     """
