@@ -220,7 +220,7 @@ def test_nested_roots_off_the_surface_are_told_by_numbers_without_algebra(monkey
     assert {base: ratio for base, ratio in found.items() if ratio is not None} == {symbolic.event[0]: (1, 1)}
 
 
-@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+@pytest.mark.parametrize("name", sorted(set(FUNCTIONS) - {"Max", "Min", "degrees", "radians"}))
 def test_roots_of_every_function_can_be_compared_with_the_surface(name):
     argument = "sqrt(x - 3), v" if name == "atan2" else "sqrt(x - 3)"  # no real number at some states
     symbolic = Symbolic(spring(f"sqrt(2 + {name}({argument}))"))
