@@ -12,7 +12,7 @@ from saltus import checks
 from saltus.afm.curve import Curve
 from saltus.afm.modelling import suffix
 from saltus.afm.readings import check_model, drives_of, turns_of
-from saltus.afm.routes import stays_in_contact
+from saltus.afm.routes import is_pulled_in, stays_in_contact
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
@@ -187,11 +187,10 @@ def _free_amplitude(system: HybridSystem, parameters: Mapping[str, float]) -> fl
 def _at_frequency(system: HybridSystem, p: dict[str, float], f_kHz: float | str | None) -> dict[str, float]:
     if f_kHz is None:
         return p
-    if f_kHz == "f0":
-        return p | {"f_kHz": p["f0_kHz"]}
-    if f_kHz == "peak":
-        return p | {"f_kHz": p["f0_kHz"] * math.sqrt(1.0 - 0.5 / p["Q"] ** 2)}
-    return p | {"f_kHz": checks.positive("f_kHz", f_kHz, "kHz")}
+    if not isinstance(f_kHz, str):
+        return p | {"f_kHz": checks.positive("f_kHz", f_kHz, "kHz")}
+    peak = checks.chosen("f_kHz", f_kHz, ("f0", "peak"), instead=", or a number of kHz") == "peak"
+    return p | {"f_kHz": p["f0_kHz"] * (math.sqrt(max(1.0 - 0.5 / p["Q"] ** 2, 0.0)) if peak else 1.0)}
 
 
 def _traced(
@@ -206,7 +205,7 @@ def _traced(
     branches: list[Branch] = []
     for start in starts:
         if not any(_is_on(branch, start) for branch in branches):
-            branches.append(continue_orbit(start, along, bounds, steps=steps, progress=progress))
+            branches.append(_sheet(start, along, bounds, steps, progress))
     curve, tried = Curve(system, along, bounds, tuple(branches), of), set[float]()
     for _ in range(_MOST_SHEETS):
         lost = [way.beyond for way in curve.ways if way.beyond is not None and way.beyond.value not in tried]
@@ -214,9 +213,29 @@ def _traced(
         if found is None:
             return curve
         tried.add(found.value)
-        sheet = continue_orbit(found.after, along, bounds, steps=steps, progress=progress)
+        sheet = _sheet(found.after, along, bounds, steps, progress)
         curve = Curve(system, along, bounds, (*curve.branches, sheet), of)
     return curve
+
+
+def _sheet(
+    start: PeriodicOrbit,
+    along: str,
+    bounds: tuple[float, float],
+    steps: StepControl | None,
+    progress: bool | Report,
+) -> Branch:
+    """Return the branch through a motion; it ends at its first fold if this is the static pull-in.
+
+    Beyond the static pull-in the branch is that of a static saddle, whose multipliers cost much and tell nothing.
+    """
+    first = continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress)
+    folds = first.special_points.of_type("SN")
+    if not folds:
+        return first
+    if any(is_pulled_in(first, fold, bounds) for fold in folds):
+        return first
+    return continue_orbit(start, along, bounds, steps=steps, progress=progress)
 
 
 def _is_on(branch: Branch, orbit: PeriodicOrbit) -> bool:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.continuation import Branch
+from saltus.continuation import Branch, SpecialPoint
 from saltus.errors import SaltusError
 from saltus.orbits import PeriodicOrbit, find_orbit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Landing", "Way", "stays_in_contact", "stretches_of", "way_along"]
+__all__ = ["Landing", "Way", "is_pulled_in", "stays_in_contact", "stretches_of", "way_along"]
 
 _BEYOND = (1e-3, 1e-2)  # shares of the range by which a motion is moved beyond a fold; next to it nothing settles soon
 _SAME = 1e-4  # distance of extremes, over the largest one, up to which a settled motion is on a sheet
@@ -174,14 +174,27 @@ def _landing(branch: Branch, stretch: Stretch, sign: float, span: float) -> Land
     if ahead:
         first = min(ahead, key=lambda point: abs(point.position - last))
         value, before = first.value(branch.parameter), first.orbit
+    return _settled(branch, value, before, sign * span)
+
+
+def _settled(branch: Branch, value: float, before: PeriodicOrbit, span: float) -> Landing | str:
+    """Return where a motion settles that starts beyond a value, in the direction of `span`, or why it does not."""
     told = ""
     for share in _BEYOND:
-        beyond = {**before.parameters, branch.parameter: value + sign * share * span}
+        beyond = {**before.parameters, branch.parameter: value + share * span}
         try:
             return Landing(value, before, find_orbit(branch.system, beyond, before.x0))
         except SaltusError as error:
             told = told or f"{branch.parameter} = {value:.9g}: {error}"
     return told
+
+
+def is_pulled_in(branch: Branch, fold: SpecialPoint, bounds: tuple[float, float]) -> bool:
+    """Return whether motions beyond a fold at which a branch ends stay in contact."""
+    value, (low, high) = fold.value(branch.parameter), bounds
+    outwards = 1.0 if value >= float(branch.values.max()) else -1.0
+    landing = _settled(branch, value, fold.orbit, outwards * (high - low))
+    return isinstance(landing, Landing) and stays_in_contact(landing.after)
 
 
 def _at_the_end(branch: Branch, landing: Landing) -> PeriodicOrbit:
