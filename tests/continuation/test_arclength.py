@@ -211,7 +211,8 @@ def test_a_bound_that_cannot_be_located_ends_a_short_step_all_the_same(kind, mon
     found = events_between(problem, *ends)
     assert [event.name for event in found] == ([name] if kind == "high" else [])
     assert [event.point.arc for event in found] == pytest.approx([0.500003] * len(found), abs=1e-12)
-    assert [event.point.u[-1] for event in found] == pytest.approx([0.500003] * len(found), abs=1e-9)
+    # the arclengths of this test are the parameters themselves, so the cubic is a little off
+    assert [event.point.u[-1] for event in found] == pytest.approx([0.500003] * len(found), abs=1e-6)
 
 
 # Bratu: -u'' = lambda exp(u), u(0) = u(1) = 0

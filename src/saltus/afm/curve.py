@@ -164,7 +164,30 @@ class Curve(Result):
         """Return a reading as a formula in observables, as `Branch.column` takes it; other names as they are.
 
         A lag runs on continuously along a sheet; it begins between 0 and 360 degrees on the first one.
+
+        Parameters
+        ----------
+        name : str
+            A reading, or a quantity that `Branch.column` takes.
+
+        Returns
+        -------
+        str
+
+        Raises
+        ------
+        InputError
+            `name` is no text.
+
+        Examples
+        --------
+        >>> from saltus import afm
+        >>> probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=150.0, R_nm=10.0)
+        >>> system = afm.model(probe, afm.Hertz(E_GPa=1.0), afm.Drive(A0_nm=10.0), Zc_nm=20.0)
+        >>> afm.distance_curve(system, (5.0, 15.0)).formula("peak_force_nN")
+        'max(force_nN)'
         """
+        checks.text("name", name, "the name of a reading")
         text = self._formulas.get(name, name)
         if name.startswith("lag_deg") and (turns := self._turns(text)):
             return f"{text} - {360 * turns}"
