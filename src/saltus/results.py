@@ -51,6 +51,7 @@ _HOMES = {
     "Basins": "saltus.basins.map.basins",
     "ErosionProfile": "saltus.basins.measures.erosion",
     "Sweep": "saltus.sweeps.sweep",
+    "Curve": "saltus.afm.curve",
     "LyapunovSpectrum": "saltus.sweeps.lyapunov",
 }
 _STORE = "zarr.json"  # file by which a folder is known as a Zarr store

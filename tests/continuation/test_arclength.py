@@ -12,6 +12,7 @@ from scipy.optimize import brentq, root
 
 from saltus.continuation.arclength import Failure, StepControl, follow
 from saltus.continuation.locating import events_between, locate
+from saltus.continuation.monitor import Monitor
 from saltus.continuation.zero_problem import Event, Examined, Point, correct, start_point
 
 FOLD, LOW, HIGH, DETERMINANT = "fold", "low", "high", "determinant"
@@ -196,6 +197,22 @@ def test_events_between_two_points_and_one_alone():
     alone = locate(problem, FOLD, *ends, *values)
     np.testing.assert_array_equal(alone.point.u, event.point.u)
     assert events_between(problem, ends[0], ends[0]) == []
+
+
+@pytest.mark.parametrize("kind", ["high", "other"])
+def test_a_bound_that_cannot_be_located_ends_a_short_step_all_the_same(kind, monkeypatch):
+    """Other zeros are left out there; a bound that is left out would be passed for good."""
+    name, problem, ends = Monitor(kind), circle(), []
+    for parameter, value in ((0.5, -3e-6), (0.500009, 6e-6)):
+        end = start_point(problem, np.array([math.sqrt(1.0 - parameter**2), parameter]))
+        end.arc, end.examined = parameter, Examined({name: value}, None)
+        ends.append(end)
+    monkeypatch.setattr("saltus.continuation.locating.locate", lambda *_: None)
+    found = events_between(problem, *ends)
+    assert [event.name for event in found] == ([name] if kind == "high" else [])
+    assert [event.point.arc for event in found] == pytest.approx([0.500003] * len(found), abs=1e-12)
+    # the arclengths of this test are the parameters themselves, so the cubic is a little off
+    assert [event.point.u[-1] for event in found] == pytest.approx([0.500003] * len(found), abs=1e-6)
 
 
 # Bratu: -u'' = lambda exp(u), u(0) = u(1) = 0

@@ -71,6 +71,17 @@ def test_stiff_cycles_that_are_cut_are_solved_at_a_value():
     assert found.period == pytest.approx(19.07836957, abs=1e-7)
 
 
+def test_doubled_orbits_with_events_are_solved_at_a_value(impact_oscillator):
+    orbit = saltus.find_orbit(impact_oscillator, {"w": 0.7, "c": 0.1, "d": 1.0, "A": 0.4}, [0.0, 0.0])
+    branch = saltus.continue_orbit(orbit, "A", bounds=(0.05, 2.0))
+    doubled = saltus.continue_orbit(saltus.switch_branch(branch["PD1"]), "A", bounds=(0.5, 0.6), stop_at="PD")
+    low, high = sorted((doubled.values[1], doubled.values[-1]))
+    for share in (0.1, 0.5, 0.9):
+        (found,) = doubled.at(low + share * (high - low))
+        assert found.form.turns == 2
+        assert found.residual < 1e-12
+
+
 @pytest.mark.parametrize("end", [1.4, 1.7, 1.9])
 def test_an_orbit_solved_at_a_bound_starts_a_branch_away_from_it(impacting, end):
     """The start may miss the bound by rounding; a step away from the bound must not take it for an end."""

@@ -110,6 +110,15 @@ def test_formulas_in_observables_and_parameters_are_columns(response):
     )
 
 
+def test_the_period_is_part_of_formulas_of_orbits(response, impact_oscillator):
+    assert response.column("2*pi/period") == pytest.approx(response.values, rel=1e-14)
+    orbit = response.orbit(3)
+    assert orbit.observe("mean(x)*0 + period") == {"mean(x)*0 + period": pytest.approx(orbit.period, rel=1e-14)}
+    motion = saltus.simulate(impact_oscillator, {}, [0.0, 0.0], periods=3)
+    with pytest.raises(InputError, match="observable = 'period': must be of a periodic motion"):
+        motion.observe("2*pi/period")
+
+
 def test_extremes_are_those_that_the_branch_keeps(branch):
     observed = branch.observe("max(x)", "min(v)")
     assert observed["max(x)"].values == pytest.approx(branch.column("max_x"), abs=1e-10)

@@ -87,8 +87,9 @@ def test_a_formula_is_made_of_observables_and_parameters(impacting):
     ("formula", "told"),
     [
         ("max(x) - mn(x)", "'max\\(x\\) - mn\\(x\\)': must be a formula in observables and par.*'mn' is unknown"),
+        ("-degree(phase(x, 1))", "must be a formula in observables and parameters; did you mean 'degrees'"),
         ("max(x) - x", "'max\\(x\\) - x': must be a formula in observables and parameters; .*'x' is unknown"),
-        ("max(x) -", "'max\\(x\\) -': must be a formula .* an expression"),
+        ("max(x) -", "'max\\(x\\) -': must be a formula in observables and parameters; "),
         ("2*max(q)", "'q' is unknown"),
         ("2*velocity(impct)", "did you mean 'impact'"),
         ("2*w", "must be one of max\\(expression\\)"),

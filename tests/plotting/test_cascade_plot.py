@@ -56,7 +56,11 @@ def test_returns_of_a_forced_system_are_once_a_period(impact_oscillator):
     branch = saltus.continue_orbit(start, "A", (0.05, 2.0))
     cascade = saltus.follow_cascade(branch["PD1"], (0.05, 2.0), doublings=1)
     curves = lines(cascade.plot("A", "v"), "-")
-    assert len(curves) == 2
+    # one of them leaps where the impact passes the phase of the return, and is drawn in two parts
+    leap = [curve for curve in curves if curve.get_xdata()[-1] > cascade.values[1] + 1e-6]
+    assert len(curves) == 3
+    assert len(leap) == 1
+    curves.remove(leap[0])
     A, last = cascade.branches[0].values[-1], cascade.branches[0].orbit(-1)
     motion = saltus.simulate(impact_oscillator, {"w": form.w, "A": A}, last.x0, periods=2)
     ends = sorted(curve.get_ydata()[-1] for curve in curves)

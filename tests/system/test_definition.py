@@ -79,7 +79,10 @@ def transition(**changes):
             {"outputs": {"gap": {"ground": "z"}}},
             "output 'gap' = \\['ground'\\]: must be given for each of the modes flight",
         ),
-        ({"outputs": {"gap": "z*theta"}}, "output 'gap' = 'z\\*theta': must be of period 2 pi in theta; carry a clock"),
+        (
+            {"outputs": {"gap": "z*theta"}},
+            "output 'gap' = 'z\\*theta': must be of period 2 pi in theta; theta is an angle, as in cos",
+        ),
         ({"groups": {"all": ("g", "q")}}, "group 'all' = 'q'"),
         ({"positive": ("q",)}, "positive, parameter_bounds = 'q'"),
         ({"positive": 3}, "positive = 3: must be a sequence of names of parameters"),

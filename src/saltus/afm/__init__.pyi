@@ -2,6 +2,8 @@
 
 from .animation import animate as animate
 from .cantilever import Cantilever as Cantilever
+from .curve import Curve as Curve
+from .curves import distance_curve as distance_curve, frequency_curve as frequency_curve
 from .drive import Drive as Drive
 from .laws.adhesive import JKR as JKR, Neck as Neck, Schwarz as Schwarz
 from .laws.contact import DMT as DMT, Hertz as Hertz, VanDerWaals as VanDerWaals

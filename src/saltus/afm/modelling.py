@@ -78,6 +78,7 @@ def model(
         ``drive_pW``        power that the drive puts in
         ``medium_pW``       power that the modes' own damping takes
         ``sample_pW``       power that the sample takes
+        ``virial_aJ``       force times the tip's displacement
         ==================  ==========================================================================================
 
     Raises
@@ -327,4 +328,5 @@ class _Writing:
             "drive_pW": " + ".join(driven),
             "medium_pW": " + ".join(drag),
             "sample_pW": f"-{force}*{self.meant('V_nm_us', region)}",
+            "virial_aJ": f"{force}*({self.gap} - Zc_nm)",
         }

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from saltus import checks
-from saltus.afm.modelling import suffix
-from saltus.afm.units import ENERGY_EV
-from saltus.errors import InputError
+from saltus.afm.readings import READINGS, check_model, formulas, regime, turns_of
 from saltus.orbits.orbit import PeriodicOrbit
-from saltus.system import HybridSystem
 
 __all__ = ["Observables", "observables"]
-
-_PM_IN_NM = 1e3  # picometres in a nanometre
-_DRIVEN = re.compile(r"(A0_nm|F0_nN|Y_nm)(?:_(\d+))?")
-_POWERS = ("drive_pW", "medium_pW", "sample_pW")
 
 
 class Observables(Mapping[str, Any]):
@@ -70,7 +62,7 @@ class Observables(Mapping[str, Any]):
         InputError
             `order` is below 1.
         """
-        name = f"amplitude(deflection_nm, {checks.count('order', order) * _turns(self.orbit)})"
+        name = f"amplitude(deflection_nm, {checks.count('order', order) * turns_of(self.orbit.system)})"
         return self.orbit.observe(name)[name]
 
 
@@ -132,62 +124,10 @@ def observables(orbit: PeriodicOrbit, *, of: str | int = "deflection") -> Observ
     ('repulsive', '9.6757', '75.37')
     """
     checks.instance("orbit", orbit, PeriodicOrbit)
-    system, p = orbit.system, orbit.parameters
-    if not {"deflection_nm", "force_nN", *_POWERS} <= set(system.output_names):
-        raise InputError("orbit", system.name or "a hybrid system", "one of saltus.afm.model")
-    seen_of = _subject(system, of)
-    turns = _turns(orbit)
-    cycle = 1e3 / p["f_kHz"]
-    orders = {number: round(p.get(f"ratio_{number}", 1.0) * turns) for number in _drives(system)}
-    waves = {
-        number: [f"{kind}({seen_of}, {order})" for kind in ("amplitude", "phase")] for number, order in orders.items()
-    }
-    means = [f"mean({name})" for name in ("deflection_nm", *_POWERS, "force_nN*(D_nm - Zc_nm)")]
-    extremes = ["max(force_nN)", "max(elastic_nN)", "min(force_nN)"]
-    touching = "contact" in system.output_names
-    depth = ["max(indentation_nm)", "mean(contact)"] if touching else []
-    found = orbit.observe(*means, *extremes, *depth, *(name for pair in waves.values() for name in pair))
-    values: dict[str, Any] = {}
-    for number, (amplitude, angle) in waves.items():
-        lead = p.get(f"phase_deg{suffix(number)}", 0.0)
-        values[f"amplitude_nm{suffix(number)}"] = found[amplitude]
-        values[f"lag_deg{suffix(number)}"] = (90.0 - math.degrees(found[angle]) + lead) % 360.0
-    energies = {name: found[f"mean({name}_pW)"] * cycle * ENERGY_EV for name in ("sample", "drive", "medium")}
-    virial = found[means[-1]] * ENERGY_EV
-    share = found["mean(contact)"] if touching else math.nan
-    values |= {
-        "deflection_pm": found["mean(deflection_nm)"] * _PM_IN_NM,
-        "E_ts_eV": energies["sample"],
-        "E_ext_eV": energies["drive"],
-        "E_med_eV": energies["medium"],
-        "virial_eV": virial,
-        "peak_force_nN": found["max(force_nN)"],
-        "peak_elastic_nN": found["max(elastic_nN)"],
-        "min_force_nN": found["min(force_nN)"],
-        "indentation_nm": found["max(indentation_nm)"] if touching else math.nan,
-        "contact_fraction": share,
-        "contact_time_us": share * cycle,
-        "stable": orbit.stable,
-        "regime": "attractive" if virial > 0.0 else "repulsive" if virial < 0.0 else "free",
-    }
-    return Observables(orbit, values)
-
-
-def _subject(system: HybridSystem, of: str | int) -> str:
-    """Return the expression whose amplitude and lag are told."""
-    if isinstance(of, str):
-        checks.chosen("of", of, ("deflection", "tip"), instead="or the number of a mode")
-        return "deflection_nm" if of == "deflection" else "D_nm"
-    modes = sum(re.fullmatch(r"z\d+_nm", name) is not None for name in system.states)
-    return f"z{checks.count('of', of, 1, modes, 'modes')}_nm"
-
-
-def _drives(system: HybridSystem) -> list[int]:
-    """Numbers of the drives."""
-    found = (_DRIVEN.fullmatch(name) for name in system.parameter_names)
-    return sorted(int(name[2] or 1) for name in found if name is not None)
-
-
-def _turns(orbit: PeriodicOrbit) -> int:
-    """Periods of the first drive in a turn of the phase."""
-    return round(2e-3 * math.pi * orbit.parameters["f_kHz"] / orbit.motion().angle[1])
+    check_model(orbit.system, "orbit")
+    texts = formulas(orbit.system, of)
+    found = orbit.observe(*texts.values())
+    values: dict[str, Any] = {name: found[text] for name, text in texts.items()}
+    values = {name: value % 360.0 if name.startswith("lag_deg") else value for name, value in values.items()}
+    values = dict.fromkeys(READINGS, math.nan) | values
+    return Observables(orbit, values | {"stable": orbit.stable, "regime": regime(values["virial_eV"])})

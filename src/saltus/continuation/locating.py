@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.continuation.monitor import Monitor
 from saltus.continuation.zero_problem import Event, Point, ZeroProblem, hermite
 
 if TYPE_CHECKING:
@@ -40,11 +42,20 @@ def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | st
             events.append(event)
         elif b.arc - a.arc > CROWDED and not any(event.name in problem.singular for event in events):
             return f"location: no zero of {name} between the step's ends"
+        elif isinstance(name, Monitor) and name.kind in ("low", "high"):
+            events.append(_between(name, a, b, *changed[name]))  # a bound ends the branch, located well or not
     kept = problem.sort_out(sorted(events, key=lambda event: event.point.arc))
     if isinstance(kept, str):
         return kept
     overlooked = _overlooked(kept, a, b, set(changed)) if b.arc - a.arc > CROWDED else None
     return kept if overlooked is None else f"events: {overlooked} vanishes more than once within the step"
+
+
+def _between(name: Monitor, a: Point, b: Point, fa: float, fb: float) -> Event:
+    """Return the event at which a bound is passed in a short step, by interpolation alone."""
+    share = fa / (fa - fb) if fa != fb else 1.0
+    point = replace(b, u=hermite(a, b, b.arc - a.arc, share), arc=a.arc + share * (b.arc - a.arc))
+    return Event(name, point, 0.0)
 
 
 def _overlooked(events: list[Event], a: Point, b: Point, changed: set[Any]) -> Any | None:

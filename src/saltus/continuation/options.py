@@ -194,7 +194,7 @@ def read_events(
             found.append((name, name, value))
         elif name == "period":
             found.append((name, "observable", value))
-        elif "(" in name:
+        elif not name.isidentifier():
             read_quantity(orbit.system, name)
             found.append((name, "observable", value))
         else:

@@ -149,7 +149,7 @@ class OrbitColumns(Result):
         InputError
             A quantity of another name.
         """
-        if isinstance(name, str) and "(" in name:
+        if isinstance(name, str) and not name.isidentifier():
             return self._observed(name)
         table = self.values.reshape(len(self), -1)
         declared: dict[str, Any] = {parameter: table[:, i] for i, parameter in enumerate(self.varied)}
@@ -217,7 +217,7 @@ class OrbitColumns(Result):
                 column[known] = np.unwrap(column[known], period=turn)
             self._observations[part] = frozen(column)
         table = self.values.reshape(len(self), -1)
-        parameters = {**self.parameters, **dict(zip(self.varied, table.T, strict=True))}
+        parameters = {"period": self.period, **self.parameters, **dict(zip(self.varied, table.T, strict=True))}
         for name, formula in formulas.items():
             values = np.broadcast_to(formula.value(self._observations, parameters), (len(self),))
             self._observations[name] = frozen(values)
@@ -279,7 +279,7 @@ class OrbitColumns(Result):
         if name == "arclength":
             return point.arclength
         nearby = float(np.interp(point.arclength, self.arclength, self.column(name)))
-        if "(" not in name:
+        if name.isidentifier():
             return nearby
         value, turn = orbit.observe(name)[name], read_formula(self.system, name).turn
         return value + turn * round((nearby - value) / turn) if turn and np.isfinite(nearby - value) else value

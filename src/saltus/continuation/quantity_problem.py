@@ -26,6 +26,8 @@ __all__ = ["QuantityZeroProblem"]
 _SN = Monitor("SN")  # the freed parameter's component of the tangent
 _BP = Monitor("BP")  # determinant of the bordered Jacobian
 _TP = Monitor("TP")  # the quantity's component of the tangent
+_LEAP = 1.1  # most that the period grows or shrinks by in a step
+_SHORT = 1e-4  # arclength of a step up to which it may
 _STAYS = 1e-7  # gap, or change of a freed parameter in its unit, up to which orbits are a family at fixed parameters
 
 
@@ -84,6 +86,12 @@ class QuantityZeroProblem(OrbitZeroProblem):
         J[-1, -1] = -self.equations.unit * self.interest.scale
         return F, J
 
+    def _leaps(self, before: Point, point: Point) -> bool:
+        """Return whether the period, which the metric does not contain, changes much in a step that is not short."""
+        problem = self.problem
+        old, new = (float(p.u[problem.n : problem.size : problem.n + 1].sum()) for p in (before, point))
+        return point.arc - before.arc > _SHORT and max(old, new) > _LEAP * min(old, new)
+
     def depart(self, point: Point) -> None:
         """Renew the phase plane and the gap where the orbit has turned away from them."""
         super().depart(point)
@@ -106,6 +114,8 @@ class QuantityZeroProblem(OrbitZeroProblem):
             value = float(point.u[self.problem.size] * self.problem.scales[0])
             if not low <= value <= high:
                 return Examined({}, f"{name} = {value:.6g} leaves [{low:g}, {high:g}]")
+        if before is not None and self._leaps(before, point):
+            return Examined({}, "deviation: the period changes by more than a tenth in the step")
         found = super().examine(point, before)
         if self.home is None or found.fault is not None:
             return found

@@ -65,9 +65,10 @@ class Formula:
     @property
     def turn(self) -> float:
         """Angle up to which a phase is defined, in radians; 0 of all other observables, and of formulas."""
-        (first, *_) = self.parts.values()
-        is_phase = self.expression is None and first.kind == "phase" and first.order is not None
-        return 2.0 * math.pi / first.order.denominator if is_phase and first.order else 0.0
+        if self.expression is not None:
+            return 0.0
+        (only,) = self.parts.values()
+        return 2.0 * math.pi / only.order.denominator if only.kind == "phase" and only.order else 0.0
 
     def value(self, values: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
         """Return the formula's value.
@@ -77,11 +78,18 @@ class Formula:
         values : mapping of str to float or ndarray
             Values of the observables by their texts.
         parameters : mapping of str to float or ndarray
-            All parameters.
+            All parameters, and ``period`` of a periodic motion.
+
+        Raises
+        ------
+        InputError
+            The formula has the period of a motion that has none.
         """
         if self.expression is None:
             (only,) = self.parts
             return values[only]
+        if "period" in self.expression.names and "period" not in parameters:
+            raise InputError("observable", "period", "of a periodic motion")
         return self.expression.value(dict(parameters) | {_name(i): values[part] for i, part in enumerate(self.parts)})
 
 
@@ -93,7 +101,7 @@ def read_formula(system: Definition, text: str) -> Formula:
     system : Definition
         The system.
     text : str
-        An observable, or an expression in observables and parameters.
+        An observable, or an expression in observables, parameters and ``period``.
 
     Raises
     ------
@@ -108,7 +116,8 @@ def read_formula(system: Definition, text: str) -> Formula:
     (['max(z)', 'min(z)'], 1.0)
     """
     calls = _calls(text)
-    if len(calls) == 0 or calls == [(0, len(text.strip()))]:
+    alone = isinstance(text, str) and not calls and re.search(r"(?<![\w.])period(?!\w)", text) is not None
+    if not alone and (not calls or calls == [(0, len(text.strip()))]):
         return Formula({text: read_observable(system, text)})
     parts: dict[str, Observable] = {}
     stripped, formula, end = text.strip(), "", 0
@@ -116,11 +125,11 @@ def read_formula(system: Definition, text: str) -> Formula:
         part = stripped[first:last]
         parts.setdefault(part, read_observable(system, part))
         formula, end = formula + stripped[end:first] + _name(list(parts).index(part)), last
-    names = (*system.parameter_names, *(_name(i) for i in range(len(parts))))
+    names = ("period", *system.parameter_names, *(_name(i) for i in range(len(parts))))
     try:
         return Formula(parts, read_expression(formula + stripped[end:], names))
     except InputError as error:
-        why = str(error.args[2])
+        why = str(error.args[3] or error.args[2])
         for i, part in enumerate(parts):
             why = why.replace(_name(i), part)
         raise InputError("observable", text, "a formula in observables and parameters", why) from None

@@ -19,7 +19,8 @@ taken over whole multiples of its own period. The system's phase does not tell i
 up to multiples of 2 pi over the denominator. In an orbit with another period its amplitude is 0, and its phase NaN.
 Without a phase, the motion's length is the period of order 1, and its start is where the angle is 0.
 
-A formula in observables and parameters is taken as well: ``-degrees(phase(x, 1))``, ``max(z) - min(z)``.
+A formula in observables and parameters is taken as well: ``-degrees(phase(x, 1))``, ``max(z) - min(z)``. Of an orbit it
+may contain ``period``, as ``2*pi/period``.
 
 Integrals are Gauss-Legendre sums over each step of the dense output, in clustered time. Let an expression be smooth
 between events, or like a half-integer power of the distance from one. Its integrals are then as accurate as the dense
@@ -179,7 +180,10 @@ def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
     highest = max((float(observable.order) for observable in wanted.values() if observable.order), default=0.0)
     seen = _Seen(motion, _NODES + math.ceil(highest * advance))
     values = {part: _value(seen, part, observable) for part, observable in wanted.items()}
-    return {name: float(formula.value(values, motion.parameters)) for name, formula in formulas.items()}
+    known = dict(motion.parameters)
+    if motion.turns is not None:
+        known.setdefault("period", motion.end - motion.begin)
+    return {name: float(formula.value(values, known)) for name, formula in formulas.items()}
 
 
 def dense_states(

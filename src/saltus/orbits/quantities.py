@@ -128,7 +128,7 @@ def read_quantity(system: HybridSystem, name: object) -> Quantity:
     Quantity(name='max_z', kind='max', column=0, turn=0.0)
     """
     name = checks.text("fix", name, f"the name of a quantity, as {_EXAMPLES}")
-    if "(" in name:
+    if not name.isidentifier():
         formula = read_formula(system, name)
         return Quantity(name, "observable" if formula.expression is None else "formula", -1, formula.turn)
     phase = None if system.phase is None else system.phase[0]

@@ -35,6 +35,7 @@ _HOMES = {
     "saltus.sweeps.sweep.Sweep": "saltus.plotting.sweep",
     "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
     "saltus.basins.map.basins.Basins": "saltus.plotting.basin",
+    "saltus.afm.curve.Curve": "saltus.afm.curve_picture",
     "saltus.basins.measures.erosion.ErosionProfile": "saltus.plotting.erosion",
 }
 

@@ -187,7 +187,10 @@ def draw_attractors(ax: Axes, basins: Basins, names: tuple[str, ...], marks: Map
                 met[not inside] = True
                 across = chosen[:, 0], chosen[:, 1] if len(columns) == 2 else np.full(len(chosen), 0.5)
                 options = mark_of(marks.get(name, _DARK), filled=inside)
-                ax.plot(*across, **options | ({"markersize": _CLOUD_SIZE} if len(places) > _CLOUD else {}))
+                if len(places) > _CLOUD:  # the bright edge of one mark must not cover the next mark
+                    ax.plot(*across, **options | {"markersize": _CLOUD_SIZE + 2.0 * _EDGE, "markerfacecolor": "white"})
+                    options |= {"markersize": _CLOUD_SIZE, "markeredgewidth": 0.0}
+                ax.plot(*across, **options)
     return met[0], met[1]
 
 

@@ -39,6 +39,7 @@ AnyBranch = Branch | EquilibriumBranch | MapBranch
 
 _SPLITS = ("SN", "PD", "TR", "BP", "HB")  # special points at which stability may change
 _MEETINGS = ("GR", "BE", "BC")  # special points at which the equations change
+_GAP = "gap"  # the kind of an interval without length that is not drawn: a state leaps there
 _NEAREST = 1e-9  # relative distance up to which a point of the branch is the grazing point next to it
 _VERTICES = 4000  # vertices of a branch, about
 
@@ -82,7 +83,8 @@ def plot_branch(
         The branch.
     x, y : str, optional
         Quantities that `Branch.column` knows, also observables, as ``"amplitude(z, 1)"``. By default the parameter, and
-        ``min_`` of the first output or ``max_`` of the first state.
+        ``min_`` of the first output or ``max_`` of the first state. Along a quantity by default the freed parameter or
+        the period, and the quantity.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     special, legend : bool, optional
@@ -94,6 +96,8 @@ def plot_branch(
         A quantity of another name.
     """
     style.check_options(ax, x, y, special=special, legend=legend)
+    if branch.fixed is not None:
+        x, y = x or branch.fixed.free or "period", y or branch.parameter
     x, y = default_axes(branch.system, branch.parameter, x, y)
     return draw_branch([branch], x, y, ax, special=special, legend=legend)
 
@@ -148,9 +152,9 @@ def _at(branch: AnyBranch, point: Any, name: str) -> float:
     return branch.value_at(point, name)
 
 
-def pieces_of(branch: AnyBranch, x: str, y: str) -> list[Piece]:
-    """Return a branch as connected curves, each of one kind."""
-    nodes = _nodes(branch, x, y)
+def pieces_of(branch: AnyBranch, x: str, y: str, phase: float = 0.0) -> list[Piece]:
+    """Return a branch as connected curves, each of one kind; phase: that at which its states are drawn."""
+    nodes = _nodes(branch, x, y, phase)
     if len(nodes.x) < 2:
         return []
     each = int(np.clip(_VERTICES // len(nodes.x), 4, 24))
@@ -161,11 +165,12 @@ def pieces_of(branch: AnyBranch, x: str, y: str) -> list[Piece]:
         curves.append(_smooth(nodes.s[part], nodes.x[part], nodes.y[part], each))
     x_all = np.concatenate([curves[0][0][:1], *(cx[1:] for cx, _ in curves)])
     y_all = np.concatenate([curves[0][1][:1], *(cy[1:] for _, cy in curves)])
-    pieces = []
+    pieces: list[Piece] = []
     begins = [i for i, kind in enumerate(nodes.kind) if i == 0 or kind != nodes.kind[i - 1]]
     for first, last in zip(begins, [*begins[1:], len(nodes.kind)], strict=True):
         part = slice(first * each, last * each + 1)
-        pieces.append(Piece(nodes.kind[first], x_all[part], y_all[part]))
+        if nodes.kind[first] != _GAP:
+            pieces.append(Piece(nodes.kind[first], x_all[part], y_all[part]))
     return pieces
 
 
@@ -210,7 +215,7 @@ def _traits(branch: AnyBranch) -> _Traits:
     return _Traits(branch.admissible, "not admissible", branch.form, branch.x0)
 
 
-def _nodes(branch: AnyBranch, x: str, y: str) -> _Nodes:
+def _nodes(branch: AnyBranch, x: str, y: str, phase: float) -> _Nodes:
     columns = np.array([branch.column(x), branch.column(y)])
     specials: list[SpecialPoint[Any]] = [*branch.special_points]
     if not len(branch):
@@ -219,7 +224,22 @@ def _nodes(branch: AnyBranch, x: str, y: str) -> _Nodes:
     twins = _twins(branch, traits, specials)
     rows = [row for row in range(len(branch)) if row not in twins.values()]
     s, place, corner, kind = [float(branch.arclength[rows[0]])], [columns[:, rows[0]]], [False], []
+    leaps, is_state = _leaps(branch, x, y, phase), np.array([name in branch.system.states for name in (x, y)])
     for row, after in pairwise(rows):
+        if (leap := leaps[row:after])[np.isfinite(leap)].size:
+            share = float(leap[np.isfinite(leap)][0])
+            ends, at = columns[:, [row, after]], float(branch.arclength[[row, after]] @ (1.0 - share, share))
+            between = ends @ (1.0 - share, share)
+            sides = [np.where(is_state, ends[:, side], between) for side in (0, 1)]
+            kind += [
+                *_kinds(traits, branch.stable, row, row, []),
+                _GAP,
+                *_kinds(traits, branch.stable, after, after, []),
+            ]
+            s += [at, at, float(branch.arclength[after])]
+            place += [*sides, ends[:, 1]]
+            corner += [True, True, False]
+            continue
         points = [point for point in specials if row < point.position < after]
         met = [point.type in _MEETINGS for point in points]
         kind += _kinds(traits, branch.stable, row, after, points)
@@ -230,6 +250,26 @@ def _nodes(branch: AnyBranch, x: str, y: str) -> _Nodes:
         corner.append(bool(traits.equations[row] != traits.equations[after]) and not any(met))
     table = np.array(place)
     return _Nodes(_growing(np.array(s)), table[:, 0], table[:, 1], np.array(corner), kind)
+
+
+def _leaps(branch: AnyBranch, x: str, y: str, phase: float) -> NDArray[np.float64]:
+    """Return for each interval where in it a state that is drawn leaps, since its reset passes the phase; else NaN."""
+    leaps = np.full(max(len(branch) - 1, 0), np.nan)
+    if not isinstance(branch, Branch) or branch.system.phase is None:
+        return leaps
+    resets = [bool({x, y} & set(transition.reset)) for transition in branch.system.transitions]
+    wide, ahead = len(branch.system.all_states) + 1, np.full(len(branch), np.nan)
+    for i, (u, at) in enumerate(zip(branch.unknowns, branch.form.tolist(), strict=True)):
+        form = branch.forms[at]
+        half, starts = np.pi * max(form.turns, 1), u[wide - 2 :: wide]
+        before = np.roll(form.transitions, 1)  # the transition with which each segment starts
+        first = 2.0 * np.pi * np.ceil(starts[0] / (2.0 * np.pi) - 1e-13)  # the phase 0 at which `x0` is
+        away = (starts[[k >= 0 and resets[k] for k in before]] - first - phase + half) % (2.0 * half) - half
+        if away.size:
+            ahead[i] = away[np.argmin(np.abs(away))]
+    passed = (ahead[1:] * ahead[:-1] < 0.0) & (np.abs(ahead[1:] - ahead[:-1]) < 0.5 * np.pi)
+    leaps[passed] = ahead[:-1][passed] / (ahead[:-1] - ahead[1:])[passed]
+    return leaps
 
 
 def _growing(s: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -68,7 +68,12 @@ def plot_cascade(
     tree = {x, y} & set(cascade.system.states)
     branches: Sequence[Any] = cascade.branches
     levels = [_sheets(branch, 2 ** (k + 1)) if tree else [branch] for k, branch in enumerate(branches)]
-    pieces = [piece for sheets in levels for branch in sheets for piece in pieces_of(branch, x, y)]
+    pieces = [
+        piece
+        for sheets in levels
+        for j, branch in enumerate(sheets)
+        for piece in pieces_of(branch, x, y, 2.0 * math.pi * _turns(branch) * j / len(sheets))
+    ]
     places = _doublings(cascade, levels, x, y) if special else []
     ax = style.axes(ax)
     draw_pieces(ax, pieces)
@@ -95,6 +100,11 @@ def _doublings(cascade: Cascade | MapCascade, levels: list[Any], x: str, y: str)
     ends = [(branch, branch.special_points.of_type("PD")[:1]) for sheets in levels for branch in sheets]
     owners = [*((first, point) for point in starts), *((branch, point) for branch, found in ends for point in found)]
     return [(branch.value_at(point, x), branch.value_at(point, y)) for branch, point in owners]
+
+
+def _turns(branch: Branch | MapBranch) -> int:
+    """Return how many periods of the phase the period of a branch's orbits has."""
+    return max(branch.forms[0].turns, 1) if isinstance(branch, Branch) and branch.forms else 1
 
 
 def _sheets(branch: Branch | MapBranch, count: int) -> Sequence[Branch | MapBranch]:

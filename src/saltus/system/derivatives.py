@@ -68,7 +68,7 @@ class Symbolic:
                 abs(_sampled(jump, theta, angle)) > 1e-9 * abs(_sampled(varying, theta, angle)) for angle in _ANGLES
             ):
                 wanted = f"of period 2 pi in {theta}"
-                hint = "carry a clock as an ordinary state with its own event where it must not be"
+                hint = f"{theta} is an angle, as in cos({theta}); a time that does not repeat is a state t with t' = 1"
                 raise DefinitionError(where, text, wanted, hint)
         return expression
 

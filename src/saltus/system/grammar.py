@@ -29,6 +29,7 @@ _NODES = 20_000  # most numbers, names, signs and calls in one
 _DEPTH = 32  # deepest nesting of functions, powers and brackets; a sum or a product is one level, however long
 _LISTED = 160  # characters of the known names that a message lists
 
+_TIMES = ("t", "time")  # what a definition may call the time, which no expression knows
 _CHOICES = ("Max", "Min")  # functions that choose one of their arguments
 
 _SUM = (ast.Add, ast.Sub)
@@ -188,6 +189,8 @@ class _Reader:
         if name == "pi":
             return math.pi
         hint = "it is a function: give it its argument" if name in FUNCTIONS else nearest(name, self.names)
+        if name in _TIMES and not hint:
+            hint = "a drive turns with a phase: phase=('theta', 'w') and cos(theta) in place of cos(w*t)"
         known = " and ".join(part for part in (clipped(", ".join(self.names.values()), _LISTED), "pi") if part)
         self.refuse(f"in {known}, but {clipped(name)!r} is unknown", hint)
 

@@ -1,0 +1,248 @@
+"""Distance curves and frequency curves of a model, from afar over all folds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus import checks
+from saltus.afm.curve import Curve
+from saltus.afm.modelling import suffix
+from saltus.afm.readings import check_model, drives_of, turns_of
+from saltus.afm.routes import is_pulled_in, stays_in_contact
+from saltus.continuation import Branch, StepControl, continue_orbit
+from saltus.errors import ConvergenceError, InputError
+from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
+
+if TYPE_CHECKING:
+    from saltus.progress import Report
+    from saltus.system import HybridSystem
+
+__all__ = ["distance_curve", "frequency_curve"]
+
+_CLEAR = 3.0  # gap of the far start, over the free amplitude
+_MOST_SHEETS = 8  # sheets that are sought beyond the first ones
+_CLEAR_NM = 20.0  # least gap of the far start, in nm
+
+
+def distance_curve(
+    system: HybridSystem,
+    bounds: tuple[float, float],
+    *,
+    f_kHz: float | str | None = None,
+    parameters: Mapping[str, float] | None = None,
+    of: str | int = "deflection",
+    steps: StepControl | None = None,
+    progress: bool | Report = False,
+) -> Curve:
+    """Return the readings of a model along the distance ``Zc_nm``, from afar over all folds.
+
+    The free motion far from the sample is followed towards it. Where the ways of an experiment jump to a motion that
+    the branch does not have, this motion is followed as a further sheet. A curve whose way ends because the tip is
+    pulled in and stays in contact says so.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        A model of `saltus.afm.model`.
+    bounds : (float, float)
+        The range of ``Zc_nm``, in nm; below 0 the cantilever is pressed into the sample.
+    f_kHz : float or {"f0", "peak"}, optional
+        Frequency of the first drive; by default the model's.
+    parameters : mapping of str to float, optional
+        Parameters that differ from the model's.
+    of : {"deflection", "tip"} or int, optional
+        Of what amplitude and lag are told, as `saltus.afm.observables` takes it.
+    steps : StepControl, optional
+        Sizes of steps and their limits.
+    progress : bool or callable, optional
+        True for a bar on stderr, or a function of a `saltus.Progress`.
+
+    Returns
+    -------
+    Curve
+
+    Raises
+    ------
+    InputError
+        The system is no such model, or a value is not allowed.
+    ConvergenceError
+        No motion is found at the upper end.
+
+    Examples
+    --------
+    >>> from saltus import afm
+    >>> probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    >>> law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    >>> system = afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=20.0)
+    >>> curve = distance_curve(system, (5.0, 14.0))
+    >>> for jump in curve.jumps:
+    ...     print(f"{jump.direction} at {jump.value:.4f} nm: {jump.before_nm:.3f} to {jump.after_nm:.3f} nm")
+    approach at 9.8783 nm: 9.847 to 10.600 nm
+    retract at 11.5029 nm: 11.986 to 11.188 nm
+    >>> [round(afm.observables(orbit)["amplitude_nm"], 5) for orbit in curve.at(Zc_nm=10.0)]
+    [10.7157, 10.04805, 9.89528]
+    """
+    check_model(system, "system")
+    low, high = checks.interval("bounds", bounds)
+    p = _at_frequency(system, system.resolve(parameters), f_kHz)
+    starts = _from_afar(system, p, high, steps)
+    return _traced(system, "Zc_nm", (low, high), starts, of, steps, progress)
+
+
+def frequency_curve(
+    system: HybridSystem,
+    bounds: tuple[float, float],
+    *,
+    Zc_nm: float | None = None,
+    parameters: Mapping[str, float] | None = None,
+    of: str | int = "deflection",
+    steps: StepControl | None = None,
+    progress: bool | Report = False,
+) -> Curve:
+    """Return the readings of a model along the frequency ``f_kHz`` of its first drive, over all folds.
+
+    The motion at the lower end of the range is reached from afar. Further sheets are found as `distance_curve` does.
+
+    Parameters
+    ----------
+    system : HybridSystem
+        A model of `saltus.afm.model`.
+    bounds : (float, float)
+        The range of ``f_kHz``, in kHz.
+    Zc_nm : float, optional
+        Distance, in nm; by default the model's.
+    parameters : mapping of str to float, optional
+        Parameters that differ from the model's.
+    of, steps, progress : optional
+        As `distance_curve` takes them.
+
+    Returns
+    -------
+    Curve
+
+    Raises
+    ------
+    InputError
+        The system is no such model, or a value is not allowed.
+    ConvergenceError
+        No motion is found at the lower end.
+
+    Examples
+    --------
+    >>> from saltus import afm
+    >>> probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    >>> law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    >>> system = afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=8.5)
+    >>> tune = frequency_curve(system, (298.0, 302.0))
+    >>> [f"{jump.direction} at {jump.value:.4f} kHz" for jump in tune.jumps]
+    ['down at 299.2872 kHz', 'up at 299.4915 kHz']
+    """
+    check_model(system, "system")
+    low, high = checks.interval("bounds", bounds)
+    p = system.resolve(parameters) | ({} if Zc_nm is None else {"Zc_nm": Zc_nm})
+    p |= {"f_kHz": low}
+    starts = _from_afar(system, p, p["Zc_nm"], steps)
+    return _traced(system, "f_kHz", (low, high), starts, of, steps, progress)
+
+
+def _from_afar(
+    system: HybridSystem, parameters: Mapping[str, float], Zc_nm: float, steps: StepControl | None
+) -> tuple[PeriodicOrbit, ...]:
+    """Return the motions at a distance to which the free motion afar leads, towards the sample."""
+    free = _free_amplitude(system, parameters)
+    far = max(Zc_nm, _CLEAR * free, free + _CLEAR_NM)
+    start = _free_orbit(system, dict(parameters) | {"Zc_nm": far}, free)
+    if far == Zc_nm:
+        return (start,)
+    return continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down").at(Zc_nm)
+
+
+def _free_orbit(system: HybridSystem, parameters: Mapping[str, float], free: float) -> PeriodicOrbit:
+    """Return the motion far from the sample, from a guess with an amplitude of that size."""
+    first, x0 = system.mode_names[0], np.zeros(len(system.states))
+    x0[system.states.index("v1_nm_us")] = 2e-3 * math.pi * parameters["f_kHz"] * free
+    assert system.phase is not None
+    period = 1e3 * turns_of(system) / parameters["f_kHz"]
+    try:
+        return solve_orbit(system, parameters, [(first, system.phase[0], x0, period)])
+    except ConvergenceError:
+        return find_orbit(system, parameters, x0)
+
+
+def _free_amplitude(system: HybridSystem, parameters: Mapping[str, float]) -> float:
+    """Return the sum of the drives' amplitudes at resonance, in nm: no free motion is larger."""
+    total, stiffness, quality = 0.0, parameters["k_N_m"], parameters["Q"]
+    for number in drives_of(system):
+        end = suffix(number)
+        total += abs(parameters.get(f"A0_nm{end}", 0.0))
+        total += abs(parameters.get(f"F0_nN{end}", 0.0)) / stiffness * max(quality, 1.0)
+        total += abs(parameters.get(f"Y_nm{end}", 0.0)) * (1.0 + 1.6 * max(quality, 1.0))
+    return total
+
+
+def _at_frequency(system: HybridSystem, p: dict[str, float], f_kHz: float | str | None) -> dict[str, float]:
+    if f_kHz is None:
+        return p
+    if not isinstance(f_kHz, str):
+        return p | {"f_kHz": checks.positive("f_kHz", f_kHz, "kHz")}
+    peak = checks.chosen("f_kHz", f_kHz, ("f0", "peak"), instead=", or a number of kHz") == "peak"
+    return p | {"f_kHz": p["f0_kHz"] * (math.sqrt(max(1.0 - 0.5 / p["Q"] ** 2, 0.0)) if peak else 1.0)}
+
+
+def _traced(
+    system: HybridSystem,
+    along: str,
+    bounds: tuple[float, float],
+    starts: tuple[PeriodicOrbit, ...],
+    of: str | int,
+    steps: StepControl | None,
+    progress: bool | Report,
+) -> Curve:
+    branches: list[Branch] = []
+    for start in starts:
+        if not any(_is_on(branch, start) for branch in branches):
+            branches.append(_sheet(start, along, bounds, steps, progress))
+    curve, tried = Curve(system, along, bounds, tuple(branches), of), set[float]()
+    for _ in range(_MOST_SHEETS):
+        lost = [way.beyond for way in curve.ways if way.beyond is not None and way.beyond.value not in tried]
+        found = next((landing for landing in lost if not stays_in_contact(landing.after)), None)
+        if found is None:
+            return curve
+        tried.add(found.value)
+        sheet = _sheet(found.after, along, bounds, steps, progress)
+        curve = Curve(system, along, bounds, (*curve.branches, sheet), of)
+    return curve
+
+
+def _sheet(
+    start: PeriodicOrbit,
+    along: str,
+    bounds: tuple[float, float],
+    steps: StepControl | None,
+    progress: bool | Report,
+) -> Branch:
+    """Return the branch through a motion; it ends at its first fold if this is the static pull-in.
+
+    Beyond the static pull-in the branch is that of a static saddle, whose multipliers cost much and tell nothing.
+    """
+    first = continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress)
+    folds = first.special_points.of_type("SN")
+    if not folds:
+        return first
+    if any(is_pulled_in(first, fold, bounds) for fold in folds):
+        return first
+    return continue_orbit(start, along, bounds, steps=steps, progress=progress)
+
+
+def _is_on(branch: Branch, orbit: PeriodicOrbit) -> bool:
+    value, n = orbit.parameters[branch.parameter], len(orbit.system.states)
+    try:
+        found = branch.at(value)
+    except InputError:
+        return False
+    wanted = np.concatenate([orbit.lows[:n], orbit.highs[:n]])
+    return any(np.allclose(np.concatenate([o.lows[:n], o.highs[:n]]), wanted, rtol=1e-6) for o in found)

@@ -1,0 +1,236 @@
+"""The ways that an experiment takes along the sheets of a curve: stable stretches, and jumps between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from saltus.continuation import Branch, SpecialPoint
+from saltus.errors import SaltusError
+from saltus.orbits import PeriodicOrbit, find_orbit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Landing", "Way", "is_pulled_in", "stays_in_contact", "stretches_of", "way_along"]
+
+_BEYOND = (1e-3, 1e-2)  # shares of the range by which a motion is moved beyond a fold; next to it nothing settles soon
+_SAME = 1e-4  # distance of extremes, over the largest one, up to which a settled motion is on a sheet
+_MOST_JUMPS = 50  # jumps on a way, at most
+_END = 1e-9  # distance from the end of the range, over the range, that is rounding
+
+
+class Stretch(NamedTuple):
+    """Consecutive stable motions of a branch, along which the parameter grows or falls all the time.
+
+    Attributes
+    ----------
+    sheet : int
+        The branch.
+    points : tuple of int
+        Its points, in the order of growing parameter.
+    """
+
+    sheet: int
+    points: tuple[int, ...]
+
+
+class Landing(NamedTuple):
+    """Where a stable stretch ends, and where a motion settles that starts just beyond.
+
+    Attributes
+    ----------
+    value : float
+        The parameter.
+    before : PeriodicOrbit
+        The last motion of the stretch.
+    after : PeriodicOrbit
+        The motion that settles.
+    """
+
+    value: float
+    before: PeriodicOrbit
+    after: PeriodicOrbit
+
+
+@dataclass
+class Way:
+    """The way of an experiment.
+
+    Attributes
+    ----------
+    points : list of (int, int)
+        Sheet and point, in order.
+    first_behind : list of int
+        Places in `points` of the first ones behind a jump.
+    jumps : list of Landing
+        The jumps.
+    stopped : str
+        Why the way ends.
+    beyond : Landing or None
+        The motion on no sheet on which it ends, if it does so.
+    """
+
+    points: list[tuple[int, int]] = field(default_factory=list)
+    first_behind: list[int] = field(default_factory=list)
+    jumps: list[Landing] = field(default_factory=list)
+    stopped: str = ""
+    beyond: Landing | None = None
+
+
+def stays_in_contact(orbit: PeriodicOrbit) -> bool:
+    """Return whether the tip of a model stays in one mode other than the first, as behind the static pull-in."""
+    modes = {mode for mode, _ in orbit.signature}
+    return orbit.system.mode_names[0] not in modes
+
+
+def _told(orbit: PeriodicOrbit) -> str:
+    if stays_in_contact(orbit):
+        return f"static pull-in: beyond, the tip stays in {' and '.join(dict.fromkeys(m for m, _ in orbit.signature))}"
+    after = " -> ".join(f"{mode}:{transition}" for mode, transition in orbit.signature)
+    return f"the motion settles on no sheet of the curve, but on {after}"
+
+
+def stretches_of(branches: Sequence[Branch]) -> list[Stretch]:
+    """Return the stable stretches of branches."""
+    found = []
+    for sheet, branch in enumerate(branches):
+        good = branch.stable & branch.admissible
+        for part in np.split(np.arange(len(branch)), np.flatnonzero(good[1:] != good[:-1]) + 1):
+            rising = np.diff(branch.values[part]) > 0.0
+            turns = np.flatnonzero(rising[1:] != rising[:-1]) + 1
+            for piece in np.split(part, turns) if good[part[0]] else []:
+                order = piece if branch.values[piece[-1]] >= branch.values[piece[0]] else piece[::-1]
+                found.append(Stretch(sheet, tuple(order.tolist())))
+    return found
+
+
+def way_along(
+    branches: Sequence[Branch], sign: float, bounds: tuple[float, float], start: tuple[int, int] | None = None
+) -> Way:
+    """Return the way of an experiment through the parameter's range.
+
+    Parameters
+    ----------
+    branches : sequence of Branch
+        The sheets.
+    sign : {1.0, -1.0}
+        Whether the parameter grows or falls.
+    bounds : (float, float)
+        The parameter's range.
+    start : (int, int), optional
+        Sheet and point where the way begins; by default the stable motion nearest to the end of the range.
+    """
+    way, stretches = Way(), stretches_of(branches)
+    name, span, end = branches[0].parameter, bounds[1] - bounds[0], bounds[1 if sign > 0.0 else 0]
+
+    def reach(stretch: Stretch, *, last: bool) -> float:
+        return float(branches[stretch.sheet].values[stretch.points[-1 if last == (sign > 0.0) else 0]])
+
+    if not stretches:
+        way.stopped = "no sheet is stable"
+        return way
+    own = [
+        stretch
+        for stretch in stretches
+        if start is not None and start[0] == stretch.sheet and start[1] in stretch.points
+    ]
+    here = own[0] if own else min(stretches, key=lambda stretch: sign * reach(stretch, last=False))
+    begin = -np.inf
+    while True:
+        order = here.points if sign > 0.0 else here.points[::-1]
+        way.points += [(here.sheet, i) for i in order if sign * branches[here.sheet].values[i] >= begin]
+        if abs(reach(here, last=True) - end) <= _END * span:
+            way.stopped = f"{name} = {end:.9g}: the end of the range"
+            return way
+        if len(way.jumps) >= _MOST_JUMPS:
+            way.stopped = f"{name} = {reach(here, last=True):.9g}: no more than {_MOST_JUMPS} jumps are followed"
+            return way
+        landing = _landing(branches[here.sheet], here, sign, span)
+        if isinstance(landing, str):
+            way.stopped = landing
+            return way
+        target = _target(branches, stretches, landing.after)
+        if target is None:
+            way.stopped, way.beyond = f"{name} = {landing.value:.9g}: {_told(landing.after)}", landing
+            return way
+        way.jumps.append(landing._replace(after=_at_the_end(branches[target.sheet], landing)))
+        way.first_behind.append(len(way.points))
+        here, begin = target, sign * landing.value
+
+
+def _landing(branch: Branch, stretch: Stretch, sign: float, span: float) -> Landing | str:
+    """Return where a motion settles beyond the end of a stable stretch, or why it does not."""
+    last = stretch.points[-1 if sign > 0.0 else 0]
+    value, before = float(branch.values[last]), branch.orbit(last)
+    ahead = [
+        point
+        for point in branch.special_points
+        if abs(point.position - last) <= 1.0 and sign * (point.value(branch.parameter) - value) >= 0.0
+    ]
+    if ahead:
+        first = min(ahead, key=lambda point: abs(point.position - last))
+        value, before = first.value(branch.parameter), first.orbit
+    return _settled(branch, value, before, sign * span)
+
+
+def _settled(branch: Branch, value: float, before: PeriodicOrbit, span: float) -> Landing | str:
+    """Return where a motion settles that starts beyond a value, in the direction of `span`, or why it does not."""
+    told = ""
+    for share in _BEYOND:
+        beyond = {**before.parameters, branch.parameter: value + share * span}
+        try:
+            return Landing(value, before, find_orbit(branch.system, beyond, before.x0))
+        except SaltusError as error:
+            told = told or f"{branch.parameter} = {value:.9g}: {error}"
+    return told
+
+
+def is_pulled_in(branch: Branch, fold: SpecialPoint, bounds: tuple[float, float]) -> bool:
+    """Return whether motions beyond a fold at which a branch ends stay in contact."""
+    value, (low, high) = fold.value(branch.parameter), bounds
+    outwards = 1.0 if value >= float(branch.values.max()) else -1.0
+    landing = _settled(branch, value, fold.orbit, outwards * (high - low))
+    return isinstance(landing, Landing) and stays_in_contact(landing.after)
+
+
+def _at_the_end(branch: Branch, landing: Landing) -> PeriodicOrbit:
+    """Return the motion of a sheet at the value where a stretch ended, of which the settled one is a neighbour."""
+    if not float(branch.values.min()) <= landing.value <= float(branch.values.max()):
+        return landing.after
+    wanted = _extremes(landing.after)
+    return min(branch.at(landing.value), key=lambda orbit: float(np.abs(_extremes(orbit) - wanted).max()))
+
+
+def _extremes(orbit: PeriodicOrbit) -> NDArray[np.float64]:
+    n = len(orbit.system.states)
+    return np.concatenate([orbit.lows[:n], orbit.highs[:n]])
+
+
+def _target(branches: Sequence[Branch], stretches: Sequence[Stretch], settled: PeriodicOrbit) -> Stretch | None:
+    """Return the stable stretch on which a settled motion lies; None where it lies on none."""
+    n, here = len(settled.system.states), settled.parameters[branches[0].parameter]
+    wanted = _extremes(settled)
+
+    def values(stretch: Stretch) -> NDArray[np.float64]:
+        found: NDArray[np.float64] = branches[stretch.sheet].values[list(stretch.points)]
+        return found
+
+    def away(stretch: Stretch) -> float:
+        branch, at = branches[stretch.sheet], list(stretch.points)
+        columns = np.hstack([branch.lows[at][:, :n], branch.highs[at][:, :n]]).T
+        return float(
+            max(abs(np.interp(here, values(stretch), column) - w) for column, w in zip(columns, wanted, strict=True))
+        )
+
+    covering = [stretch for stretch in stretches if values(stretch)[0] <= here <= values(stretch)[-1]]
+    if not covering:
+        return None
+    nearest = min(covering, key=away)
+    for orbit in branches[nearest.sheet].at(here):
+        if orbit.stable and float(np.abs(_extremes(orbit) - wanted).max()) <= _SAME * float(np.abs(wanted).max()):
+            return nearest
+    return None

@@ -1,0 +1,134 @@
+"""Distance and frequency curves of a model in nanometres: numbers, ways of an experiment, files, pictures, messages."""
+
+import math
+
+import numpy as np
+import pytest
+
+import saltus
+from saltus import InputError, afm
+
+# Lever S of the design: jumps, grazing and readings found by an independent event-exact code as well.
+PROBE = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+LAW = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+
+
+@pytest.fixture(scope="module")
+def lever():
+    return afm.model(PROBE, LAW, afm.Drive(A0_nm=12.0), Zc_nm=20.0)
+
+
+@pytest.fixture(scope="module")
+def curve(lever):
+    return afm.distance_curve(lever, (0.5, 14.0), f_kHz="f0")
+
+
+@pytest.fixture(scope="module")
+def tune(lever):
+    return afm.frequency_curve(lever, (298.0, 302.0), Zc_nm=8.5)
+
+
+def test_jumps_and_grazing_are_those_of_an_independent_code(curve):
+    found = {(f.label, round(f.value, 7)) for f in curve.special_points}
+    assert found == {("SN1", 11.5028842), ("SN2", 9.8783378), ("GR1", 11.3409137)}
+    approach, retract = curve.jumps
+    assert (approach.direction, approach.value) == ("approach", pytest.approx(9.878337793, abs=1e-8))
+    assert (retract.direction, retract.value) == ("retract", pytest.approx(11.50288421, abs=1e-8))
+    assert approach.after_nm > approach.before_nm
+    assert retract.after_nm < retract.before_nm
+
+
+def test_all_sheets_at_a_distance_have_their_readings(curve):
+    amplitudes = [10.71569893, 10.04804853, 9.895278868]
+    lags = [63.24971471, 123.1398751, 124.4512443]
+    found = [afm.observables(orbit) for orbit in curve.at(Zc_nm=10.0)]
+    assert [seen["amplitude_nm"] for seen in found] == pytest.approx(amplitudes, abs=1e-8)
+    assert [seen["lag_deg"] for seen in found] == pytest.approx(lags, abs=1e-6)
+    assert [seen["stable"] for seen in found] == [True, False, True]
+    assert found[2]["deflection_pm"] == pytest.approx(-8.75335, abs=1e-5)
+
+
+def test_columns_of_a_curve_are_the_readings_of_its_orbits(curve):
+    for i in (0, 17, 60, len(curve) - 1):
+        seen = afm.observables(curve.branches[0].orbit(i))
+        for name in curve.readings:
+            along = curve.column(name)[i]
+            assert math.remainder(along - seen[name], 360.0 if name == "lag_deg" else 1e9) == pytest.approx(
+                0.0, abs=1e-7
+            )
+
+
+def test_energy_is_balanced_all_along(curve):
+    balance = curve.column("E_ext_eV") - curve.column("E_ts_eV") - curve.column("E_med_eV")
+    assert np.abs(balance).max() < 1e-9 * curve.column("E_ext_eV").max()
+    assert np.abs(curve.column("E_ts_eV")).max() < 1e-9 * curve.column("E_ext_eV").max()
+
+
+def test_paths_follow_stable_sheets_and_jump_where_these_end(curve):
+    for direction, sign, place in (("approach", -1.0, 9.878337793), ("retract", 1.0, 11.50288421)):
+        path = curve.path(direction)
+        (behind,) = np.flatnonzero(path["jump"].values)
+        assert path["Zc_nm"].values[behind - 1 : behind + 1] == pytest.approx([place, place], abs=1e-8)
+        assert np.all(sign * np.diff(path["Zc_nm"].values) >= 0.0)
+        assert path["amplitude_nm"].attrs == {"units": "nm", "long_name": "amplitude"}
+        assert path.attrs["stopped"].endswith("the end of the range")
+    # a simulation that starts on the path just before the jump and goes past it settles on the path behind it
+    before, after = curve.jumps[0].before_nm, curve.jumps[0].after_nm
+    (orbit,) = [o for o in curve.at(9.9) if o.stable and afm.observables(o)["amplitude_nm"] < 10.0]
+    settled = saltus.find_orbit(orbit.system, {**orbit.parameters, "Zc_nm": 9.85}, orbit.x0)
+    assert abs(afm.observables(settled)["amplitude_nm"] - after) < 0.1 < after - before
+
+
+def test_a_frequency_curve_turns_at_both_jumps(tune):
+    assert [(jump.direction, round(jump.value, 4)) for jump in tune.jumps] == [("down", 299.2872), ("up", 299.4915)]
+    assert tune.path("up")["f_kHz"].values[[0, -1]] == pytest.approx([298.0, 302.0], abs=1e-9)
+
+
+def test_a_curve_is_saved_and_read_back_equal(curve, tmp_path):
+    held = saltus.load(curve.save(tmp_path / "curve.nc"))
+    assert held == curve
+    assert held.jumps == curve.jumps
+    dataset = curve.to_xarray()
+    assert dataset["lag_deg"].attrs["units"] == "degrees"
+    assert dataset.attrs["phase_convention"] == "lag90"
+    assert "approach" in repr(curve)
+
+
+def test_the_static_pull_in_ends_a_curve_with_that_reason():
+    """At small amplitude the tip is pulled in at 1.5 (H R/3k)^(1/3), where its static equilibrium ends."""
+    probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=150.0, R_nm=12.0)
+    system = afm.model(probe, LAW, afm.Drive(A0_nm=1e-3), Zc_nm=20.0)
+    curve = afm.distance_curve(system, (0.0, 5.0))
+    stopped = curve.path("approach").attrs["stopped"]
+    assert stopped.endswith("static pull-in: beyond, the tip stays in contact")
+    assert curve.branches[0]["SN1"].parameters["Zc_nm"] == pytest.approx(1.5 * (0.12 * 12.0 / 6.0) ** (1 / 3), rel=1e-5)
+    assert len(curve) < 400
+
+
+def test_pictures_have_units_both_ways_and_jumps(curve, tune):
+    upper, lower = curve.plot()
+    assert [upper.get_ylabel(), lower.get_ylabel()] == ["amplitude (nm)", "lag behind the drive (degrees)"]
+    assert lower.get_xlabel() == "distance $Z_c$ (nm)"
+    assert {"approach", "retract", "stable", "unstable"} <= {text.get_text() for text in upper.get_legend().get_texts()}
+    assert tune.plot("energy")[1].get_xlabel() == "frequency (kHz)"
+    with pytest.raises(InputError, match="kind = 'apc': must be one of apd, tune, energy, force; did you mean 'apd'"):
+        curve.plot("apc")
+    with pytest.raises(InputError, match="ax = .*: must be two Axes"):
+        curve.plot(ax=[upper])
+
+
+def test_bad_input_is_told(lever, curve, impact_oscillator):
+    with pytest.raises(InputError, match=r"system = 'impact oscillator': must be one of saltus.afm.model"):
+        afm.distance_curve(impact_oscillator, (1.0, 2.0))
+    with pytest.raises(InputError, match="bounds = "):
+        afm.distance_curve(lever, (14.0, 0.5))
+    with pytest.raises(InputError, match="f_kHz = 'f1'.*f0, peak"):
+        afm.distance_curve(lever, (1.0, 14.0), f_kHz="f1")
+    with pytest.raises(InputError, match="Zc_nm = 99.0: must be between"):
+        curve.at(99.0)
+    with pytest.raises(InputError, match="one value of Zc_nm"):
+        curve.at(f_kHz=300.0)
+    with pytest.raises(InputError, match="direction = 'up': must be one of approach, retract"):
+        curve.path("up")
+    with pytest.raises(InputError, match="did you mean 'amplitude_nm'"):
+        curve.column("amplitud_nm")
