@@ -1,5 +1,6 @@
 """The public names; `__init__.py` reads where each is, and imports it on first use."""
 
+from .amplitude_loop import feedback as feedback
 from .animation import animate as animate
 from .bistable_region import Bistability as Bistability
 from .cantilever import Cantilever as Cantilever
