@@ -52,6 +52,7 @@ _HOMES = {
     "ErosionProfile": "saltus.basins.measures.erosion",
     "Sweep": "saltus.sweeps.sweep",
     "Curve": "saltus.afm.curve",
+    "Bistability": "saltus.afm.bistable_region",
     "LyapunovSpectrum": "saltus.sweeps.lyapunov",
 }
 _STORE = "zarr.json"  # file by which a folder is known as a Zarr store

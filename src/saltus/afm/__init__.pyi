@@ -1,10 +1,13 @@
 """The public names; `__init__.py` reads where each is, and imports it on first use."""
 
+from .amplitude_loop import feedback as feedback
 from .animation import animate as animate
+from .bistable_region import Bistability as Bistability
 from .cantilever import Cantilever as Cantilever
 from .curve import Curve as Curve
 from .curves import distance_curve as distance_curve, frequency_curve as frequency_curve
 from .drive import Drive as Drive
+from .fold_search import bistability as bistability, tip_radius as tip_radius
 from .laws.adhesive import JKR as JKR, Neck as Neck, Schwarz as Schwarz
 from .laws.contact import DMT as DMT, Hertz as Hertz, VanDerWaals as VanDerWaals
 from .laws.law import Law as Law

@@ -21,10 +21,11 @@ if TYPE_CHECKING:
     from saltus.progress import Report
     from saltus.system import HybridSystem
 
-__all__ = ["distance_curve", "frequency_curve"]
+__all__ = ["distance_curve", "frequency_curve", "from_afar"]
 
 _CLEAR = 3.0  # gap of the far start, over the free amplitude
 _MOST_SHEETS = 8  # sheets that are sought beyond the first ones
+_ROUNDING = 1e-12  # distance from the end of a way, over its begin, that is rounding
 _CLEAR_NM = 20.0  # least gap of the far start, in nm
 
 
@@ -89,7 +90,7 @@ def distance_curve(
     check_model(system, "system")
     low, high = checks.interval("bounds", bounds)
     p = _at_frequency(system, system.resolve(parameters), f_kHz)
-    starts = _from_afar(system, p, high, steps)
+    starts = from_afar(system, p, high, steps)
     return _traced(system, "Zc_nm", (low, high), starts, of, steps, progress)
 
 
@@ -145,11 +146,11 @@ def frequency_curve(
     low, high = checks.interval("bounds", bounds)
     p = system.resolve(parameters) | ({} if Zc_nm is None else {"Zc_nm": Zc_nm})
     p |= {"f_kHz": low}
-    starts = _from_afar(system, p, p["Zc_nm"], steps)
+    starts = from_afar(system, p, p["Zc_nm"], steps)
     return _traced(system, "f_kHz", (low, high), starts, of, steps, progress)
 
 
-def _from_afar(
+def from_afar(
     system: HybridSystem, parameters: Mapping[str, float], Zc_nm: float, steps: StepControl | None
 ) -> tuple[PeriodicOrbit, ...]:
     """Return the motions at a distance to which the free motion afar leads, towards the sample."""
@@ -158,7 +159,9 @@ def _from_afar(
     start = _free_orbit(system, dict(parameters) | {"Zc_nm": far}, free)
     if far == Zc_nm:
         return (start,)
-    return continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down").at(Zc_nm)
+    branch = continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down")
+    end = float(branch.values.min())
+    return branch.at(end if abs(end - Zc_nm) <= _ROUNDING * far else Zc_nm)
 
 
 def _free_orbit(system: HybridSystem, parameters: Mapping[str, float], free: float) -> PeriodicOrbit:

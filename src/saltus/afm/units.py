@@ -27,6 +27,7 @@ _OTHER_UNITS = {
     "Pa s": {"mPa s": 1e-3},
     "uN s/m": {"N s/m": 1e6, "nN s/m": 1e-3},
     "mC/m^2": {"C/m^2": 1e3},
+    "us": {"s": 1e6, "ms": 1e3, "ns": 1e-3},
     "ng": {"kg": 1e12, "g": 1e9, "pg": 1e-3},
 }
 
@@ -83,6 +84,9 @@ QUANTITIES = {
     "debye_nm": Quantity("nm", 0.05, 1e4, "+"),
     "tip_mC_m2": Quantity("mC/m^2", 1e-3, 1e3, "any"),
     "sample_mC_m2": Quantity("mC/m^2", 1e-3, 1e3, "any"),
+    "setpoint_nm": Quantity("nm", 1e-3, 1e4, "+"),
+    "Ki_1_ms": Quantity("1/ms", 1e-6, 1e6),
+    "tau_us": Quantity("us", 1e-2, 1e7, "+"),
     "permittivity": Quantity("", 1.0, 200.0, "+"),
 }
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus import checks
-from saltus.contents import Contents, as_json
+from saltus.contents import Contents
 from saltus.continuation.branch import Branch
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.map_curve import MapBranch
+from saltus.continuation.prefixed import own_attributes, prefixed_part, side_by_side
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints
 from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
@@ -205,18 +206,11 @@ class Diagram(Result):
 
     def to_xarray(self) -> xr.Dataset:
         """Return all branches as one Dataset: variables and dimensions of branch `i` have the prefix ``branch<i>_``."""
-        import xarray as xr
-
-        data: dict[str, Any] = {}
-        attributes = []
-        for i, branch in enumerate(self.branches):
-            dataset = branch.to_xarray()
-            own = {key: value for key, value in dataset.attrs.items() if key != "definition"}
-            names = [str(name) for name in dataset.coords]
-            attributes.append({"kind": kind_of(branch), "attributes": own, "coordinates": names})
-            for name, variable in dataset.variables.items():
-                dims = [f"branch{i}_{dim}" for dim in variable.dims]
-                data[f"branch{i}_{name}"] = (dims, variable.values, variable.attrs)
+        datasets = [branch.to_xarray() for branch in self.branches]
+        attributes = [
+            {"kind": kind_of(branch), "attributes": own_attributes(dataset)}
+            for branch, dataset in zip(self.branches, datasets, strict=True)
+        ]
         attrs = {
             "parameter": self.parameter,
             "definition": json.dumps(self.system.definition()),
@@ -226,12 +220,7 @@ class Diagram(Result):
             "stopped": self.stopped,
             "options": json.dumps(dict(self.options)),
         }
-        coordinates = {f"branch{i}_{name}" for i, own in enumerate(attributes) for name in own["coordinates"]}
-        return xr.Dataset(
-            {name: value for name, value in data.items() if name not in coordinates},
-            coords={name: value for name, value in data.items() if name in coordinates},
-            attrs=attrs,
-        )
+        return side_by_side(datasets, "branch").assign_attrs(attrs)
 
     @classmethod
     def _read(cls, held: Contents) -> Diagram:
@@ -240,7 +229,7 @@ class Diagram(Result):
         branches = []
         for i, told in enumerate(held.json("branches", list)):
             kind = _KINDS[checks.chosen(f"kind of branch {i}", _part(told, "kind", i), _KINDS)]
-            branch = kind.from_xarray(_branch_dataset(held, i, _part(told, "attributes", i)))
+            branch = kind.from_xarray(prefixed_part(held, "branch", i, _part(told, "attributes", i)))
             if branch.parameter != parameter or branch.system != system:
                 raise InputError(f"branch {i}", branch.parameter, f"of the diagram's system, along {parameter}")
             branches.append(branch)
@@ -288,15 +277,3 @@ def _origin(given: Any, index: int) -> Origin:
         if whole and isinstance(label, str) and -1 <= parent < max(index, 1) and depth >= 0:
             return Origin(parent, label, depth)
     raise InputError(f"attribute 'origins'[{index}]", given, "an earlier branch, a label and a depth")
-
-
-def _branch_dataset(held: Contents, index: int, attributes: Any) -> xr.Dataset:
-    """Return the Dataset of one branch within that of a diagram."""
-    prefix = f"branch{index}_"
-    names = {name: str(name).removeprefix(prefix) for name in held.dataset.variables if str(name).startswith(prefix)}
-    part = held.dataset[[*names]]
-    dims = {dim: str(dim).removeprefix(prefix) for dim in part.dims if dim not in names}
-    dataset = part.rename(names | dims)
-    own = as_json(json.dumps(attributes), f"attributes of branch {index}", dict)
-    dataset.attrs = own | {"definition": held.text("definition")}
-    return dataset

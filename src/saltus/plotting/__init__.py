@@ -36,6 +36,7 @@ _HOMES = {
     "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
     "saltus.basins.map.basins.Basins": "saltus.plotting.basin",
     "saltus.afm.curve.Curve": "saltus.afm.curve_picture",
+    "saltus.afm.bistable_region.Bistability": "saltus.afm.bistable_picture",
     "saltus.basins.measures.erosion.ErosionProfile": "saltus.plotting.erosion",
 }
 
