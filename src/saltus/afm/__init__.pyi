@@ -1,6 +1,7 @@
 """The public names; `__init__.py` reads where each is, and imports it on first use."""
 
 from .animation import animate as animate
+from .attractor_regimes import name_by_regime as name_by_regime
 from .cantilever import Cantilever as Cantilever
 from .curve import Curve as Curve
 from .curves import distance_curve as distance_curve, frequency_curve as frequency_curve
