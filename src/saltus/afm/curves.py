@@ -14,6 +14,7 @@ from saltus.afm.modelling import suffix
 from saltus.afm.readings import check_model, drives_of, turns_of
 from saltus.afm.routes import stays_in_contact
 from saltus.continuation import Branch, StepControl, continue_orbit
+from saltus.continuation.way import is_interrupted
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
 
@@ -158,7 +159,10 @@ def _from_afar(
     start = _free_orbit(system, dict(parameters) | {"Zc_nm": far}, free)
     if far == Zc_nm:
         return (start,)
-    return continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down").at(Zc_nm)
+    branch = _whole(continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down"))
+    if float(branch.values.min()) > Zc_nm:  # it ends where a hysteretic law is met: beyond, the motion is another
+        return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, branch.orbit(-1).x0),)
+    return branch.at(Zc_nm)
 
 
 def _free_orbit(system: HybridSystem, parameters: Mapping[str, float], free: float) -> PeriodicOrbit:
@@ -206,7 +210,7 @@ def _traced(
     branches: list[Branch] = []
     for start in starts:
         if not any(_is_on(branch, start) for branch in branches):
-            branches.append(continue_orbit(start, along, bounds, steps=steps, progress=progress))
+            branches.append(_whole(continue_orbit(start, along, bounds, steps=steps, progress=progress)))
     curve, tried = Curve(system, along, bounds, tuple(branches), of), set[float]()
     for _ in range(_MOST_SHEETS):
         lost = [way.beyond for way in curve.ways if way.beyond is not None and way.beyond.value not in tried]
@@ -214,9 +218,16 @@ def _traced(
         if found is None:
             return curve
         tried.add(found.value)
-        sheet = continue_orbit(found.after, along, bounds, steps=steps, progress=progress)
+        sheet = _whole(continue_orbit(found.after, along, bounds, steps=steps, progress=progress))
         curve = Curve(system, along, bounds, (*curve.branches, sheet), of)
     return curve
+
+
+def _whole(branch: Branch) -> Branch:
+    """Return a branch; pass on the interrupt that ended it, as no way is known on a part of a curve."""
+    if is_interrupted(branch):
+        raise KeyboardInterrupt
+    return branch
 
 
 def _is_on(branch: Branch, orbit: PeriodicOrbit) -> bool:
