@@ -213,8 +213,8 @@ def test_options_that_do_not_belong_together_are_told(config, capsys, options, t
          "plane, engine, attractors; did you mean 'system'?"),
         ("system = 'x'\nsytem = 'x'", "key = 'sytem': must be one of system, model, parameters, interval, grid, "
          "plane, engine, attractors; did you mean 'system'?"),
-        ("system = 'tapping_mod'\n[grid]", "system = 'tapping_mod': must be tapping_mode, or module:attribute; "
-         "did you mean 'tapping_mode'?"),
+        ("system = 'tapping_mod'\n[grid]",
+         "system = 'tapping_mod': must be tapping_mode, afm.model, or module:attribute; did you mean 'tapping_mode'?"),
         ("system = 'tapping_mode'", "grid, plane = 'neither': must be one of the two tables, [grid] or [plane]"),
         ("system = 'tapping_mode'\n[engine]\nname = 'gpu'\n[grid]", "engine.name = 'gpu': must be cpu, cuda or dask"),
         ("system = 'tapping_mode'\n[engine]\nlongst = 2\n[grid]",
