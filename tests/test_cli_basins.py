@@ -6,6 +6,7 @@ import io
 import subprocess
 import sys
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -213,8 +214,8 @@ def test_options_that_do_not_belong_together_are_told(config, capsys, options, t
          "plane, engine, attractors; did you mean 'system'?"),
         ("system = 'x'\nsytem = 'x'", "key = 'sytem': must be one of system, model, parameters, interval, grid, "
          "plane, engine, attractors; did you mean 'system'?"),
-        ("system = 'tapping_mod'\n[grid]", "system = 'tapping_mod': must be tapping_mode, or module:attribute; "
-         "did you mean 'tapping_mode'?"),
+        ("system = 'tapping_mod'\n[grid]",
+         "system = 'tapping_mod': must be tapping_mode, afm.model, or module:attribute; did you mean 'tapping_mode'?"),
         ("system = 'tapping_mode'", "grid, plane = 'neither': must be one of the two tables, [grid] or [plane]"),
         ("system = 'tapping_mode'\n[engine]\nname = 'gpu'\n[grid]", "engine.name = 'gpu': must be cpu, cuda or dask"),
         ("system = 'tapping_mode'\n[engine]\nlongst = 2\n[grid]",
@@ -363,6 +364,7 @@ def test_a_plane_of_any_direction_is_read(tmp_path):
 
 
 def test_the_example_configurations_can_be_read():
+    from saltus.afm.configuration import model_of
     from saltus.afm.variations import tapping_mode_with
     from saltus.basins.map.config import read_config, system_of
     from saltus.basins.map.grid import Grid
@@ -371,10 +373,11 @@ def test_the_example_configurations_can_be_read():
     sizes = {}
     for path in sorted(folder.glob("*.toml")):
         read = read_config(path)
-        system = system_of(read, {"tapping_mode": tapping_mode_with}, folder)
+        makers = {"tapping_mode": tapping_mode_with, "afm.model": partial(model_of, folder)}
+        system = system_of(read, makers, folder)
         system.resolve(read.parameters)
         sizes[path.stem] = Grid(system.states, read.cells).shape
-    assert sizes == {"basins_4d": (400,) * 4, "basins_plane": (200, 200)}
+    assert sizes == {"basins_4d": (400,) * 4, "basins_lever": (60, 60), "basins_plane": (200, 200)}
 
 
 @pytest.mark.slow

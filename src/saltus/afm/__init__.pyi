@@ -2,6 +2,7 @@
 
 from .amplitude_loop import feedback as feedback
 from .animation import animate as animate
+from .attractor_regimes import name_by_regime as name_by_regime
 from .bistable_region import Bistability as Bistability
 from .cantilever import Cantilever as Cantilever
 from .curve import Curve as Curve

@@ -14,6 +14,7 @@ from saltus.afm.modelling import suffix
 from saltus.afm.readings import check_model, drives_of, turns_of
 from saltus.afm.routes import is_pulled_in, stays_in_contact
 from saltus.continuation import Branch, StepControl, continue_orbit
+from saltus.continuation.way import is_interrupted
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
 
@@ -159,9 +160,13 @@ def from_afar(
     start = _free_orbit(system, dict(parameters) | {"Zc_nm": far}, free)
     if far == Zc_nm:
         return (start,)
-    branch = continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down")
+    branch = _whole(continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down"))
     end = float(branch.values.min())
-    return branch.at(end if abs(end - Zc_nm) <= _ROUNDING * far else Zc_nm)
+    if abs(end - Zc_nm) <= _ROUNDING * far:
+        return branch.at(end)
+    if end > Zc_nm:  # it ends where a hysteretic law is met: beyond, the motion is another
+        return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, branch.orbit(-1).x0),)
+    return branch.at(Zc_nm)
 
 
 def _free_orbit(system: HybridSystem, parameters: Mapping[str, float], free: float) -> PeriodicOrbit:
@@ -232,13 +237,20 @@ def _sheet(
 
     Beyond the static pull-in the branch is that of a static saddle, whose multipliers cost much and tell nothing.
     """
-    first = continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress)
+    first = _whole(continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress))
     folds = first.special_points.of_type("SN")
     if not folds:
         return first
     if any(is_pulled_in(first, fold, bounds) for fold in folds):
         return first
-    return continue_orbit(start, along, bounds, steps=steps, progress=progress)
+    return _whole(continue_orbit(start, along, bounds, steps=steps, progress=progress))
+
+
+def _whole(branch: Branch) -> Branch:
+    """Return a branch; pass on the interrupt that ended it, as no way is known on a part of a curve."""
+    if is_interrupted(branch):
+        raise KeyboardInterrupt
+    return branch
 
 
 def _is_on(branch: Branch, orbit: PeriodicOrbit) -> bool:

@@ -78,7 +78,7 @@ class Drive:
         object.__setattr__(self, "ratio", _fraction(self.ratio))
         object.__setattr__(self, "phase_deg", checks.number("phase_deg", self.phase_deg, unit="degrees"))
         if isinstance(self.at, str):
-            checks.chosen("at", self.at, ("f0", "peak"), instead="or a number of kHz")
+            checks.chosen("at", self.at, ("f0", "peak"), instead=", or a number of kHz")
         else:
             object.__setattr__(self, "at", checked("f_kHz", self.at, plausible=check))
         if given[0] != "A0_nm" and (self.mode != 1 or self.at != "f0"):

@@ -133,7 +133,7 @@ def _frequency(probe: Probe, mode: int, f_kHz: float | str) -> Any:
     f0, Q = list(probe.f0_kHz)[mode - 1], list(probe.Q)[mode - 1]  # type: ignore[arg-type]
     if not isinstance(f_kHz, str):
         return f_kHz
-    if checks.chosen("f_kHz", f_kHz, ("f0", "peak"), instead="or a number of kHz") == "f0":
+    if checks.chosen("f_kHz", f_kHz, ("f0", "peak"), instead=", or a number of kHz") == "f0":
         return f0
     return f0 * math.sqrt(_has_peak(Q) - 0.5 / Q**2)
 

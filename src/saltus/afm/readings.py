@@ -135,7 +135,7 @@ def regime(virial: float) -> str:
 def _subject(system: HybridSystem, of: str | int) -> str:
     """Return the expression whose amplitude and lag are told."""
     if isinstance(of, str):
-        checks.chosen("of", of, ("deflection", "tip"), instead="or the number of a mode")
+        checks.chosen("of", of, ("deflection", "tip"), instead=", or the number of a mode")
         return "deflection_nm" if of == "deflection" else "D_nm"
     modes = sum(re.fullmatch(r"z\d+_nm", name) is not None for name in system.states)
     return f"z{checks.count('of', of, 1, modes, 'modes')}_nm"

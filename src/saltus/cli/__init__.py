@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import sys
-import tempfile
 from collections.abc import Callable
 from io import TextIOWrapper
 from pathlib import Path
@@ -12,16 +10,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from saltus.cli import basins
+from saltus.cli import afm, basins
 from saltus.cli.console import (
     FAILED,
     INTERRUPTED,
     add_row,
+    checked_picture,
     interruptible,
     new_table,
     printable,
     show,
     status,
+    writable_folder,
+    write_picture,
 )
 from saltus.errors import InputError, SaltusError
 
@@ -43,6 +44,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
+app.add_typer(afm.group, name="afm", help="A probe over a sample: curves, observables, parameter sets.")
 app.add_typer(basins.group, name="basins", help="Map basins of attraction into a store, or tell what is in one.")
 
 
@@ -106,7 +108,7 @@ def reproduce(
     run = runner(figure)
     chosen = {"resolution": resolution, "animate": animate or None}
     options = _taken(figure, run, {name: value for name, value in chosen.items() if value is not None})
-    folder = _writable_folder(out)
+    folder = writable_folder(out)
     with interruptible(), status() as progress:
         found = run(folder, progress, **options)
     _report(found)
@@ -163,37 +165,12 @@ def plot(
     ] = None,
 ) -> None:
     """Draw a saved result."""
-    import matplotlib
-
-    matplotlib.use("agg")
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     from saltus.results import load
 
-    picture = file.with_suffix(".png") if out is None else out
-    kinds = FigureCanvasAgg.filetypes
-    if picture.suffix[1:].lower() not in kinds:
-        raise InputError("--out", str(picture), f"a picture: .{', .'.join(sorted(kinds))}")
+    picture = checked_picture(file.with_suffix(".png") if out is None else out, "--out")
     with interruptible(), status():
-        _writable_folder(picture.parent)
-        load(file).plot().figure.savefig(picture)
+        write_picture(load(file), picture, "--out")
     typer.echo(f"written  {picture}")
-
-
-def _writable_folder(out: Path) -> Path:
-    """Return the folder, created if absent; raise `InputError` where nothing can be written."""
-    there = next((path for path in (out, *out.absolute().parents) if path.exists()), Path("/"))
-    if not there.is_dir():
-        raise InputError("--out", str(out), "a folder", f"{there} is a file")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError("--out", str(out), "a folder that can be written", f"{there} is read-only for this user")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=out):
-            pass
-    except OSError as error:
-        raise InputError("--out", str(out), "a folder that can be written", error.strerror or str(error)) from None
-    return out
 
 
 def _report(found: dict[str, Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,6 +25,8 @@ from saltus.errors import InputError, nearest
 from saltus.progress import duration_text
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from saltus.basins import BasinOptions, Basins
     from saltus.basins.map.config import Config
     from saltus.system import HybridSystem, Map
@@ -84,9 +87,15 @@ def map_(
     if (engine == "dask") != (scheduler is not None) and not estimate:
         raise InputError("--scheduler", scheduler, "given for the engine dask, and for no other")
     with interruptible():
+        from saltus.afm.configuration import model_of
         from saltus.afm.variations import tapping_mode_with
 
-        system = system_of(read, {"tapping_mode": tapping_mode_with}, config.absolute().parent)
+        folder = config.absolute().parent
+        makers: dict[str, Callable[..., HybridSystem]] = {
+            "tapping_mode": tapping_mode_with,
+            "afm.model": partial(model_of, folder),
+        }
+        system = system_of(read, makers, folder)
         if estimate:
             _tell_cost(read, system, engine)
             return
@@ -147,7 +156,7 @@ def _options(read: Config, *, engine: str, client: str | None = None, preview: b
 def _search(read: Config) -> dict[str, Any]:
     """Return the options of the search for attractors."""
     from saltus.basins import Search
-    from saltus.basins.map.config import called
+    from saltus.config_files import called
 
     options = read.attractors.model_dump(exclude_none=True, exclude={"search"})
     if read.attractors.search is not None:

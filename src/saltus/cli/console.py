@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
+from saltus.errors import InputError
 from saltus.progress import Report, shown
 
 if TYPE_CHECKING:
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from saltus.progress import Progress, Report
+    from saltus.results import Result
 
 __all__ = [
     "FAILED",
@@ -24,6 +28,7 @@ __all__ = [
     "add_row",
     "bar",
     "cell",
+    "checked_picture",
     "interruptible",
     "new_table",
     "printable",
@@ -31,13 +36,20 @@ __all__ = [
     "size",
     "size_text",
     "status",
+    "writable_folder",
+    "write_picture",
 ]
 
 FAILED = 2  # exit code of an error, which is told in a line
 INTERRUPTED = 130  # exit code of an interrupt
 
 _TABLE_WIDTH = 80  # columns of a table, at least
-_LONG = ("signature", "value")  # columns whose text may wrap, so that numbers beside them are never cut
+_LONG = (
+    "signature",
+    "value",
+    "title",
+    "source",
+)  # columns whose text may wrap, so that no number is cut
 
 
 @contextmanager
@@ -135,3 +147,43 @@ def new_table(columns: Mapping[str, Literal["left", "right"]]) -> Table:
     for name, justify in columns.items():
         table.add_column(name, justify=justify, no_wrap=name not in _LONG, overflow="fold")
     return table
+
+
+def writable_folder(out: Path, name: str = "--out") -> Path:
+    """Return the folder, created if absent; raise `InputError` where nothing can be written."""
+    there = next((path for path in (out, *out.absolute().parents) if path.exists()), Path("/"))
+    if not there.is_dir():
+        raise InputError(name, str(out), "a folder", f"{there} is a file")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(name, str(out), "a folder that can be written", f"{there} is read-only for this user")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise InputError(name, str(out), "a folder that can be written", error.strerror or str(error)) from None
+    return out
+
+
+def checked_picture(picture: Path, option: str) -> Path:
+    """Return the path of a picture; raise `InputError` where its kind is unknown or nothing can be written."""
+    import matplotlib
+
+    matplotlib.use("agg")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    kinds = FigureCanvasAgg.filetypes
+    if picture.suffix[1:].lower() not in kinds:
+        raise InputError(option, str(picture), f"a picture: .{', .'.join(sorted(kinds))}")
+    writable_folder(picture.parent, option)
+    return picture
+
+
+def write_picture(result: Result, picture: Path, option: str) -> None:
+    """Draw a result into a file, whole: an interrupt or an error leaves the folder as it was."""
+    from saltus.files import whole_file
+
+    drawn = result.plot()
+    ax = drawn[0] if isinstance(drawn, tuple) else drawn
+    with whole_file(picture, option) as draft:
+        ax.figure.savefig(draft)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -123,6 +124,13 @@ _GREEK = (
     *("rho", "sigma", "tau", "phi", "chi", "psi", "omega"),
     *("Gamma", "Delta", "Theta", "Lambda", "Xi", "Sigma", "Phi", "Psi", "Omega"),
 )
+
+# Units at the ends of names, and how an axis shows them.
+_UNITS = {
+    **{unit: unit for unit in ("nm", "pm", "us", "kHz", "nN", "aJ", "eV", "pW", "GPa")},
+    **{"nm_us": "nm/us", "N_m": "N/m", "uNs_m": "uN s/m", "Pa_s": "Pa s", "mC_m2": "mC/m²", "deg": "degrees"},
+}
+_MEASURED = re.compile(rf"(?P<name>\w+?)_(?P<unit>{'|'.join(_UNITS)})(?P<number>_[2-9]\d*)?")
 
 # Settings of matplotlib for print, sizes in points.
 _PRINT: dict[Any, Any] = {
@@ -250,12 +258,19 @@ def label_of(name: str) -> str:
     --------
     >>> label_of("Omega"), label_of("min_z"), label_of("v1"), label_of("D_rep_2"), label_of("period")
     ('$\\Omega$', 'min $z$', '$v_{1}$', '$D_{rep,2}$', 'period')
+
+    A unit at a name's end is told in brackets, before the number of a mode or a drive as well:
+
+    >>> label_of("z1_nm"), label_of("v1_nm_us"), label_of("k_N_m_2"), label_of("virial_eV")
+    ('$z_{1}$ (nm)', '$v_{1}$ (nm/us)', '$k_{2}$ (N/m)', 'virial (eV)')
     """
     if name in ("period", "arclength") or not name.isidentifier():
         return plain(name)
     for extreme in ("min", "max"):
         if name.startswith(f"{extreme}_"):
             return f"{extreme} {label_of(name[4:])}"
+    if measured := _MEASURED.fullmatch(name):
+        return f"{label_of(measured['name'] + (measured['number'] or ''))} ({_UNITS[measured['unit']]})"
     head, *indices = name.split("_")
     stem = head.rstrip("0123456789")
     if stem and stem != head:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Law", "Sum"]
 
+_NUMBERS = ("float", "float | None", "int", float, int)  # annotations of fields that take no text
 _RADIUS = 10.0  # nm; radius of the tip by which gaps are ordered where no law of a sum gives it
 
 
@@ -76,7 +77,7 @@ class Law:
             value = getattr(self, one.name)
             if value is None and one.default is None:
                 continue
-            if not isinstance(value, str):
+            if not isinstance(value, str) or one.type in _NUMBERS:
                 number = checked(one.name, value, plausible=check)
                 object.__setattr__(self, one.name, number)
                 if one.name in self.positive:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,24 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["Attractors"]
+__all__ = ["Attractors", "lettered"]
+
+
+def lettered(names: Iterable[str]) -> tuple[str, ...]:
+    """Return names with letters where one occurs twice.
+
+    Examples
+    --------
+    >>> lettered(["rest", "period-1", "period-1"])
+    ('rest', 'period-1 A', 'period-1 B')
+    """
+    plain = tuple(names)
+    counts, seen, found = Counter(plain), Counter[str](), []
+    for name in plain:
+        letter = chr(ord("A") + seen[name]) if seen[name] < 26 else str(seen[name] + 1)
+        seen[name] += 1
+        found.append(f"{name} {letter}" if counts[name] > 1 else name)
+    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -94,6 +112,35 @@ class Attractors(Result):
     def labels(self) -> dict[str, int]:
         """The byte of each outcome in a grid: the attractors, then ``diverged`` and ``undecided``."""
         return {name: label for label, name in enumerate(self.names)} | {"diverged": DIVERGED, "undecided": UNDECIDED}
+
+    def renamed(self, names: Iterable[str]) -> Attractors:
+        """Return the attractors under other names, in the same order.
+
+        Parameters
+        ----------
+        names : iterable of str
+            One for each attractor. Letters are added where one occurs twice.
+
+        Returns
+        -------
+        Attractors
+            With the same labels and trapping regions.
+
+        Raises
+        ------
+        InputError
+            Another count of names, or a name of another outcome: ``diverged`` or ``undecided``.
+        """
+        told = [checks.text("names", name) for name in checks.listed("names", names, "names")]
+        new = lettered(told)
+        if len(new) != len(self.names) or set(new) & {"diverged", "undecided"}:
+            raise InputError("names", told, f"{len(self.names)} names, none of them diverged or undecided")
+        by_old = dict(zip(self.names, new, strict=True))
+        changed: dict[str, Any] = {
+            table: {by_old.get(name, name): value for name, value in getattr(self, table).items()}
+            for table in ("kinds", "points", "orbits", "notes", "fates", "decays")
+        }
+        return replace(self, names=new, **changed)
 
     def to_xarray(self) -> xr.Dataset:
         """Return everything as a Dataset; each orbit's variables begin with ``orbit_``, its label and ``_``."""

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus import checks
-from saltus.basins.attractors.attractors import Attractors
+from saltus.basins.attractors.attractors import Attractors, lettered
 from saltus.basins.attractors.building import Building
 from saltus.basins.attractors.following import MOTIONS
 from saltus.basins.attractors.found import Found, Search
@@ -232,13 +231,7 @@ def _regime(system: Definition, found: Found) -> str:
 
 
 def _named(system: Definition, found: list[Found]) -> tuple[str, ...]:
-    plain = [_regime(system, each) or each.kind for each in found]
-    counts, seen, names = Counter(plain), Counter[str](), []
-    for name in plain:
-        letter = chr(ord("A") + seen[name]) if seen[name] < 26 else str(seen[name] + 1)
-        seen[name] += 1
-        names.append(f"{name} {letter}" if counts[name] > 1 else name)
-    return tuple(names)
+    return lettered([_regime(system, each) or each.kind for each in found])
 
 
 def _assembled(

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-import tomllib
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from importlib import import_module
-from inspect import Parameter, signature
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -16,10 +11,11 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 from saltus import checks
 from saltus.basins.map.grid import Plane
 from saltus.basins.map.options import TOLERANCES
+from saltus.config_files import attribute_of, called, read_toml
 from saltus.errors import InputError, nearest
 from saltus.system import HybridSystem, Map
 
-__all__ = ["AttractorOptions", "Config", "EngineOptions", "PlaneTable", "called", "read_config", "system_of"]
+__all__ = ["AttractorOptions", "Config", "EngineOptions", "PlaneTable", "read_config", "system_of"]
 
 _STRICT = ConfigDict(extra="forbid", frozen=True)  # of tables: no unknown keys
 
@@ -118,12 +114,7 @@ def read_config(path: Path) -> Config:
     ...     read_config(path).cells
     {'q1': [-5, 5, 100], 'v1': 0.5}
     """
-    try:
-        entries = tomllib.loads(checks.path("config", path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError("config", str(path), "a file that can be read", error.strerror or str(error)) from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError("config", str(path), "a TOML file", str(error)) from None
+    entries = read_toml(checks.path("config", path))
     try:
         config = Config.model_validate(entries)
     except ValidationError as error:
@@ -183,7 +174,7 @@ def system_of(
         if ":" not in config.system:
             allowed = f"{', '.join(known)}, or module:attribute"
             raise InputError("system", config.system, allowed, nearest(config.system, known))
-        make = _attribute(config.system, folder)
+        make = attribute_of(config.system, folder, "system")
     if isinstance(make, HybridSystem | Map):
         if config.model:
             raise InputError("model", config.model, "left out", f"{config.system} is made already")
@@ -196,57 +187,3 @@ def system_of(
             "system", config.system, "what makes a HybridSystem or a Map", f"it made {type(system).__name__}"
         )
     return system
-
-
-def _attribute(reference: str, folder: Path) -> Any:
-    module, _, name = reference.partition(":")
-    with _importable(folder):
-        try:
-            found: Any = import_module(module)
-        except (ImportError, ValueError) as error:
-            raise InputError(
-                "system", reference, "a module that can be imported, and its attribute", str(error)
-            ) from None
-    for part in name.split("."):
-        if not hasattr(found, part):
-            hint = nearest(part, [other for other in dir(found) if not other.startswith("_")])
-            raise InputError("system", reference, f"an attribute of {module}", hint)
-        found = getattr(found, part)
-    return found
-
-
-@contextmanager
-def _importable(folder: Path) -> Iterator[None]:
-    """Let Python import modules from a folder, too."""
-    place = str(folder.absolute())
-    sys.path.insert(0, place)
-    try:
-        yield
-    finally:
-        sys.path.remove(place)
-
-
-def called(make: Callable[..., Any], arguments: Mapping[str, Any], table: str) -> Any:
-    """Return the result of a callable with the entries of a table as arguments.
-
-    Raises
-    ------
-    InputError
-        An entry that is no argument of the callable, or a missing argument.
-
-    Examples
-    --------
-    >>> called(complex, {"real": 1.0}, "number")
-    (1+0j)
-    """
-    parameters = signature(make).parameters.values()
-    taken = [p for p in parameters if p.kind in (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)]
-    names = [parameter.name for parameter in taken]
-    if not any(parameter.kind is Parameter.VAR_KEYWORD for parameter in parameters):
-        for name in arguments:
-            if name not in names:
-                raise InputError("key", name, f"one of {', '.join(names)} in [{table}]", nearest(name, names))
-    for parameter in taken:
-        if parameter.default is Parameter.empty and parameter.name not in arguments:
-            raise InputError(f"{table}.{parameter.name}", None, "given")
-    return make(**arguments)

@@ -1,0 +1,132 @@
+"""The command ``saltus afm``: curves and observables of a probe over a sample, from a file; named parameter sets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from saltus.cli.console import (
+    add_row,
+    bar,
+    checked_picture,
+    interruptible,
+    new_table,
+    printable,
+    show,
+    writable_folder,
+    write_picture,
+)
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from saltus.afm.curve import Curve
+    from saltus.afm.stable_orbits import StableOrbits
+
+__all__ = ["group"]
+
+group = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+
+_CONFIG = typer.Argument(
+    metavar="CONFIG.toml",
+    help="Probe, laws, drive, place and curve. A law of type 'module:Class' runs a module: that beside this file, "
+    "else one that Python finds.",
+)
+
+
+@group.command(no_args_is_help=True)
+def curve(
+    config: Annotated[Path, _CONFIG],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE.nc", help="The curve, which saltus.load reads.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE", help="A picture of it as well, as .png or .svg.")
+    ] = None,
+) -> None:
+    """Follow all orbits along distance or frequency: jumps, grazings, the ways in and out."""
+    if out is None:
+        raise InputError("--out", None, "given: the file that is written", "add -o FILE.nc")
+    if out.suffix != ".nc":
+        raise InputError("--out", str(out), "a file whose name ends in .nc")
+    writable_folder(out.parent)
+    if plot is not None:
+        checked_picture(plot, "--plot")
+    with interruptible():
+        from saltus.afm.configuration import read_experiment
+
+        experiment = read_experiment(config)
+        with bar("from afar") as progress:
+            found = experiment.traced(progress)
+        found.save(out)
+        if plot is not None:
+            write_picture(found, plot, "--plot")
+    typer.echo(printable(repr(found)))
+    for path in (out, *([] if plot is None else [plot])):
+        typer.echo(f"written  {path}")
+
+
+@group.command(no_args_is_help=True)
+def observe(
+    config: Annotated[Path, _CONFIG],
+    at: Annotated[
+        float | None,
+        typer.Option(metavar="VALUE", help="Distance in nm or frequency in kHz, as [curve] has it; else the file's."),
+    ] = None,
+) -> None:
+    """Tell the observables of the stable orbits at a place.
+
+    They are those on the curve of the file, or else on a distance curve far around the place. Motions from 17 starts
+    that settle elsewhere add more. One with a small basin that no way from afar reaches may be missed.
+    """
+    with interruptible():
+        from saltus.afm.configuration import read_experiment
+        from saltus.afm.stable_orbits import stable_orbits
+
+        experiment = read_experiment(config)
+        with bar("from afar") as progress:
+            found, place = experiment.around(at, progress)
+        seen = stable_orbits(found, place)
+    if not seen.orbits:
+        hint = f"found: {seen.unstable} unstable ones; {seen.unsettled} motions settle on no periodic orbit"
+        raise InputError(found.along, place, "where an orbit is stable", hint)
+    _tell_observables(found, seen)
+
+
+def _tell_observables(curve: Curve, found: StableOrbits) -> None:
+    """Print the observables of orbits, one a column."""
+    from saltus.afm.orbit_observables import observables
+    from saltus.afm.readings import READINGS, readings_of
+
+    place = ", ".join(f"{name} = {found.orbits[0].parameters[name]:.10g}" for name in ("Zc_nm", "f_kHz"))
+    told = [f"{len(found.orbits)} stable"] + [f"{found.unstable} unstable"] * bool(found.unstable)
+    told += [f"{found.beside} on no sheet of the curve"] * bool(found.beside)
+    told += [f"{found.unsettled} motions settle on no periodic orbit"] * bool(found.unsettled)
+    typer.echo(f"{place}: {', '.join(told)}")
+    seen = [observables(orbit, of=curve.of) for orbit in found.orbits]
+    table = new_table({"observable": "left", "unit": "left", **{f"orbit {k + 1}": "right" for k in range(len(seen))}})
+    add_row(table, "regime", "", *(one["regime"] for one in seen))
+    for name in seen[0]:
+        values = [one[name] for one in seen]
+        if name not in ("regime", "stable") and not all(value != value for value in values):
+            unit = readings_of(name).unit if name.rstrip("_0123456789") in READINGS else ""
+            add_row(table, name, unit, *(f"{value:.9g}" for value in values))
+    show(table)
+
+
+@group.command()
+def sets(
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Set that is printed as TOML.")] = None,
+) -> None:
+    """List named parameter sets with their sources, or print one as a file for the other commands."""
+    from saltus.afm.sets import entries_of, names, text_of
+
+    if name is not None:
+        typer.echo(text_of(name), nl=False)
+        return
+    table = new_table({"name": "left", "title": "left", "source": "left"})
+    for one in names():
+        entries = entries_of(one)
+        add_row(table, one, entries["title"], entries["source"])
+    show(table)

@@ -1,0 +1,314 @@
+"""`saltus afm`: curves and observables from a file, parameter sets, and every refusal."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import saltus
+from saltus import afm, cli
+from saltus.afm.configuration import model_of, read_experiment
+from saltus.afm.modelling import model
+from saltus.afm.sets import entries_of, names, text_of
+from saltus.afm.stable_orbits import stable_orbits
+from test_cli import HEAVY, _run
+
+LEVER = text_of("lever-s")
+LAWS = "DMT, Hertz, VanDerWaals, SLS, Dashpot, KelvinVoigt, JKR, Neck, Schwarz, DLVO, Hydration, LennardJones, Morse"
+
+
+@pytest.fixture
+def lever(tmp_path) -> Path:
+    path = tmp_path / "lever.toml"
+    path.write_text(LEVER)
+    return path
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory) -> tuple[Path, str]:
+    """Folder with the curve of lever S and its picture, and what was printed."""
+    folder = tmp_path_factory.mktemp("lever")
+    (folder / "lever.toml").write_text(LEVER)
+    with pytest.MonkeyPatch.context() as patch:
+        said: list[str] = []
+        patch.setattr("typer.echo", lambda text, **_: said.append(text))
+        with pytest.raises(SystemExit) as left:
+            cli.main(["afm", "curve", str(folder / "lever.toml"), "-o", str(folder / "apd.nc"),
+                      "--plot", str(folder / "apd.png")])  # fmt: skip
+    assert not left.value.code
+    return folder, "\n".join(said)
+
+
+# curve
+
+
+def test_the_curve_that_is_written_is_the_one_of_the_functions(written):
+    folder, said = written
+    curve = saltus.load(folder / "apd.nc")
+    assert isinstance(curve, afm.Curve)
+    assert [(jump.direction, jump.value) for jump in curve.jumps] == [
+        ("approach", pytest.approx(9.878337793, abs=1e-8)),
+        ("retract", pytest.approx(11.50288421, abs=1e-8)),
+    ]
+    probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    same = afm.distance_curve(afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=14.0), (0.5, 14.0))
+    np.testing.assert_array_equal(curve.column("amplitude_nm"), same.column("amplitude_nm"))
+    assert said.splitlines()[: len(repr(same).splitlines())] == repr(same).splitlines()
+    assert said.splitlines()[-2:] == [f"written  {folder / 'apd.nc'}", f"written  {folder / 'apd.png'}"]
+    assert (folder / "apd.png").read_bytes().startswith(b"\x89PNG")
+    assert {path.name for path in folder.iterdir()} == {"lever.toml", "apd.nc", "apd.png"}
+
+
+def test_a_curve_is_drawn_by_the_command_for_results_too(written, tmp_path, capsys):
+    picture = tmp_path / "curve.svg"
+    assert _run(capsys, "plot", str(written[0] / "apd.nc"), "-o", str(picture))[0] == 0
+    assert "distance" in picture.read_text()
+
+
+def test_a_frequency_curve_lies_at_the_distance_of_the_file(lever):
+    lever.write_text(LEVER.replace('along = "Zc_nm"\nrange = [0.5, 14.0]', 'along = "f_kHz"\nrange = [299.4, 299.6]'))
+    curve = read_experiment(lever).traced()
+    assert (curve.along, curve.bounds, curve.system.parameters["Zc_nm"]) == ("f_kHz", (299.4, 299.6), 10.0)
+
+
+def test_options_of_the_curve_reach_it(lever):
+    lever.write_text(
+        LEVER.replace("range = [0.5, 14.0]", "range = [13.5, 14.0]\nof = 'tip'\nparameters = {E_GPa = 2.0}")
+        + "[curve.steps]\nlargest = 0.01\n"
+    )
+    curve = read_experiment(lever).traced()
+    assert (curve.of, curve.branches[0].orbit(0).parameters["E_GPa"]) == ("tip", 2.0)
+    assert len(curve) > 10
+
+
+def test_an_interrupt_leaves_no_file(lever, capsys, monkeypatch):
+    def stop(progress):
+        raise KeyboardInterrupt
+
+    @contextmanager
+    def interrupting(first):
+        yield stop
+
+    monkeypatch.setattr(cli.afm, "bar", interrupting)
+    out = lever.with_name("apd.nc")
+    wanted = (130, "", "saltus: interrupted before there was anything to keep\n")
+    assert _run(capsys, "afm", "curve", str(lever), "-o", str(out), "--plot", str(out.with_suffix(".png"))) == wanted
+    assert {path.name for path in lever.parent.iterdir()} == {"lever.toml"}
+
+
+def test_a_bar_is_asked_for(lever, capsys, monkeypatch):
+    seen = []
+
+    @contextmanager
+    def listening(first):
+        yield seen.append
+
+    monkeypatch.setattr(cli.afm, "bar", listening)
+    lever.write_text(LEVER.replace("0.5, 14.0", "13.0, 14.0"))
+    assert _run(capsys, "afm", "curve", str(lever), "-o", str(lever.with_name("apd.nc")))[0] == 0
+    assert seen[-1].done > 1
+
+
+# observe
+
+
+def _observed(out: str) -> dict[str, list[str]]:
+    return {line.split()[0]: line.split()[1:] for line in out.splitlines() if line.strip()}
+
+
+def test_the_stable_orbits_at_the_distance_of_the_file_are_told(lever, capsys):
+    code, out, err = _run(capsys, "afm", "observe", str(lever))
+    assert (code, err) == (0, "")
+    assert out.splitlines()[0] == "Zc_nm = 10, f_kHz = 300: 2 stable, 1 unstable"
+    rows = _observed(out)
+    assert rows["regime"] == ["repulsive", "attractive"]
+    assert rows["amplitude_nm"] == ["nm", "10.7156989", "9.89527886"]
+    assert rows["lag_deg"] == ["degrees", "63.2497147", "124.451244"]
+    assert rows["contact_fraction"] == ["0.139377622", "0.0635933643"]
+
+
+def test_another_place_and_a_file_without_a_curve(lever, capsys):
+    lever.write_text(LEVER.partition("[curve]")[0].replace("Zc_nm = 10.0\n", ""))
+    code, out, _ = _run(capsys, "afm", "observe", str(lever), "--at", "11.6")
+    assert code == 0
+    assert out.splitlines()[0] == "Zc_nm = 11.6, f_kHz = 300: 1 stable"
+    assert _observed(out)["regime"] == ["attractive"]
+    wanted = "saltus: Zc_nm = None: must be given; in the file, above its first table\n"
+    assert _run(capsys, "afm", "observe", str(lever)) == (2, "", wanted)
+
+
+def test_a_place_beyond_the_curve_is_told(lever, capsys):
+    wanted = "saltus: Zc_nm = 99.0: must be between 0.5 and 14, where the curve is\n"
+    assert _run(capsys, "afm", "observe", str(lever), "--at", "99") == (2, "", wanted)
+
+
+def test_orbits_that_no_way_from_afar_reaches_are_found_by_motions(written):
+    """A curve that ends above the lower fold has the attractive sheet only."""
+    system = saltus.load(written[0] / "apd.nc").system
+    curve = afm.distance_curve(system, (10.2, 14.0))
+    assert len(curve.at(10.5)) == 1
+    found = stable_orbits(curve, 10.5)
+    assert (found.beside, found.unstable, found.unsettled) == (1, 0, 0)
+    whole = [orbit for orbit in saltus.load(written[0] / "apd.nc").at(10.5) if orbit.stable]
+    for one, other, regime in zip(found.orbits, whole[::-1], ("attractive", "repulsive"), strict=True):
+        assert one.x0 == pytest.approx(other.x0, rel=1e-6)
+        assert afm.observables(one)["regime"] == regime
+
+
+# files
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("[probe]", "[prob]", "key = 'prob': must be one of probe, law, drive, Zc_nm, f_kHz, check, curve, title, "
+         "source; did you mean 'probe'?"),
+        ("R_nm", "R_mn", "key = 'R_mn': must be one of k_N_m, f0_kHz, Q, R_nm, optical_weights, base_weights, check in "
+         "[probe]; did you mean 'R_nm'?"),
+        ("R_nm = 12.0\n", "", "probe.R_nm = None: must be given"),
+        ("R_nm = 12.0", "R_nm = 12e-9", "R_nm = 1.2e-08: must be between 0.5 and 100000 nm; in m? then it is 12 nm; "
+         "check=False insists"),
+        ("k_N_m = 26.0", "k_N_m = '26'", "k_N_m = '26': must be a finite number > 0 (in N/m)"),
+        ('"DMT"', '"DTM"', f"law.type = 'DTM': must be {LAWS}, or module:Class; did you mean 'DMT'?"),
+        ('type = "DMT"\n', "", f"law.type = None: must be given: {LAWS}, or module:Class"),
+        ('"DMT"', '"nowhere:DMT"', "law.type = 'nowhere:DMT': must be a module that can be imported, and its "
+         "attribute; No module named 'nowhere'"),
+        ('"DMT"', '"math:pi"',
+         "law.type = 'math:pi': must be a class that is made from saltus.afm.Law; it is 3.141592653589793"),
+        ("H_aJ = 0.12", "H_aJ = '0.12'", "H_aJ = '0.12': must be a finite number (in aJ)"),
+        ("A0_nm", "A_nm", "key = 'A_nm': must be one of A0_nm, mode, ratio, at, phase_deg, F0_nN, Y_nm, check in "
+         "[drive]; did you mean 'A0_nm'?"),
+        ('along = "Zc_nm"', 'along = "Zc"', "curve.along = 'Zc': must be one of Zc_nm, f_kHz; did you mean 'Zc_nm'?"),
+        ("range = [0.5, 14.0]", "rnge = [1, 2]", "key = 'rnge': must be one of range, along, parameters, of, steps in "
+         "[curve]; did you mean 'range'?"),
+        ("range = [0.5, 14.0]", "", "curve.range = None: must be given"),
+        ("[0.5, 14.0]", "[14.0, 0.5]", "curve.range = [14.0, 0.5]: must be two finite numbers, the lower first"),
+        ("range = [0.5, 14.0]", "range = [1, 2]\nsteps = 3", "curve.steps = 3: must be a table, [curve.steps]"),
+        ("[drive]\nA0_nm = 12.0", "", "drive = None: must be given"),
+        ('[curve]\nalong = "Zc_nm"\nrange = [0.5, 14.0]\n', "", "curve = None: must be given: a table with the range, "
+         "as range = [0.5, 14.0]"),
+        ('f_kHz = "f0"', 'f_kHz = "f1"', "f_kHz = 'f1': must be one of f0, peak, or a number of kHz; "
+         "did you mean 'f0'?"),
+        ("[probe]", "probe = ", "config = '{path}': must be a TOML file; Invalid value (at line 8, column 9)"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_in_a_file_is_told_in_a_line(lever, capsys, old, new, told):
+    lever.write_text(LEVER.replace(old, new))
+    code, out, err = _run(capsys, "afm", "curve", str(lever), "-o", str(lever.with_name("apd.nc")))
+    assert (code, out, err) == (2, "", f"saltus: {told.format(path=lever)}\n")
+
+
+def test_values_beyond_the_plausible_are_taken_where_the_table_insists(lever):
+    lever.write_text(LEVER.replace("R_nm = 12.0", "R_nm = 0.1\ncheck = false"))
+    assert read_experiment(lever).probe.R_nm == 0.1
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ([], "--out = None: must be given: the file that is written; add -o FILE.nc"),
+        (["-o", "apd.csv"], "--out = 'apd.csv': must be a file whose name ends in .nc"),
+        (["-o", "{folder}/lever.toml/apd.nc"], "--out = '{folder}/lever.toml': must be a folder; "
+         "{folder}/lever.toml is a file"),
+    ],
+)  # fmt: skip
+def test_places_that_cannot_be_written_are_told_before_the_work(lever, capsys, options, told):
+    given = [option.format(folder=lever.parent) for option in options]
+    wanted = f"saltus: {told.format(folder=lever.parent)}\n"
+    assert _run(capsys, "afm", "curve", str(lever), *given) == (2, "", wanted)
+
+
+def test_a_picture_of_no_kind_is_told_before_the_work(lever, capsys):
+    out = lever.with_name("apd.nc")
+    code, _, err = _run(capsys, "afm", "curve", str(lever), "-o", str(out), "--plot", "apd.txt")
+    assert code == 2
+    assert err.startswith("saltus: --plot = 'apd.txt': must be a picture: .")
+    assert not out.exists()
+
+
+def test_a_law_of_one_s_own_lies_beside_the_file(lever):
+    lever.with_name("own_springs.py").write_text(
+        "from dataclasses import dataclass\nfrom saltus import afm\n"
+        "@dataclass(frozen=True, kw_only=True)\n"
+        "class Spring(afm.Law):\n"
+        "    k1_N_m: float\n"
+        "    @property\n"
+        "    def regions(self):\n"
+        "        return {'everywhere': afm.Region('-k1_N_m*D_nm')}\n"
+    )
+    lever.write_text(LEVER.replace('type = "DMT"\nE_GPa = 1.5', 'type = "own_springs:Spring"\nk1_N_m = 3.0'))
+    law = read_experiment(lever).law
+    assert law.parameters == {"H_aJ": 0.12, "a0_nm": 0.3, "k1_N_m": 3.0}
+    assert float(law.parts[1].force_nN(2.0)) == -6.0
+
+
+def test_help_says_that_a_module_is_run(capsys):
+    code, out, _ = _run(capsys, "afm", "curve", "--help")
+    assert code == 0
+    assert "'module:Class' runs a module" in " ".join(out.split())
+
+
+# sets
+
+
+def test_every_set_has_a_source_and_describes_an_experiment(tmp_path):
+    assert {"lever-s", "lever-p-neck", "paper-table-1"} <= set(names())
+    for name in names():
+        path = tmp_path / f"{name}.toml"
+        path.write_text(text_of(name))
+        experiment = read_experiment(path)
+        assert experiment.title
+        assert experiment.source
+        low, high = experiment.curve["range"]
+        place = experiment.probe.f0_kHz[0] if experiment.curve["along"] == "f_kHz" else experiment.Zc_nm
+        assert low < place < high
+
+
+def test_sets_are_listed_and_printed(capsys):
+    code, out, err = _run(capsys, "afm", "sets")
+    assert (code, err) == (0, "")
+    assert all(name in out for name in names())
+    assert "doi:10.1115/1.4062228" in out
+    assert _run(capsys, "afm", "sets", "lever-s") == (0, LEVER, "")
+    wanted = f"saltus: set = 'lever_s': must be one of {', '.join(names())}; did you mean 'lever-s'?\n"
+    assert _run(capsys, "afm", "sets", "lever_s") == (2, "", wanted)
+
+
+def test_the_set_of_the_paper_is_its_table():
+    setup, given = afm.table1(), entries_of("paper-table-1")
+    k, f0 = setup.cantilever.k, setup.cantilever.f0
+    assert given["probe"] == pytest.approx({"k_N_m": k, "f0_kHz": f0 * 1e-3, "Q": 1 / 0.025, "R_nm": 20.0}, rel=1e-6)
+    assert given["law"][0] == {"type": "VanDerWaals", "H_aJ": setup.sample.H * 1e18, "a0_nm": setup.sample.a0 * 1e9}
+    assert given["law"][1]["E_GPa"] == setup.sample.E_star * 1e-9
+    assert given["law"][2]["c_uNs_m"] == pytest.approx((4.0 - 0.025) * k / setup.cantilever.omega_1 * 1e6, rel=1e-6)
+    assert given["drive"]["Y_nm"] == pytest.approx(0.108 * setup.eta * 1e9)
+    assert given["Zc_nm"] == pytest.approx(setup.eta * 1e9)
+
+
+def test_a_set_is_a_model_of_the_basins_too(tmp_path):
+    given = {name: entries_of("lever-s")[name] for name in ("probe", "law", "drive", "Zc_nm", "f_kHz")}
+    found = model_of(tmp_path, **given)
+    experiment = tmp_path / "lever.toml"
+    experiment.write_text(LEVER)
+    parts = read_experiment(experiment)
+    assert found == model(parts.probe, parts.law, parts.drive, Zc_nm=10.0)
+    assert tomllib.loads(LEVER)["source"] == parts.source
+
+
+@pytest.mark.parametrize("args", [["afm", "--help"], ["afm", "sets", "lever-s"], ["afm", "curve", "c.toml"]])
+def test_a_command_that_computes_nothing_imports_nothing_heavy(args):
+    code = (
+        "import sys, saltus.cli\n"
+        f"try: saltus.cli.main({args!r})\n"
+        "except SystemExit: pass\n"
+        f"sys.exit(', '.join(name for name in {HEAVY!r} if name in sys.modules) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
