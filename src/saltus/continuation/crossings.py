@@ -21,6 +21,7 @@ __all__ = ["OneParameterCurve", "solutions_at"]
 
 _APART = 1e-9  # distance in arclength below which a special point is a point of the branch
 _ROUNDING = 1e-9  # size of a state, over the largest one's, that may be rounding of 0
+_PERHAPS = 1e-3  # the same of the nearest of all solutions found, as beside a grazing, where orbits grow like a root
 _NEAR = 1e-6  # share of a solution's size by which it may be further from its guess than both neighbours are apart
 
 
@@ -99,9 +100,15 @@ def _between(
     sizes = np.maximum(np.abs(low), np.abs(high))
     sizes = np.maximum(sizes, max(_ROUNDING * float(sizes.max()), 1e-300))
     reach = float(np.linalg.norm((high - low) / sizes)) + _NEAR
+    best, least = None, reach + _PERHAPS
     for solution in solved(first, last, share):
-        if np.linalg.norm((extent(solution) - low - share * (high - low)) / sizes) <= reach:
+        away = float(np.linalg.norm((extent(solution) - low - share * (high - low)) / sizes))
+        if away <= reach:
             return solution
+        if away < least:
+            best, least = solution, away
+    if best is not None:
+        return best
     where = f"{curve.parameter} between {a.value:.9g} and {b.value:.9g}"
     raise ConvergenceError(f"solution at {where}", math.inf, 0, "trace the branch with shorter steps there")
 
