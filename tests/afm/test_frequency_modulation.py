@@ -114,10 +114,11 @@ def test_curve_comes_back_from_its_file(curve, tmp_path):
     assert "Zc_nm       9.5 to 14" in repr(curve)
 
 
-def test_picture_has_shift_over_loss(curve):
+def test_picture_has_shift_over_excitation(curve):
     upper, lower = curve.plot()
     assert upper.get_ylabel() == "frequency shift (Hz)"
-    assert lower.get_ylabel() == "energy to the sample in a cycle (eV)"
+    assert lower.get_ylabel() == "excitation, as a free amplitude (nm)"
+    assert curve.plot(second="E_ts_eV")[1].get_ylabel() == "energy to the sample in a cycle (eV)"
     np.testing.assert_array_equal(upper.lines[0].get_ydata(), curve.column("shift_Hz"))
 
 

@@ -1,4 +1,4 @@
-"""Picture of frequency modulation: frequency shift over the loss in the sample, along the distance."""
+"""Picture of frequency modulation: frequency shift over excitation, along the distance."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ __all__ = ["plot_shift"]
 
 @plot.register(FrequencyShift)
 def plot_shift(
-    curve: FrequencyShift, y: str = "shift_Hz", second: str = "E_ts_eV", *, ax: Sequence[Axes] | None = None
+    curve: FrequencyShift, y: str = "shift_Hz", second: str = "excitation_nm", *, ax: Sequence[Axes] | None = None
 ) -> tuple[Axes, Axes]:
-    """Draw frequency shift and loss along the distance and return the two matplotlib Axes.
+    """Draw frequency shift and excitation along the distance and return the two matplotlib Axes.
 
     Parameters
     ----------
