@@ -53,6 +53,7 @@ _HOMES = {
     "Sweep": "saltus.sweeps.sweep",
     "Curve": "saltus.afm.curve",
     "Bistability": "saltus.afm.bistable_region",
+    "FrequencyShift": "saltus.afm.shift_curve",
     "LyapunovSpectrum": "saltus.sweeps.lyapunov",
 }
 _STORE = "zarr.json"  # file by which a folder is known as a Zarr store

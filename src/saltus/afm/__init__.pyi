@@ -9,6 +9,7 @@ from .curve import Curve as Curve
 from .curves import distance_curve as distance_curve, frequency_curve as frequency_curve
 from .drive import Drive as Drive
 from .fold_search import bistability as bistability, tip_radius as tip_radius
+from .frequency_modulation import frequency_shift as frequency_shift
 from .laws.adhesive import JKR as JKR, Neck as Neck, Schwarz as Schwarz
 from .laws.contact import DMT as DMT, Hertz as Hertz, VanDerWaals as VanDerWaals
 from .laws.law import Law as Law
@@ -21,4 +22,6 @@ from .paper import table1 as table1
 from .probe import Probe as Probe
 from .regimes import settled_orbit as settled_orbit
 from .sample import DMTSample as DMTSample, tip_force as tip_force
+from .self_excitation import self_excited as self_excited
+from .shift_curve import FrequencyShift as FrequencyShift
 from .tapping import Setup as Setup, tapping_mode as tapping_mode

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-__all__ = ["plot_curve"]
+__all__ = ["panels_of", "plot_curve"]
 
 # The readings of each kind of picture, from the upper to the lower panel.
 PANELS = {
@@ -71,7 +71,7 @@ def plot_curve(
     kind = "apd" if kind is None else kind
     names = PANELS[checks.chosen("kind", kind, PANELS)]
     style.check_options(None, ways=ways, special=special, legend=legend)
-    upper, lower = _panels(ax)
+    upper, lower = panels_of(ax)
     for panel, name in ((upper, names[0]), (lower, names[1])):
         text = curve.formula(name)
         draw_pieces(panel, [piece for branch in curve.branches for piece in pieces_of(branch, curve.along, text)])
@@ -89,7 +89,8 @@ def plot_curve(
     return upper, lower
 
 
-def _panels(ax: Sequence[Axes] | None) -> tuple[Axes, Axes]:
+def panels_of(ax: Sequence[Axes] | None) -> tuple[Axes, Axes]:
+    """Return two Axes, one above the other: those given, or new ones with a common axis below."""
     if ax is None:
         upper, lower = style.new_figure(figsize=(6.4, 6.4)).subplots(2, 1, sharex=True)
         return upper, lower

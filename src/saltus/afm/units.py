@@ -59,6 +59,7 @@ QUANTITIES = {
     "R_nm": Quantity("nm", 0.5, 1e5, "+"),
     "tip_mass_ng": Quantity("ng", 1e-4, 1e5),
     "A0_nm": Quantity("nm", 1e-3, 1e4),
+    "A_nm": Quantity("nm", 1e-3, 1e4, "+"),
     "Y_nm": Quantity("nm", 1e-4, 1e4),
     "F0_nN": Quantity("nN", 1e-6, 1e5),
     "Zc_nm": Quantity("nm", 1e-5, 1e5, "any"),

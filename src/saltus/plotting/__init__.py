@@ -37,6 +37,7 @@ _HOMES = {
     "saltus.basins.map.basins.Basins": "saltus.plotting.basin",
     "saltus.afm.curve.Curve": "saltus.afm.curve_picture",
     "saltus.afm.bistable_region.Bistability": "saltus.afm.bistable_picture",
+    "saltus.afm.shift_curve.FrequencyShift": "saltus.afm.shift_picture",
     "saltus.basins.measures.erosion.ErosionProfile": "saltus.plotting.erosion",
 }
 

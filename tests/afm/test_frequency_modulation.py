@@ -1,0 +1,145 @@
+"""Frequency modulation at constant amplitude: Giessibl's formula, energies, the driven motion, files and pictures."""
+
+from __future__ import annotations
+
+import math
+
+import matplotlib
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import saltus
+from saltus import afm
+from saltus.errors import InputError
+
+matplotlib.use("Agg")
+
+A = 10.0  # nm, amplitude that is held
+STIFF = 26e3  # N/m, at which a motion is harmonic and its mean is at rest
+EV = 6.241509074460763  # eV in 1 aJ
+PROBE = {"k_N_m": 26.0, "f0_kHz": 300.0, "Q": 400.0, "R_nm": 12.0}
+CONSERVATIVE = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+DAMPED = CONSERVATIVE + afm.Dashpot(c_uNs_m=2.0)
+
+
+@pytest.fixture(scope="module")
+def lever():
+    return afm.model(afm.Probe(**PROBE), CONSERVATIVE, afm.Drive(A0_nm=12.0), Zc_nm=10.0)
+
+
+@pytest.fixture(scope="module")
+def curve(lever):
+    return afm.frequency_shift(lever, (9.5, 14.0), A, points=10)
+
+
+@pytest.fixture(scope="module")
+def lossy():
+    return afm.model(afm.Probe(**PROBE), DAMPED, afm.Drive(A0_nm=12.0), Zc_nm=10.0)
+
+
+@pytest.fixture(scope="module")
+def damped(lossy):
+    return afm.frequency_shift(lossy, (9.7, 10.5), A, points=5)
+
+
+def giessibl(k, Zc):
+    """Shift in Hz of small forces: the force weighted by the displacement of a harmonic motion."""
+
+    def integrand(angle):
+        z = A * math.cos(angle)
+        return float(CONSERVATIVE.force_nN(Zc + z, R_nm=12.0, region="contact" if Zc + z < 0.3 else "far")) * z
+
+    touch = math.acos(min(max((0.3 - Zc) / A, -1.0), 1.0))
+    parts = [quad(integrand, *ends, epsabs=1e-12, epsrel=1e-11)[0] for ends in ((0.0, touch), (touch, math.pi))]
+    return -300e3 / (k * A**2) * sum(parts) / math.pi
+
+
+def test_small_forces_shift_the_frequency_as_giessibl_says(lever):
+    """Van der Waals force far from contact: f0 H R / 6 k (Zc**2 - A**2)**1.5, closer for a stiffer lever."""
+    for k, error in ((26.0, 2e-3), (2600.0, 2e-5)):
+        found = afm.frequency_shift(lever, (10.8, 14.0), A, points=3, parameters={"k_N_m": k})
+        Zc = found.column("Zc_nm")
+        wanted = -300e3 * 0.12 * 12.0 / (6.0 * k * (Zc**2 - A**2) ** 1.5)
+        np.testing.assert_allclose(found.column("shift_Hz"), wanted, rtol=error)
+
+
+def test_shift_in_contact_is_the_weighted_force_too(lever):
+    stiff = afm.frequency_shift(lever, (9.6, 10.4), A, points=5, parameters={"k_N_m": STIFF})
+    wanted = [giessibl(STIFF, Zc) for Zc in stiff.column("Zc_nm")]
+    np.testing.assert_allclose(stiff.column("shift_Hz"), wanted, rtol=1e-4)
+    assert stiff.column("peak_force_nN")[-1] > 0.0
+
+
+def test_a_conservative_law_takes_no_excitation(curve):
+    np.testing.assert_allclose(curve.column("excitation_nm"), A, rtol=1e-9)
+    np.testing.assert_allclose(curve.column("E_ts_eV"), 0.0, atol=1e-8)
+    assert curve.stopped == "Zc_nm = 9.5: the end of the range"
+    np.testing.assert_allclose(curve.column("Zc_nm"), np.linspace(14.0, 9.5, 10))
+
+
+def test_loss_is_what_the_excitation_adds(damped):
+    """The drive's work over the medium's is the excitation over the amplitude, whatever the motion's shape."""
+    f = 300e3 + damped.column("shift_Hz")
+    medium = math.pi * 26.0 * A**2 / 400.0 * f / 300e3 * EV
+    added = (damped.column("excitation_nm") / A - 1.0) * medium
+    np.testing.assert_allclose(damped.column("E_ts_eV"), added, rtol=1e-4, atol=1e-9)
+    assert damped.column("E_ts_eV")[-1] > 60.0
+
+
+def test_loss_of_a_stiff_lever_is_that_of_a_prescribed_motion(lossy):
+    found = afm.frequency_shift(lossy, (9.7, 10.1), A, points=4, parameters={"k_N_m": STIFF})
+    for Zc, loss in zip(found.column("Zc_nm"), found.column("E_ts_eV"), strict=True):
+        assert loss == pytest.approx(DAMPED.energy_per_cycle_eV(Zc_nm=Zc, A_nm=A, f_kHz=300.0, R_nm=12.0), rel=2e-4)
+
+
+def test_a_drive_at_the_shifted_frequency_makes_the_same_motion(lever, curve):
+    row = int(np.argmin(np.abs(curve.column("Zc_nm") - 11.0)))
+    f = 300.0 + 1e-3 * curve.column("shift_Hz")[row]
+    force = curve.column("excitation_nm")[row] * f / 300.0
+    values = {"Zc_nm": float(curve.column("Zc_nm")[row]), "f_kHz": f, "A0_nm": force}
+    driven = saltus.find_orbit(lever, values, x0=[0.0, 2e-3 * math.pi * f * A])
+    seen = afm.observables(driven)
+    assert seen["amplitude_nm"] == pytest.approx(A, rel=1e-5)
+    assert seen["lag_deg"] == pytest.approx(90.0, abs=1e-2)
+    assert seen["virial_eV"] == pytest.approx(curve.column("virial_eV")[row], rel=1e-4)
+
+
+def test_curve_comes_back_from_its_file(curve, tmp_path):
+    assert saltus.load(curve.save(tmp_path / "shift.nc")) == curve
+    with pytest.raises(InputError, match="shift_Hz"):
+        afm.FrequencyShift.from_xarray(curve.to_xarray().drop_vars("shift_Hz"))
+    with pytest.raises(InputError, match="amplitude"):
+        curve.column("amplitude")
+    assert "Zc_nm       9.5 to 14" in repr(curve)
+
+
+def test_picture_has_shift_over_excitation(curve):
+    upper, lower = curve.plot()
+    assert upper.get_ylabel() == "frequency shift (Hz)"
+    assert lower.get_ylabel() == "excitation, as a free amplitude (nm)"
+    assert curve.plot(second="E_ts_eV")[1].get_ylabel() == "energy to the sample in a cycle (eV)"
+    np.testing.assert_array_equal(upper.lines[0].get_ydata(), curve.column("shift_Hz"))
+
+
+def test_wrong_arguments_are_told(lever, afm1):
+    with pytest.raises(InputError, match=r"saltus\.afm\.model"):
+        afm.self_excited(afm1, A)
+    with pytest.raises(InputError, match="in m"):
+        afm.self_excited(lever, A * 1e-9)
+    with pytest.raises(InputError, match="points"):
+        afm.frequency_shift(lever, (9.5, 14.0), A, points=1)
+    for drive in (afm.Drive.force(1.0), afm.Drive(A0_nm=10.0, at="peak"), afm.Drive(A0_nm=10.0, phase_deg=30.0)):
+        system = afm.model(afm.Probe(**PROBE), afm.Hertz(E_GPa=1.0), drive, Zc_nm=10.0)
+        with pytest.raises(InputError, match="one drive of one mode"):
+            afm.frequency_shift(system, (9.5, 14.0), A)
+
+
+def test_adhesion_costs_the_same_at_every_depth_and_nothing_before_the_touch():
+    """A hysteretic law: 7.092196 (w**5 R**4 / E**2)**(1/3) a cycle, once the tip touches."""
+    probe = afm.Probe(k_N_m=40.0, f0_kHz=300.0, Q=300.0, R_nm=10.0)
+    sticky = afm.model(probe, afm.JKR(E_GPa=1.0, w_N_m=0.05), afm.Drive(A0_nm=20.0), Zc_nm=15.0)
+    found = afm.frequency_shift(sticky, (15.2, 16.2), 16.0, points=2)
+    loss = 7.092195972 * (0.05**5 * 10.0**4) ** (1.0 / 3.0) * EV
+    np.testing.assert_allclose(found.column("E_ts_eV"), [0.0, loss], rtol=1e-8, atol=1e-9)
+    assert found.column("shift_Hz")[0] == pytest.approx(0.0, abs=1e-6)
