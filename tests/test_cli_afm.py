@@ -162,6 +162,26 @@ def test_orbits_that_no_way_from_afar_reaches_are_found_by_motions(written):
         assert afm.observables(one)["regime"] == regime
 
 
+# animate
+
+
+def test_a_film_of_either_regime_is_written(lever, capsys, monkeypatch):
+    filmed = []
+
+    def film(orbit, path, **options):
+        filmed.append(afm.observables(orbit)["amplitude_nm"])
+        path.write_bytes(b"film")
+
+    monkeypatch.setattr("saltus.afm.animate", film, raising=False)
+    out = lever.with_name("tap.gif")
+    for options in ([], ["--regime", "attractive"], ["--at", "12.0"]):
+        assert _run(capsys, "afm", "animate", str(lever), "-o", str(out), *options)[0] == 0
+    assert filmed == pytest.approx([10.71569893, 9.895278868, 11.6076107], rel=1e-8)
+    wanted = "saltus: --regime = 'repulsive': must be a regime with a stable orbit at Zc_nm = 12: attractive\n"
+    told = _run(capsys, "afm", "animate", str(lever), "-o", str(out), "--at", "12.0", "--regime", "repulsive")
+    assert told == (2, "", wanted)
+
+
 # files
 
 
