@@ -312,6 +312,21 @@ def test_the_set_of_the_paper_is_its_table():
     assert given["Zc_nm"] == pytest.approx(setup.eta * 1e9)
 
 
+def test_the_set_of_the_paper_moves_as_the_paper_s_model_where_nothing_touches(tmp_path):
+    """In contact they differ, as the dampings act on different rates."""
+    omega, setup = 1.15, afm.table1()
+    paper = afm.settled_orbit(afm.tapping_mode(setup), {"Omega": omega}, "attractive")
+    wanted = 60.0 * paper.observe("amplitude(z, 1)")["amplitude(z, 1)"]
+    path = tmp_path / "paper.toml"
+    path.write_text(text_of("paper-table-1"))
+    f_kHz = omega * setup.cantilever.f0 * 1e-3
+    start = wanted * np.array([-np.sqrt(0.5), 2e-3 * np.pi * f_kHz * np.sqrt(0.5)])
+    orbit = saltus.find_orbit(read_experiment(path).model(), {"f_kHz": f_kHz}, start)
+    assert orbit.signature == (("far", "theta"),)
+    seen = orbit.observe("amplitude(D_nm, 1)").popitem()[1]
+    assert seen == pytest.approx(wanted, rel=1e-6)  # the file rounds k and f0
+
+
 def test_a_set_is_a_model_of_the_basins_too(tmp_path):
     given = {name: entries_of("lever-s")[name] for name in ("probe", "law", "drive", "Zc_nm", "f_kHz")}
     found = model_of(tmp_path, **given)
