@@ -88,6 +88,16 @@ def test_options_of_the_curve_reach_it(lever):
     assert len(curve) > 10
 
 
+def test_a_curve_below_the_distance_where_an_adhesive_contact_forms(tmp_path):
+    """The free motion ends at 20 nm, where it forms the contact; the curve from 19 nm has the motion beyond."""
+    path = tmp_path / "jkr.toml"
+    path.write_text(text_of("adhesive-jkr").replace("[10.0, 19.0]", "[14.0, 19.0]"))
+    curve = read_experiment(path).traced()
+    (orbit,) = curve.at(15.0)
+    assert afm.observables(orbit)["amplitude_nm"] == pytest.approx(16.9055245, rel=1e-8)
+    assert curve.ways[0].stopped == "Zc_nm = 14: the end of the range"
+
+
 def test_an_interrupt_leaves_no_file(lever, capsys, monkeypatch):
     def stop(progress):
         raise KeyboardInterrupt
