@@ -88,6 +88,16 @@ def test_options_of_the_curve_reach_it(lever):
     assert len(curve) > 10
 
 
+def test_a_curve_below_the_distance_where_an_adhesive_contact_forms(tmp_path):
+    """The free motion ends at 20 nm, where it forms the contact; the curve from 19 nm has the motion beyond."""
+    path = tmp_path / "jkr.toml"
+    path.write_text(text_of("adhesive-jkr").replace("[10.0, 19.0]", "[14.0, 19.0]"))
+    curve = read_experiment(path).traced()
+    (orbit,) = curve.at(15.0)
+    assert afm.observables(orbit)["amplitude_nm"] == pytest.approx(16.9055245, rel=1e-8)
+    assert curve.ways[0].stopped == "Zc_nm = 14: the end of the range"
+
+
 def test_an_interrupt_leaves_no_file(lever, capsys, monkeypatch):
     def stop(progress):
         raise KeyboardInterrupt
@@ -160,6 +170,26 @@ def test_orbits_that_no_way_from_afar_reaches_are_found_by_motions(written):
     for one, other, regime in zip(found.orbits, whole[::-1], ("attractive", "repulsive"), strict=True):
         assert one.x0 == pytest.approx(other.x0, rel=1e-6)
         assert afm.observables(one)["regime"] == regime
+
+
+# animate
+
+
+def test_a_film_of_either_regime_is_written(lever, capsys, monkeypatch):
+    filmed = []
+
+    def film(orbit, path, **options):
+        filmed.append(afm.observables(orbit)["amplitude_nm"])
+        path.write_bytes(b"film")
+
+    monkeypatch.setattr("saltus.afm.animate", film, raising=False)
+    out = lever.with_name("tap.gif")
+    for options in ([], ["--regime", "attractive"], ["--at", "12.0"]):
+        assert _run(capsys, "afm", "animate", str(lever), "-o", str(out), *options)[0] == 0
+    assert filmed == pytest.approx([10.71569893, 9.895278868, 11.6076107], rel=1e-8)
+    wanted = "saltus: --regime = 'repulsive': must be a regime with a stable orbit at Zc_nm = 12: attractive\n"
+    told = _run(capsys, "afm", "animate", str(lever), "-o", str(out), "--at", "12.0", "--regime", "repulsive")
+    assert told == (2, "", wanted)
 
 
 # files
@@ -290,6 +320,21 @@ def test_the_set_of_the_paper_is_its_table():
     assert given["law"][2]["c_uNs_m"] == pytest.approx((4.0 - 0.025) * k / setup.cantilever.omega_1 * 1e6, rel=1e-6)
     assert given["drive"]["Y_nm"] == pytest.approx(0.108 * setup.eta * 1e9)
     assert given["Zc_nm"] == pytest.approx(setup.eta * 1e9)
+
+
+def test_the_set_of_the_paper_moves_as_the_paper_s_model_where_nothing_touches(tmp_path):
+    """In contact they differ, as the dampings act on different rates."""
+    omega, setup = 1.15, afm.table1()
+    paper = afm.settled_orbit(afm.tapping_mode(setup), {"Omega": omega}, "attractive")
+    wanted = 60.0 * paper.observe("amplitude(z, 1)")["amplitude(z, 1)"]
+    path = tmp_path / "paper.toml"
+    path.write_text(text_of("paper-table-1"))
+    f_kHz = omega * setup.cantilever.f0 * 1e-3
+    start = wanted * np.array([-np.sqrt(0.5), 2e-3 * np.pi * f_kHz * np.sqrt(0.5)])
+    orbit = saltus.find_orbit(read_experiment(path).model(), {"f_kHz": f_kHz}, start)
+    assert orbit.signature == (("far", "theta"),)
+    seen = orbit.observe("amplitude(D_nm, 1)").popitem()[1]
+    assert seen == pytest.approx(wanted, rel=1e-6)  # the file rounds k and f0
 
 
 def test_a_set_is_a_model_of_the_basins_too(tmp_path):

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import saltus
 from saltus import afm
 from saltus.afm.animation import Scene, animate
 from saltus.afm.beam import mode_shape
@@ -52,8 +53,6 @@ def test_the_beam_ends_in_the_tip_and_begins_in_the_moving_base(motion):
 
 def test_the_beam_has_the_shape_of_both_modes(orbit, motion):
     """Modes are orthogonal, and int(phi**2) = 1/4: projecting the beam gives back the states of the simulation."""
-    import saltus
-
     bent = 1.0 - (motion.beam - motion.beam[:, :1]) / ETA - 1.0
     weights = np.full(len(PLACES), 1.0 / (len(PLACES) - 1))
     weights[[0, -1]] /= 2.0
@@ -229,3 +228,35 @@ def test_a_path_that_cannot_be_used_is_told(orbit, tmp_path):
 def test_an_orbit_that_is_no_motion_is_refused(orbit, tmp_path):
     with pytest.raises(InputError, match=r"^orbit = .*: must be admissible; "):
         animate(replace(orbit, faults=1), tmp_path / "tap.gif")
+
+
+# a model in nm and us
+
+
+@pytest.fixture(scope="module")
+def lever():
+    probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    return saltus.find_orbit(afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=10.0), x0=[0.0, 0.0])
+
+
+def test_a_model_moves_in_its_own_units(lever):
+    motion = motion_of(lever, PLACES, 400)
+    assert (motion.period, motion.radius) == (pytest.approx(1e3 / 300.0), 12.0)
+    assert motion.surface == pytest.approx(0.3, abs=1e-12)
+    assert motion.beam[:, -1] == pytest.approx(motion.z, abs=1e-9)
+    assert motion.beam[:, 0] == pytest.approx(np.full(400, 10.0), abs=1e-9)
+    states = saltus.simulate(lever.system, lever.parameters, lever.x0, periods=1)(motion.t)
+    assert motion.v == pytest.approx(states[:, 1], abs=1e-6)
+    attraction = -0.12 * 12.0 / (6.0 * np.maximum(motion.z, 0.3) ** 2)
+    assert motion.force == pytest.approx(attraction + 2.0 * math.sqrt(12.0) * np.maximum(0.3 - motion.z, 0.0) ** 1.5)
+    assert motion.contact.tolist() == (motion.z < 0.3).tolist()
+
+
+def test_a_model_is_filmed_on_its_own_scale(lever, tmp_path):
+    figure = Scene(lever, None, 10, 2.0).figure
+    labels = {ax.get_xlabel() for ax in figure.axes} | {ax.get_ylabel() for ax in figure.axes}
+    assert {"gap $z$ (nm)", "velocity $\\dot{z}$ (mm/s)", "time $t$ (µs)", "force (nN)"} <= labels
+    assert figure.texts[0].get_text() == "tapping mode, 1 mode  ·  300.0 kHz  ·  slowed 600 000 times"
+    with pytest.raises(InputError, match="must be left out for a model of saltus.afm.model"):
+        animate(lever, tmp_path / "tap.gif", setup=SETUP)

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.afm.cantilever_motion import hertz_profile, motion_of
+from saltus.afm.cantilever_motion import hertz_profile, is_model, modes_of, motion_of
 from saltus.afm.movies import checked_movie, write_movie
-from saltus.afm.regimes import tapping_modes
 from saltus.errors import InputError
 from saltus.progress import Report, Reporter
 
@@ -41,7 +40,8 @@ _FRAMES = 1000  # frames of a film, at most
 _CURVE = 1500  # times a period of the drive at which curves are drawn
 _PLACES = 121  # points of the beam that are drawn
 
-# The cantilever as drawn, not to scale.
+# The cantilever as drawn, not to scale; heights are for a gap of 60 nm.
+_GAP = 60.0  # gap at rest, in nm
 _TIP_LENGTH = 26.0  # height of the tip, in nm
 _TIP_HALF_WIDTH = 0.03  # half width of the tip, in lengths of the beam
 _THICKNESS = 5.0  # thickness of the beam, in nm
@@ -97,12 +97,12 @@ def animate(
     Parameters
     ----------
     orbit : PeriodicOrbit
-        Admissible orbit of a system that `tapping_mode` returns.
+        Admissible orbit of a system that `tapping_mode` or `model` returns.
     path : path-like
         A ``.gif``, or an ``.mp4`` where the extra ``saltus[video]`` is installed; an existing file is replaced.
     setup : Setup, optional
-        The cantilever and sample of the system. With a set-up, time is in microseconds and length in micrometres; else
-        in periods and lengths of the beam. Heights are always in nanometres.
+        The cantilever and sample of `tapping_mode`. With it, time is in microseconds and length in micrometres; else in
+        periods and lengths of the beam. A model has microseconds without it. Heights are always in nanometres.
     fps : int, optional
         Frames a second, for a GIF a divisor of 100 up to 50.
     seconds : float, optional
@@ -183,11 +183,13 @@ class Scene:
         places = np.linspace(0.0, 1.0, _PLACES)
         self._motion = motion_of(orbit, places, frames, setup)
         self._curve = motion_of(orbit, places[-1:], _CURVE * orbit.form.turns, setup)
-        self._a0 = 1e9 * orbit.parameters["a0"]
-        self._radius = 1e9 * orbit.parameters["R"]
+        self._a0, self._radius = self._motion.surface, self._motion.radius
+        measured = setup is not None or is_model(orbit.system)
+        heights = self._motion.z
+        self._scale = max(heights.max(), np.ptp(heights)) / (2.0 * _GAP) if is_model(orbit.system) else 1.0
         length = None if setup is None else setup.cantilever.length
         self._length, self._length_unit = (1e6 * length, "µm") if length else (1.0, "its length")
-        self._time_unit, self._speed_unit = ("µs", "mm/s") if setup else ("periods", r"$\omega_1 \eta^*$")
+        self._time_unit, self._speed_unit = ("µs", "mm/s") if measured else ("periods", r"$\omega_1 \eta^*$")
         with matplotlib.rc_context(_LOOK):
             self.figure = Figure(figsize=_INCHES, facecolor="white")
             self.figure.text(0.068, 0.945, _title(orbit, setup, seconds), fontsize=10.0)
@@ -215,10 +217,10 @@ class Scene:
         self._told.set_text("contact" if contact else "")
 
     def _show_cantilever(self, beam: NDArray[np.float64], z: float, contact: bool) -> None:
-        bottom = _to_the_end(beam) + _TIP_LENGTH
-        outline = np.concatenate([bottom, bottom[::-1] + _THICKNESS])
+        bottom = _to_the_end(beam) + self._scale * _TIP_LENGTH
+        outline = np.concatenate([bottom, bottom[::-1] + self._scale * _THICKNESS])
         self._beam.set_xy(np.column_stack([np.concatenate([self._x, self._x[::-1]]), outline]))
-        self._clamp.set_y(bottom[0] + 0.5 * _THICKNESS - _CLAMP)
+        self._clamp.set_y(bottom[0] + self._scale * (0.5 * _THICKNESS - _CLAMP))
         self._tip.set_xy(_cone(self._length, self._overhang, z, bottom[-1]))
         depth = max(self._a0 - z, 0.0)
         across = np.linspace(-1.0, 1.0, 21)
@@ -236,12 +238,14 @@ class Scene:
         """Draw the beam over the sample, the range of its heights, and the lens."""
         from matplotlib.patches import Polygon, Rectangle
 
-        beam, length = _to_the_end(self._motion.beam) + _TIP_LENGTH, self._length
+        beam, length = _to_the_end(self._motion.beam) + self._scale * _TIP_LENGTH, self._length
         self._overhang = _TIP_HALF_WIDTH * length
         self._x = np.append(np.linspace(0.0, length, _PLACES), length + self._overhang)
         self._edges, self._floor = (-0.1 * length, 1.1 * length), -0.14 * float(beam.max())
-        ax.set(xlim=self._edges, ylim=(self._floor, 1.1 * float(beam.max()) + _THICKNESS))
-        ax.fill_between(self._x, beam.min(axis=0), beam.max(axis=0) + _THICKNESS, color=_FAINT, linewidth=0.0)
+        ax.set(xlim=self._edges, ylim=(self._floor, 1.1 * float(beam.max()) + self._scale * _THICKNESS))
+        ax.fill_between(
+            self._x, beam.min(axis=0), beam.max(axis=0) + self._scale * _THICKNESS, color=_FAINT, linewidth=0.0
+        )
         hidden = np.zeros((3, 2))
         self._sample = Polygon(hidden, facecolor=_SAMPLE, edgecolor=_RIM, linewidth=1.0)
         ax.add_patch(self._sample)
@@ -249,7 +253,7 @@ class Scene:
         ax.add_patch(self._tip)
         self._beam = Polygon(hidden, facecolor=_STEEL, edgecolor="black", linewidth=0.5, zorder=5)
         ax.add_patch(self._beam)
-        clamp = Rectangle((self._edges[0], 0.0), -self._edges[0], 2.0 * _CLAMP, facecolor="0.72", edgecolor="0.3")
+        clamp = Rectangle((self._edges[0], 0.0), -self._edges[0], 2.0 * self._scale * _CLAMP, fc="0.72", ec="0.3")
         clamp.set(hatch="////", linewidth=0.8, zorder=6)
         self._clamp = clamp
         ax.add_patch(clamp)
@@ -265,7 +269,7 @@ class Scene:
         """Draw the tip's end and the sample's surface, in nm in both directions."""
         from matplotlib.patches import Circle, Polygon
 
-        left, bottom, width, height = _LENS
+        left, bottom, width, height = np.array(_LENS) * (1.0, self._scale, 1.0, self._scale)
         place = (left * self._length, bottom, width * self._length, height)
         lens = ax.inset_axes(place, transform=ax.transData, zorder=3)
         figure_width, figure_height = ax.get_position().size * np.array(_INCHES)
@@ -313,8 +317,13 @@ class Scene:
 
 def _title(orbit: PeriodicOrbit, setup: Setup | None, seconds: float) -> str:
     """Return the title: parameters, and rate of the film."""
-    n, omega, turns = tapping_modes(orbit.system), orbit.parameters["Omega"], orbit.form.turns
-    words = [f"tapping mode, {n} {'mode' if n == 1 else 'modes'}", rf"$\Omega = {omega:g}\,\omega_1$"]
+    n, p, turns = modes_of(orbit.system), orbit.parameters, orbit.form.turns
+    words = [f"tapping mode, {n} {'mode' if n == 1 else 'modes'}"]
+    if is_model(orbit.system):
+        slowed = float(f"{seconds * 1e6 / orbit.period:.1g}")
+        return "  ·  ".join([*words, f"{p['f_kHz']:.1f} kHz", f"slowed {slowed:,.0f} times".replace(",", " ")])
+    omega = p["Omega"]
+    words.append(rf"$\Omega = {omega:g}\,\omega_1$")
     if turns > 1:
         words.append(f"period {turns}")
     if setup is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,9 +18,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.afm.tapping import Setup
+    from saltus.flow import Trajectory
     from saltus.orbits import PeriodicOrbit
+    from saltus.system import HybridSystem
 
-__all__ = ["Motion", "hertz_profile", "motion_of"]
+__all__ = ["Motion", "hertz_profile", "is_model", "modes_of", "motion_of"]
+
+_SHORT = 1e-6  # time over which the gap's rate is a difference, over the period
+_RADIUS = 10.0  # nm; radius of the tip as drawn, where the law does not have it
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,10 @@ class Motion:
         On the tip, positive where it repels.
     contact : ndarray of bool, shape (time,)
         Whether the tip is in contact.
+    surface : float, in nm
+        Gap at which contact begins.
+    radius : float, in nm
+        Radius of the tip.
     """
 
     t: NDArray[np.float64]
@@ -51,6 +61,39 @@ class Motion:
     v: NDArray[np.float64]
     force: NDArray[np.float64]
     contact: NDArray[np.bool_]
+    surface: float
+    radius: float
+
+
+def is_model(system: HybridSystem) -> bool:
+    """Return whether a system is one of `saltus.afm.model`, in nm and us.
+
+    Examples
+    --------
+    >>> from saltus.afm import table1, tapping_mode
+    >>> is_model(tapping_mode(table1()))
+    False
+    """
+    return "deflection_nm" in system.output_names
+
+
+def modes_of(system: HybridSystem) -> int:
+    """Return how many modes of the cantilever a system has.
+
+    Raises
+    ------
+    InputError
+        The system is none of `saltus.afm.tapping_mode` and `saltus.afm.model`.
+
+    Examples
+    --------
+    >>> from saltus.afm import table1, tapping_mode
+    >>> modes_of(tapping_mode(table1(), modes=2))
+    2
+    """
+    if is_model(system):
+        return sum(re.fullmatch(r"z\d+_nm", name) is not None for name in system.states)
+    return tapping_modes(system)
 
 
 def motion_of(orbit: PeriodicOrbit, places: NDArray[np.float64], times: int, setup: Setup | None = None) -> Motion:
@@ -59,7 +102,7 @@ def motion_of(orbit: PeriodicOrbit, places: NDArray[np.float64], times: int, set
     Parameters
     ----------
     orbit : PeriodicOrbit
-        Admissible orbit of a system that `tapping_mode` returns.
+        Admissible orbit of a system that `tapping_mode` or `model` returns.
     places : ndarray, shape (place,), in units of the beam's length
         Places of the beam's heights.
     times : int
@@ -70,7 +113,7 @@ def motion_of(orbit: PeriodicOrbit, places: NDArray[np.float64], times: int, set
     Raises
     ------
     InputError
-        The system is not tapping mode, the orbit is not admissible, or `setup` is no Setup.
+        The system is neither, the orbit is not admissible, or `setup` is no Setup or is given for a model.
 
     Examples
     --------
@@ -86,18 +129,21 @@ def motion_of(orbit: PeriodicOrbit, places: NDArray[np.float64], times: int, set
     from saltus.afm.tapping import Setup
     from saltus.flow import simulate
 
-    n = tapping_modes(orbit.system)
+    n = modes_of(orbit.system)
     if not orbit.admissible:
         raise InputError("orbit", repr(orbit).splitlines()[0], "admissible", "; ".join(orbit.reasons))
     if setup is not None:
         checks.instance("setup", setup, Setup)
     p = orbit.parameters
-    eta = 1e9 * p["eta"]
     found = simulate(orbit.system, p, orbit.x0, periods=orbit.form.turns)
     t = found.t_end * np.arange(times) / times
-    states = found(t)
-    base = p["ybar"] * np.sin(states[:, -1])
     shapes = np.array([mode_shape(i + 1, places) for i in range(n)])
+    if is_model(orbit.system):
+        if setup is not None:
+            raise InputError("setup", setup, "left out for a model of saltus.afm.model", "it is in nm and us already")
+        return _in_nm(found, t, shapes)
+    states, eta = found(t), 1e9 * p["eta"]
+    base = p["ybar"] * np.sin(states[:, -1])
     unit, speed = 1.0 / found.t_end, 1.0
     if setup is not None:
         omega_1 = setup.cantilever.omega_1
@@ -110,6 +156,30 @@ def motion_of(orbit: PeriodicOrbit, places: NDArray[np.float64], times: int, set
         v=speed * found.output("v", t),
         force=eta * p["k"] * found.output("force", t),
         contact=found.mode_at(t) == "contact",
+        surface=1e9 * p["a0"],
+        radius=1e9 * p["R"],
+    )
+
+
+def _in_nm(found: Trajectory, t: NDArray[np.float64], shapes: NDArray[np.float64]) -> Motion:
+    """Return a motion of a model, which is in nm and us; the gap's rate is a difference over a short time."""
+    outputs, p = found.system.output_names, found.parameters
+    gap, bent = found.output("D_nm", t), found(t)[:, : len(shapes)]
+    short = _SHORT * found.t_end
+    soon, later = found.output("D_nm", t + short), found.output("D_nm", t + 2.0 * short)
+    contact, depth = np.zeros(len(t), dtype=bool), np.zeros(len(t))
+    if "contact" in outputs:
+        contact, depth = found.output("contact", t) > 0.5, found.output("indentation_nm", t)
+    return Motion(
+        t=t,
+        period=found.t_end,
+        beam=(gap - bent.sum(axis=1))[:, None] + bent @ shapes,
+        z=gap,
+        v=(4.0 * soon - 3.0 * gap - later) / (2.0 * short),
+        force=found.output("force_nN", t),
+        contact=contact,
+        surface=float((gap + depth)[contact].max()) if contact.any() else p.get("a0_nm", 0.0),
+        radius=p.get("R_nm", _RADIUS),
     )
 
 

@@ -1,4 +1,4 @@
-"""The command ``saltus afm``: curves and observables of a probe over a sample, from a file; named parameter sets."""
+"""The command ``saltus afm``: curves, observables and films of a probe over a sample; named parameter sets."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ __all__ = ["group"]
 
 group = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
+_FPS = 25  # frames a second of a film
 _CONFIG = typer.Argument(
     metavar="CONFIG.toml",
     help="Probe, laws, drive, place and curve. A law of type 'module:Class' runs a module: that beside this file, "
@@ -113,6 +114,38 @@ def _tell_observables(curve: Curve, found: StableOrbits) -> None:
             unit = readings_of(name).unit if name.rstrip("_0123456789") in READINGS else ""
             add_row(table, name, unit, *(f"{value:.9g}" for value in values))
     show(table)
+
+
+@group.command(no_args_is_help=True)
+def animate(
+    config: Annotated[Path, _CONFIG],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FILE", help="The film: a .gif, or an .mp4 (extra saltus[video]).")
+    ] = Path("tap.gif"),
+    at: Annotated[float | None, typer.Option(metavar="VALUE", help="Place, as of `saltus afm observe`.")] = None,
+    regime: Annotated[
+        str | None, typer.Option(help="repulsive or attractive; by default that of the first orbit.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="How long the film lasts.")] = 4.0,
+) -> None:
+    """Film a stable orbit: the cantilever, its phase portrait and the force."""
+    from saltus.afm.movies import checked_movie
+
+    checked_movie(out, _FPS)
+    with interruptible():
+        from saltus.afm import animate as film, observables
+        from saltus.afm.configuration import read_experiment
+        from saltus.afm.stable_orbits import stable_orbits
+
+        with bar("from afar") as progress:
+            curve, place = read_experiment(config).around(at, progress)
+        orbits = {observables(orbit)["regime"]: orbit for orbit in stable_orbits(curve, place).orbits[::-1]}
+        if not orbits or (regime is not None and regime not in orbits):
+            there = f"a regime with a stable orbit at {curve.along} = {place:.9g}"
+            raise InputError("--regime", regime, f"{there}: {', '.join(orbits) or 'there is none'}")
+        with bar("frames") as progress:
+            film(orbits[regime or next(reversed(orbits))], out, fps=_FPS, seconds=seconds, progress=progress)
+    typer.echo(f"written  {out}  ({out.stat().st_size / 1e6:.2f} MB)")
 
 
 @group.command()
