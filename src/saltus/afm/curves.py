@@ -17,6 +17,7 @@ from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
+from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
     from saltus.progress import Report
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["distance_curve", "frequency_curve", "from_afar"]
 
 _CLEAR = 3.0  # gap of the far start, over the free amplitude
+_RESTS = 400  # displacements at which a rest of the probe is looked for
 _MOST_SHEETS = 8  # sheets that are sought beyond the first ones
 _ROUNDING = 1e-12  # distance from the end of a way, over its begin, that is rounding
 _CLEAR_NM = 20.0  # least gap of the far start, in nm
@@ -44,7 +46,8 @@ def distance_curve(
 
     The free motion far from the sample is followed towards it. Where the ways of an experiment jump to a motion that
     the branch does not have, this motion is followed as a further sheet. A curve whose way ends because the tip is
-    pulled in and stays in contact says so.
+    pulled in and stays in contact says so. A sheet onto which no way jumps is not found: `saltus.find_attractors` looks
+    for motions from many starts.
 
     Parameters
     ----------
@@ -222,7 +225,8 @@ def _traced(
             return curve
         tried.add(found.value)
         sheet = _sheet(found.after, along, bounds, steps, progress)
-        curve = Curve(system, along, bounds, (*curve.branches, sheet), of)
+        others = [branch for branch in curve.branches if not _is_on(sheet, branch.orbit(len(branch) // 2))]
+        curve = Curve(system, along, bounds, (*others, sheet), of)
     return curve
 
 
@@ -237,13 +241,26 @@ def _sheet(
 
     Beyond the static pull-in the branch is that of a static saddle, whose multipliers cost much and tell nothing.
     """
-    first = _whole(continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress))
-    folds = first.special_points.of_type("SN")
-    if not folds:
-        return first
-    if any(is_pulled_in(first, fold, bounds) for fold in folds):
-        return first
+    if along != "Zc_nm" or not _has_rest(start, bounds[0]):
+        first = _whole(continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress))
+        folds = first.special_points.of_type("SN")
+        if not folds or any(is_pulled_in(first, fold, bounds) for fold in folds):
+            return first
     return _whole(continue_orbit(start, along, bounds, steps=steps, progress=progress))
+
+
+def _has_rest(orbit: PeriodicOrbit, Zc_nm: float) -> bool:
+    """Return whether a probe at a distance has a rest in the first mode, so that nothing has pulled it in before."""
+    system, parameters = orbit.system, {**orbit.parameters, "Zc_nm": Zc_nm}
+    modes = [name for name in system.states if name.startswith("z")]
+    softness = sum(1.0 / parameters[f"k_N_m{suffix(i)}"] for i in range(1, len(modes) + 1))
+    bends = np.linspace(-1.0, 0.0, _RESTS) * max(abs(Zc_nm), 1.0)
+    states = np.zeros((_RESTS, len(system.all_states)))
+    states[:, 0] = bends
+    force = evaluate(system, "force_nN", states, 0, parameters)
+    gap = evaluate(system, "D_nm", states, 0, parameters)
+    missing = np.where(gap > 0.0, force * softness - bends, np.nan)
+    return bool(np.any((missing[:-1] > 0.0) & (missing[1:] < 0.0)))
 
 
 def _whole(branch: Branch) -> Branch:
