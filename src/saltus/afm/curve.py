@@ -27,17 +27,9 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["CONVENTIONS", "Curve", "Feature", "Jump"]
+__all__ = ["Curve", "Feature", "Jump"]
 
-# How an instrument shows the lag: name, sign and offset in degrees of what is shown, shown = sign * lag + offset.
-CONVENTIONS = {"lag90": (1.0, 0.0), "bruker0": (-1.0, 90.0), "asylum": (1.0, 0.0)}
-
-_DIRECTIONS = {
-    "Zc_nm": ("approach", "retract"),
-    "f_kHz": ("down", "up"),
-}  # names of the ways to lower and higher values
-
-
+_DIRECTIONS = {"Zc_nm": ("approach", "retract"), "f_kHz": ("down", "up")}  # of the ways to lower and higher values
 _NONE = np.empty(0)
 
 
