@@ -91,7 +91,7 @@ def main() -> None:
             ways = curve.ways
             signal.alarm(0)
             seconds = time.perf_counter() - begun
-        except TooLongError:
+        except (TooLongError, SystemError):  # the alarm may come inside compiled code
             print(f"{number} {name} {modes}: longer than {options.limit} s", flush=True)
             ends["too long"] += 1
             continue
