@@ -12,10 +12,10 @@ from saltus import checks
 from saltus.afm.curve import Curve
 from saltus.afm.modelling import suffix
 from saltus.afm.readings import check_model, drives_of, turns_of
-from saltus.afm.routes import is_pulled_in, stays_in_contact
+from saltus.afm.routes import is_pulled_in, orbits_at, stays_in_contact
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
-from saltus.errors import ConvergenceError, InputError
+from saltus.errors import ConvergenceError
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
 from saltus.system.evaluate import evaluate
 
@@ -272,9 +272,6 @@ def _whole(branch: Branch) -> Branch:
 
 def _is_on(branch: Branch, orbit: PeriodicOrbit) -> bool:
     value, n = orbit.parameters[branch.parameter], len(orbit.system.states)
-    try:
-        found = branch.at(value)
-    except InputError:
-        return False
+    found = orbits_at(branch, value)
     wanted = np.concatenate([orbit.lows[:n], orbit.highs[:n]])
     return any(np.allclose(np.concatenate([o.lows[:n], o.highs[:n]]), wanted, rtol=1e-6) for o in found)

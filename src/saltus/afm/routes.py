@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.continuation import Branch, SpecialPoint
-from saltus.errors import SaltusError
+from saltus.errors import ConvergenceError, InputError, SaltusError
 from saltus.orbits import PeriodicOrbit, find_orbit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Landing", "Way", "is_pulled_in", "stays_in_contact", "stretches_of", "way_along"]
+__all__ = ["Landing", "Way", "is_pulled_in", "orbits_at", "stays_in_contact", "stretches_of", "way_along"]
 
 _BEYOND = (1e-3, 1e-2)  # shares of the range by which a motion is moved beyond a fold; next to it nothing settles soon
 _SAME = 1e-4  # distance of extremes, over the largest one, up to which a settled motion is on a sheet
@@ -202,7 +202,16 @@ def _at_the_end(branch: Branch, landing: Landing) -> PeriodicOrbit:
     if not float(branch.values.min()) <= landing.value <= float(branch.values.max()):
         return landing.after
     wanted = _extremes(landing.after)
-    return min(branch.at(landing.value), key=lambda orbit: float(np.abs(_extremes(orbit) - wanted).max()))
+    found = orbits_at(branch, landing.value) or (landing.after,)
+    return min(found, key=lambda orbit: float(np.abs(_extremes(orbit) - wanted).max()))
+
+
+def orbits_at(branch: Branch, value: float) -> tuple[PeriodicOrbit, ...]:
+    """Return the orbits of a branch at a value; none where one of them is not found, as beside a grazing."""
+    try:
+        return branch.at(value)
+    except (ConvergenceError, InputError):
+        return ()
 
 
 def _extremes(orbit: PeriodicOrbit) -> NDArray[np.float64]:
@@ -230,7 +239,7 @@ def _target(branches: Sequence[Branch], stretches: Sequence[Stretch], settled: P
     if not covering:
         return None
     nearest = min(covering, key=away)
-    for orbit in branches[nearest.sheet].at(here):
+    for orbit in orbits_at(branches[nearest.sheet], here):
         if orbit.stable and float(np.abs(_extremes(orbit) - wanted).max()) <= _SAME * float(np.abs(wanted).max()):
             return nearest
     return None
