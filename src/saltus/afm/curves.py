@@ -17,6 +17,7 @@ from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
 from saltus.errors import ConvergenceError
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
+from saltus.orbits.orbit import extremes_of
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -271,7 +272,5 @@ def _whole(branch: Branch) -> Branch:
 
 
 def _is_on(branch: Branch, orbit: PeriodicOrbit) -> bool:
-    value, n = orbit.parameters[branch.parameter], len(orbit.system.states)
-    found = orbits_at(branch, value)
-    wanted = np.concatenate([orbit.lows[:n], orbit.highs[:n]])
-    return any(np.allclose(np.concatenate([o.lows[:n], o.highs[:n]]), wanted, rtol=1e-6) for o in found)
+    found, wanted = orbits_at(branch, orbit.parameters[branch.parameter]), extremes_of(orbit)
+    return any(np.allclose(extremes_of(other), wanted, rtol=1e-6) for other in found)

@@ -13,6 +13,7 @@ from saltus.afm.curves import from_afar
 from saltus.afm.readings import check_model, drives_of
 from saltus.continuation import Locus, SpecialPoint, StepControl, continue_locus, continue_orbit
 from saltus.errors import ConvergenceError, InputError, SaltusError
+from saltus.orbits.orbit import extremes_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -224,7 +225,7 @@ def _passes(locus: Locus, fold: PeriodicOrbit) -> bool:
     n, Zc = len(fold.system.states), fold.parameters["Zc_nm"]
     distance = locus.column("Zc_nm") - Zc
     own = np.column_stack([locus.column("A0_nm"), locus.lows[:, :n], locus.highs[:, :n]])
-    wanted = np.concatenate([[fold.parameters["A0_nm"]], fold.lows[:n], fold.highs[:n]])
+    wanted = np.append(fold.parameters["A0_nm"], extremes_of(fold))
     for i in np.flatnonzero(distance[1:] * distance[:-1] <= 0.0):
         share = distance[i] / (distance[i] - distance[i + 1]) if distance[i] != distance[i + 1] else 0.0
         between: NDArray[np.float64] = own[i] + share * (own[i + 1] - own[i])

@@ -11,6 +11,7 @@ import numpy as np
 from saltus.continuation import Branch, SpecialPoint
 from saltus.errors import ConvergenceError, InputError, SaltusError
 from saltus.orbits import PeriodicOrbit, find_orbit
+from saltus.orbits.orbit import extremes_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -201,9 +202,9 @@ def _at_the_end(branch: Branch, landing: Landing) -> PeriodicOrbit:
     """Return the motion of a sheet at the value where a stretch ended, of which the settled one is a neighbour."""
     if not float(branch.values.min()) <= landing.value <= float(branch.values.max()):
         return landing.after
-    wanted = _extremes(landing.after)
+    wanted = extremes_of(landing.after)
     found = orbits_at(branch, landing.value) or (landing.after,)
-    return min(found, key=lambda orbit: float(np.abs(_extremes(orbit) - wanted).max()))
+    return min(found, key=lambda orbit: float(np.abs(extremes_of(orbit) - wanted).max()))
 
 
 def orbits_at(branch: Branch, value: float) -> tuple[PeriodicOrbit, ...]:
@@ -214,15 +215,10 @@ def orbits_at(branch: Branch, value: float) -> tuple[PeriodicOrbit, ...]:
         return ()
 
 
-def _extremes(orbit: PeriodicOrbit) -> NDArray[np.float64]:
-    n = len(orbit.system.states)
-    return np.concatenate([orbit.lows[:n], orbit.highs[:n]])
-
-
 def _target(branches: Sequence[Branch], stretches: Sequence[Stretch], settled: PeriodicOrbit) -> Stretch | None:
     """Return the stable stretch on which a settled motion lies; None where it lies on none."""
     n, here = len(settled.system.states), settled.parameters[branches[0].parameter]
-    wanted = _extremes(settled)
+    wanted = extremes_of(settled)
 
     def values(stretch: Stretch) -> NDArray[np.float64]:
         found: NDArray[np.float64] = branches[stretch.sheet].values[list(stretch.points)]
@@ -240,6 +236,6 @@ def _target(branches: Sequence[Branch], stretches: Sequence[Stretch], settled: P
         return None
     nearest = min(covering, key=away)
     for orbit in orbits_at(branches[nearest.sheet], here):
-        if orbit.stable and float(np.abs(_extremes(orbit) - wanted).max()) <= _SAME * float(np.abs(wanted).max()):
+        if orbit.stable and float(np.abs(extremes_of(orbit) - wanted).max()) <= _SAME * float(np.abs(wanted).max()):
             return nearest
     return None

@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus.errors import SaltusError
 from saltus.orbits import find_orbit
+from saltus.orbits.orbit import extremes_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -112,6 +113,5 @@ def _add(known: list[PeriodicOrbit], orbit: PeriodicOrbit) -> None:
 
 
 def _same(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
-    n = len(one.system.states)
-    mine, theirs = (np.concatenate([orbit.lows[:n], orbit.highs[:n]]) for orbit in (one, other))
+    mine, theirs = extremes_of(one), extremes_of(other)
     return bool(np.abs(mine - theirs).max() <= _SAME * np.abs(theirs).max())

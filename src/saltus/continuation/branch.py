@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.continuation.crossings import solutions_at
 from saltus.continuation.orbit_curve import OrbitCurve
-from saltus.errors import ConvergenceError
 from saltus.orbits import PeriodicOrbit, solve_orbit
+from saltus.orbits.orbit import extremes_of
 from saltus.orbits.signature import Signature
 from saltus.orbits.solve import converge, in_pieces
 from saltus.orbits.unfolding import Fixed, read_fixed
@@ -26,11 +27,6 @@ if TYPE_CHECKING:
     from saltus.contents import Contents
 
 __all__ = ["Branch"]
-
-
-def _extent(orbit: PeriodicOrbit) -> NDArray[np.float64]:
-    n = len(orbit.system.states)
-    return np.concatenate([orbit.lows[:n], orbit.highs[:n]])
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -93,25 +89,21 @@ class Branch(OrbitCurve):
         >>> [(round(orbit.max["x"], 6), orbit.stable) for orbit in response.at(2.0)]
         [(2.083176, True), (1.973689, False), (0.1675, True)]
         """
-        return solutions_at(self, value, lambda a, b, share: self._solved_between(a, b, share, value), _extent)
+        return solutions_at(self, value, lambda a, b, share: self._attempts(a, b, share, value), extremes_of)
 
     def _solution(self, index: int) -> PeriodicOrbit:
         return self.orbit(index)
 
-    def _solved_between(
+    def _attempts(
         self, first: PeriodicOrbit, last: PeriodicOrbit, share: float, value: float
-    ) -> Iterator[PeriodicOrbit]:
-        """Yield orbits at a value of the parameter, from a guess between two neighbours and from the nearer one."""
+    ) -> Iterator[Callable[[], PeriodicOrbit]]:
+        """Yield what solves for an orbit at a value, from a guess between two neighbours and from the nearer one."""
         guesses = [(first.form, first.unknowns), (last.form, last.unknowns)]
         if share > 0.5:
             guesses.reverse()
         if first.form == last.form:
             guesses.insert(0, (first.form, (1.0 - share) * first.unknowns + share * last.unknowns))
-        for form, u in guesses:
-            try:
-                yield self._converged(form, u, first, value)
-            except ConvergenceError:
-                continue  # the next guess may be nearer; the caller tells where none is
+        return (partial(self._converged, form, u, first, value) for form, u in guesses)
 
     def _converged(self, form: Signature, u: NDArray[np.float64], like: PeriodicOrbit, value: float) -> PeriodicOrbit:
         if self.fixed is None:

@@ -51,7 +51,7 @@ class OneParameterCurve(Protocol[Solution]):
 def solutions_at(
     curve: OneParameterCurve[Solution],
     value: float,
-    solved: Callable[[Solution, Solution, float], Iterable[Solution]],
+    attempts: Callable[[Solution, Solution, float], Iterable[Callable[[], Solution]]],
     extent: Callable[[Solution], NDArray[np.float64]],
 ) -> tuple[Solution, ...]:
     """Return the solutions of a branch at a value of its parameter, in order along it.
@@ -62,8 +62,8 @@ def solutions_at(
         The branch.
     value : float
         The value.
-    solved : callable
-        Given neighbours and the share of the way between them: solutions there, from one guess after the other.
+    attempts : callable
+        Given neighbours and the share of the way between them: what solves there, from one guess after the other.
     extent : callable
         Sizes by which solutions are compared.
 
@@ -75,7 +75,7 @@ def solutions_at(
         No solution is found between two neighbours.
     """
     value = checks.number("value", value)
-    found = [_between(curve, a, b, share, solved, extent) for a, b, share in _crossings(curve, value)]
+    found = [_between(curve, a, b, share, attempts, extent) for a, b, share in _crossings(curve, value)]
     if not found:
         reached = [*curve.values.tolist(), *(point.value(curve.parameter) for point in curve.special_points)]
         low, high = min(reached), max(reached)
@@ -88,7 +88,7 @@ def _between(
     a: Node,
     b: Node,
     share: float,
-    solved: Callable[[Solution, Solution, float], Iterable[Solution]],
+    attempts: Callable[[Solution, Solution, float], Iterable[Callable[[], Solution]]],
     extent: Callable[[Solution], NDArray[np.float64]],
 ) -> Solution:
     first, last = (
@@ -101,7 +101,11 @@ def _between(
     sizes = np.maximum(sizes, max(_ROUNDING * float(sizes.max()), 1e-300))
     reach = float(np.linalg.norm((high - low) / sizes)) + _NEAR
     best, least = None, reach + _PERHAPS
-    for solution in solved(first, last, share):
+    for attempt in attempts(first, last, share):
+        try:
+            solution = attempt()
+        except ConvergenceError:
+            continue  # the next guess may be nearer; where none is, this is told below
         away = float(np.linalg.norm((extent(solution) - low - share * (high - low)) / sizes))
         if away <= reach:
             return solution

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from saltus.continuation.algebraic_curve import OneParameter
 from saltus.continuation.crossings import solutions_at
 from saltus.continuation.equilibrium_curve import EquilibriumCurve
 from saltus.equilibria import Equilibrium, find_equilibrium
-from saltus.errors import ConvergenceError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    pass
 
 __all__ = ["EquilibriumBranch"]
-
-
-def _extent(found: Equilibrium) -> NDArray[np.float64]:
-    return found.state
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -61,16 +56,17 @@ class EquilibriumBranch(OneParameter, EquilibriumCurve):
         >>> [float(found.state[0].round(9)) for found in branch.at(2.25)]
         [-1.5, 1.5]
         """
-        return solutions_at(self, value, lambda a, b, share: self._solved_between(a, b, share, value), _extent)
+        return solutions_at(
+            self, value, lambda a, b, share: self._attempts(a, b, share, value), lambda found: found.state
+        )
 
-    def _solved_between(self, a: Equilibrium, b: Equilibrium, share: float, value: float) -> Iterator[Equilibrium]:
-        """Yield equilibria at a value of the parameter, from a guess between two neighbours and from both of them."""
+    def _attempts(
+        self, a: Equilibrium, b: Equilibrium, share: float, value: float
+    ) -> Iterator[Callable[[], Equilibrium]]:
+        """Yield what solves for an equilibrium at a value, from guesses between and at two neighbours."""
         mode, parameters = (a if share < 0.5 else b).mode, {**a.parameters, self.parameter: value}
-        for x0 in (a.state + share * (b.state - a.state), a.state, b.state):
-            try:
-                yield find_equilibrium(self.system, parameters, x0, mode=mode)
-            except ConvergenceError:
-                continue  # the next guess may be nearer; the caller tells where none is
+        guesses = (a.state + share * (b.state - a.state), a.state, b.state)
+        return (partial(find_equilibrium, self.system, parameters, x0, mode=mode) for x0 in guesses)
 
     def __repr__(self) -> str:
         return self._described("EquilibriumBranch")

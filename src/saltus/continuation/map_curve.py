@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -24,13 +25,13 @@ from saltus.continuation.special_points import SpecialPoints
 from saltus.cycles.orbit import MapOrbit, cycle_at, itinerary_of
 from saltus.cycles.problem import CycleProblem
 from saltus.cycles.solve import solve_cycle
-from saltus.errors import ConvergenceError, InputError
+from saltus.errors import InputError
 from saltus.results import frozen
 from saltus.system.maps import Map
 from saltus.system.plain import all_parameters, held_map, held_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     import xarray as xr
     from numpy.typing import NDArray
@@ -230,24 +231,18 @@ class MapBranch(OneParameter, MapCurve):
         >>> [float(found.points[0, 0].round(9)) for found in branch.at(2.5)]
         [0.6]
         """
-        return solutions_at(self, value, lambda a, b, share: self._solved_between(a, b, share, value), _extent)
+        return solutions_at(
+            self, value, lambda a, b, share: self._attempts(a, b, share, value), lambda found: found.points.ravel()
+        )
 
-    def _solved_between(self, a: MapOrbit, b: MapOrbit, share: float, value: float) -> Iterator[MapOrbit]:
-        """Yield cycles at a value of the parameter, from a guess between two neighbours and from both of them."""
+    def _attempts(self, a: MapOrbit, b: MapOrbit, share: float, value: float) -> Iterator[Callable[[], MapOrbit]]:
+        """Yield what solves for a cycle at a value, from a guess between two neighbours and from both of them."""
         itinerary, parameters = (a if share < 0.5 else b).itinerary, {**a.parameters, self.parameter: value}
         guesses = (a.points + share * (b.points - a.points), a.points, b.points)
-        for points in guesses:
-            try:
-                yield solve_cycle(self.system, parameters, itinerary, points)
-            except ConvergenceError:
-                continue  # the next guess may be nearer; the caller tells where none is
+        return (partial(solve_cycle, self.system, parameters, itinerary, points) for points in guesses)
 
     def __repr__(self) -> str:
         return self._described("MapBranch")
-
-
-def _extent(found: MapOrbit) -> NDArray[np.float64]:
-    return found.points.ravel()
 
 
 def _forms(held: Contents, system: Map, period: int) -> tuple[tuple[int, ...], ...]:
