@@ -117,6 +117,15 @@ def test_pictures_have_units_both_ways_and_jumps(curve, tune):
         curve.plot(ax=[upper])
 
 
+def test_the_natural_frequency_is_that_of_the_mode_that_is_driven():
+    probe = afm.Probe(k_N_m=(26.0, 1021.0), f0_kHz=(300.0, 1880.0), Q=(400.0, 1200.0), R_nm=12.0)
+    for mode, f0, Q in ((1, 300.0, 400.0), (2, 1880.0, 1200.0)):
+        system = afm.model(probe, LAW, afm.Drive(A0_nm=1.0, mode=mode), Zc_nm=20.0, f_kHz=250.0)
+        for name, wanted in (("f0", f0), ("peak", f0 * math.sqrt(1.0 - 0.5 / Q**2))):
+            curve = afm.distance_curve(system, (19.0, 20.0), f_kHz=name)
+            assert curve.branches[0].parameters["f_kHz"] == pytest.approx(wanted, rel=1e-14)
+
+
 def test_bad_input_is_told(lever, curve, impact_oscillator):
     with pytest.raises(InputError, match=r"system = 'impact oscillator': must be one of saltus.afm.model"):
         afm.distance_curve(impact_oscillator, (1.0, 2.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -101,7 +101,6 @@ class Curve(Result):
     bounds: tuple[float, float]
     branches: tuple[Branch, ...]
     of: str | int = "deflection"
-    options: Mapping[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return sum(len(branch) for branch in self.branches)
@@ -325,7 +324,6 @@ class Curve(Result):
             "high": self.bounds[1],
             "of": json.dumps(self.of),
             "definition": json.dumps(self.system.definition()),
-            "options": json.dumps(dict(self.options)),
             "phase_convention": "lag90",
             "ragged": RAGGED,
         }
@@ -341,7 +339,7 @@ class Curve(Result):
         of = held.json("of", str) if held.text("of").startswith('"') else held.json("of", int)
         branches = tuple(branch for branch in found if branch is not None)
         low, high = held.number("low"), held.number("high")
-        return cls(system, along, (low, high), branches, of, held.json("options", dict))
+        return cls(system, along, (low, high), branches, of)
 
     def __repr__(self) -> str:
         low, high = float(self.values.min()), float(self.values.max())

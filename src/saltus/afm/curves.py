@@ -10,7 +10,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.afm.curve import Curve
-from saltus.afm.modelling import suffix
+from saltus.afm.modelling import driven_mode, frequency_of, suffix
 from saltus.afm.readings import check_model, drives_of, turns_of
 from saltus.afm.routes import is_pulled_in, orbits_at, stays_in_contact
 from saltus.continuation import Branch, StepControl, continue_orbit
@@ -176,7 +176,7 @@ def from_afar(
 def _free_orbit(system: HybridSystem, parameters: Mapping[str, float], free: float) -> PeriodicOrbit:
     """Return the motion far from the sample, from a guess with an amplitude of that size."""
     first, x0 = system.mode_names[0], np.zeros(len(system.states))
-    x0[system.states.index("v1_nm_us")] = 2e-3 * math.pi * parameters["f_kHz"] * free
+    x0[system.states.index(f"v{driven_mode(system)}_nm_us")] = 2e-3 * math.pi * parameters["f_kHz"] * free
     assert system.phase is not None
     period = 1e3 * turns_of(system) / parameters["f_kHz"]
     try:
@@ -199,10 +199,8 @@ def _free_amplitude(system: HybridSystem, parameters: Mapping[str, float]) -> fl
 def _at_frequency(system: HybridSystem, p: dict[str, float], f_kHz: float | str | None) -> dict[str, float]:
     if f_kHz is None:
         return p
-    if not isinstance(f_kHz, str):
-        return p | {"f_kHz": checks.positive("f_kHz", f_kHz, "kHz")}
-    peak = checks.chosen("f_kHz", f_kHz, ("f0", "peak"), instead=", or a number of kHz") == "peak"
-    return p | {"f_kHz": p["f0_kHz"] * (math.sqrt(max(1.0 - 0.5 / p["Q"] ** 2, 0.0)) if peak else 1.0)}
+    end = suffix(driven_mode(system))
+    return p | {"f_kHz": checks.positive("f_kHz", frequency_of(f_kHz, p[f"f0_kHz{end}"], p[f"Q{end}"]), "kHz")}
 
 
 def _traced(

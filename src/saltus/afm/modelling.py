@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from saltus.afm.laws.regions import Region
 
-__all__ = ["model", "suffix"]
+__all__ = ["driven_mode", "frequency_of", "model", "suffix"]
 
 _LEAST_Q = math.sqrt(0.5)  # quality factor from which on the response has a peak
 _OMEGA = "0.002*pi"  # angular frequency per us of 1 kHz
@@ -130,7 +131,19 @@ def suffix(number: int) -> str:
 
 
 def _frequency(probe: Probe, mode: int, f_kHz: float | str) -> Any:
-    f0, Q = list(probe.f0_kHz)[mode - 1], list(probe.Q)[mode - 1]  # type: ignore[arg-type]
+    return frequency_of(f_kHz, list(probe.f0_kHz)[mode - 1], list(probe.Q)[mode - 1])  # type: ignore[arg-type]
+
+
+def driven_mode(system: HybridSystem) -> int:
+    """Return which mode the first drive of a model acts on, from 1; the first of several."""
+    drive = re.compile(r"\b(A0_nm|F0_nN|Y_nm)\b")
+    field = system.modes[system.mode_names[0]].field
+    rates = {i: field[f"v{i}_nm_us"] for i in range(1, len(system.states) + 1) if f"v{i}_nm_us" in field}
+    return min(i for i, rate in rates.items() if drive.search(rate))
+
+
+def frequency_of(f_kHz: float | str, f0: float, Q: float) -> Any:
+    """Return a frequency that is given as a number, or as ``"f0"`` or ``"peak"`` of a mode."""
     if not isinstance(f_kHz, str):
         return f_kHz
     if checks.chosen("f_kHz", f_kHz, ("f0", "peak"), instead=", or a number of kHz") == "f0":

@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from saltus import checks
 from saltus.errors import DefinitionError
-from saltus.system.grammar import FUNCTIONS, chain, clipped, syntax_tree
+from saltus.system.grammar import CHARACTERS, FUNCTIONS, chain, clipped, syntax_tree
 
 if TYPE_CHECKING:
     import sympy
 
 __all__ = ["Names", "check_name", "parse", "text_of"]
 
-_CHARACTERS = 200_000  # longest text, as the grammar allows
 _EXPONENT = 1000  # largest exponent of what varies
 _DIGITS = 30_000  # most digits of an exact power of two whole numbers
 _NAME = re.compile(r"(?<![\w.])[^\W\d]\w*")  # a name in a text, not the exponent of a number
@@ -89,8 +88,8 @@ class Names(tuple[str, ...]):
         if not let:
             return text
         full = _NAME.sub(lambda found: let.get(_normal(found[0]), found[0]), text)
-        if len(full) > _CHARACTERS:
-            allowed = f"an expression of at most {_CHARACTERS} characters, sub-expressions written out"
+        if len(full) > CHARACTERS:
+            allowed = f"an expression of at most {CHARACTERS} characters, sub-expressions written out"
             raise DefinitionError(where, clipped(text), allowed, f"it has {len(full)}")
         return full
 

@@ -14,7 +14,7 @@ from typing import NoReturn
 
 from saltus.errors import DefinitionError, InputError, nearest
 
-__all__ = ["FUNCTIONS", "chain", "chosen_among", "clipped", "syntax_tree"]
+__all__ = ["CHARACTERS", "FUNCTIONS", "chain", "chosen_among", "clipped", "syntax_tree"]
 
 # Functions that an expression may call, and SymPy's names for them.
 FUNCTIONS = {
@@ -24,7 +24,7 @@ FUNCTIONS = {
     "Max": "Max", "Min": "Min", "degrees": "deg", "radians": "rad",
 }  # fmt: skip
 
-_CHARACTERS = 200_000  # longest text
+CHARACTERS = 200_000  # longest text
 _NODES = 20_000  # most numbers, names, signs and calls in one
 _DEPTH = 32  # deepest nesting of functions, powers and brackets; a sum or a product is one level, however long
 _LISTED = 160  # characters of the known names that a message lists
@@ -133,8 +133,8 @@ class _Reader:
 
     def tree(self) -> ast.expr:
         """The tree, if the expression is not too large."""
-        if len(self.text) > _CHARACTERS:
-            self.refuse(f"an expression of at most {_CHARACTERS} characters", f"it has {len(self.text)}")
+        if len(self.text) > CHARACTERS:
+            self.refuse(f"an expression of at most {CHARACTERS} characters", f"it has {len(self.text)}")
         try:
             tree = ast.parse(self.text, mode="eval").body
         except (SyntaxError, ValueError):
