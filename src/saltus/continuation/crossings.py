@@ -75,7 +75,7 @@ def solutions_at(
         No solution is found between two neighbours.
     """
     value = checks.number("value", value)
-    found = [_between(curve, a, b, share, attempts, extent) for a, b, share in _crossings(curve, value)]
+    found = [_between(curve, value, crossing, attempts, extent) for crossing in _crossings(curve, value)]
     if not found:
         reached = [*curve.values.tolist(), *(point.value(curve.parameter) for point in curve.special_points)]
         low, high = min(reached), max(reached)
@@ -85,12 +85,12 @@ def solutions_at(
 
 def _between(
     curve: OneParameterCurve[Solution],
-    a: Node,
-    b: Node,
-    share: float,
+    value: float,
+    crossing: tuple[Node, Node, float],
     attempts: Callable[[Solution, Solution, float], Iterable[Callable[[], Solution]]],
     extent: Callable[[Solution], NDArray[np.float64]],
 ) -> Solution:
+    a, b, share = crossing
     first, last = (
         curve.special_points[node.which].solution if node.is_special else curve._solution(node.which) for node in (a, b)
     )
@@ -101,20 +101,28 @@ def _between(
     sizes = np.maximum(sizes, max(_ROUNDING * float(sizes.max()), 1e-300))
     reach = float(np.linalg.norm((high - low) / sizes)) + _NEAR
     best, least = None, reach + _PERHAPS
+    failed: list[ConvergenceError] = []
+    apart: list[float] = []
     for attempt in attempts(first, last, share):
         try:
             solution = attempt()
-        except ConvergenceError:
-            continue  # the next guess may be nearer; where none is, this is told below
+        except ConvergenceError as error:
+            failed.append(error)  # the next guess may be nearer; where none is, this is told below
+            continue
         away = float(np.linalg.norm((extent(solution) - low - share * (high - low)) / sizes))
         if away <= reach:
             return solution
+        apart.append(away)
         if away < least:
             best, least = solution, away
     if best is not None:
         return best
-    where = f"{curve.parameter} between {a.value:.9g} and {b.value:.9g}"
-    raise ConvergenceError(f"solution at {where}", math.inf, 0, "trace the branch with shorter steps there")
+    what = f"solution at {curve.parameter} = {value:.9g}, between points at {a.value:.9g} and {b.value:.9g}"
+    tried = [f"Newton's method fails from {len(failed)} guesses"] * bool(failed)
+    tried += [f"from {len(apart)} it leads to one {min(apart, default=0.0):.3g} of its size away"] * bool(apart)
+    residual = min((error.residual for error in failed), default=min(apart, default=math.inf))
+    hint = f"{', '.join(tried)}; trace the branch with shorter steps there"
+    raise ConvergenceError(what, residual, sum(error.iterations for error in failed), hint)
 
 
 class Node(NamedTuple):
