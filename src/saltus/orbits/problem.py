@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.orbits.meshes import adapted, halved, limited_by_stability
+from saltus.orbits.meshes import adapted, decays, halved, limited_by_stability, steady
 from saltus.orbits.records import Orbit, events_of
+from saltus.orbits.resting import RESTING, at_rest
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 __all__ = ["OrbitProblem"]
 
 _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jacobians
-_RESTING = 1e-9  # size of a state that no other moves, over the largest one, below which it rests at zero
 
 _ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes of the smallest state
 _FEW = 500  # steps of a segment below which stability does not limit them
@@ -90,7 +90,7 @@ class OrbitProblem:
         self._worst = 0.0
         self.stiff = False
         self._largest = np.zeros(len(self.system.states))
-        self._least, self._moved = np.zeros(self.n), np.ones(self.n, dtype=bool)
+        self._least, self._moves = np.zeros(self.n), np.ones((self.n, self.n), dtype=bool)
         self._orbit = tuple(
             Orbit(
                 functions=self._functions,
@@ -109,6 +109,7 @@ class OrbitProblem:
         self._events, self._directions = tuple(events), events.directions
         self._mesh = np.zeros(0), np.zeros(self.segments + 1, dtype=np.int64)
         self._dense = np.empty(0), np.empty(0)
+        self._decays = [0.0] * self.segments
         self._errors = np.zeros(0)
 
     def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -133,11 +134,11 @@ class OrbitProblem:
         blocks = u[: self.size].reshape(self.segments, self.n + 1)
         self._find_least(blocks)
         self.state_scale = np.maximum(np.maximum(np.max(np.abs(blocks[:, : self.n]), axis=0), self._least), 1e-300)
-        resting = ~self._moved & (self.state_scale < _RESTING * self.state_scale.max())
-        self.state_scale[resting] = self.state_scale.max()
+        self.state_scale[at_rest(self.state_scale, self._moves)] = self.state_scale.max()
         if self.system.phase is not None:
             self.state_scale[-1] = 2.0 * math.pi
         self._set_absolute_tolerance()
+        self._decays = decays(self.system.compiled, self.modes, blocks, self.extended)
         meshes = self._adapted(blocks)
         if isinstance(meshes, int):
             return meshes
@@ -156,7 +157,7 @@ class OrbitProblem:
 
     def _adapted(self, blocks: NDArray[np.float64]) -> list[NDArray[np.float64]] | int:
         """Return each segment's mesh, its steps as long as the tolerance allows; a segment that cannot be followed."""
-        return adapted(self._functions, self.modes, blocks, self.extended, (self.tol, self._atol))
+        return adapted(self.system.compiled, self.modes, blocks, self.extended, (self.tol, self._atol))
 
     def _sizes_nearby(self, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
         """Return the states' sizes on the branch of an orbit that rests in the origin, or too near to have any itself.
@@ -166,7 +167,7 @@ class OrbitProblem:
         count = len(self.system.states)
         lows, highs = survey.lows[:count], survey.highs[:count]
         known = self.state_scale[:count]
-        if not np.max(highs - lows) <= _RESTING * float(known.max()):
+        if not np.max(highs - lows) <= RESTING * float(known.max()):
             return None
         moved = np.zeros(count)
         if self._active.size:
@@ -176,7 +177,7 @@ class OrbitProblem:
         top = float(moved.max())
         if known.max() > _NEARBY * top and not self._at_origin(u, float(known.max())):
             return None
-        return np.where(moved > _RESTING * top, moved, top or 1.0)
+        return np.where(moved > RESTING * top, moved, top or 1.0)
 
     def _at_origin(self, u: NDArray[np.float64], size: float) -> bool:
         """Whether an orbit of that size is the rest in the origin, but for rounding."""
@@ -254,7 +255,7 @@ class OrbitProblem:
         return slope
 
     def _find_least(self, blocks: NDArray[np.float64]) -> None:
-        """Find the sizes below which states are not resolved, and which states others move.
+        """Find the sizes below which states are not resolved, and which states move which.
 
         The terms of a state's rate leave their rounding, over the period, in the state. A state is resolved if its size
         makes this rounding no more than the tolerance.
@@ -263,7 +264,7 @@ class OrbitProblem:
         terms = np.empty((n, n))
         self.equations.largest_terms(self._functions, self.modes, blocks.ravel(), n, self.extended, terms)
         self._least = _EPSILON / self.tol * period * terms.sum(axis=1)
-        self._moved = terms.sum(axis=1) > np.diag(terms)
+        self._moves = terms > 0.0
 
     def rescale(self, survey: Survey) -> None:
         """Take the states' typical sizes from an orbit; none shrinks below a hundredth of what it was."""
@@ -271,8 +272,8 @@ class OrbitProblem:
         if np.all(np.isfinite(sizes)):
             known = np.maximum(np.maximum(sizes, 0.01 * self._largest), self._least[: sizes.size])
             top = max(float(known.max()), 1e-300)
-            # a state that rests at zero, and that no other moves, has no size of its own, and is given one for good
-            resting = ~self._moved[: sizes.size] & (known < _RESTING * top)
+            # a state at rest has no size of its own, and is given one for good
+            resting = at_rest(known, self._moves)
             known[resting] = top
             self._largest[resting] = 100.0 * top
             self.state_scale[: sizes.size] = known
@@ -280,6 +281,7 @@ class OrbitProblem:
             self._largest = np.maximum(self._largest, sizes)
 
     def _use(self, meshes: list[NDArray[np.float64]]) -> None:
+        meshes = [steady(mesh, decay) for mesh, decay in zip(meshes, self._decays, strict=True)]
         places = np.concatenate(meshes)
         starts = np.concatenate([[0], np.cumsum([len(mesh) for mesh in meshes])]).astype(np.int64)
         self._mesh = places, starts
@@ -319,19 +321,14 @@ class OrbitProblem:
         if not self.stiff:
             self._use(meshes)
             self.survey(u)
-            self.stiff = self._stiff_on(u)
+            places, starts, nodes, _ = self.dense()
+            self.stiff = limited_by_stability(
+                self.system.compiled, self.modes, u[self.n : self.size : self.n + 1],
+                np.split(places, starts[1:-1]), np.split(nodes, starts[1:-1]), self.extended,
+            )  # fmt: skip
         if self.stiff:
             self._use([halved(mesh) for mesh in meshes])
         return self.stiff
-
-    def _stiff_on(self, u: NDArray[np.float64]) -> bool:
-        """Whether stability limits the steps of the orbit `u`, as last surveyed."""
-        places, starts, nodes, _ = self.dense()
-        durations = u[self.n : self.size : self.n + 1]
-        return limited_by_stability(
-            self.system.compiled, self.modes, durations, np.split(places, starts[1:-1]),
-            np.split(nodes, starts[1:-1]), self.extended,
-        )  # fmt: skip
 
     def _move(self, limit: float) -> bool:
         if not self._worst <= _UNSTABLE and self.steps < _FEW * self.segments:
