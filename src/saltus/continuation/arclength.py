@@ -49,6 +49,9 @@ class StepControl:
         Most Newton iterations; a step that needs more is repeated shorter.
     most : int
         Most points of each direction of a branch or locus.
+    pieces : int
+        Most pieces of a smooth orbit that is cut where its sensitivities grow. A branch of orbits ends where more are
+        needed, as its orbits are so unstable that each takes long.
     at_grazing : {"switch", "pass"}
         How a branch of orbits goes on at a grazing: in the neighbouring signature, or in the same one. In the same one
         solutions beyond the grazing are no motion (``admissible`` false). With ``stop_at="GR"`` a branch ends at the
@@ -72,12 +75,13 @@ class StepControl:
     angle: float = 0.5
     iterations: int = 7
     most: int = 5000
+    pieces: int = 1024
     at_grazing: str = "switch"
 
     def __post_init__(self) -> None:
         for name in ("initial", "smallest", "largest", "deviation", "angle"):
             object.__setattr__(self, name, checks.positive(f"StepControl.{name}", getattr(self, name)))
-        for name in ("iterations", "most"):
+        for name in ("iterations", "most", "pieces"):
             object.__setattr__(self, name, checks.count(f"StepControl.{name}", getattr(self, name)))
         checks.chosen("StepControl.at_grazing", self.at_grazing, ("switch", "pass"))
         if not self.smallest <= self.largest:

@@ -186,6 +186,8 @@ class BranchRun(OneParameterRun):
             if (grown := grows_for_ever(half.points)) is not None:
                 return self._unbounded(half, grown)
             if (finer := self._cut(half, branch, item)) is not None:
+                if len(finer[0].problem.signature) > (most := self.control.pieces):
+                    return f"{self.place(item)}: an orbit so unstable that it needs more than {most} pieces"
                 return finer
         raise AssertionError("follow ends with a reason")
 
