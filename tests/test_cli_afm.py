@@ -160,9 +160,11 @@ def test_a_place_beyond_the_curve_is_told(lever, capsys):
 
 
 def test_orbits_that_no_way_from_afar_reaches_are_found_by_motions(written):
-    """A curve that ends above the lower fold has the attractive sheet only."""
+    """A curve of the attractive sheet alone, as it is where the repulsive one has only a corner of the range."""
     system = saltus.load(written[0] / "apd.nc").system
-    curve = afm.distance_curve(system, (10.2, 14.0))
+    attractive = saltus.find_orbit(system, {"Zc_nm": 11.6}, [0.0, 0.0])
+    sheet = saltus.continue_orbit(attractive, "Zc_nm", (10.2, 11.6), stop_at="SN")
+    curve = afm.Curve(system, "Zc_nm", (10.2, 11.6), (sheet,))
     assert len(curve.at(10.5)) == 1
     found = stable_orbits(curve, 10.5)
     assert (found.beside, found.unstable, found.unsettled) == (1, 0, 0)
@@ -216,8 +218,8 @@ def test_a_film_of_either_regime_is_written(lever, capsys, monkeypatch):
         ("A0_nm", "A_nm", "key = 'A_nm': must be one of A0_nm, mode, ratio, at, phase_deg, F0_nN, Y_nm, check in "
          "[drive]; did you mean 'A0_nm'?"),
         ('along = "Zc_nm"', 'along = "Zc"', "curve.along = 'Zc': must be one of Zc_nm, f_kHz; did you mean 'Zc_nm'?"),
-        ("range = [0.5, 14.0]", "rnge = [1, 2]", "key = 'rnge': must be one of range, along, parameters, of, steps in "
-         "[curve]; did you mean 'range'?"),
+        ("range = [0.5, 14.0]", "rnge = [1, 2]", "key = 'rnge': must be one of range, along, parameters, of, "
+         "steps, starts in [curve]; did you mean 'range'?"),
         ("range = [0.5, 14.0]", "", "curve.range = None: must be given"),
         ("[0.5, 14.0]", "[14.0, 0.5]", "curve.range = [14.0, 0.5]: must be two finite numbers, the lower first"),
         ("range = [0.5, 14.0]", "range = [1, 2]\nsteps = 3", "curve.steps = 3: must be a table, [curve.steps]"),

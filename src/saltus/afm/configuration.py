@@ -265,10 +265,11 @@ def _curve(
     parameters: Mapping[str, float] | None = None,
     of: str | int = "deflection",
     steps: object = None,
+    starts: int = 0,
 ) -> Curve:
     checks.chosen("curve.along", along, _ALONG)
     low, high = checks.interval("curve.range", range, finite=True)
     control = None if steps is None else called(StepControl, _table("curve.steps", steps), "curve.steps")
     make = distance_curve if along == "Zc_nm" else frequency_curve
     system = experiment.model(high if along == "Zc_nm" else None)
-    return make(system, (low, high), parameters=parameters, of=of, steps=control, progress=progress)
+    return make(system, (low, high), parameters=parameters, of=of, steps=control, starts=starts, progress=progress)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from saltus import checks
 from saltus.afm.curve import Curve
 from saltus.afm.modelling import driven_mode, frequency_of, suffix
 from saltus.afm.readings import check_model, drives_of, turns_of
-from saltus.afm.routes import is_pulled_in, orbits_at, stays_in_contact
+from saltus.afm.routes import is_pulled_in, orbits_at, stretches_of
+from saltus.afm.settling import settled, starts_about, stays_in_contact
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
 from saltus.errors import ConvergenceError
@@ -29,6 +30,12 @@ __all__ = ["distance_curve", "frequency_curve", "from_afar"]
 _CLEAR = 3.0  # gap of the far start, over the free amplitude
 _RESTS = 400  # displacements at which a rest of the probe is looked for
 _MOST_SHEETS = 8  # sheets that are sought beyond the first ones
+_EIGHTHS = 8  # parts of the range, between which a motion is followed where no motion is stable
+_ALWAYS = 1  # the place between them where one is followed in any case
+_ONE = slice(1, 2)  # which of the starts: the tip drawn back by half of the largest displacement
+_LONGEST = 4  # turns of the phase in the period of a motion whose sheet is followed, at most
+_UNSTABLE_FROM = ("SN", "PD", "TR", "BP")  # special points at which a branch's motions may lose their stability
+_STEPS = StepControl(pieces=32)  # steps where none are given; motions of more pieces are saddles, far from any motion
 _ROUNDING = 1e-12  # distance from the end of a way, over its begin, that is rounding
 _CLEAR_NM = 20.0  # least gap of the far start, in nm
 
@@ -41,14 +48,19 @@ def distance_curve(
     parameters: Mapping[str, float] | None = None,
     of: str | int = "deflection",
     steps: StepControl | None = None,
+    starts: int = 0,
     progress: bool | Report = False,
 ) -> Curve:
     """Return the readings of a model along the distance ``Zc_nm``, from afar over all folds.
 
     The free motion far from the sample is followed towards it. Where the ways of an experiment jump to a motion that
     the branch does not have, this motion is followed as a further sheet. A curve whose way ends because the tip is
-    pulled in and stays in contact says so. A sheet onto which no way jumps is not found: `saltus.find_attractors` looks
-    for motions from many starts.
+    pulled in and stays in contact says so.
+
+    A sheet onto which no way jumps is found by motions that settle on it. One is followed at the first eighth of the
+    range, and one at each other eighth where the curve has no stable motion. It starts with the tip drawn
+    back by half of the largest displacement. `starts` asks for more. A sheet that no motion settles on is missed, as is
+    one of more than four periods.
 
     Parameters
     ----------
@@ -64,6 +76,9 @@ def distance_curve(
         Of what amplitude and lag are told, as `saltus.afm.observables` takes it.
     steps : StepControl, optional
         Sizes of steps and their limits.
+    starts : int, optional
+        Places, in equal distances, at each of which motions from 17 starts are followed as well, as
+        `saltus afm observe` does. Each place takes as long as some curves: 0.2 to 4 s.
     progress : bool or callable, optional
         True for a bar on stderr, or a function of a `saltus.Progress`.
 
@@ -95,8 +110,9 @@ def distance_curve(
     check_model(system, "system")
     low, high = checks.interval("bounds", bounds)
     p = _at_frequency(system, system.resolve(parameters), f_kHz)
-    starts = from_afar(system, p, high, steps)
-    return _traced(system, "Zc_nm", (low, high), starts, of, steps, progress)
+    checks.count("starts", starts, 0)
+    first = from_afar(system, p, high, steps)
+    return _traced(_Tracing("Zc_nm", (low, high), steps, progress), first, of, starts)
 
 
 def frequency_curve(
@@ -107,6 +123,7 @@ def frequency_curve(
     parameters: Mapping[str, float] | None = None,
     of: str | int = "deflection",
     steps: StepControl | None = None,
+    starts: int = 0,
     progress: bool | Report = False,
 ) -> Curve:
     """Return the readings of a model along the frequency ``f_kHz`` of its first drive, over all folds.
@@ -123,7 +140,7 @@ def frequency_curve(
         Distance, in nm; by default the model's.
     parameters : mapping of str to float, optional
         Parameters that differ from the model's.
-    of, steps, progress : optional
+    of, steps, starts, progress : optional
         As `distance_curve` takes them.
 
     Returns
@@ -151,20 +168,27 @@ def frequency_curve(
     low, high = checks.interval("bounds", bounds)
     p = system.resolve(parameters) | ({} if Zc_nm is None else {"Zc_nm": Zc_nm})
     p |= {"f_kHz": low}
-    starts = from_afar(system, p, p["Zc_nm"], steps)
-    return _traced(system, "f_kHz", (low, high), starts, of, steps, progress)
+    checks.count("starts", starts, 0)
+    first = from_afar(system, p, p["Zc_nm"], steps)
+    return _traced(_Tracing("f_kHz", (low, high), steps, progress), first, of, starts)
 
 
 def from_afar(
     system: HybridSystem, parameters: Mapping[str, float], Zc_nm: float, steps: StepControl | None
 ) -> tuple[PeriodicOrbit, ...]:
     """Return the motions at a distance to which the free motion afar leads, towards the sample."""
+    steps = steps or _STEPS
     free = _free_amplitude(system, parameters)
     far = max(Zc_nm, _CLEAR * free, free + _CLEAR_NM)
     start = _free_orbit(system, dict(parameters) | {"Zc_nm": far}, free)
     if far == Zc_nm:
         return (start,)
-    branch = _whole(continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down"))
+    branch = _whole(continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down", stop_at="SN"))
+    folds = branch.special_points.of_type("SN")
+    if folds and is_pulled_in(branch, folds[0], (Zc_nm, far)):
+        return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, folds[0].orbit.x0),)
+    if folds:
+        branch = _whole(continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down"))
     end = float(branch.values.min())
     if abs(end - Zc_nm) <= _ROUNDING * far:
         return branch.at(end)
@@ -203,43 +227,89 @@ def _at_frequency(system: HybridSystem, p: dict[str, float], f_kHz: float | str 
     return p | {"f_kHz": checks.positive("f_kHz", frequency_of(f_kHz, p[f"f0_kHz{end}"], p[f"Q{end}"]), "kHz")}
 
 
-def _traced(
-    system: HybridSystem,
-    along: str,
-    bounds: tuple[float, float],
-    starts: tuple[PeriodicOrbit, ...],
-    of: str | int,
-    steps: StepControl | None,
-    progress: bool | Report,
-) -> Curve:
+class _Tracing(NamedTuple):
+    """How sheets are traced: along what, over which range, with which steps, reported to whom."""
+
+    along: str
+    bounds: tuple[float, float]
+    steps: StepControl | None
+    progress: bool | Report
+
+
+def _traced(how: _Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, places: int) -> Curve:
+    """Return the curve of the sheets through some motions, of those that jumps lead to, and of settled motions."""
     branches: list[Branch] = []
     for start in starts:
         if not any(_is_on(branch, start) for branch in branches):
-            branches.append(_sheet(start, along, bounds, steps, progress))
-    curve, tried = Curve(system, along, bounds, tuple(branches), of), set[float]()
-    for _ in range(_MOST_SHEETS):
-        lost = [way.beyond for way in curve.ways if way.beyond is not None and way.beyond.value not in tried]
-        found = next((landing for landing in lost if not stays_in_contact(landing.after)), None)
-        if found is None:
-            return curve
-        tried.add(found.value)
-        sheet = _sheet(found.after, along, bounds, steps, progress)
-        others = [branch for branch in curve.branches if not _is_on(sheet, branch.orbit(len(branch) // 2))]
-        curve = Curve(system, along, bounds, (*others, sheet), of)
+            branches.append(_sheet(start, how))
+    curve = _with_landings(Curve(starts[0].system, how.along, how.bounds, tuple(branches), of), how)
+    low, high = how.bounds
+    for k in range(1, _EIGHTHS):
+        place = low + k / _EIGHTHS * (high - low)
+        if k == _ALWAYS or not _is_covered(curve, place):
+            curve = _with_settled(curve, how, place, _ONE)
+    for k in range(places):
+        curve = _with_settled(curve, how, low + (k + 0.5) / places * (high - low), slice(None))
     return curve
 
 
-def _sheet(
-    start: PeriodicOrbit,
-    along: str,
-    bounds: tuple[float, float],
-    steps: StepControl | None,
-    progress: bool | Report,
-) -> Branch:
+def _with_landings(curve: Curve, how: _Tracing) -> Curve:
+    """Return a curve with the sheets on which its ways land."""
+    tried = set[float]()
+    for _ in range(_MOST_SHEETS):
+        lost = [way.beyond for way in curve.ways if way.beyond is not None and way.beyond.value not in tried]
+        found = next((landing for landing in lost if _is_traced(landing.after, how)), None)
+        if found is None:
+            return curve
+        tried.add(found.value)
+        curve = _with_sheet(curve, found.after, how)
+    return curve
+
+
+def _with_settled(curve: Curve, how: _Tracing, place: float, which: slice) -> Curve:
+    """Return a curve with the sheets on which motions settle that start at a place, from some of the starts there."""
+    parameters = {**curve.branches[0].orbit(0).parameters, how.along: place}
+    z = curve.system.states.index("z1_nm")
+    largest = max(float(np.abs([branch.lows[:, z], branch.highs[:, z]]).max()) for branch in curve.branches)
+    for x0 in starts_about(curve.system, parameters, largest)[which]:
+        found = settled(curve.system, parameters, x0)
+        if isinstance(found, str) or not _is_traced(found, how):
+            continue
+        if not any(_is_on(branch, found) for branch in curve.branches):
+            curve = _with_landings(_with_sheet(curve, found, how), how)
+    return curve
+
+
+def _with_sheet(curve: Curve, start: PeriodicOrbit, how: _Tracing) -> Curve:
+    """Return a curve with the sheet of a motion in place of those that lie on it."""
+    sheet = _sheet(start, how)
+    others = [branch for branch in curve.branches if not _is_on(sheet, branch.orbit(len(branch) // 2))]
+    return Curve(curve.system, how.along, how.bounds, (*others, sheet), curve.of)
+
+
+def _is_traced(orbit: PeriodicOrbit, how: _Tracing) -> bool:
+    """Return whether a sheet is followed through a motion: it taps, has no long period, and is in the range."""
+    inside = how.bounds[0] <= orbit.parameters[how.along] <= how.bounds[1]
+    return inside and orbit.stable and orbit.form.turns <= _LONGEST and not stays_in_contact(orbit)
+
+
+def _is_covered(curve: Curve, place: float) -> bool:
+    """Return whether a curve has a stable motion at a place."""
+    reached = (curve.branches[stretch.sheet].values[list(stretch.points)] for stretch in stretches_of(curve.branches))
+    return any(float(values[0]) <= place <= float(values[-1]) for values in reached)
+
+
+def _sheet(start: PeriodicOrbit, how: _Tracing) -> Branch:
     """Return the branch through a motion; it ends at its first fold if this is the static pull-in.
 
-    Beyond the static pull-in the branch is that of a static saddle, whose multipliers cost much and tell nothing.
+    Beyond the static pull-in the branch is that of a static saddle, whose multipliers cost much and tell nothing. The
+    same is a saddle in the well of a force without a contact, where `_STEPS` end the branch. A
+    motion of several turns of the phase is followed as long as it is stable: its branch goes on for long.
     """
+    along, bounds, given, progress = how
+    steps = given or _STEPS
+    if start.form.turns > 1:
+        return _whole(continue_orbit(start, along, bounds, steps=steps, stop_at=_UNSTABLE_FROM, progress=progress))
     if along != "Zc_nm" or not _has_rest(start, bounds[0]):
         first = _whole(continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress))
         folds = first.special_points.of_type("SN")

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus.afm.settling import described, settled, stays_in_contact
 from saltus.continuation import Branch, SpecialPoint
-from saltus.errors import ConvergenceError, InputError, SaltusError
-from saltus.orbits import PeriodicOrbit, find_orbit
+from saltus.errors import ConvergenceError, InputError
+from saltus.orbits import PeriodicOrbit
 from saltus.orbits.orbit import extremes_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Landing", "Way", "is_pulled_in", "orbits_at", "stays_in_contact", "stretches_of", "way_along"]
+__all__ = ["Landing", "Way", "is_pulled_in", "orbits_at", "stretches_of", "way_along"]
 
 _BEYOND = (1e-3, 1e-2)  # shares of the range by which a motion is moved beyond a fold; next to it nothing settles soon
 _SAME = 1e-4  # distance of extremes, over the largest one, up to which a settled motion is on a sheet
@@ -82,17 +83,10 @@ class Way:
     beyond: Landing | None = None
 
 
-def stays_in_contact(orbit: PeriodicOrbit) -> bool:
-    """Return whether the tip of a model stays in one mode other than the first, as behind the static pull-in."""
-    modes = {mode for mode, _ in orbit.signature}
-    return orbit.system.mode_names[0] not in modes
-
-
 def _told(orbit: PeriodicOrbit) -> str:
     if stays_in_contact(orbit):
         return f"static pull-in: beyond, the tip stays in {' and '.join(dict.fromkeys(m for m, _ in orbit.signature))}"
-    after = " -> ".join(f"{mode}:{transition}" for mode, transition in orbit.signature)
-    return f"the motion settles on no sheet of the curve, but on {after}"
+    return f"the motion settles on no sheet of the curve, but on {described(orbit)}"
 
 
 def stretches_of(branches: Sequence[Branch]) -> list[Stretch]:
@@ -145,7 +139,8 @@ def way_along(
         order = here.points if sign > 0.0 else here.points[::-1]
         way.points += [(here.sheet, i) for i in order if sign * branches[here.sheet].values[i] >= begin]
         if abs(reach(here, last=True) - end) <= _END * span:
-            way.stopped = f"{name} = {end:.9g}: the end of the range"
+            held = _held_in(branches[here.sheet], order[-1])
+            way.stopped = f"{name} = {end:.9g}: the end of the range{held and f'; the tip stays in {held}'}"
             return way
         if len(way.jumps) >= _MOST_JUMPS:
             way.stopped = f"{name} = {reach(here, last=True):.9g}: no more than {_MOST_JUMPS} jumps are followed"
@@ -163,10 +158,16 @@ def way_along(
         here, begin = target, sign * landing.value
 
 
+def _held_in(branch: Branch, point: int) -> str:
+    """Return the modes in which the tip stays at a point, or nothing where it comes off."""
+    modes = dict.fromkeys(branch.forms[branch.form[point]].modes)
+    return "" if 0 in modes else " and ".join(branch.system.mode_names[mode] for mode in modes)
+
+
 def _landing(branch: Branch, stretch: Stretch, sign: float, span: float) -> Landing | str:
-    """Return where a motion settles beyond the end of a stable stretch, or why it does not."""
+    """Return where a motion settles beyond the end of a stable stretch, or what it does instead."""
     last = stretch.points[-1 if sign > 0.0 else 0]
-    value, before = float(branch.values[last]), branch.orbit(last)
+    value = float(branch.values[last])
     ahead = [
         point
         for point in branch.special_points
@@ -174,19 +175,23 @@ def _landing(branch: Branch, stretch: Stretch, sign: float, span: float) -> Land
     ]
     if ahead:
         first = min(ahead, key=lambda point: abs(point.position - last))
-        value, before = first.value(branch.parameter), first.orbit
+        return _settled(branch, first.value(branch.parameter), first.orbit, sign * span)
+    try:
+        before = branch.orbit(last)
+    except ConvergenceError as error:
+        return f"{branch.parameter} = {value:.9g}: {error}"
     return _settled(branch, value, before, sign * span)
 
 
 def _settled(branch: Branch, value: float, before: PeriodicOrbit, span: float) -> Landing | str:
-    """Return where a motion settles that starts beyond a value, in the direction of `span`, or why it does not."""
+    """Return where a motion settles that starts beyond a value, in the direction of `span`, or what it does instead."""
     told = ""
     for share in _BEYOND:
         beyond = {**before.parameters, branch.parameter: value + share * span}
-        try:
-            return Landing(value, before, find_orbit(branch.system, beyond, before.x0))
-        except SaltusError as error:
-            told = told or f"{branch.parameter} = {value:.9g}: {error}"
+        after = settled(branch.system, beyond, before.x0)
+        if isinstance(after, PeriodicOrbit):
+            return Landing(value, before, after)
+        told = told or f"{branch.parameter} = {value:.9g}: {after}"
     return told
 
 

@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.afm.settling import starts_about
 from saltus.errors import SaltusError
 from saltus.orbits import find_orbit
 from saltus.orbits.orbit import extremes_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
     from saltus.afm.curve import Curve
     from saltus.orbits import PeriodicOrbit
 
 __all__ = ["StableOrbits", "stable_orbits"]
 
-_RADII = (0.5, 1.0)  # amplitudes of the starts, over the largest displacement on the curve's orbits
-_ANGLES = 8  # phases of the starts for each amplitude
 _SAME = 1e-5  # distance of extremes, over the largest one, up to which two orbits are one
 
 
@@ -84,26 +78,14 @@ def stable_orbits(curve: Curve, place: float) -> StableOrbits:
     on_curve, unsettled = len(known), 0
     unstable = sum(not orbit.stable for orbit in here)
     parameters = here[0].parameters
-    for x0 in _starts(here):
+    z = curve.system.states.index("z1_nm")
+    largest = max(float(max(abs(orbit.lows[z]), abs(orbit.highs[z]))) for orbit in here)
+    for x0 in starts_about(curve.system, parameters, largest):
         try:
             _add(known, find_orbit(curve.system, parameters, x0))
         except SaltusError:
             unsettled += 1
     return StableOrbits(tuple(known), unstable, len(known) - on_curve, unsettled)
-
-
-def _starts(orbits: tuple[PeriodicOrbit, ...]) -> Iterator[NDArray[np.float64]]:
-    """Go through initial states: rest, then the first mode's motion about it."""
-    states = orbits[0].system.states
-    z, v = states.index("z1_nm"), states.index("v1_nm_us")
-    largest = max(float(max(abs(orbit.lows[z]), abs(orbit.highs[z]))) for orbit in orbits)
-    omega = 2e-3 * math.pi * orbits[0].parameters["f_kHz"]
-    yield np.zeros(len(states))
-    for radius in _RADII:
-        for angle in 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES:
-            x0 = np.zeros(len(states))
-            x0[[z, v]] = radius * largest * np.array([math.cos(angle), omega * math.sin(angle)])
-            yield x0
 
 
 def _add(known: list[PeriodicOrbit], orbit: PeriodicOrbit) -> None:
