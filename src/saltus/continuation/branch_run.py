@@ -94,11 +94,16 @@ class BranchRun(OneParameterRun):
 
     def _cut(
         self, half: OneSide, branch: OrbitZeroProblem, item: Point
-    ) -> tuple[OrbitZeroProblem, Point, float] | None:
-        """Return the branch with its orbits cut into more pieces, a point and a step; None where no cut is due."""
+    ) -> tuple[OrbitZeroProblem, Point, float] | str | None:
+        """Return the branch with its orbits cut into more pieces, a point and a step; None where no cut is due.
+
+        Where more pieces are needed than are allowed, this is told.
+        """
         if not stretched(branch.problem, item.J):
             return None
         problem, u = cut(branch.problem, item.u, item.J)
+        if len(problem.signature) > (most := self.control.pieces):
+            return f"{self.place(item)}: an orbit so unstable that it needs more than {most} pieces"
         finer = self.zero_problem(problem, u)
         try:
             point = start_point(finer, u)
@@ -186,8 +191,6 @@ class BranchRun(OneParameterRun):
             if (grown := grows_for_ever(half.points)) is not None:
                 return self._unbounded(half, grown)
             if (finer := self._cut(half, branch, item)) is not None:
-                if len(finer[0].problem.signature) > (most := self.control.pieces):
-                    return f"{self.place(item)}: an orbit so unstable that it needs more than {most} pieces"
                 return finer
         raise AssertionError("follow ends with a reason")
 

@@ -99,6 +99,8 @@ def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.fl
     duration = blocks[i, n]
     before = duration * place * place * (3.0 - 2.0 * place)
     touching = problem.state_on(i, place)
+    if not np.all(np.isfinite(touching)):
+        return "the flow cannot be followed to it"
     landed = np.empty(n)
     system.compiled.call("reset", k, 0, touching, problem.extended, landed)
     scale = problem.state_scale
