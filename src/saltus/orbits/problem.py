@@ -30,6 +30,7 @@ _FEW = 500  # steps of a segment below which stability does not limit them
 _EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
 _NEARBY = 1e-6  # size of an orbit at rest, over those on its branch, below which it tells nothing
+_FAINT = 1e-100  # term of a rate up to which it moves nothing: the square of such a size is 0
 _NOTHING = 1e-13  # size of an orbit above which it is no rounding of 0
 _UNSTABLE = 1e3  # error of a step, in tolerances, beyond which steps are halved: they may be unstable
 _REMESHED = 12  # most times that the meshes of one orbit are moved
@@ -264,7 +265,7 @@ class OrbitProblem:
         terms = np.empty((n, n))
         self.equations.largest_terms(self._functions, self.modes, blocks.ravel(), n, self.extended, terms)
         self._least = _EPSILON / self.tol * period * terms.sum(axis=1)
-        self._moves = terms > 0.0
+        self._moves = terms > _FAINT
 
     def rescale(self, survey: Survey) -> None:
         """Take the states' typical sizes from an orbit; none shrinks below a hundredth of what it was."""
