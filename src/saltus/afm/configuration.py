@@ -264,6 +264,7 @@ def _curve(
     along: str = "Zc_nm",
     parameters: Mapping[str, float] | None = None,
     of: str | int = "deflection",
+    phase_convention: str = "lag90",
     steps: object = None,
 ) -> Curve:
     checks.chosen("curve.along", along, _ALONG)
@@ -271,4 +272,5 @@ def _curve(
     control = None if steps is None else called(StepControl, _table("curve.steps", steps), "curve.steps")
     make = distance_curve if along == "Zc_nm" else frequency_curve
     system = experiment.model(high if along == "Zc_nm" else None)
-    return make(system, (low, high), parameters=parameters, of=of, steps=control, progress=progress)
+    told: dict[str, Any] = {"of": of, "phase_convention": phase_convention}
+    return make(system, (low, high), parameters=parameters, **told, steps=control, progress=progress)

@@ -11,7 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.afm.curve import Curve
 from saltus.afm.modelling import driven_mode, frequency_of, suffix
-from saltus.afm.readings import check_model, drives_of, turns_of
+from saltus.afm.readings import drives_of, formulas, turns_of
 from saltus.afm.routes import is_pulled_in, orbits_at, stays_in_contact
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
@@ -40,6 +40,7 @@ def distance_curve(
     f_kHz: float | str | None = None,
     parameters: Mapping[str, float] | None = None,
     of: str | int = "deflection",
+    phase_convention: str = "lag90",
     steps: StepControl | None = None,
     progress: bool | Report = False,
 ) -> Curve:
@@ -62,6 +63,8 @@ def distance_curve(
         Parameters that differ from the model's.
     of : {"deflection", "tip"} or int, optional
         Of what amplitude and lag are told, as `saltus.afm.observables` takes it.
+    phase_convention : {"lag90", "bruker0", "asylum"}, optional
+        What is shown of the lag, as `saltus.afm.observables` takes it.
     steps : StepControl, optional
         Sizes of steps and their limits.
     progress : bool or callable, optional
@@ -92,11 +95,11 @@ def distance_curve(
     >>> [round(afm.observables(orbit)["amplitude_nm"], 5) for orbit in curve.at(Zc_nm=10.0)]
     [10.7157, 10.04805, 9.89528]
     """
-    check_model(system, "system")
+    formulas(system, of, phase_convention)  # raises where it cannot be told
     low, high = checks.interval("bounds", bounds)
     p = _at_frequency(system, system.resolve(parameters), f_kHz)
     starts = from_afar(system, p, high, steps)
-    return _traced(system, "Zc_nm", (low, high), starts, of, steps, progress)
+    return _traced(system, "Zc_nm", (low, high), starts, (of, phase_convention), steps, progress)
 
 
 def frequency_curve(
@@ -106,6 +109,7 @@ def frequency_curve(
     Zc_nm: float | None = None,
     parameters: Mapping[str, float] | None = None,
     of: str | int = "deflection",
+    phase_convention: str = "lag90",
     steps: StepControl | None = None,
     progress: bool | Report = False,
 ) -> Curve:
@@ -123,7 +127,7 @@ def frequency_curve(
         Distance, in nm; by default the model's.
     parameters : mapping of str to float, optional
         Parameters that differ from the model's.
-    of, steps, progress : optional
+    of, phase_convention, steps, progress : optional
         As `distance_curve` takes them.
 
     Returns
@@ -147,12 +151,12 @@ def frequency_curve(
     >>> [f"{jump.direction} at {jump.value:.4f} kHz" for jump in tune.jumps]
     ['down at 299.2872 kHz', 'up at 299.4915 kHz']
     """
-    check_model(system, "system")
+    formulas(system, of, phase_convention)  # raises where it cannot be told
     low, high = checks.interval("bounds", bounds)
     p = system.resolve(parameters) | ({} if Zc_nm is None else {"Zc_nm": Zc_nm})
     p |= {"f_kHz": low}
     starts = from_afar(system, p, p["Zc_nm"], steps)
-    return _traced(system, "f_kHz", (low, high), starts, of, steps, progress)
+    return _traced(system, "f_kHz", (low, high), starts, (of, phase_convention), steps, progress)
 
 
 def from_afar(
@@ -208,7 +212,7 @@ def _traced(
     along: str,
     bounds: tuple[float, float],
     starts: tuple[PeriodicOrbit, ...],
-    of: str | int,
+    told: tuple[str | int, str],
     steps: StepControl | None,
     progress: bool | Report,
 ) -> Curve:
@@ -216,7 +220,7 @@ def _traced(
     for start in starts:
         if not any(_is_on(branch, start) for branch in branches):
             branches.append(_sheet(start, along, bounds, steps, progress))
-    curve, tried = Curve(system, along, bounds, tuple(branches), of), set[float]()
+    curve, tried = Curve(system, along, bounds, tuple(branches), *told), set[float]()
     for _ in range(_MOST_SHEETS):
         lost = [way.beyond for way in curve.ways if way.beyond is not None and way.beyond.value not in tried]
         found = next((landing for landing in lost if not stays_in_contact(landing.after)), None)
@@ -225,7 +229,7 @@ def _traced(
         tried.add(found.value)
         sheet = _sheet(found.after, along, bounds, steps, progress)
         others = [branch for branch in curve.branches if not _is_on(sheet, branch.orbit(len(branch) // 2))]
-        curve = Curve(system, along, bounds, (*others, sheet), of)
+        curve = Curve(system, along, bounds, (*others, sheet), *told)
     return curve
 
 

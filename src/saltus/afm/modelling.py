@@ -80,6 +80,7 @@ def model(
         ``medium_pW``       power that the modes' own damping takes
         ``sample_pW``       power that the sample takes
         ``virial_aJ``       force times the tip's displacement
+        ``drive_nN``        force of the drives on the mode that the first one drives, inertia of a shaken base among it
         ==================  ==========================================================================================
 
     Raises
@@ -342,4 +343,5 @@ class _Writing:
             "medium_pW": " + ".join(drag),
             "sample_pW": f"-{force}*{self.meant('V_nm_us', region)}",
             "virial_aJ": f"{force}*({self.gap} - Zc_nm)",
+            "drive_nN": self.driving(self.drives.parts[0].mode),
         }
