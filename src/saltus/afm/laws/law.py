@@ -157,12 +157,13 @@ class Law:
         Returns
         -------
         float, in eV
-            Positive where energy is lost. The cycle is the second one, after hysteresis has been passed once.
+            Positive where energy is lost. The cycle is the second one, after hysteresis has been passed once. States of
+            a law have come to repeat.
 
         Raises
         ------
         InputError
-            The law has states of its own; a value that is not allowed.
+            A value that is not allowed; states of the law do not repeat in each cycle.
 
         Examples
         --------
