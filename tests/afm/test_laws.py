@@ -210,6 +210,17 @@ def test_a_dashpot_follows_the_contact_that_it_is_added_to():
     assert list(product(hysteretic.parts, 10.0).regions) == ["far", "contact", "contact_far"]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Softening(afm.Law):
+    """A law with the same state as that of the standard linear solid."""
+
+    rate_1_us: float
+
+    @property
+    def regions(self):
+        return {"everywhere": afm.Region(states={"y_nm": "-rate_1_us*y_nm"})}
+
+
 def test_one_name_has_one_value_in_a_sum():
     with pytest.raises(InputError, match="one value in all laws of a sum"):
         (afm.VanDerWaals(H_aJ=0.2, a0_nm=0.3) + afm.DMT(E_GPa=1.0, a0_nm=0.2)).force_nN(1.0, R_nm=10.0)
@@ -219,11 +230,33 @@ def test_one_name_has_one_value_in_a_sum():
         afm.Hertz(E_GPa=1.0).force_nN(-1.0)
     solid = afm.SLS(k1_N_m=1.0, k2_N_m=1.0, c_uNs_m=1.0)
     with pytest.raises(InputError, match="states that no other law has"):
-        (solid + solid).force_nN(1.0, "far", R_nm=1.0)
+        (solid + Softening(rate_1_us=1.0)).force_nN(1.0, "far", R_nm=1.0)
     with pytest.raises(InputError, match="without states of its own"):
         solid.force_nN(1.0)
     with pytest.raises(TypeError):
         solid + 1.0
+
+
+def test_a_force_does_not_count_twice():
+    attraction, jkr = afm.VanDerWaals(H_aJ=0.2, a0_nm=0.3), afm.JKR(E_GPa=1.0, w_N_m=0.05)
+    with pytest.raises(InputError, match="law = 'JKR \\+ JKR': must be with JKR once; its force would count twice"):
+        (jkr + jkr).force_nN(1.0, R_nm=10.0)
+    with pytest.raises(InputError, match="must be with one of JKR, DMT; the elastic force would count twice"):
+        (jkr + attraction + afm.DMT(E_GPa=1.0)).force_nN(1.0, R_nm=10.0)
+
+
+@pytest.mark.parametrize("contact", [afm.Hertz(E_GPa=1.0), afm.JKR(E_GPa=1.0, w_N_m=0.05)])
+def test_a_pole_where_surfaces_touch_is_told(contact):
+    pole = afm.DLVO(tip_mC_m2=-20.0, sample_mC_m2=-30.0, debye_nm=3.0, H_aJ=0.01)
+    for law in (pole, afm.LennardJones(H_aJ=0.1, sigma_nm=0.34)):
+        with pytest.raises(InputError, match="touch at separation 0; its force is infinite there"):
+            (contact + law).force_nN(1.0, R_nm=10.0)
+    assert list((contact + afm.Hydration(F_nN=1.0, l_nm=0.3)).regions) == ["far", "contact"]
+
+
+def test_attraction_and_a_solid_whose_surface_moves_have_crossings_with_names_of_their_own():
+    law = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3) + afm.SLS(k1_N_m=2.0, k2_N_m=4.0, c_uNs_m=5.0)
+    assert len({one.name for one in law.crossings}) == len(law.crossings) == 8
 
 
 def test_two_crossings_at_one_gap_are_refused():

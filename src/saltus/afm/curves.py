@@ -13,6 +13,7 @@ from saltus.afm.curve import Curve
 from saltus.afm.modelling import driven_mode, frequency_of, suffix
 from saltus.afm.readings import drives_of, formulas, turns_of
 from saltus.afm.routes import is_pulled_in, orbits_at, stays_in_contact
+from saltus.afm.units import check_changes
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
 from saltus.errors import ConvergenceError
@@ -98,6 +99,7 @@ def distance_curve(
     formulas(system, of, phase_convention)  # raises where it cannot be told
     low, high = checks.interval("bounds", bounds)
     p = _at_frequency(system, system.resolve(parameters), f_kHz)
+    check_changes(system.parameters, p | {"Zc_nm": max(low, high, key=abs)})
     starts = from_afar(system, p, high, steps)
     return _traced(system, "Zc_nm", (low, high), starts, (of, phase_convention), steps, progress)
 
@@ -155,6 +157,7 @@ def frequency_curve(
     low, high = checks.interval("bounds", bounds)
     p = system.resolve(parameters) | ({} if Zc_nm is None else {"Zc_nm": Zc_nm})
     p |= {"f_kHz": low}
+    check_changes(system.parameters, p | {"f_kHz": high})
     starts = from_afar(system, p, p["Zc_nm"], steps)
     return _traced(system, "f_kHz", (low, high), starts, (of, phase_convention), steps, progress)
 
