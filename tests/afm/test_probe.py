@@ -237,7 +237,7 @@ def test_a_ratio_that_is_no_small_fraction_is_refused(ratio):
 
 
 def test_a_ratio_without_a_period_says_what_to_do():
-    with pytest.raises(InputError, match=r"simulate instead, or take one near, as '47/15'|'22/7'"):
+    with pytest.raises(InputError, match=r"simulate with at_any_ratio\(3.14159.*\), or take one near, as '22/7'"):
         afm.Drive(1.0, ratio=math.pi)
 
 

@@ -31,6 +31,7 @@ __all__ = ["Curve", "Feature", "Jump"]
 
 _DIRECTIONS = {"Zc_nm": ("approach", "retract"), "f_kHz": ("down", "up")}  # of the ways to lower and higher values
 _NONE = np.empty(0)
+_ALWAYS = 1.0 - 1e-9  # share of the time in contact of a tip that never leaves it, less rounding
 
 
 class Feature(NamedTuple):
@@ -214,7 +215,7 @@ class Curve(Result):
         >>> system = afm.model(probe, afm.Hertz(E_GPa=1.0), afm.Drive(A0_nm=10.0), Zc_nm=20.0)
         >>> curve = afm.distance_curve(system, (5.0, 15.0))
         >>> f"{curve.harmonic_nm(6).max():.4f} nm"
-        '0.0093 nm'
+        '0.0011 nm'
         """
         return self.column(f"amplitude(deflection_nm, {checks.count('order', order) * turns_of(self.system)})")
 
@@ -408,6 +409,8 @@ class Curve(Result):
             f"  {f.label:10}  {self.along} = {f.value:.9g}, {f.amplitude_nm:.6g} nm: {f.what}"
             for f in self.special_points
         ]
+        if "contact_fraction" in self.readings and self.column("contact_fraction").min() > _ALWAYS:
+            lines.append("  contact     at all times: the tip is pulled in at larger distances already")
         lines += [f"  {name:10}  {way.stopped}" for way, name in zip(self.ways, self.directions, strict=True)]
         return "\n".join(lines)
 

@@ -114,6 +114,9 @@ def formulas(system: HybridSystem, of: str | int = "deflection", phase_conventio
         The system is no such model, the probe has no such mode, or there is no such convention.
     """
     check_model(system, "system")
+    if free := [name for name in system.states if re.fullmatch(r"theta_\d+", name)]:
+        hint = f"no motion of it repeats while {', '.join(free)} turns freely: simulate it"
+        raise InputError("system", system.name, "a model whose drives repeat", hint)
     checks.chosen("phase_convention", phase_convention, CONVENTIONS)
     seen, turns = _subject(system, of), turns_of(system)
     waves = {}
