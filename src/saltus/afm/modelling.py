@@ -40,10 +40,10 @@ def model(
 ) -> HybridSystem:
     """Return a driven probe over a sample as a hybrid system in nm, nN and us.
 
-    States are the modes' displacements at the tip and their velocities, ``(z1_nm, ..., v1_nm_us, ...)``. Then come phases
-    of drives that do not repeat (`Drive.at_any_ratio`), then the law's own states. Up is positive: the gap is ``Zc_nm``
-    and the displacements together, and a positive force repels. The phase ``theta`` turns once in the period in which
-    all other drives repeat. Hybrid modes are the law's regions.
+    States are the modes' displacements at the tip and their velocities, ``(z1_nm, ..., v1_nm_us, ...)``. Then come
+    phases of drives that do not repeat (`Drive.at_any_ratio`), then the law's own states. Up is
+    positive: the gap is ``Zc_nm`` and the displacements together, and a positive force repels. The phase ``theta``
+    turns once in the period in which all other drives repeat. Hybrid modes are the law's regions.
 
     Parameters
     ----------
