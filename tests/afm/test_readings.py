@@ -72,7 +72,7 @@ def test_columns_paths_files_and_pictures_of_a_curve_have_its_convention(curve, 
     assert held == curve
     assert held.phase_convention == held.to_xarray().attrs["phase_convention"] == "bruker0"
     assert held.to_xarray()["shown_phase_deg"].attrs["units"] == "degrees"
-    assert held.plot()[1].get_ylabel() == "phase, 0 at resonance, repulsive > 0 (degrees)"
+    assert held.plot()[1].get_ylabel() == "phase, bruker0 (degrees)"
 
 
 def test_a_lag_of_a_further_drive_has_its_shown_phase_too():

@@ -66,8 +66,8 @@ READINGS = {
 # What is shown of the lag, as a formula in it, and the name for axes.
 CONVENTIONS = {
     "lag90": ("{lag}", READINGS["lag_deg"].long_name),
-    "bruker0": ("90 - ({lag})", "phase, 0 at resonance, repulsive > 0"),
-    "asylum": ("{lag}", "phase, 90 at resonance, repulsive < 90"),
+    "bruker0": ("90 - ({lag})", "phase, bruker0"),
+    "asylum": ("{lag}", "phase, asylum"),
 }
 _SHOWN = "shown_phase_deg"  # reading of conventions other than lag90
 
