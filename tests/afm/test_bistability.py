@@ -35,7 +35,7 @@ def test_the_raw_form_of_kelvin_and_voigt_is_refused_at_once_with_the_cure():
         for form in ("raw", "impulse")
     )
     for call in (lambda: afm.bistability(raw), lambda: afm.tip_radius(raw, 10.0)):
-        with pytest.raises(InputError, match='a model whose KelvinVoigt has form="impulse"; loci of the raw form'):
+        with pytest.raises(InputError, match='in contact its slope is infinite there.*as form="impulse" of a law does'):
             call()
     assert afm.bistability(impulse, A0_nm=(9.0, 13.0), Zc_nm=(4.0, 12.0)).critical_amplitude_nm > 10.0
 

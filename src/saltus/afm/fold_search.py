@@ -221,10 +221,6 @@ def _check_drive(system: HybridSystem) -> None:
     check_model(system, "system")
     if drives_of(system) != [1] or "A0_nm" not in system.parameter_names:
         raise InputError("system", system.name, "a model with one drive, as afm.Drive(A0_nm=10.0)")
-    rates = {mode.field["z1_nm"] for mode in system.modes.values()}
-    if "eta_Pa_s" in system.parameter_names and rates == {"v1_nm_us"}:
-        hint = "loci of the raw form take tiny steps, as its second derivatives are infinite where contact begins"
-        raise InputError("system", system.name, 'a model whose KelvinVoigt has form="impulse"', hint)
 
 
 def _passes(locus: Locus, fold: PeriodicOrbit) -> bool:

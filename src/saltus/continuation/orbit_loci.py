@@ -40,6 +40,8 @@ _TOUCHING = 1e-6  # distance from a surface, over the event's size, or duration,
 _CRITICAL = 1e-3  # distance of a start from its critical condition up to which a locus starts there
 _MOVED = 1e-3  # change, over the unknowns' sizes, by which the first point of a locus may differ from the start
 _REGULAR = 1e-11  # least singular value of the extended equations, over the largest, of a regular start
+_ROOT_PLACES = (1e-12, 1e-8, 1e-6)  # times behind the begin of a segment, over the period, that tell a root there
+_ROOT_ORDER = 0.75  # power of the time with which a field changes there, below which it has a root of it
 _UNFOLDED = 1e-7  # forcing from which on the branch points of a BP locus do not persist
 
 
@@ -55,6 +57,12 @@ class OrbitLocusRun(TwoParameterRun):
 
     def locus(self, order: tuple[str, ...], directions: str) -> Locus:
         """Return the locus, its parameters in the order that the user gave."""
+        if self.kind != "GR" and (modes := rooted_modes(self.orbit)):
+            hint = (
+                f"in {', '.join(modes)} its slope is infinite there: loci crawl; give the force by its impulse instead"
+            )
+            wanted = "an orbit whose field has second derivatives where its segments begin"
+            raise InputError("start", self.kind, wanted, f'{hint}, as form="impulse" of a law does')
         origin = self.begin(self.names.index(order[1]))
         with self.reporter:
             halves = traced(lambda sign: self.trace(origin, sign), directions)
@@ -284,3 +292,18 @@ def _vanishing(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[str, int]
         ):
             return "rate", i
     return None
+
+
+def rooted_modes(orbit: PeriodicOrbit) -> list[str]:
+    """Return the modes in which a segment of an orbit begins at a root of the field: where its slope is infinite."""
+    found = []
+    for part in orbit.segments:
+        rate = orbit.system.field(part.mode, part.state, orbit.parameters)
+        here, near, far = (
+            orbit.system.field(part.mode, part.state + share * orbit.period * rate, orbit.parameters)
+            for share in _ROOT_PLACES
+        )
+        small, large = (float(np.max(np.abs(there - here))) for there in (near, far))
+        if 0.0 < large < small * (_ROOT_PLACES[2] / _ROOT_PLACES[1]) ** _ROOT_ORDER:
+            found.append(part.mode)
+    return list(dict.fromkeys(found))
