@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from saltus.afm.laws.common_regions import Product, in_brackets, named, sum_of
 from saltus.errors import InputError, SaltusError
-from saltus.orbits.find import find_orbit
 from saltus.system import HybridSystem, Mode, Transition
 
 if TYPE_CHECKING:
@@ -68,6 +67,8 @@ def energy_of_states_aJ(law: Product, Zc_nm: float, A_nm: float, f_kHz: float) -
 
 
 def _settled(system: HybridSystem, states: int) -> PeriodicOrbit:
+    from saltus.orbits.find import find_orbit
+
     try:
         return find_orbit(system, x0=[0.0] * states)
     except SaltusError as error:
