@@ -31,7 +31,7 @@ def attractive(lever):
 
 @pytest.fixture(scope="module")
 def curve(lever):
-    return afm.distance_curve(lever, (9.5, 14.0), phase_convention="bruker0")
+    return afm.distance_curve(lever, (9.5, 14.0)).shown_as("bruker0")
 
 
 # phases as instruments show them
@@ -83,11 +83,19 @@ def test_a_lag_of_a_further_drive_has_its_shown_phase_too():
     assert seen["shown_phase_deg_2"] == pytest.approx(90.0 - seen["lag_deg_2"], abs=1e-9)
 
 
-def test_unknown_conventions_are_told_before_anything_is_computed(lever, repulsive):
+def test_a_curve_is_shown_in_another_convention_without_being_followed_again(curve):
+    jumps = curve.jumps
+    back = curve.shown_as("lag90")
+    assert "shown_phase_deg" not in back.readings
+    assert back.ways is curve.ways
+    assert back.jumps == jumps
+    np.testing.assert_array_equal(back.shown_as("asylum").column("shown_phase_deg"), back.column("lag_deg"))
+
+
+def test_unknown_conventions_are_told(lever, repulsive, curve):
     for call in (
         lambda: afm.observables(repulsive, phase_convention="bruker"),
-        lambda: afm.distance_curve(lever, (9.0, 14.0), phase_convention="bruker"),
-        lambda: afm.frequency_curve(lever, (299.0, 301.0), phase_convention="bruker"),
+        lambda: curve.shown_as("bruker"),
     ):
         with pytest.raises(InputError, match="phase_convention = 'bruker': must be one of lag90, bruker0, asylum; did"):
             call()

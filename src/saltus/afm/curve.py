@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -190,6 +190,38 @@ class Curve(Result):
             return f"{text} - {360 * turns}"
         return text
 
+    def shown_as(self, phase_convention: str) -> Curve:
+        """Return the same curve with phases as an instrument shows them: the reading ``shown_phase_deg``.
+
+        Parameters
+        ----------
+        phase_convention : {"lag90", "bruker0", "asylum"}
+            What is shown of the lag, as `saltus.afm.observables` takes it.
+
+        Returns
+        -------
+        Curve
+
+        Raises
+        ------
+        InputError
+            There is no such convention.
+
+        Examples
+        --------
+        >>> from saltus import afm
+        >>> probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=150.0, R_nm=10.0)
+        >>> system = afm.model(probe, afm.Hertz(E_GPa=1.0), afm.Drive(A0_nm=10.0), Zc_nm=20.0)
+        >>> curve = afm.distance_curve(system, (5.0, 15.0)).shown_as("bruker0")
+        >>> bool(curve.column("shown_phase_deg").max() > 50.0)  # the sample repels
+        True
+        """
+        checks.chosen("phase_convention", phase_convention, CONVENTIONS)
+        shown = replace(self, phase_convention=phase_convention)
+        if "ways" in vars(self):  # they are those of the same orbits
+            vars(shown)["ways"] = self.ways
+        return shown
+
     def harmonic_nm(self, order: int) -> NDArray[np.float64]:
         """Return the amplitude of the deflection at a multiple of the first drive's frequency, at all points.
 
@@ -201,7 +233,6 @@ class Curve(Result):
         Returns
         -------
         ndarray, shape (point,), in nm
-            Sheet after sheet.
 
         Raises
         ------

@@ -41,7 +41,6 @@ def distance_curve(
     f_kHz: float | str | None = None,
     parameters: Mapping[str, float] | None = None,
     of: str | int = "deflection",
-    phase_convention: str = "lag90",
     steps: StepControl | None = None,
     progress: bool | Report = False,
 ) -> Curve:
@@ -64,8 +63,6 @@ def distance_curve(
         Parameters that differ from the model's.
     of : {"deflection", "tip"} or int, optional
         Of what amplitude and lag are told, as `saltus.afm.observables` takes it.
-    phase_convention : {"lag90", "bruker0", "asylum"}, optional
-        What is shown of the lag, as `saltus.afm.observables` takes it.
     steps : StepControl, optional
         Sizes of steps and their limits.
     progress : bool or callable, optional
@@ -96,12 +93,12 @@ def distance_curve(
     >>> [round(afm.observables(orbit)["amplitude_nm"], 5) for orbit in curve.at(Zc_nm=10.0)]
     [10.7157, 10.04805, 9.89528]
     """
-    formulas(system, of, phase_convention)  # raises where it cannot be told
+    formulas(system, of)  # raises where it cannot be told
     low, high = checks.interval("bounds", bounds)
     p = _at_frequency(system, system.resolve(parameters), f_kHz)
     check_changes(system.parameters, p | {"Zc_nm": max(low, high, key=abs)})
     starts = from_afar(system, p, high, steps)
-    return _traced(system, "Zc_nm", (low, high), starts, (of, phase_convention), steps, progress)
+    return _traced(system, "Zc_nm", (low, high), starts, of, steps, progress)
 
 
 def frequency_curve(
@@ -111,7 +108,6 @@ def frequency_curve(
     Zc_nm: float | None = None,
     parameters: Mapping[str, float] | None = None,
     of: str | int = "deflection",
-    phase_convention: str = "lag90",
     steps: StepControl | None = None,
     progress: bool | Report = False,
 ) -> Curve:
@@ -129,7 +125,7 @@ def frequency_curve(
         Distance, in nm; by default the model's.
     parameters : mapping of str to float, optional
         Parameters that differ from the model's.
-    of, phase_convention, steps, progress : optional
+    of, steps, progress : optional
         As `distance_curve` takes them.
 
     Returns
@@ -153,13 +149,13 @@ def frequency_curve(
     >>> [f"{jump.direction} at {jump.value:.4f} kHz" for jump in tune.jumps]
     ['down at 299.2872 kHz', 'up at 299.4915 kHz']
     """
-    formulas(system, of, phase_convention)  # raises where it cannot be told
+    formulas(system, of)  # raises where it cannot be told
     low, high = checks.interval("bounds", bounds)
     p = system.resolve(parameters) | ({} if Zc_nm is None else {"Zc_nm": Zc_nm})
     p |= {"f_kHz": low}
     check_changes(system.parameters, p | {"f_kHz": high})
     starts = from_afar(system, p, p["Zc_nm"], steps)
-    return _traced(system, "f_kHz", (low, high), starts, (of, phase_convention), steps, progress)
+    return _traced(system, "f_kHz", (low, high), starts, of, steps, progress)
 
 
 def from_afar(
@@ -215,7 +211,7 @@ def _traced(
     along: str,
     bounds: tuple[float, float],
     starts: tuple[PeriodicOrbit, ...],
-    told: tuple[str | int, str],
+    of: str | int,
     steps: StepControl | None,
     progress: bool | Report,
 ) -> Curve:
@@ -223,7 +219,7 @@ def _traced(
     for start in starts:
         if not any(_is_on(branch, start) for branch in branches):
             branches.append(_sheet(start, along, bounds, steps, progress))
-    curve, tried = Curve(system, along, bounds, tuple(branches), *told), set[float]()
+    curve, tried = Curve(system, along, bounds, tuple(branches), of), set[float]()
     for _ in range(_MOST_SHEETS):
         lost = [way.beyond for way in curve.ways if way.beyond is not None and way.beyond.value not in tried]
         found = next((landing for landing in lost if not stays_in_contact(landing.after)), None)
@@ -232,7 +228,7 @@ def _traced(
         tried.add(found.value)
         sheet = _sheet(found.after, along, bounds, steps, progress)
         others = [branch for branch in curve.branches if not _is_on(sheet, branch.orbit(len(branch) // 2))]
-        curve = Curve(system, along, bounds, (*others, sheet), *told)
+        curve = Curve(system, along, bounds, (*others, sheet), of)
     return curve
 
 
