@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus.continuation.arclength import follow
 from saltus.continuation.closure import alongside, passes
+from saltus.continuation.field_roots import rooted_modes
 from saltus.continuation.grazing import Neighbour, neighbour, touching
 from saltus.continuation.locating import events_between
 from saltus.continuation.locus import Locus
@@ -40,8 +41,6 @@ _TOUCHING = 1e-6  # distance from a surface, over the event's size, or duration,
 _CRITICAL = 1e-3  # distance of a start from its critical condition up to which a locus starts there
 _MOVED = 1e-3  # change, over the unknowns' sizes, by which the first point of a locus may differ from the start
 _REGULAR = 1e-11  # least singular value of the extended equations, over the largest, of a regular start
-_ROOT_PLACES = (1e-12, 1e-8, 1e-6)  # times behind the begin of a segment, over the period, that tell a root there
-_ROOT_ORDER = 0.75  # power of the time with which a field changes there, below which it has a root of it
 _UNFOLDED = 1e-7  # forcing from which on the branch points of a BP locus do not persist
 
 
@@ -292,18 +291,3 @@ def _vanishing(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[str, int]
         ):
             return "rate", i
     return None
-
-
-def rooted_modes(orbit: PeriodicOrbit) -> list[str]:
-    """Return the modes in which a segment of an orbit begins at a root of the field: where its slope is infinite."""
-    found = []
-    for part in orbit.segments:
-        rate = orbit.system.field(part.mode, part.state, orbit.parameters)
-        here, near, far = (
-            orbit.system.field(part.mode, part.state + share * orbit.period * rate, orbit.parameters)
-            for share in _ROOT_PLACES
-        )
-        small, large = (float(np.max(np.abs(there - here))) for there in (near, far))
-        if 0.0 < large < small * (_ROOT_PLACES[2] / _ROOT_PLACES[1]) ** _ROOT_ORDER:
-            found.append(part.mode)
-    return list(dict.fromkeys(found))
