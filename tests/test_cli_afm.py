@@ -80,11 +80,15 @@ def test_a_frequency_curve_lies_at_the_distance_of_the_file(lever):
 
 def test_options_of_the_curve_reach_it(lever):
     lever.write_text(
-        LEVER.replace("range = [0.5, 14.0]", "range = [13.5, 14.0]\nof = 'tip'\nparameters = {E_GPa = 2.0}")
+        LEVER.replace(
+            "range = [0.5, 14.0]",
+            "range = [13.5, 14.0]\nof = 'tip'\nphase_convention = 'asylum'\nparameters = {E_GPa = 2.0}",
+        )
         + "[curve.steps]\nlargest = 0.01\n"
     )
     curve = read_experiment(lever).traced()
-    assert (curve.of, curve.branches[0].orbit(0).parameters["E_GPa"]) == ("tip", 2.0)
+    assert (curve.of, curve.phase_convention) == ("tip", "asylum")
+    assert curve.branches[0].orbit(0).parameters["E_GPa"] == 2.0
     assert len(curve) > 10
 
 
@@ -154,6 +158,13 @@ def test_another_place_and_a_file_without_a_curve(lever, capsys):
     assert _run(capsys, "afm", "observe", str(lever)) == (2, "", wanted)
 
 
+def test_a_phase_is_told_as_the_instrument_of_the_file_shows_it(lever, capsys):
+    lever.write_text(LEVER.replace("range = [0.5, 14.0]", "range = [9.0, 14.0]\nphase_convention = 'bruker0'"))
+    code, out, _ = _run(capsys, "afm", "observe", str(lever))
+    assert code == 0
+    assert _observed(out)["shown_phase_deg"] == ["degrees", "26.7502853", "-34.4512443"]
+
+
 def test_a_place_beyond_the_curve_is_told(lever, capsys):
     wanted = "saltus: Zc_nm = 99.0: must be between 0.5 and 14, where the curve is\n"
     assert _run(capsys, "afm", "observe", str(lever), "--at", "99") == (2, "", wanted)
@@ -219,7 +230,7 @@ def test_a_film_of_either_regime_is_written(lever, capsys, monkeypatch):
          "[drive]; did you mean 'A0_nm'?"),
         ('along = "Zc_nm"', 'along = "Zc"', "curve.along = 'Zc': must be one of Zc_nm, f_kHz; did you mean 'Zc_nm'?"),
         ("range = [0.5, 14.0]", "rnge = [1, 2]", "key = 'rnge': must be one of range, along, parameters, of, "
-         "steps, starts in [curve]; did you mean 'range'?"),
+         "phase_convention, steps, starts in [curve]; did you mean 'range'?"),
         ("range = [0.5, 14.0]", "", "curve.range = None: must be given"),
         ("[0.5, 14.0]", "[14.0, 0.5]", "curve.range = [14.0, 0.5]: must be two finite numbers, the lower first"),
         ("range = [0.5, 14.0]", "range = [1, 2]\nsteps = 3", "curve.steps = 3: must be a table, [curve.steps]"),

@@ -1,12 +1,17 @@
 """Every Python block of the documentation runs, in the order of its page."""
 
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
+from saltus import afm
+from saltus.afm.units import QUANTITIES
+
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "theory").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES += [page for folder in ("theory", "afm") for page in sorted((ROOT / "docs" / folder).glob("*.md"))]
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 
@@ -16,7 +21,7 @@ def blocks(page):
     return [(text[: found.start(1)].count("\n"), found.group(1)) for found in BLOCK.finditer(text)]
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=lambda page: str(page.relative_to(ROOT)))
 def test_blocks_of_the_page_run_in_order(page, tmp_path, monkeypatch):
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")
@@ -31,7 +36,30 @@ def test_blocks_of_the_page_run_in_order(page, tmp_path, monkeypatch):
         pyplot.close("all")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_of_the_page_lead_to_files(page):
     for target in LINK.findall(page.read_text(encoding="utf-8")):
         assert (page.parent / target).exists(), target
+
+
+LAWS = [getattr(afm, name) for name in afm.__all__ if isinstance(getattr(afm, name), type)]
+LAWS = [kind for kind in LAWS if issubclass(kind, afm.Law) and kind is not afm.Law]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.__name__)
+def test_a_law_has_a_page_with_its_picture_and_the_plausible_range_of_each_parameter(law):
+    """The list of laws leads to the page; its table has the fields that take a number."""
+    (name,) = re.findall(
+        rf"\| \[`{law.__name__}`\]\((\w+)\.md\)", (ROOT / "docs/afm/laws.md").read_text(encoding="utf-8")
+    )
+    text = (ROOT / "docs" / "afm" / f"{name}.md").read_text(encoding="utf-8")
+    assert text.startswith(f"# `{law.__name__}`: ")
+    assert f"](../images/laws/{name}.png)" in text
+    told = {
+        row[0]: row[1:]
+        for row in re.findall(r"^\| `(\w+)` \| [^|]* \| ([^|]*) \| (.+) to (.+) \|$", text, re.MULTILINE)
+    }
+    wanted = {one.name: QUANTITIES[one.name] for one in fields(law) if one.name in QUANTITIES}
+    assert {n: (unit.strip(), float(low), float(high)) for n, (unit, low, high) in told.items()} == {
+        n: (quantity.unit, quantity.low, quantity.high) for n, quantity in wanted.items()
+    }

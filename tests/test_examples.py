@@ -21,6 +21,17 @@ def test_there_are_examples():
     assert len(EXAMPLES) >= 3
 
 
+def test_the_pictures_of_the_laws_are_those_of_the_pages(tmp_path, monkeypatch):
+    folder = EXAMPLES[0].parents[1] / "docs" / "images" / "laws"
+    (script,) = [path for path in EXAMPLES if path.stem.endswith("laws_of_force")]
+    monkeypatch.setattr(sys, "argv", [str(script), str(tmp_path / "all.png"), str(tmp_path / "laws")])
+    try:
+        runpy.run_path(str(script), run_name="__main__")
+    finally:
+        plt.close("all")
+    assert {path.name for path in (tmp_path / "laws").iterdir()} == {path.name for path in folder.iterdir()}
+
+
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_example_draws_its_picture(path, tmp_path, monkeypatch, capsys):
     picture = tmp_path / "new" / "picture.png"

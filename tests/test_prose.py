@@ -26,7 +26,7 @@ from saltus.basins.map.labelling import ACCURACY
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "saltus"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-PAGES += sorted((ROOT / "docs" / "theory").glob("*.md"))
+PAGES += [page for folder in ("theory", "afm") for page in sorted((ROOT / "docs" / folder).glob("*.md"))]
 
 FILE = re.compile(r"`([\w./-]+\.pyi?)`")
 HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)

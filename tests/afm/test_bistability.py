@@ -27,6 +27,19 @@ def region(lever):
     return afm.bistability(lever)
 
 
+def test_the_raw_form_of_kelvin_and_voigt_is_refused_at_once_with_the_cure():
+    probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    raw, impulse = (
+        afm.model(probe, law + afm.KelvinVoigt(eta_Pa_s=10.0, form=form), afm.Drive(A0_nm=12.0), Zc_nm=10.0)
+        for form in ("raw", "impulse")
+    )
+    for call in (lambda: afm.bistability(raw), lambda: afm.tip_radius(raw, 10.0)):
+        with pytest.raises(InputError, match='in contact its slope is infinite there.*as form="impulse" of a law does'):
+            call()
+    assert afm.bistability(impulse, A0_nm=(9.0, 13.0), Zc_nm=(4.0, 12.0)).critical_amplitude_nm > 10.0
+
+
 def test_cusp_and_critical_amplitude(region):
     assert region.cusp == pytest.approx((25.6149973, 25.1789782), abs=1e-7)
     assert region.critical_amplitude_nm == pytest.approx(CRITICAL, abs=1e-7)

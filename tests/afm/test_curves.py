@@ -105,6 +105,13 @@ def test_the_static_pull_in_ends_a_curve_with_that_reason():
     assert len(curve) < 400
 
 
+def test_a_range_below_the_pull_in_is_a_curve_that_says_so(lever, curve):
+    below = afm.distance_curve(lever, (-3.0, -1.0))
+    assert "contact     at all times: the tip is pulled in at larger distances already" in repr(below)
+    np.testing.assert_allclose(below.column("contact_fraction"), 1.0, rtol=1e-12)
+    assert "at all times" not in repr(curve)
+
+
 def test_pictures_have_units_both_ways_and_jumps(curve, tune):
     upper, lower = curve.plot()
     assert [upper.get_ylabel(), lower.get_ylabel()] == ["amplitude (nm)", "lag behind the drive (degrees)"]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from oracles.tip import jkr
 from saltus import afm
@@ -66,6 +67,31 @@ def test_loss_of_a_dashpot_in_contact():
     omega, share = 2e-3 * math.pi * f, math.acos(0.9)  # contact within share of the lowest point
     found = (afm.Hertz(E_GPa=1.0) + afm.Dashpot(c_uNs_m=c)).energy_per_cycle_eV(Zc_nm=Zc, A_nm=A, f_kHz=f, R_nm=1.0)
     assert found == pytest.approx(c * A**2 * omega * (share - 0.5 * math.sin(2.0 * share)) * EV, rel=1e-12)
+
+
+@pytest.mark.parametrize("f", [1.0, 70.0, 2000.0])
+def test_loss_of_a_standard_linear_solid_that_stays_in_contact_is_that_of_its_loss_modulus(f):
+    law, A, omega = afm.SLS(k1_N_m=2.0, k2_N_m=4.0, c_uNs_m=1.0), 2.0, 2e-3 * math.pi * f
+    found = law.energy_per_cycle_eV(Zc_nm=-20.0, A_nm=A, f_kHz=f)
+    assert found == pytest.approx(math.pi * A**2 * 4.0 * (omega / 4.0) / (1.0 + (omega / 4.0) ** 2) * EV, rel=1e-9)
+
+
+@pytest.mark.parametrize("c", [0.3, 1.0, 30.0])
+def test_loss_of_a_standard_linear_solid_that_is_tapped(c):
+    k1, k2, A, Zc, f = 2.0, 4.0, 10.0, 9.0, 70.0
+    omega = 2e-3 * math.pi * f
+
+    def rates(t, s):
+        h, rate = -Zc - A * math.cos(omega * t), A * omega * math.sin(omega * t)
+        if (k1 + k2) * h > k2 * s[0]:
+            return [k2 * (h - s[0]) / c, (k1 * h + k2 * (h - s[0])) * rate]
+        return [-k1 * k2 / (k1 + k2) * s[0] / c, 0.0]
+
+    cycle, s = 2.0 * math.pi / omega, [0.0, 0.0]
+    for _ in range(30):  # the slowest of the three keeps less than exp(-4/3 * 14.3/30) of itself in a cycle
+        s = solve_ivp(rates, (0.0, cycle), [s[0], 0.0], "DOP853", rtol=1e-11, atol=1e-13, max_step=cycle / 200).y[:, -1]
+    found = afm.SLS(k1_N_m=k1, k2_N_m=k2, c_uNs_m=c).energy_per_cycle_eV(Zc_nm=Zc, A_nm=A, f_kHz=f)
+    assert found == pytest.approx(s[1] * EV, rel=1e-7)
 
 
 def test_statics_of_adhesive_contact():
@@ -184,6 +210,17 @@ def test_a_dashpot_follows_the_contact_that_it_is_added_to():
     assert list(product(hysteretic.parts, 10.0).regions) == ["far", "contact", "contact_far"]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Softening(afm.Law):
+    """A law with the same state as that of the standard linear solid."""
+
+    rate_1_us: float
+
+    @property
+    def regions(self):
+        return {"everywhere": afm.Region(states={"y_nm": "-rate_1_us*y_nm"})}
+
+
 def test_one_name_has_one_value_in_a_sum():
     with pytest.raises(InputError, match="one value in all laws of a sum"):
         (afm.VanDerWaals(H_aJ=0.2, a0_nm=0.3) + afm.DMT(E_GPa=1.0, a0_nm=0.2)).force_nN(1.0, R_nm=10.0)
@@ -193,11 +230,33 @@ def test_one_name_has_one_value_in_a_sum():
         afm.Hertz(E_GPa=1.0).force_nN(-1.0)
     solid = afm.SLS(k1_N_m=1.0, k2_N_m=1.0, c_uNs_m=1.0)
     with pytest.raises(InputError, match="states that no other law has"):
-        (solid + solid).force_nN(1.0, "far", R_nm=1.0)
+        (solid + Softening(rate_1_us=1.0)).force_nN(1.0, "far", R_nm=1.0)
     with pytest.raises(InputError, match="without states of its own"):
-        solid.energy_per_cycle_eV(Zc_nm=1.0, A_nm=2.0, f_kHz=1.0)
+        solid.force_nN(1.0)
     with pytest.raises(TypeError):
         solid + 1.0
+
+
+def test_a_force_does_not_count_twice():
+    attraction, jkr = afm.VanDerWaals(H_aJ=0.2, a0_nm=0.3), afm.JKR(E_GPa=1.0, w_N_m=0.05)
+    with pytest.raises(InputError, match="law = 'JKR \\+ JKR': must be with JKR once; its force would count twice"):
+        (jkr + jkr).force_nN(1.0, R_nm=10.0)
+    with pytest.raises(InputError, match="must be with one of JKR, DMT; the elastic force would count twice"):
+        (jkr + attraction + afm.DMT(E_GPa=1.0)).force_nN(1.0, R_nm=10.0)
+
+
+@pytest.mark.parametrize("contact", [afm.Hertz(E_GPa=1.0), afm.JKR(E_GPa=1.0, w_N_m=0.05)])
+def test_a_pole_where_surfaces_touch_is_told(contact):
+    pole = afm.DLVO(tip_mC_m2=-20.0, sample_mC_m2=-30.0, debye_nm=3.0, H_aJ=0.01)
+    for law in (pole, afm.LennardJones(H_aJ=0.1, sigma_nm=0.34)):
+        with pytest.raises(InputError, match="touch at separation 0; its force is infinite there"):
+            (contact + law).force_nN(1.0, R_nm=10.0)
+    assert list((contact + afm.Hydration(F_nN=1.0, l_nm=0.3)).regions) == ["far", "contact"]
+
+
+def test_attraction_and_a_solid_whose_surface_moves_have_crossings_with_names_of_their_own():
+    law = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3) + afm.SLS(k1_N_m=2.0, k2_N_m=4.0, c_uNs_m=5.0)
+    assert len({one.name for one in law.crossings}) == len(law.crossings) == 8
 
 
 def test_two_crossings_at_one_gap_are_refused():

@@ -257,7 +257,9 @@ def test_jumps_with_viscous_contact_are_the_same_in_both_forms_and_lie_on_the_lo
     assert low.parameters["Zc_nm"] == pytest.approx(11.471462976, rel=1e-9)  # both forms
     bounds = {"Zc_nm": (9.5, 12.0), "eta_Pa_s": (5.0, 25.0)}
     if voigt.modes["contact"].field["z1_nm"] == "v1_nm_us":
-        return  # the tip's own velocity has no second derivatives at the surface, which the locus needs
+        with pytest.raises(InputError, match="slope is infinite there: loci crawl; give the force by its impulse"):
+            saltus.continue_locus(middle, ("Zc_nm", "eta_Pa_s"), bounds)
+        return
     locus = saltus.continue_locus(middle, ("Zc_nm", "eta_Pa_s"), bounds)
     ends = dict(zip(locus.column("eta_Pa_s")[[0, -1]].round(9), locus.column("Zc_nm")[[0, -1]], strict=True))
     assert ends[5.0] == pytest.approx(low.parameters["Zc_nm"], rel=1e-10)
@@ -483,6 +485,31 @@ def test_two_modes_with_a_drive_each():
     assert second.harmonic_nm(3) == pytest.approx(orbit.observe("amplitude(deflection_nm, 9)").popitem()[1])
     with pytest.raises(InputError, match="ratio_2"):
         system.resolve({"ratio_2": 6.0})
+
+
+def test_a_ratio_that_does_not_repeat_is_simulated():
+    probe = afm.Probe(k_N_m=(2.0, 78.5), f0_kHz=(70.0, 438.7), Q=(15.0, 45.0), R_nm=10.0)
+    second = afm.Drive(A0_nm=1.0, mode=2)
+    systems = [
+        afm.model(probe, afm.Hertz(E_GPa=1.0), afm.Drive(A0_nm=20.0) + one, Zc_nm=18.0)
+        for one in (
+            second.at_any_ratio(438.7 / 70.0),
+            second.at_any_ratio(19.0 / 3.0),
+            afm.Drive(1.0, mode=2, ratio="19/3"),
+        )
+    ]
+    free = saltus.simulate(systems[0], {"Zc_nm": 100.0}, [0.0] * 5, periods=300)
+    largest = free.observe("max(z1_nm)", "max(z2_nm)", t_start=290.0 / 0.07)
+    assert list(largest.values()) == pytest.approx([20.0, 1.0], rel=1e-4)  # each at its own natural frequency
+    locked, same = (saltus.simulate(system, x0=[0.0] * len(system.states), t_end=300.0) for system in systems[2:0:-1])
+    np.testing.assert_allclose(same(300.0)[:4], locked(300.0)[:4], rtol=1e-8)
+    assert systems[0].resolve({"ratio_2": 6.1})["ratio_2"] == 6.1
+    with pytest.raises(InputError, match="must be a model whose drives repeat; no motion of it repeats while theta_2"):
+        afm.distance_curve(systems[0], (5.0, 20.0))
+    with pytest.raises(InputError, match="1 for the first drive"):
+        afm.model(probe, afm.Hertz(E_GPa=1.0), second.at_any_ratio(1.0), Zc_nm=18.0)
+    with pytest.raises(saltus.ConvergenceError, match="quasi-periodic"):
+        saltus.find_orbit(systems[0], x0=[0.0] * 5, settle=300)
 
 
 @pytest.fixture(scope="module")

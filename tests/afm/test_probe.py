@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from saltus import afm
 from saltus.afm.tip_mass import modes_with_mass
-from saltus.afm.units import QUANTITIES, checked
+from saltus.afm.units import QUANTITIES, check_changes, checked
 from saltus.errors import InputError
 
 BEAM = afm.Cantilever(length=240e-6, width=64e-6, thickness=2.1e-6, density=2300.0, young=176e9)
@@ -91,14 +91,18 @@ def test_a_probe_is_told_what_is_missing_or_too_much():
     [
         ("R_nm", 10e-9, "in m? then it is 10 nm"),
         ("R_nm", 2e5, "in pm? then it is 200 nm"),
-        ("k_N_m", 2e-4, "check"),
+        ("k_N_m", 2e-4, "in N/mm? then it is 0.2 N/m"),
+        ("f0_kHz", 3e8, "in mHz? then it is 300 kHz"),
+        ("Q", 0.4, "1000 times too small? then it is 400"),
+        ("permittivity", 78e3, "1000 times too large? then it is 78"),
+        ("Q", 1e30, "and 1e+07; check"),
         ("k_N_m", 40e3, "in mN/m? then it is 40 N/m"),
         ("f0_kHz", 300e3, "in Hz? then it is 300 kHz"),
         ("f0_kHz", 0.07, "in MHz? then it is 70 kHz"),
         ("E_GPa", 1e9, "in Pa? then it is 1 GPa"),
         ("H_aJ", -1e-19, "in J? then it is -0.1 aJ"),
         ("a0_nm", 3e-10, "in m? then it is 0.3 nm"),
-        ("Zc_nm", 1e6, "check"),
+        ("Zc_nm", 1e6, "in pm? then it is 1000 nm"),
         ("Zc_nm", 10e-9, "in m? then it is 10 nm"),
     ],
 )
@@ -108,6 +112,88 @@ def test_an_implausible_value_names_the_unit_it_may_be_in(name, value, meant):
     assert meant in str(told.value)
     assert "check=False insists" in str(told.value)
     assert checked(name, value, plausible=False) == value
+
+
+PLAUSIBLE = {
+    afm.Probe: {"k_N_m": 26.0, "f0_kHz": 300.0, "Q": 400.0, "R_nm": 12.0},
+    afm.Drive: {"A0_nm": 12.0},
+    afm.Drive.force: {"F0_nN": 0.5},
+    afm.Drive.base: {"Y_nm": 0.1},
+    afm.VanDerWaals: {"H_aJ": 0.12, "a0_nm": 0.3},
+    afm.DMT: {"E_GPa": 1.5, "a0_nm": 0.3},
+    afm.Hertz: {"E_GPa": 1.5},
+    afm.Dashpot: {"c_uNs_m": 1.0},
+    afm.KelvinVoigt: {"eta_Pa_s": 10.0},
+    afm.SLS: {"k1_N_m": 2.0, "k2_N_m": 4.0, "c_uNs_m": 1.0},
+    afm.JKR: {"E_GPa": 1.0, "w_N_m": 0.05},
+    afm.Schwarz: {"E_GPa": 1.0, "w1_N_m": 0.05, "w2_N_m": 0.02, "a0_nm": 0.3},
+    afm.Neck: {"gamma_N_m": 0.072, "h_nm": 1.0, "on_nm": 1.0, "off_nm": 3.0},
+    afm.LennardJones: {"H_aJ": 0.1, "sigma_nm": 0.34},
+    afm.Hydration: {"F_nN": 1.0, "l_nm": 0.3},
+    afm.DLVO: {"tip_mC_m2": -20.0, "sample_mC_m2": -30.0, "debye_nm": 3.0, "H_aJ": 0.01, "permittivity": 78.0},
+    afm.Morse: {"U_aJ": 0.4, "l_nm": 0.1, "D0_nm": 0.3},
+    afm.Hertz(E_GPa=1.0).energy_per_cycle_eV: {"Zc_nm": 10.0, "A_nm": 12.0, "f_kHz": 70.0, "R_nm": 10.0},
+}
+
+
+@pytest.mark.parametrize("call", PLAUSIBLE, ids=lambda call: call.__qualname__)
+def test_a_slip_of_units_is_named_wherever_it_is_not_plausible(call):
+    values = PLAUSIBLE[call]
+    call(**values)
+    for name, value in values.items():
+        for slip in (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9):
+            quantity = QUANTITIES[name]
+            if quantity.low <= abs(value * slip) <= quantity.high:
+                continue
+            with pytest.raises(InputError, match=f"^{name} = .*\\? then it is .*; check=False insists$"):
+                call(**values | {name: value * slip})
+    assert all(quantity.high < 1e9 * abs(value) for name, value in values.items() for quantity in [QUANTITIES[name]])
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "meant"),
+    [
+        ("length", 240.0, "in um? then it is 0.00024 m"),
+        ("thickness", 2.1, "in um? then it is 2.1e-06 m"),
+        ("density", 2.3, "in g/cm^3? then it is 2300 kg/m^3"),
+        ("young", 176.0, "in GPa? then it is 1.76e+11 Pa"),
+    ],
+)
+def test_a_beam_in_other_units_is_told_by_the_probe(name, value, meant):
+    beam = dataclasses.asdict(BEAM) | {name: value}
+    slipped = afm.Cantilever(**{key: beam[key] for key in ("length", "width", "thickness", "density", "young")})
+    with pytest.raises(InputError) as told:
+        afm.Probe.from_cantilever(slipped, R_nm=10.0, Q=200.0)
+    assert meant in str(told.value)
+    assert afm.Probe.from_cantilever(slipped, R_nm=10.0, Q=200.0, check=False).R_nm == 10.0
+
+
+def test_slips_of_ranges_and_changed_parameters_are_told_before_anything_is_computed():
+    probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    lever = afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=10.0)
+    for call, meant in (
+        (
+            lambda: afm.distance_curve(lever, (5e-10, 14e-9)),
+            "Zc_nm = .*then it is 14 nm; a model with",
+        ),
+        (lambda: afm.distance_curve(lever, (5.0, 14.0), f_kHz=300e3), "f_kHz = .*in Hz\\? then it is 300 kHz"),
+        (
+            lambda: afm.distance_curve(lever, (5.0, 14.0), parameters={"R_nm": 12e-9}),
+            "R_nm = .*in m\\? then it is 12 nm",
+        ),
+        (lambda: afm.frequency_curve(lever, (298e3, 302e3)), "f_kHz = .*in Hz\\?"),
+        (lambda: afm.frequency_curve(lever, (298.0, 302.0), Zc_nm=8e-9), "Zc_nm = .*in m\\? then it is 8 nm"),
+        (lambda: afm.bistability(lever, A0_nm=(1e-9, 30e-9)), "A0_nm = 3e-08: .*in m\\? then it is 30 nm"),
+        (lambda: afm.tip_radius(lever, 10.5e-9, R_nm=(1.0, 100.0)), "A0_nm = .*in m\\? then it is 10.5 nm"),
+        (lambda: afm.frequency_shift(lever, (9e-9, 14e-9), 10.0), "Zc_nm = .*in m\\? then it is 14 nm"),
+    ):
+        with pytest.raises(InputError, match=meant):
+            call()
+    own = afm.model(
+        afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=2e5, check=False), law, afm.Drive(12.0), Zc_nm=10.0
+    )
+    check_changes(own.parameters, {"R_nm": 3e5})
 
 
 def test_signs_that_are_never_allowed_are_refused_without_check_too():
@@ -151,7 +237,7 @@ def test_a_ratio_that_is_no_small_fraction_is_refused(ratio):
 
 
 def test_a_ratio_without_a_period_says_what_to_do():
-    with pytest.raises(InputError, match=r"simulate instead, or take one near, as '47/15'|'22/7'"):
+    with pytest.raises(InputError, match=r"simulate with at_any_ratio\(3.14159.*\), or take one near, as '22/7'"):
         afm.Drive(1.0, ratio=math.pi)
 
 

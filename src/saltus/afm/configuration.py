@@ -16,6 +16,7 @@ from saltus.afm.laws import adhesive, contact, long_range, viscous
 from saltus.afm.laws.law import Law
 from saltus.afm.modelling import model
 from saltus.afm.probe import Probe
+from saltus.afm.readings import CONVENTIONS
 from saltus.config_files import attribute_of, called, read_toml
 from saltus.continuation import StepControl
 from saltus.errors import InputError, nearest
@@ -264,6 +265,7 @@ def _curve(
     along: str = "Zc_nm",
     parameters: Mapping[str, float] | None = None,
     of: str | int = "deflection",
+    phase_convention: str = "lag90",
     steps: object = None,
     starts: int = 0,
 ) -> Curve:
@@ -272,4 +274,6 @@ def _curve(
     control = None if steps is None else called(StepControl, _table("curve.steps", steps), "curve.steps")
     make = distance_curve if along == "Zc_nm" else frequency_curve
     system = experiment.model(high if along == "Zc_nm" else None)
-    return make(system, (low, high), parameters=parameters, of=of, steps=control, starts=starts, progress=progress)
+    checks.chosen("phase_convention", phase_convention, CONVENTIONS)
+    found = make(system, (low, high), parameters=parameters, of=of, steps=control, starts=starts, progress=progress)
+    return found.shown_as(phase_convention)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from saltus import checks
-from saltus.afm.readings import check_model, formulas, readings_of
+from saltus.afm.readings import CONVENTIONS, check_model, formulas, readings_of, shown_phase, turns_of
 from saltus.afm.routes import Landing, Way, way_along
 from saltus.contents import Contents
 from saltus.continuation import Branch
@@ -31,6 +31,7 @@ __all__ = ["Curve", "Feature", "Jump"]
 
 _DIRECTIONS = {"Zc_nm": ("approach", "retract"), "f_kHz": ("down", "up")}  # of the ways to lower and higher values
 _NONE = np.empty(0)
+_ALWAYS = 1.0 - 1e-9  # share of the time in contact of a tip that never leaves it, less rounding
 
 
 class Feature(NamedTuple):
@@ -94,6 +95,8 @@ class Curve(Result):
         The sheets: branches of periodic orbits that no fold joins.
     of : str or int
         Of what amplitude and lag are told: ``deflection``, ``tip``, or the number of a mode.
+    phase_convention : str
+        What is shown of the lag, as `saltus.afm.observables` takes it: ``lag90``, ``bruker0`` or ``asylum``.
     """
 
     system: HybridSystem
@@ -101,6 +104,7 @@ class Curve(Result):
     bounds: tuple[float, float]
     branches: tuple[Branch, ...]
     of: str | int = "deflection"
+    phase_convention: str = "lag90"
 
     def __len__(self) -> int:
         return sum(len(branch) for branch in self.branches)
@@ -112,7 +116,7 @@ class Curve(Result):
 
     @cached_property
     def _formulas(self) -> dict[str, str]:
-        return formulas(self.system, self.of)
+        return formulas(self.system, self.of, self.phase_convention)
 
     @property
     def readings(self) -> tuple[str, ...]:
@@ -180,9 +184,71 @@ class Curve(Result):
         """
         checks.text("name", name, "the name of a reading")
         text = self._formulas.get(name, name)
+        if name.startswith("shown_phase_deg"):
+            return shown_phase(self.formula(name.replace("shown_phase", "lag")), self.phase_convention)
         if name.startswith("lag_deg") and (turns := self._turns(text)):
             return f"{text} - {360 * turns}"
         return text
+
+    def shown_as(self, phase_convention: str) -> Curve:
+        """Return the same curve with phases as an instrument shows them: the reading ``shown_phase_deg``.
+
+        Parameters
+        ----------
+        phase_convention : {"lag90", "bruker0", "asylum"}
+            What is shown of the lag, as `saltus.afm.observables` takes it.
+
+        Returns
+        -------
+        Curve
+
+        Raises
+        ------
+        InputError
+            There is no such convention.
+
+        Examples
+        --------
+        >>> from saltus import afm
+        >>> probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=150.0, R_nm=10.0)
+        >>> system = afm.model(probe, afm.Hertz(E_GPa=1.0), afm.Drive(A0_nm=10.0), Zc_nm=20.0)
+        >>> curve = afm.distance_curve(system, (5.0, 15.0)).shown_as("bruker0")
+        >>> bool(curve.column("shown_phase_deg").max() > 50.0)  # the sample repels
+        True
+        """
+        checks.chosen("phase_convention", phase_convention, CONVENTIONS)
+        shown = replace(self, phase_convention=phase_convention)
+        if "ways" in vars(self):  # they are those of the same orbits
+            vars(shown)["ways"] = self.ways
+        return shown
+
+    def harmonic_nm(self, order: int) -> NDArray[np.float64]:
+        """Return the amplitude of the deflection at a multiple of the first drive's frequency, at all points.
+
+        Parameters
+        ----------
+        order : int
+            Which multiple.
+
+        Returns
+        -------
+        ndarray, shape (point,), in nm
+
+        Raises
+        ------
+        InputError
+            `order` is below 1.
+
+        Examples
+        --------
+        >>> from saltus import afm
+        >>> probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=150.0, R_nm=10.0)
+        >>> system = afm.model(probe, afm.Hertz(E_GPa=1.0), afm.Drive(A0_nm=10.0), Zc_nm=20.0)
+        >>> curve = afm.distance_curve(system, (5.0, 15.0))
+        >>> f"{curve.harmonic_nm(6).max():.4f} nm"
+        '0.0011 nm'
+        """
+        return self.column(f"amplitude(deflection_nm, {checks.count('order', order) * turns_of(self.system)})")
 
     def _turns(self, text: str) -> int:
         values = self.branches[0].column(text)
@@ -294,10 +360,11 @@ class Curve(Result):
             columns["sheet"].append(np.full(count, part[0, 0] if len(part) else 0))
             columns["jump"].append(np.arange(count) == (0 if after else -1))
         found = {name: np.concatenate(values) for name, values in columns.items()}
-        data: dict[str, Any] = {name: ("point", found[name], _attributes(name)) for name in self._formulas}
+        data: dict[str, Any] = {name: ("point", found[name], self._attributes(name)) for name in self._formulas}
         data |= {"sheet": ("point", found["sheet"].astype(np.int64)), "jump": ("point", found["jump"].astype(bool))}
         coords = {self.along: ("point", found[self.along], {"units": self.along.rpartition("_")[2]})}
-        return xr.Dataset(data, coords, {"direction": direction, "stopped": way.stopped})
+        attrs = {"direction": direction, "stopped": way.stopped, "phase_convention": self.phase_convention}
+        return xr.Dataset(data, coords, attrs)
 
     def _reading_at(
         self, jump: Landing, table: Mapping[str, NDArray[np.float64]], row: NDArray[np.int64], *, landed: bool = False
@@ -308,23 +375,43 @@ class Curve(Result):
         seen = orbit.observe(*texts.values())
         found = {name: np.array([seen[text]]) for name, text in texts.items()}
         for name in found:
-            if name.startswith("lag_deg"):
+            if name.startswith(("lag_deg", "shown_phase_deg")):
                 found[name] += 360.0 * np.round((table[name][row] - found[name]) / 360.0)
         return found | {self.along: np.array([orbit.parameters[self.along]])}
 
-    def to_xarray(self) -> xr.Dataset:
-        """Return the curve as a Dataset: readings and orbits along ``point``, sheet after sheet."""
+    def to_xarray(self, *, harmonics: Sequence[int] = ()) -> xr.Dataset:
+        """Return the curve as a Dataset: readings and orbits along ``point``, sheet after sheet.
+
+        Parameters
+        ----------
+        harmonics : sequence of int, optional
+            Multiples of the first drive's frequency at which ``harmonic_nm`` has the amplitudes of the deflection.
+
+        Returns
+        -------
+        xarray.Dataset
+
+        Raises
+        ------
+        InputError
+            A harmonic is below 1.
+        """
         import xarray as xr
 
         data, coords = branches_together(self.branches, "sheet")
-        data |= {name: ("point", self.column(name), _attributes(name)) for name in self._formulas}
+        data |= {name: ("point", self.column(name), self._attributes(name)) for name in self._formulas}
+        if len(harmonics):
+            told = {"units": "nm", "long_name": "amplitude of a harmonic of the deflection"}
+            rows = np.array([self.harmonic_nm(order) for order in harmonics])
+            data["harmonic_nm"] = (("harmonic", "point"), rows, told)
+            coords["harmonic"] = ("harmonic", np.array(harmonics))
         attrs = {
             "along": self.along,
             "low": self.bounds[0],
             "high": self.bounds[1],
             "of": json.dumps(self.of),
             "definition": json.dumps(self.system.definition()),
-            "phase_convention": "lag90",
+            "phase_convention": self.phase_convention,
             "ragged": RAGGED,
         }
         return xr.Dataset(data, coords=coords, attrs=attrs)
@@ -339,7 +426,8 @@ class Curve(Result):
         of = held.json("of", str) if held.text("of").startswith('"') else held.json("of", int)
         branches = tuple(branch for branch in found if branch is not None)
         low, high = held.number("low"), held.number("high")
-        return cls(system, along, (low, high), branches, of)
+        convention = checks.chosen("attribute 'phase_convention'", held.text("phase_convention"), CONVENTIONS)
+        return cls(system, along, (low, high), branches, of, convention)
 
     def __repr__(self) -> str:
         low, high = float(self.values.min()), float(self.values.max())
@@ -352,10 +440,11 @@ class Curve(Result):
             f"  {f.label:10}  {self.along} = {f.value:.9g}, {f.amplitude_nm:.6g} nm: {f.what}"
             for f in self.special_points
         ]
+        if "contact_fraction" in self.readings and self.column("contact_fraction").min() > _ALWAYS:
+            lines.append("  contact     at all times: the tip is pulled in at larger distances already")
         lines += [f"  {name:10}  {way.stopped}" for way, name in zip(self.ways, self.directions, strict=True)]
         return "\n".join(lines)
 
-
-def _attributes(name: str) -> dict[str, str]:
-    reading = readings_of(name)
-    return {"units": reading.unit, "long_name": reading.long_name}
+    def _attributes(self, name: str) -> dict[str, str]:
+        reading = readings_of(name, self.phase_convention)
+        return {"units": reading.unit, "long_name": reading.long_name}

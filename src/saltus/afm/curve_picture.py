@@ -69,10 +69,12 @@ def plot_curve(
         There is no such kind, or not two Axes.
     """
     kind = "apd" if kind is None else kind
-    names = PANELS[checks.chosen("kind", kind, PANELS)]
+    first, second = PANELS[checks.chosen("kind", kind, PANELS)]
+    if curve.phase_convention != "lag90":
+        second = second.replace("lag_deg", "shown_phase_deg")
     style.check_options(None, ways=ways, special=special, legend=legend)
     upper, lower = panels_of(ax)
-    for panel, name in ((upper, names[0]), (lower, names[1])):
+    for panel, name in ((upper, first), (lower, second)):
         text = curve.formula(name)
         draw_pieces(panel, [piece for branch in curve.branches for piece in pieces_of(branch, curve.along, text)])
         if ways:
@@ -80,7 +82,7 @@ def plot_curve(
         if special:
             for branch in curve.branches:
                 draw_special(panel, branch, curve.along, text)
-        reading = readings_of(name)
+        reading = readings_of(name, curve.phase_convention)
         panel.set_ylabel(f"{reading.long_name} ({reading.unit})" if reading.unit else reading.long_name)
         panel.ticklabel_format(useOffset=False)
     lower.set_xlabel(_ALONG.get(curve.along, style.label_of(curve.along)))

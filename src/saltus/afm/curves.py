@@ -11,9 +11,10 @@ import numpy as np
 from saltus import checks
 from saltus.afm.curve import Curve
 from saltus.afm.modelling import driven_mode, frequency_of, suffix
-from saltus.afm.readings import check_model, drives_of, turns_of
+from saltus.afm.readings import drives_of, formulas, turns_of
 from saltus.afm.routes import is_pulled_in, orbits_at, stretches_of
 from saltus.afm.settling import settled, starts_about, stays_in_contact
+from saltus.afm.units import check_changes
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
 from saltus.errors import ConvergenceError
@@ -107,9 +108,10 @@ def distance_curve(
     >>> [round(afm.observables(orbit)["amplitude_nm"], 5) for orbit in curve.at(Zc_nm=10.0)]
     [10.7157, 10.04805, 9.89528]
     """
-    check_model(system, "system")
+    formulas(system, of)  # raises where it cannot be told
     low, high = checks.interval("bounds", bounds)
     p = _at_frequency(system, system.resolve(parameters), f_kHz)
+    check_changes(system.parameters, p | {"Zc_nm": max(low, high, key=abs)})
     checks.count("starts", starts, 0)
     first = from_afar(system, p, high, steps)
     return _traced(_Tracing("Zc_nm", (low, high), steps, progress), first, of, starts)
@@ -164,10 +166,11 @@ def frequency_curve(
     >>> [f"{jump.direction} at {jump.value:.4f} kHz" for jump in tune.jumps]
     ['down at 299.2872 kHz', 'up at 299.4915 kHz']
     """
-    check_model(system, "system")
+    formulas(system, of)  # raises where it cannot be told
     low, high = checks.interval("bounds", bounds)
     p = system.resolve(parameters) | ({} if Zc_nm is None else {"Zc_nm": Zc_nm})
     p |= {"f_kHz": low}
+    check_changes(system.parameters, p | {"f_kHz": high})
     checks.count("starts", starts, 0)
     first = from_afar(system, p, p["Zc_nm"], steps)
     return _traced(_Tracing("f_kHz", (low, high), steps, progress), first, of, starts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, InitVar, dataclass
+from dataclasses import KW_ONLY, InitVar, dataclass, field, replace
 from fractions import Fraction
 
 from saltus import checks
@@ -42,6 +42,11 @@ class Drive:
     check : bool, optional
         Whether implausible values are refused.
 
+    Attributes
+    ----------
+    repeats : bool
+        Whether the drive repeats with the first one; not after `at_any_ratio`.
+
     Raises
     ------
     InputError
@@ -66,6 +71,7 @@ class Drive:
     phase_deg: float = 0.0
     F0_nN: float | None = None
     Y_nm: float | None = None
+    repeats: bool = field(default=True, init=False)
     check: InitVar[bool] = True
 
     def __post_init__(self, check: bool) -> None:
@@ -145,6 +151,43 @@ class Drive:
         """
         return cls(Y_nm=Y_nm, ratio=ratio, phase_deg=phase_deg, check=check)
 
+    def at_any_ratio(self, ratio: float) -> Drive:
+        """Return the same drive at a frequency that need not repeat with the first one, for simulations.
+
+        A model of such a drive has its phase as a state, ``theta_2`` in rad, and ``ratio_2`` may vary. It has no
+        periodic orbit, and so neither curves nor observables of orbits.
+
+        Parameters
+        ----------
+        ratio : float
+            Frequency over the first drive's.
+
+        Returns
+        -------
+        Drive
+
+        Raises
+        ------
+        InputError
+            The ratio is not positive.
+
+        Examples
+        --------
+        >>> from saltus import afm, simulate
+        >>> probe = afm.Probe(k_N_m=(2.0, 78.5), f0_kHz=(70.0, 438.7), Q=(150.0, 450.0), R_nm=10.0)
+        >>> drive = Drive(A0_nm=20.0) + Drive(A0_nm=1.0, mode=2).at_any_ratio(438.7 / 70.0)
+        >>> system = afm.model(probe, afm.Hertz(E_GPa=1.0), drive, Zc_nm=15.0)
+        >>> system.states
+        ('z1_nm', 'z2_nm', 'v1_nm_us', 'v2_nm_us', 'theta_2')
+        >>> motion = simulate(system, x0=[0.0] * 5, periods=500)
+        >>> print(f"{motion.observe('max(indentation_nm)', t_start=400.0 / 0.07)['max(indentation_nm)']:.2f} nm")
+        0.98 nm
+        """
+        free = replace(self, ratio=1)
+        object.__setattr__(free, "ratio", checks.positive("ratio", ratio))
+        object.__setattr__(free, "repeats", False)
+        return free
+
     @property
     def size(self) -> tuple[str, float]:
         """Name and value of the amplitude that is given."""
@@ -178,7 +221,7 @@ class Drives:
 
     def __post_init__(self) -> None:
         ratios = [Fraction(part.ratio) for part in self.parts]
-        if ratios[0] != 1:
+        if ratios[0] != 1 or not self.parts[0].repeats:
             raise InputError("ratio", str(ratios[0]), "1 for the first drive", "ratios are over its frequency")
         if len(set(ratios)) < len(ratios):
             raise InputError("ratio", [str(ratio) for ratio in ratios], "another for each drive")
@@ -189,7 +232,7 @@ class Drives:
     @property
     def turns(self) -> int:
         """Periods of the first drive after which all of them repeat."""
-        return math.lcm(*(Fraction(part.ratio).denominator for part in self.parts))
+        return math.lcm(*(Fraction(part.ratio).denominator for part in self.parts if part.repeats))
 
     def __add__(self, other: Drive | Drives) -> Drives:
         return Drives(self.parts + other.parts) if isinstance(other, Drive | Drives) else NotImplemented
@@ -205,6 +248,6 @@ def _fraction(ratio: object) -> Fraction:
     near = found.limit_denominator(_LARGEST)
     if found <= 0 or max(near.numerator, near.denominator) > _LARGEST or abs(near / found - 1) > _ROUNDING:
         rough = max(found, Fraction(1, _LARGEST)).limit_denominator(10)
-        hint = f"other ratios never repeat: simulate instead, or take one near, as '{rough}'"
+        hint = f"others never repeat: simulate with at_any_ratio({ratio}), or take one near, as '{rough}'"
         raise InputError("ratio", ratio, allowed, hint)
     return near

@@ -11,6 +11,7 @@ from saltus import checks
 from saltus.afm.bistable_region import PLANE, Bistability, extreme_of
 from saltus.afm.curves import from_afar
 from saltus.afm.readings import check_model, drives_of
+from saltus.afm.units import check_changes
 from saltus.continuation import Locus, SpecialPoint, StepControl, continue_locus, continue_orbit
 from saltus.errors import ConvergenceError, InputError, SaltusError
 from saltus.orbits.orbit import extremes_of
@@ -92,6 +93,7 @@ def bistability(
     near, far = checks.interval("Zc_nm", Zc_nm)
     checks.positive("A0_nm", low, "nm")
     p = system.resolve(parameters)
+    check_changes(system.parameters, p | {"A0_nm": high, "Zc_nm": max(near, far, key=abs)})
     ranges = dict(zip(PLANE, ((low, high), (near, far)), strict=True))
     loci: list[Locus] = []
     failures, told = [], []
@@ -172,6 +174,7 @@ def tip_radius(
     small, large = checks.interval("R_nm", R_nm)
     near, far = checks.interval("Zc_nm", Zc_nm)
     p = system.resolve(parameters)
+    check_changes(system.parameters, p | {"A0_nm": wanted, "R_nm": large, "Zc_nm": max(near, far, key=abs)})
     checks.between("the model's R_nm", p["R_nm"], small, large)
     reach = (0.05 * wanted, 3.0 * wanted)
     first = bistability(system, A0_nm=reach, Zc_nm=(near, far), parameters=p, steps=steps).critical

@@ -12,6 +12,7 @@ from saltus import checks
 from saltus.afm.modelling import suffix
 from saltus.afm.self_excitation import excited_mode, self_excited
 from saltus.afm.shift_curve import FrequencyShift, shift_readings
+from saltus.afm.units import check_changes
 from saltus.errors import ConvergenceError, SaltusError
 from saltus.flow import simulate
 from saltus.orbits import PeriodicOrbit, solve_orbit
@@ -92,6 +93,7 @@ def frequency_shift(
     alone = self_excited(system, A_nm)
     amplitude = alone.parameters["A_nm"]
     given = {name: value for name, value in system.resolve(parameters).items() if name in alone.parameters}
+    check_changes(system.parameters, given | {"Zc_nm": max(low, high, key=abs)})
     fix = {f"amplitude(z{number}_nm, 1)": amplitude}
     f0 = given[f"f0_kHz{suffix(number)}"]
     start = np.zeros(len(alone.states))

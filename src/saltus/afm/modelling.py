@@ -40,9 +40,10 @@ def model(
 ) -> HybridSystem:
     """Return a driven probe over a sample as a hybrid system in nm, nN and us.
 
-    States are the modes' displacements at the tip and their velocities, ``(z1_nm, ..., v1_nm_us, ...)``, then the law's
-    own. Up is positive: the gap is ``Zc_nm`` and the displacements together, and a positive force repels. The phase
-    ``theta`` turns once in the period in which all drives repeat. Hybrid modes are the law's regions.
+    States are the modes' displacements at the tip and their velocities, ``(z1_nm, ..., v1_nm_us, ...)``. Then come
+    phases of drives that do not repeat (`Drive.at_any_ratio`), then the law's own states. Up is
+    positive: the gap is ``Zc_nm`` and the displacements together, and a positive force repels. The phase ``theta``
+    turns once in the period in which all other drives repeat. Hybrid modes are the law's regions.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def model(
     HybridSystem
         Its parameters are ``Zc_nm``, ``f_kHz``, those of the drive (``A0_nm``, ``F0_nN`` or ``Y_nm``), of the probe
         (``k_N_m``, ``f0_kHz``, ``Q``, ``R_nm``) and of the law (``H_aJ``, ...). Those of further modes and drives end
-        with their number, as ``Q_2``. The ratio of a further drive, ``ratio_2``, cannot be changed.
+        with their number, as ``Q_2``. The ratio of a further drive, ``ratio_2``, cannot be changed where it repeats.
 
         Outputs:
 
@@ -80,6 +81,7 @@ def model(
         ``medium_pW``       power that the modes' own damping takes
         ``sample_pW``       power that the sample takes
         ``virial_aJ``       force times the tip's displacement
+        ``drive_nN``        force of the drives on the mode that the first one drives, inertia of a shaken base among it
         ==================  ==========================================================================================
 
     Raises
@@ -176,7 +178,7 @@ class _Writing:
         touching = any(region.indentation for region in regions.values())
         outputs = {key: self.outputs(region, touching) for key, region in regions.items()}
         return {
-            "states": (*self.z, *self.v, *self.law.states),
+            "states": (*self.z, *self.v, *self.free_phases, *self.law.states),
             "parameters": values,
             "modes": {key: Mode(self.field(region), domain=self.domain(region)) for key, region in regions.items()},
             "transitions": [
@@ -197,7 +199,10 @@ class _Writing:
             "parameter_bounds": {
                 **{name: (0.0, math.inf) for name, sign in signs.items() if sign == "0+"},
                 **{f"Q{suffix(part.mode)}": (_LEAST_Q, math.inf) for part in self.drives.parts if part.at == "peak"},
-                **{name: (value, value) for name, value in values.items() if name.startswith("ratio_")},
+                **{
+                    f"ratio_{number}": (values[f"ratio_{number}"],) * 2 if part.repeats else (0.0, math.inf)
+                    for number, part in enumerate(self.drives.parts[1:], 2)
+                },
             },
             "name": f"tip and sample, {n} {'mode' if n == 1 else 'modes'}",
         }
@@ -209,6 +214,11 @@ class _Writing:
     @property
     def v(self) -> list[str]:
         return [f"v{i}_nm_us" for i in range(1, self.probe.modes + 1)]
+
+    @property
+    def free_phases(self) -> list[str]:
+        """Phases of the drives that do not repeat with the first one."""
+        return [f"theta_{number}" for number, part in enumerate(self.drives.parts, 1) if not part.repeats]
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -235,11 +245,15 @@ class _Writing:
         part = self.drives.parts[number - 1]
         order = int(Fraction(part.ratio) * self.drives.turns)
         angle = "theta" if order == 1 else f"{order}*theta"
+        angle = angle if part.repeats else f"theta_{number}"
         return f"{function}({angle}{f' + pi/180*phase_deg{suffix(number)}' if part.phase_deg else ''})"
 
     def omega(self, number: int) -> str:
         """Angular frequency of a drive."""
-        ratio = Fraction(self.drives.parts[number - 1].ratio)
+        part = self.drives.parts[number - 1]
+        ratio = Fraction(part.ratio)
+        if not part.repeats:
+            return f"({_OMEGA}*f_kHz*ratio_{number})"
         return f"({_OMEGA}*f_kHz)" if ratio == 1 else f"({_OMEGA}*f_kHz*{ratio.numerator}/{ratio.denominator})"
 
     @cached_property
@@ -313,6 +327,7 @@ class _Writing:
             end, own = suffix(i), self.own(i)
             forces = in_brackets(sum_of((force, self.driving(i))))
             rates[v] = f"{own}**2*({forces}/k_N_m{end} - {z}) - {own}/Q{end}*{velocity}"
+        rates |= {name: self.omega(int(name.removeprefix("theta_"))) for name in self.free_phases}
         return rates | {name: self.meant(rate, region) for name, rate in region.states.items()}
 
     def domain(self, region: Region) -> str | None:
@@ -342,4 +357,5 @@ class _Writing:
             "medium_pW": " + ".join(drag),
             "sample_pW": f"-{force}*{self.meant('V_nm_us', region)}",
             "virial_aJ": f"{force}*({self.gap} - Zc_nm)",
+            "drive_nN": self.driving(self.drives.parts[0].mode),
         }

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from saltus import checks
-from saltus.afm.readings import READINGS, check_model, formulas, regime, turns_of
+from saltus.afm.readings import READINGS, check_model, formulas, regime, shown_between, turns_of
 from saltus.orbits.orbit import PeriodicOrbit
 
 __all__ = ["Observables", "observables"]
@@ -66,7 +66,7 @@ class Observables(Mapping[str, Any]):
         return self.orbit.observe(name)[name]
 
 
-def observables(orbit: PeriodicOrbit, *, of: str | int = "deflection") -> Observables:
+def observables(orbit: PeriodicOrbit, *, of: str | int = "deflection", phase_convention: str = "lag90") -> Observables:
     """Return what an instrument shows of an orbit of `saltus.afm.model`.
 
     Parameters
@@ -76,6 +76,11 @@ def observables(orbit: PeriodicOrbit, *, of: str | int = "deflection") -> Observ
     of : {"deflection", "tip"} or int, optional
         Of what amplitude and lag are told: the deflection that light shows, the tip itself, which moves with a shaken
         base, or the displacement of one mode, counted from 1.
+    phase_convention : {"lag90", "bruker0", "asylum"}, optional
+        What an instrument shows of the lag. ``lag90`` shows ``lag_deg`` itself. ``bruker0`` shows ``90 - lag_deg``:
+        0 at resonance, positive where the sample repels, from above -180 to 180. ``asylum`` shows ``lag_deg``: 90 at
+        resonance, above it where the sample attracts, below it where it repels. The latter two add the entry
+        ``shown_phase_deg``. An offset or a sign that was set at the instrument comes on top.
 
     Returns
     -------
@@ -90,6 +95,8 @@ def observables(orbit: PeriodicOrbit, *, of: str | int = "deflection") -> Observ
         ``E_ext_eV``          energy that the drive puts in
         ``E_med_eV``          energy that the modes' own damping takes
         ``virial_eV``         mean of force times displacement of the tip
+        ``E_ts_1_eV``         energy that the sample takes, from amplitude and lag alone; see below
+        ``virial_1_eV``       virial from amplitude and lag alone
         ``peak_force_nN``     greatest force
         ``peak_elastic_nN``   greatest force without its part that depends on the rate
         ``min_force_nN``      least force
@@ -103,15 +110,20 @@ def observables(orbit: PeriodicOrbit, *, of: str | int = "deflection") -> Observ
         Of further drives there are ``amplitude_nm_2``, ``lag_deg_2`` and so on. ``.harmonic_nm(order)`` returns the
         amplitude of the deflection at a multiple of the first drive's frequency.
 
+        The readings by one harmonic are what an instrument computes. A mode may have the amplitude A and the lag phi
+        under the force F of the drive. Then the energy is ``pi F A sin(phi) - pi k A**2 f/(f0 Q)``, the virial
+        ``(k A**2 (1 - (f/f0)**2) - F A cos(phi))/2``. A tip that moves more than this mode, as with a
+        shaken base, counts as it moves. They miss the higher harmonics, which `E_ts_eV` and `virial_eV` have.
+
     Raises
     ------
     InputError
-        The orbit is of another system, or the probe has no such mode.
+        The orbit is of another system, the probe has no such mode, or there is no such convention.
 
     References
     ----------
-    J. P. Cleveland et al., Appl. Phys. Lett. 72, 2613 (1998): energies.
-    A. San Paulo, R. Garcia, Phys. Rev. B 64, 193411 (2001): virial.
+    J. P. Cleveland, B. Anczykowski, A. E. Schmid, V. B. Elings, Appl. Phys. Lett. 72, 2613 (1998): the energies.
+    A. San Paulo, R. Garcia, Phys. Rev. B 64, 193411 (2001): the virial.
 
     Examples
     --------
@@ -125,9 +137,13 @@ def observables(orbit: PeriodicOrbit, *, of: str | int = "deflection") -> Observ
     """
     checks.instance("orbit", orbit, PeriodicOrbit)
     check_model(orbit.system, "orbit")
-    texts = formulas(orbit.system, of)
+    texts = formulas(orbit.system, of, phase_convention)
     found = orbit.observe(*texts.values())
     values: dict[str, Any] = {name: found[text] for name, text in texts.items()}
-    values = {name: value % 360.0 if name.startswith("lag_deg") else value for name, value in values.items()}
+    for name in values:
+        if name.startswith("lag_deg"):
+            values[name] %= 360.0
+        elif name.startswith("shown_phase_deg"):
+            values[name] = shown_between(values[name], phase_convention)
     values = dict.fromkeys(READINGS, math.nan) | values
     return Observables(orbit, values | {"stable": orbit.stable, "regime": regime(values["virial_eV"])})

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from saltus import checks
 from saltus.afm.cantilever import Cantilever
 from saltus.afm.tip_mass import modes_with_mass
-from saltus.afm.units import checked
+from saltus.afm.units import Quantity, checked
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,6 +21,15 @@ __all__ = ["MOST_MODES", "Probe"]
 
 MOST_MODES = 20  # modes of a cantilever, at most
 _NG_IN_KG = 1e12  # nanograms in a kilogram
+
+# Geometry and material of a beam, in SI units.
+_BEAM = {
+    "length": Quantity("m", 1e-7, 1e-2, "+"),
+    "width": Quantity("m", 1e-8, 1e-2, "+"),
+    "thickness": Quantity("m", 1e-9, 1e-3, "+"),
+    "density": Quantity("kg/m^3", 100.0, 3e4, "+"),
+    "young": Quantity("Pa", 1e6, 2e12, "+"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,6 +172,9 @@ class Probe:
         [1.0, 3.473127]
         """
         checks.instance("cantilever", cantilever, Cantilever)
+        for name, quantity in _BEAM.items():
+            if getattr(cantilever, name) is not None:
+                checked(name, getattr(cantilever, name), plausible=check, quantity=quantity)
         n = checks.count("modes", modes, 1, MOST_MODES)
         mass = checked("tip_mass_ng", tip_mass_ng, plausible=check) / _NG_IN_KG
         cosine = math.cos(math.radians(checks.between("tilt_deg", tilt_deg, -60.0, 60.0)))

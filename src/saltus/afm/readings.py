@@ -7,12 +7,24 @@ import re
 from typing import NamedTuple
 
 from saltus import checks
-from saltus.afm.modelling import suffix
+from saltus.afm.modelling import driven_mode, suffix
 from saltus.afm.units import ENERGY_EV
 from saltus.errors import InputError
 from saltus.system import HybridSystem
 
-__all__ = ["READINGS", "Reading", "check_model", "drives_of", "formulas", "readings_of", "regime", "turns_of"]
+__all__ = [
+    "CONVENTIONS",
+    "READINGS",
+    "Reading",
+    "check_model",
+    "drives_of",
+    "formulas",
+    "readings_of",
+    "regime",
+    "shown_between",
+    "shown_phase",
+    "turns_of",
+]
 
 _DRIVEN = re.compile(r"(A0_nm|F0_nN|Y_nm)(?:_(\d+))?")
 _NEEDED = {"deflection_nm", "force_nN", "drive_pW", "medium_pW", "sample_pW", "virial_aJ"}
@@ -41,6 +53,8 @@ READINGS = {
     "E_ext_eV": Reading("eV", "energy of the drive in a cycle"),
     "E_med_eV": Reading("eV", "energy to the medium in a cycle"),
     "virial_eV": Reading("eV", "virial"),
+    "E_ts_1_eV": Reading("eV", "energy to the sample by one harmonic"),
+    "virial_1_eV": Reading("eV", "virial by one harmonic"),
     "peak_force_nN": Reading("nN", "greatest force"),
     "peak_elastic_nN": Reading("nN", "greatest elastic force"),
     "min_force_nN": Reading("nN", "least force"),
@@ -48,6 +62,14 @@ READINGS = {
     "contact_fraction": Reading("", "share of the time in contact"),
     "contact_time_us": Reading("us", "time in contact in a cycle"),
 }
+
+# What is shown of the lag, as a formula in it, and the name for axes.
+CONVENTIONS = {
+    "lag90": ("{lag}", READINGS["lag_deg"].long_name),
+    "bruker0": ("90 - ({lag})", "phase, bruker0"),
+    "asylum": ("{lag}", "phase, asylum"),
+}
+_SHOWN = "shown_phase_deg"  # reading of conventions other than lag90
 
 
 def check_model(system: HybridSystem, argument: str) -> None:
@@ -69,7 +91,7 @@ def turns_of(system: HybridSystem) -> int:
     return int(divisor[1]) if divisor else 1
 
 
-def formulas(system: HybridSystem, of: str | int = "deflection") -> dict[str, str]:
+def formulas(system: HybridSystem, of: str | int = "deflection", phase_convention: str = "lag90") -> dict[str, str]:
     """Return the readings of a model's orbits as formulas in observables.
 
     Parameters
@@ -78,6 +100,8 @@ def formulas(system: HybridSystem, of: str | int = "deflection") -> dict[str, st
         A model of `saltus.afm.model`.
     of : {"deflection", "tip"} or int, optional
         Of what amplitude and lag are told, as `saltus.afm.observables` takes it.
+    phase_convention : {"lag90", "bruker0", "asylum"}, optional
+        What is shown of the lag, as `saltus.afm.observables` takes it.
 
     Returns
     -------
@@ -87,9 +111,13 @@ def formulas(system: HybridSystem, of: str | int = "deflection") -> dict[str, st
     Raises
     ------
     InputError
-        The system is no such model, or the probe has no such mode.
+        The system is no such model, the probe has no such mode, or there is no such convention.
     """
     check_model(system, "system")
+    if free := [name for name in system.states if re.fullmatch(r"theta_\d+", name)]:
+        hint = f"no motion of it repeats while {', '.join(free)} turns freely: simulate it"
+        raise InputError("system", system.name, "a model whose drives repeat", hint)
+    checks.chosen("phase_convention", phase_convention, CONVENTIONS)
     seen, turns = _subject(system, of), turns_of(system)
     waves = {}
     for number in drives_of(system):
@@ -97,7 +125,9 @@ def formulas(system: HybridSystem, of: str | int = "deflection") -> dict[str, st
         order = round(system.parameters.get(f"ratio{end}", 1.0) * turns)
         lead = f" + phase_deg{end}" if f"phase_deg{end}" in system.parameters else ""
         waves[f"amplitude_nm{end}"] = f"amplitude({seen}, {order})"
-        waves[f"lag_deg{end}"] = f"90 - degrees(phase({seen}, {order})){lead}"
+        waves[f"lag_deg{end}"] = lag = f"90 - degrees(phase({seen}, {order})){lead}"
+        if phase_convention != "lag90":
+            waves[f"{_SHOWN}{end}"] = shown_phase(lag, phase_convention)
     cycle = f"*1e3/f_kHz*{ENERGY_EV!r}"
     touching = "contact" in system.output_names
     contact = {
@@ -112,6 +142,7 @@ def formulas(system: HybridSystem, of: str | int = "deflection") -> dict[str, st
         "E_ext_eV": f"mean(drive_pW){cycle}",
         "E_med_eV": f"mean(medium_pW){cycle}",
         "virial_eV": f"mean(virial_aJ)*{ENERGY_EV!r}",
+        **_by_one_harmonic(system),
         "peak_force_nN": "max(force_nN)",
         "peak_elastic_nN": "max(elastic_nN)",
         "min_force_nN": "min(force_nN)",
@@ -119,9 +150,54 @@ def formulas(system: HybridSystem, of: str | int = "deflection") -> dict[str, st
     }
 
 
-def readings_of(name: str) -> Reading:
+def _by_one_harmonic(system: HybridSystem) -> dict[str, str]:
+    """Return formulas of the energy and the virial that the harmonic at the first drive's frequency tells.
+
+    The balance of the driven mode at this frequency gives the force there, from amplitudes and phases alone:
+    ``(k - m omega**2 + i omega k/(omega_0 Q)) z - F``.
+    """
+    if "drive_nN" not in system.output_names:
+        return {}
+    order, number = turns_of(system), driven_mode(system)
+    end = suffix(number)
+    z, tip, force = (f"amplitude({name}, {order})" for name in (f"z{number}_nm", "D_nm", "drive_nN"))
+    behind, pushed = (f"(phase({name}, {order}) - phase(D_nm, {order}))" for name in (f"z{number}_nm", "drive_nN"))
+    ratio = f"(f_kHz/f0_kHz{end})"
+    spring, drag = f"k_N_m{end}*(1 - {ratio}**2)", f"k_N_m{end}*{ratio}/Q{end}"
+    lost = f"{force}*sin({pushed}) - {z}*({spring}*sin({behind}) + {drag}*cos({behind}))"
+    held = f"{z}*({spring}*cos({behind}) - {drag}*sin({behind})) - {force}*cos({pushed})"
+    return {"E_ts_1_eV": f"pi*{tip}*({lost})*{ENERGY_EV!r}", "virial_1_eV": f"0.5*{tip}*({held})*{ENERGY_EV!r}"}
+
+
+def shown_phase(lag: str, phase_convention: str) -> str:
+    """Return the phase that a convention shows, as a formula in a lag.
+
+    Examples
+    --------
+    >>> shown_phase("lag_deg", "bruker0")
+    '90 - (lag_deg)'
+    """
+    return CONVENTIONS[phase_convention][0].format(lag=lag)
+
+
+def shown_between(phase: float, phase_convention: str) -> float:
+    """Return a shown phase in the range of its convention, in degrees.
+
+    That is above -180 and up to 180 for ``bruker0``, and from 0 to below 360 for the others.
+
+    Examples
+    --------
+    >>> shown_between(-200.0, "bruker0"), shown_between(-200.0, "asylum")
+    (160.0, 160.0)
+    """
+    return 180.0 - (180.0 - phase) % 360.0 if phase_convention == "bruker0" else phase % 360.0
+
+
+def readings_of(name: str, phase_convention: str = "lag90") -> Reading:
     """Return unit and long name of a reading; those of a further drive are the first one's."""
     first = re.sub(r"_\d+$", "", name)
+    if first == _SHOWN:
+        return Reading("degrees", CONVENTIONS[phase_convention][1])
     return READINGS[name if name in READINGS else first]
 
 

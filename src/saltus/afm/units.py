@@ -7,29 +7,35 @@ Pa s (1e-3 nN us/nm**2) bring factors, which the formulas contain.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from saltus import checks
 from saltus.errors import InputError
 
-__all__ = ["ENERGY_EV", "QUANTITIES", "Quantity", "checked", "quantity_of"]
+__all__ = ["ENERGY_EV", "QUANTITIES", "Quantity", "check_changes", "checked", "quantity_of"]
 
 ENERGY_EV = 6.241509074460763  # eV in 1 aJ, by the definition of the SI
 
 # Units in which a value may have been meant, and what it is to be multiplied by.
 _OTHER_UNITS = {
-    "nm": {"m": 1e9, "um": 1e3, "pm": 1e-3},
-    "N/m": {"mN/m": 1e-3, "nN/m": 1e-9, "N/nm": 1e9},
-    "kHz": {"Hz": 1e-3, "MHz": 1e3, "GHz": 1e6},
-    "GPa": {"Pa": 1e-9, "MPa": 1e-3, "kPa": 1e-6},
-    "aJ": {"J": 1e18, "zJ": 1e-3},
-    "nN": {"N": 1e9, "uN": 1e3, "pN": 1e-3},
-    "Pa s": {"mPa s": 1e-3},
-    "uN s/m": {"N s/m": 1e6, "nN s/m": 1e-3},
-    "mC/m^2": {"C/m^2": 1e3},
+    "nm": {"m": 1e9, "um": 1e3, "pm": 1e-3, "mm": 1e6, "fm": 1e-6},
+    "N/m": {"mN/m": 1e-3, "nN/m": 1e-9, "N/nm": 1e9, "uN/m": 1e-6, "N/mm": 1e3, "N/um": 1e6},
+    "kHz": {"Hz": 1e-3, "MHz": 1e3, "GHz": 1e6, "mHz": 1e-6, "THz": 1e9},
+    "GPa": {"Pa": 1e-9, "MPa": 1e-3, "kPa": 1e-6, "TPa": 1e3},
+    "aJ": {"J": 1e18, "zJ": 1e-3, "fJ": 1e3, "pJ": 1e6, "nJ": 1e9, "yJ": 1e-6},
+    "nN": {"N": 1e9, "uN": 1e3, "pN": 1e-3, "mN": 1e6, "fN": 1e-6},
+    "Pa s": {"mPa s": 1e-3, "uPa s": 1e-6, "kPa s": 1e3, "MPa s": 1e6, "GPa s": 1e9},
+    "uN s/m": {"N s/m": 1e6, "nN s/m": 1e-3, "mN s/m": 1e3, "pN s/m": 1e-6},
+    "mC/m^2": {"C/m^2": 1e3, "uC/m^2": 1e-3, "nC/m^2": 1e-6},
     "us": {"s": 1e6, "ms": 1e3, "ns": 1e-3},
-    "ng": {"kg": 1e12, "g": 1e9, "pg": 1e-3},
+    "1/ms": {"1/s": 1e-3, "1/us": 1e3},
+    "m": {"um": 1e-6, "mm": 1e-3, "nm": 1e-9, "cm": 1e-2},
+    "kg/m^3": {"g/cm^3": 1e3},
+    "Pa": {"GPa": 1e9, "MPa": 1e6, "kPa": 1e3},
+    "ng": {"kg": 1e12, "g": 1e9, "pg": 1e-3, "ug": 1e3, "mg": 1e6, "fg": 1e-6},
 }
+_SLIPS = (1e3, 1e6, 1e9)  # factors by which a value may be too small or too large, where no unit explains it
 
 
 class Quantity(NamedTuple):
@@ -103,7 +109,14 @@ def quantity_of(name: str) -> Quantity | None:
     return QUANTITIES.get(re.sub(r"_[2-9]\d*$", "", name))
 
 
-def checked(name: str, value: object, *, plausible: bool = True) -> float:
+def checked(
+    name: str,
+    value: object,
+    *,
+    plausible: bool = True,
+    insists: str = "check=False insists",
+    quantity: Quantity | None = None,
+) -> float:
     """Return the value of a quantity, in its unit.
 
     Parameters
@@ -114,6 +127,10 @@ def checked(name: str, value: object, *, plausible: bool = True) -> float:
         Its value.
     plausible : bool, optional
         Whether a value outside the plausible range is refused.
+    insists : str, optional
+        How the value can be used nevertheless, for the hint.
+    quantity : Quantity, optional
+        What is allowed; by default what the name stands for.
 
     Returns
     -------
@@ -134,7 +151,7 @@ def checked(name: str, value: object, *, plausible: bool = True) -> float:
         ...
     saltus.errors.InputError: R_nm = 1e-08: must be between 0.5 and 100000 nm; in m? ...
     """
-    quantity = quantity_of(name)
+    quantity = quantity_of(name) if quantity is None else quantity
     if quantity is None:
         return checks.number(name, value)
     if quantity.sign == "+":
@@ -145,8 +162,36 @@ def checked(name: str, value: object, *, plausible: bool = True) -> float:
         number = checks.number(name, value, unit=quantity.unit)
     if plausible and number != 0.0 and not _within(quantity, number):
         allowed = f"between {quantity.low:g} and {quantity.high:g} {quantity.unit}".rstrip()
-        raise InputError(name, value, allowed, f"{_slip(quantity, number)}check=False insists")
+        raise InputError(name, value, allowed, f"{_slip(quantity, number)}{insists}")
     return number
+
+
+def check_changes(own: Mapping[str, float], changes: Mapping[str, float]) -> None:
+    """Raise `InputError` where a value is implausible that takes the place of a plausible one of a model.
+
+    Parameters
+    ----------
+    own : mapping of str to float
+        The model's parameters.
+    changes : mapping of str to float
+        Values that take their place.
+
+    Raises
+    ------
+    InputError
+        A value is not plausible. The hint names the slip of units that would explain it.
+
+    Examples
+    --------
+    >>> check_changes({"R_nm": 12.0}, {"R_nm": 12e-9})
+    Traceback (most recent call last):
+        ...
+    saltus.errors.InputError: R_nm = 1.2e-08: must be ... in m? then it is 12 nm; a model with such a value insists
+    """
+    for name, value in changes.items():
+        quantity = quantity_of(name)
+        if quantity is not None and name in own and (own[name] == 0.0 or _within(quantity, own[name])):
+            checked(name, value, insists="a model with such a value insists")
 
 
 def _within(quantity: Quantity, number: float) -> bool:
@@ -154,8 +199,12 @@ def _within(quantity: Quantity, number: float) -> bool:
 
 
 def _slip(quantity: Quantity, number: float) -> str:
-    """Return the question whether another unit was meant, an empty text where none makes the number plausible."""
+    """Return the question whether another unit was meant, an empty text where nothing makes the number plausible."""
     for unit, factor in _OTHER_UNITS.get(quantity.unit, {}).items():
         if _within(quantity, number * factor):
             return f"in {unit}? then it is {number * factor:g} {quantity.unit}; "
+    too, power = ("small", 1.0) if abs(number) < quantity.low else ("large", -1.0)
+    for slip in _SLIPS:
+        if _within(quantity, number * slip**power):
+            return f"{slip:g} times too {too}? then it is {number * slip**power:g} {quantity.unit}".rstrip() + "; "
     return ""

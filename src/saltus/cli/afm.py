@@ -98,21 +98,20 @@ def observe(
 def _tell_observables(curve: Curve, found: StableOrbits) -> None:
     """Print the observables of orbits, one a column."""
     from saltus.afm.orbit_observables import observables
-    from saltus.afm.readings import READINGS, readings_of
+    from saltus.afm.readings import readings_of
 
     place = ", ".join(f"{name} = {found.orbits[0].parameters[name]:.10g}" for name in ("Zc_nm", "f_kHz"))
     told = [f"{len(found.orbits)} stable"] + [f"{found.unstable} unstable"] * bool(found.unstable)
     told += [f"{found.beside} on no sheet of the curve"] * bool(found.beside)
     told += [f"{found.unsettled} motions settle on no periodic orbit"] * bool(found.unsettled)
     typer.echo(f"{place}: {', '.join(told)}")
-    seen = [observables(orbit, of=curve.of) for orbit in found.orbits]
+    seen = [observables(orbit, of=curve.of, phase_convention=curve.phase_convention) for orbit in found.orbits]
     table = new_table({"observable": "left", "unit": "left", **{f"orbit {k + 1}": "right" for k in range(len(seen))}})
     add_row(table, "regime", "", *(one["regime"] for one in seen))
     for name in seen[0]:
         values = [one[name] for one in seen]
         if name not in ("regime", "stable") and not all(value != value for value in values):
-            unit = readings_of(name).unit if name.rstrip("_0123456789") in READINGS else ""
-            add_row(table, name, unit, *(f"{value:.9g}" for value in values))
+            add_row(table, name, readings_of(name).unit, *(f"{value:.9g}" for value in values))
     show(table)
 
 

@@ -118,7 +118,8 @@ def continue_locus(
     ------
     InputError
         Names, bounds or an option that cannot be used. A start of a type without a locus, or one that is not critical.
-        A start at which the two parameters have no regular locus.
+        A start at which the two parameters have no regular locus. A field whose slope is infinite where a segment
+        begins, as of a root of the distance to the event there: it has no second derivatives.
 
     References
     ----------

@@ -10,6 +10,7 @@ import numpy as np
 
 from saltus.continuation.arclength import follow
 from saltus.continuation.closure import alongside, passes
+from saltus.continuation.field_roots import rooted_modes
 from saltus.continuation.grazing import Neighbour, neighbour, touching
 from saltus.continuation.locating import events_between
 from saltus.continuation.locus import Locus
@@ -55,6 +56,12 @@ class OrbitLocusRun(TwoParameterRun):
 
     def locus(self, order: tuple[str, ...], directions: str) -> Locus:
         """Return the locus, its parameters in the order that the user gave."""
+        if self.kind != "GR" and (modes := rooted_modes(self.orbit)):
+            hint = (
+                f"in {', '.join(modes)} its slope is infinite there: loci crawl; give the force by its impulse instead"
+            )
+            wanted = "an orbit whose field has second derivatives where its segments begin"
+            raise InputError("start", self.kind, wanted, f'{hint}, as form="impulse" of a law does')
         origin = self.begin(self.names.index(order[1]))
         with self.reporter:
             halves = traced(lambda sign: self.trace(origin, sign), directions)

@@ -1,1 +1,1 @@
-"""Laws of the force between tip and sample, as hybrid regions: docs/afm.md has their table."""
+"""Laws of the force between tip and sample, as hybrid regions: docs/afm/laws.md has their table."""

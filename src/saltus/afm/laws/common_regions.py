@@ -23,6 +23,7 @@ from saltus.system.parts import Mode
 __all__ = ["Product", "in_brackets", "named", "product", "shared_parameters", "sum_of", "value_of"]
 
 _NAME = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
+_ELASTIC = "E_GPa"  # parameter of laws of elastic contact, of which a sum has one
 _Place: TypeAlias = tuple[str, ...]  # the region of each law
 
 
@@ -138,6 +139,7 @@ class _Making:
 
     def __init__(self, parts: tuple[Part, ...], R_nm: float | None) -> None:
         self.parts = parts
+        self.check_kinds()
         self.values = shared_parameters(parts)
         if R_nm is not None:
             self.values.setdefault("R_nm", R_nm)
@@ -149,6 +151,19 @@ class _Making:
             for part in parts
         ]
         self.states = self.own_states()
+
+    def check_kinds(self) -> None:
+        """Raise `InputError` where a sum has a force twice."""
+        names = [type(part).__name__ for part in self.parts]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError("law", " + ".join(names), f"with {name} once", "its force would count twice")
+        elastic = [
+            name for name, part in zip(names, self.parts, strict=True) if part.contact and _ELASTIC in vars(part)
+        ]
+        if len(elastic) > 1:
+            hint = "the elastic force would count twice: take one, and VanDerWaals for the attraction"
+            raise InputError("law", " + ".join(names), f"with one of {', '.join(elastic)}", hint)
 
     def contact(self) -> str:
         """Gap at which contact begins: that of a law of contact, else the first below which a law tells a depth."""
@@ -230,6 +245,8 @@ class _Making:
         separation = next((region.separation for region in mine if region.separation), "D_nm")
         meanings = {"contact_nm": self.contact()}
         meanings["separation_nm"] = named(separation, meanings)
+        if meanings["separation_nm"] == "0":
+            self.check_touching(mine)
 
         def total(texts: Iterable[str]) -> str:
             return sum_of(named(text, meanings) for text in texts)
@@ -247,19 +264,29 @@ class _Making:
             domain="*".join(map(in_brackets, domains)),
         )
 
+    def check_touching(self, regions: list[Region]) -> None:
+        """Raise `InputError` where a law's force has a pole at separation 0, at which others of the sum touch."""
+        for part, region in zip(self.parts, regions, strict=True):
+            used = set(_NAME.findall(region.force))
+            if "separation_nm" not in used or used & {"D_nm", "V_nm_us", *self.states}:
+                continue
+            at_0 = named(region.force, {"separation_nm": "touching_nm"})
+            if not math.isfinite(value_of(at_0, self.values | {"touching_nm": 0.0})):
+                hint = "its force is infinite there; VanDerWaals with DMT touches at a0_nm"
+                allowed = "a law that can be added to one whose surfaces touch at separation 0"
+                raise InputError("law", type(part).__name__, allowed, hint)
+
     def crossings(
         self, moves: list[tuple[_Place, Crossing, _Place]], names: Mapping[_Place, str]
     ) -> tuple[Crossing, ...]:
-        uses = [crossing.name for _, crossing, _ in moves]
-        return tuple(
-            replace(
-                crossing,
-                source=names[place],
-                target=names[target],
-                name=crossing.name if uses.count(crossing.name) == 1 else f"{crossing.name}_{names[place]}",
-            )
-            for place, crossing, target in moves
-        )
+        short = [crossing.name for _, crossing, _ in moves]
+        long = [f"{crossing.name}_{names[place]}" for place, crossing, _ in moves]
+        found = []
+        for i, (place, crossing, target) in enumerate(moves):
+            name = short[i] if short.count(short[i]) == 1 else long[i]
+            name = name if long.count(name) <= 1 else f"{name}_{names[target]}"
+            found.append(replace(crossing, source=names[place], target=names[target], name=name))
+        return tuple(found)
 
     def positive(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(name for part in self.parts for name in part.positive if name in self.values))

@@ -108,7 +108,13 @@ class Law:
         return Sum(laws=self.parts + other.parts) if isinstance(other, Law) else NotImplemented
 
     def force_nN(
-        self, D_nm: ArrayLike, region: str | None = None, *, R_nm: float | None = None, V_nm_us: ArrayLike = 0.0
+        self,
+        D_nm: ArrayLike,
+        region: str | None = None,
+        *,
+        R_nm: float | None = None,
+        V_nm_us: ArrayLike = 0.0,
+        check: bool = True,
     ) -> NDArray[np.float64]:
         """Return the force on the tip, in nN.
 
@@ -122,6 +128,8 @@ class Law:
             Radius of the tip, in nm, where the law needs and does not have it.
         V_nm_us : array_like, optional
             Rates of the gap, in nm/us. The law's own states are 0.
+        check : bool, optional
+            Whether an implausible `R_nm` is refused.
 
         Returns
         -------
@@ -140,9 +148,12 @@ class Law:
         >>> law.force_nN([1.0, 0.1], R_nm=12.0).round(6).tolist()
         [-0.4, -8.539407]
         """
-        return force_nN(self.parts, D_nm, region, R_nm, V_nm_us)
+        radius = None if R_nm is None else checked("R_nm", R_nm, plausible=check)
+        return force_nN(self.parts, D_nm, region, radius, V_nm_us)
 
-    def energy_per_cycle_eV(self, *, Zc_nm: float, A_nm: float, f_kHz: float, R_nm: float | None = None) -> float:
+    def energy_per_cycle_eV(
+        self, *, Zc_nm: float, A_nm: float, f_kHz: float, R_nm: float | None = None, check: bool = True
+    ) -> float:
         """Return the energy that the tip loses to the sample in a cycle of a prescribed motion.
 
         Parameters
@@ -153,16 +164,19 @@ class Law:
             Frequency, in kHz, on which viscous losses depend.
         R_nm : float, optional
             Radius of the tip, in nm, where the law needs and does not have it.
+        check : bool, optional
+            Whether implausible values are refused.
 
         Returns
         -------
         float, in eV
-            Positive where energy is lost. The cycle is the second one, after hysteresis has been passed once.
+            Positive where energy is lost. The cycle is the second one, after hysteresis has been passed once. States of
+            a law have come to repeat.
 
         Raises
         ------
         InputError
-            The law has states of its own; a value that is not allowed.
+            A value that is not allowed or, with `check`, not plausible; states of the law do not repeat in each cycle.
 
         Examples
         --------
@@ -171,7 +185,10 @@ class Law:
         >>> round(neck.energy_per_cycle_eV(Zc_nm=10.0, A_nm=9.5, f_kHz=70.0, R_nm=20.0), 8)  # 2 pi gamma R h
         28.23592184
         """
-        return energy_per_cycle_eV(self.parts, Zc_nm, A_nm, f_kHz, R_nm)
+        motion = {"Zc_nm": Zc_nm, "A_nm": A_nm, "f_kHz": f_kHz}
+        Zc, A, f = (checked(name, value, plausible=check) for name, value in motion.items())
+        radius = None if R_nm is None else checked("R_nm", R_nm, plausible=check)
+        return energy_per_cycle_eV(self.parts, Zc, A, f, radius)
 
 
 @dataclass(frozen=True, kw_only=True)

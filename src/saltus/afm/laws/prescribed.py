@@ -9,7 +9,8 @@ import numpy as np
 
 from saltus import checks
 from saltus.afm.laws.common_regions import Product, product, sum_of, value_of
-from saltus.afm.units import ENERGY_EV, checked
+from saltus.afm.laws.prescribed_states import energy_of_states_aJ
+from saltus.afm.units import ENERGY_EV
 from saltus.errors import InputError
 from saltus.system.definition import Definition
 from saltus.system.evaluate import evaluate
@@ -30,7 +31,7 @@ class _Table:
     """The forces of a product of laws at many gaps."""
 
     def __init__(self, parts: tuple[Part, ...], R_nm: float | None) -> None:
-        self.product: Product = product(parts, None if R_nm is None else checked("R_nm", R_nm, plausible=False))
+        self.product: Product = product(parts, R_nm)
         names = ("D_nm", "V_nm_us", *self.product.states)
         regions = self.product.regions
         idle = Mode(dict.fromkeys(names, "0"))
@@ -73,9 +74,9 @@ def force_nN(
 def energy_per_cycle_eV(parts: tuple[Part, ...], Zc_nm: float, A_nm: float, f_kHz: float, R_nm: float | None) -> float:
     """Return the energy lost in a cycle of a prescribed motion; see `Law.energy_per_cycle_eV`."""
     table = _Table(parts, R_nm)
-    _refuse_states(table)
-    Zc, A = checks.number("Zc_nm", Zc_nm), checks.positive("A_nm", A_nm)
-    omega = 2e-3 * math.pi * checks.positive("f_kHz", f_kHz)
+    Zc, A, omega = Zc_nm, A_nm, 2e-3 * math.pi * f_kHz
+    if table.product.states:
+        return energy_of_states_aJ(table.product, Zc, A, f_kHz) * ENERGY_EV
     region = next(iter(table.product.regions))
     energies = []
     for leg in range(_LEGS):
