@@ -20,10 +20,10 @@ from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.two_sided import SAME, Found, OneSide, join, traced, turned
 from saltus.continuation.zero_problem import Event, Point, start_point
 from saltus.errors import InputError
-from saltus.orbits.critical import Branching, Condition, Critical, Grazing, TorusCondition
+from saltus.orbits.critical import TOUCHING, Branching, Condition, Critical, Grazing, TorusCondition, vanishing_segment
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import DIRECTION, DURATION, MEAN_END, WHOLE, Signature
+from saltus.orbits.signature import DIRECTION, DURATION, WHOLE, Signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,7 +36,6 @@ _ENDS = {
     "R2": "beyond it the two multipliers are real, of product 1",
 }
 
-_TOUCHING = 1e-6  # distance from a surface, over the event's size, or duration, over the period, that is a grazing
 _CRITICAL = 1e-3  # distance of a start from its critical condition up to which a locus starts there
 _MOVED = 1e-3  # change, over the unknowns' sizes, by which the first point of a locus may differ from the start
 _REGULAR = 1e-11  # least singular value of the extended equations, over the largest, of a regular start
@@ -161,13 +160,13 @@ class OrbitLocusRun(TwoParameterRun):
     def _grazing(self) -> tuple[OrbitProblem, NDArray[np.float64], Grazing]:
         """Return the grazing orbit in the larger signature, its unknowns, and the condition that vanishes."""
         problem, u = self._problem(self.orbit.form, self.orbit.unknowns)
-        found = _vanishing(problem, u)
+        found = vanishing_segment(problem, u, problem.survey(u))
         if found is None:
             survey = problem.survey(u)
             heights = np.abs(survey.margins)
             i, k = np.unravel_index(int(np.argmin(heights)), heights.shape) if heights.size else (0, 0)
             sizes = np.array([problem.event_size(int(j), u[: problem.n]) for j in range(heights.shape[1])])
-            if not heights.size or not heights[i, k] < _TOUCHING * sizes[k]:
+            if not heights.size or not heights[i, k] < TOUCHING * sizes[k]:
                 least = float(heights.min()) if heights.size else math.inf
                 raise InputError(
                     "start", f"{least:.3g} from the nearest surface", "an orbit that grazes one", "a GR does"
@@ -178,7 +177,7 @@ class OrbitLocusRun(TwoParameterRun):
             if not isinstance(larger, Neighbour):
                 larger = touching(problem, u, int(i), int(k))
             problem, u = self._problem(larger.signature, larger.u[:-2])
-            found = _vanishing(problem, u)
+            found = vanishing_segment(problem, u, problem.survey(u))
             if found is None:
                 raise self.irregular("the touching motion cannot be cut at its surface")
         return problem, u, Grazing(problem, *found)
@@ -267,20 +266,3 @@ class OrbitLocusRun(TwoParameterRun):
         if not isinstance(start, SpecialPoint) or (monitor := Monitor(start.type)) not in monitors:
             return None
         return Found(start.type, self._orbit(origin), monitors[monitor], 0, 0.0, start.of)
-
-
-def _vanishing(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[str, int] | None:
-    """Return kind and segment of the first vanishing duration, or else rate; None where none vanishes."""
-    n = problem.n
-    blocks = u[: problem.size].reshape(problem.segments, n + 1)
-    period = float(np.abs(blocks[:, n]).sum())
-    for i, kind in enumerate(problem.signature.kinds):
-        if kind == MEAN_END and abs(blocks[i, n]) < _TOUCHING * period:
-            return "duration", i
-    rates = problem.survey(u).rates
-    for i, transition in enumerate(problem.signature.transitions):
-        if transition >= 0 and abs(rates[i, 0]) * period < _CRITICAL * _TOUCHING**0.5 * problem.event_size(
-            transition, u[: problem.n]
-        ):
-            return "rate", i
-    return None
