@@ -197,6 +197,15 @@ def test_the_radius_enters_with_the_hamaker_constant_and_the_modulus_only(damped
         np.testing.assert_allclose(by["R_nm"], by["H_aJ"] + 0.5 * by["E_GPa"], rtol=1e-11)
 
 
+def test_jumps_and_grazing_move_with_the_radius_as_with_the_constants_that_it_multiplies(approach):
+    for kind in ("SN", "GR"):
+        found = approach.special_points.of_type(kind)[0].sensitivity()["Zc_nm"]
+        by = {name: float(found.sel(parameter=name)) for name in ("R_nm", "H_aJ", "E_GPa", "A0_nm")}
+        if kind == "SN":
+            assert 12.0 * by["R_nm"] == pytest.approx(0.12 * by["H_aJ"] + 0.75 * by["E_GPa"], rel=1e-8)
+        assert abs(by["A0_nm"]) > 0.1
+
+
 def test_observables_of_an_orbit_from_a_file_are_the_same(damped, tmp_path):
     read = saltus.load(damped.save(tmp_path / "orbit.nc"))
     assert dict(afm.observables(read)) == dict(afm.observables(damped))

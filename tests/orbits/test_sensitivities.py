@@ -197,6 +197,28 @@ def test_some_parameters_in_the_order_that_is_asked_for():
         orbit.sensitivity(["best(x)"])
 
 
+MULTIPLIED = {
+    "a pair": settled(duffing()),
+    "impacts": settled(systems.impact_oscillator(), {"w": 0.9, "d": 3.0, "e": 0.7}),
+    "a cycle": settled(van_der_pol(), {"mu": 0.3}, [2.0, 0.0]),
+    "two fields": settled(systems.two_fields(), x0=[1.0, 0.3]),
+    "a power 3/2": settled(contact()),
+}
+
+
+@pytest.mark.parametrize("case", MULTIPLIED)
+def test_derivatives_of_multipliers_agree_with_differences(case):
+    orbit = MULTIPLIED[case]()
+    found = orbit.sensitivity(["multipliers"])
+    slopes = found["multiplier_re"] + 1j * found["multiplier_im"]
+    np.testing.assert_allclose(found["multiplier_re"].attrs["value"], orbit.multipliers.real, atol=1e-12)
+    for parameter in orbit.system.parameter_names:
+        at, step = orbit.parameters[parameter], 1e-4 if case == "a power 3/2" else 1e-3
+        moved = {k: again(orbit, {parameter: at * (1.0 + k * step)}).multipliers for k in (-2, -1, 1, 2)}
+        wanted = (8.0 * (moved[1] - moved[-1]) - (moved[2] - moved[-2])) / (12.0 * step)
+        np.testing.assert_allclose(at * slopes.sel(parameter=parameter), wanted, rtol=DIFFERENCED, atol=1e-7)
+
+
 # what has no derivative is told
 
 

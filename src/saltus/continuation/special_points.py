@@ -11,6 +11,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation.connection import Homoclinic
+from saltus.continuation.point_sensitivities import Place, moved_equilibrium, moved_orbit
 from saltus.cycles import MapOrbit
 from saltus.cycles.normal_forms import map_normal_form
 from saltus.equilibria import Equilibrium
@@ -21,6 +22,7 @@ from saltus.orbits.normal_forms import NORMAL_FORMS, NormalForm, normal_form
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
     from numpy.typing import NDArray
 
 __all__ = ["Solution", "SpecialPoint", "SpecialPoints"]
@@ -204,6 +206,55 @@ class SpecialPoint(Generic[Solution]):
         if self.type not in NORMAL_FORMS:
             raise InputError("type", self.type, f"one of {', '.join(NORMAL_FORMS)}", "no normal form belongs to it")
         return normal_form(self.orbit, self.type)
+
+    def sensitivity(self, parameters: Sequence[str] | None = None) -> xr.Dataset:
+        """Return how the point moves along its branch as other parameters change, exactly.
+
+        docs/theory/sensitivities.md, "Special points", derives it.
+
+        Parameters
+        ----------
+        parameters : sequence of str, optional
+            All other parameters of the system by default.
+
+        Returns
+        -------
+        xarray.Dataset
+            One variable, named by the parameter of the branch, along ``parameter``: its derivatives at the point. The
+            attributes ``value`` and ``type`` are those of the point. NaN where a branch point does not persist.
+
+        Raises
+        ------
+        InputError
+            The point is no SN, PD, TR, BP or GR of orbits and no SN, HB or BE of equilibria. It is not isolated. It is
+            on no branch along a parameter. A name that is no other parameter.
+
+        Examples
+        --------
+        >>> from saltus import HybridSystem, continue_equilibrium, find_equilibrium
+        >>> fold = HybridSystem.smooth({"x": "r + h*x - x**3"}, {"r": 1.0, "h": 3.0})
+        >>> branch = continue_equilibrium(find_equilibrium(fold, {}, [2.0]), "r", (-4.0, 4.0))
+        >>> round(float(branch["SN1"].sensitivity()["r"].sel(parameter="h")), 9)
+        -1.0
+        """
+        import xarray as xr
+
+        system, along = self.solution.system, self.varied[0]
+        if len(self.varied) > 1 or along not in system.parameters:
+            raise InputError(
+                "varied", self.varied, "one parameter", "a special point of a branch along a parameter moves"
+            )
+        rest = tuple(name for name in system.parameter_names if name != along)
+        others = rest if parameters is None else checks.names("parameters", parameters, "names of parameters")
+        others = tuple(checks.chosen("parameters", name, rest) for name in others)
+        if isinstance(self.solution, Equilibrium):
+            slopes = moved_equilibrium(self.solution, Place(self.type, along, others, self.scale))
+        else:
+            slopes = moved_orbit(self.orbit, Place(self.type, along, others, self.sizes))
+        attributes = {"value": self.parameters[along], "type": self.type}
+        if np.any(np.isnan(slopes)):
+            attributes["note"] = "the branch point does not persist as the parameter changes"
+        return xr.Dataset({along: ("parameter", slopes, attributes)}, {"parameter": list(others)})
 
     def __repr__(self) -> str:
         meaning = f", {_MEANING[self.type]}" if self.type in _MEANING else ""

@@ -110,7 +110,7 @@ def observe(orbit, mesh, dense, u, du, observed, seen):
                 look(view, curve, step, observed.places[g] if g >= 0 else 0.0)
                 if observed.cornered:
                     _watch(view, heights)
-                if extremes > 0:
+                if extremes > 0 and (g < 0 or g % 2 == 1):
                     _sample(view, observed, curve.mode, seen, at, g < 0)
                     at += 1
                 if g >= 0 and tracks > 0:
@@ -202,7 +202,7 @@ def _extreme(view, observed, mesh, modes, dense, j, samples, work, seen):
     """Find an extreme and its slopes: at a zero of the rate, or at the start or end of a segment."""
     outlined()
     values, rates = pointer(seen.values, j * samples), pointer(seen.rates, j * samples)
-    top, bottom, columns, each = -np.inf, np.inf, view.columns, observed.places.size + 1
+    top, bottom, columns, each = -np.inf, np.inf, view.columns, observed.places.size // 2 + 1
     for a in range(samples):
         top, bottom = max(top, values[a]), min(bottom, values[a])
     width = top - bottom
@@ -220,8 +220,8 @@ def _extreme(view, observed, mesh, modes, dense, j, samples, work, seen):
             near = max(values[at + a], values[at + a + 1]) >= top - NEAR * width
             if near and rates[at + a] > 0.0 and rates[at + a + 1] <= 0.0:
                 step, place = a // each, a % each
-                low = 0.0 if place == 0 else observed.places[place - 1]
-                high = observed.places[place] if place < each - 1 else 1.0
+                low = 0.0 if place == 0 else observed.places[2 * place - 1]
+                high = observed.places[2 * place + 1] if place < each - 1 else 1.0
                 kind = _offer(peak, columns, _turn(view, curve, peak, step, low, high), kind)
         for end in range(2):
             if values[at + end * curve.count * each] >= best[0] - peak.tie:

@@ -385,9 +385,9 @@ def touched(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> st
         kind, i = vanishing
         what = "has no duration" if kind == "duration" else "ends at its event without velocity"
         return f"segment {i}, up to {names[problem.signature.transitions[i]]!r}, {what}"
-    surfaces = events_of(problem.system).surfaces
-    for k in range(survey.margins.shape[1]):
-        least = float(np.abs(survey.margins[:, k]).min())
-        if surfaces[k] != SECTION and least < TOUCHING * problem.event_size(k, u[: problem.n]):
+    least = np.abs(survey.margins).min(axis=0)
+    for k in np.flatnonzero(np.isfinite(least)).tolist():
+        size = problem.event_size(k, u[: problem.n])
+        if least[k] < TOUCHING * size and events_of(problem.system).surfaces[k] != SECTION:
             return f"it touches the surface of {names[k]!r}"
     return ""

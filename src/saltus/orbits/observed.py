@@ -227,8 +227,8 @@ def _part(found: Sums, kind: str, at: int, one: Observable) -> Differentiated:
     """Return an observable from what is found along the orbit."""
     period = found.period
     if kind in _SIGNS:
-        value, *slopes = found.extremes[at]
-        return Differentiated(float(value), np.array(slopes), _EXTREMES.get(int(found.kinds[at]), ""))
+        row = found.extremes[at]
+        return Differentiated(float(row[0]), row[1:], _EXTREMES.get(int(found.kinds[at]), ""))
     if kind == "period":
         return period
     if kind == "velocity":

@@ -214,7 +214,7 @@ class PeriodicOrbit(Result):
         """
         p = self.system.parameter_vector(self.parameters)
         known, wanted = self.system.parameter_names, (active,) if isinstance(active, str) else active
-        index = [known.index(checks.chosen("active", name, known)) for name in wanted]
+        index = [known.index(name if name in known else checks.chosen("active", name, known)) for name in wanted]
         scale = checks.positive("scale", scale)
         problem = OrbitProblem(self.system, self.form, p, index, np.full(len(index), scale), self.tolerance)
         follow_from(problem, np.append(self.unknowns, p[index] / scale))
@@ -280,7 +280,7 @@ class PeriodicOrbit(Result):
         Parameters
         ----------
         names : sequence of str
-            Observables as `observe` takes them, ``"period"``, or ``"max_x"`` for ``"max(x)"``.
+            Observables as `observe` takes them, ``"period"``, ``"max_x"`` for ``"max(x)"``, or ``"multipliers"``.
         parameters : sequence of str, optional
             All parameters of the system by default.
 
@@ -309,8 +309,10 @@ class PeriodicOrbit(Result):
         names = checks.names("names", names, "observables")
         known = self.system.parameter_names
         wanted = known if parameters is None else checks.names("parameters", parameters, "names of parameters")
-        problem = self.problem(wanted)
-        return sensitivities(problem, np.append(self.unknowns, problem.p[list(problem.active)]), names).dataset(problem)
+        problem = self.problem([name for name in known if name in wanted] if set(wanted) <= set(known) else wanted)
+        u = np.append(self.unknowns, problem.p[list(problem.active)])
+        found = sensitivities(problem, u, names).dataset(problem)
+        return found if parameters is None else found.sel(parameter=list(wanted))
 
     def to_xarray(self) -> xr.Dataset:
         """Return segments, multipliers, extremes and a sampled period as a Dataset."""

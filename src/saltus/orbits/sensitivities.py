@@ -24,6 +24,7 @@ import numpy as np
 
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.critical import scaling, touched
+from saltus.orbits.multiplier_slopes import MultiplierSlopes, multipliers_by_parameters
 from saltus.orbits.observed import Differentiated, Plan, Sums, planned
 from saltus.orbits.records import Seen
 
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Sensitivities", "sensitivities", "unknowns_by_parameters"]
 
+MULTIPLIERS = "multipliers"  # what the multipliers are asked for by
 _SINGULAR = 1e-9  # least singular value of the equations, over the largest, at which parameters determine no orbit
 
 
@@ -50,11 +52,14 @@ class Sensitivities:
         Derivatives of each segment's state and duration.
     values : mapping of str to Differentiated
         The observables.
+    multipliers : MultiplierSlopes or None
+        The multipliers, where they are asked for.
     """
 
     parameters: tuple[str, ...]
     unknowns: NDArray[np.float64]
     values: Mapping[str, Differentiated]
+    multipliers: MultiplierSlopes | None = None
 
     def dataset(self, problem: OrbitProblem) -> xr.Dataset:
         """Return the observables' derivatives, and those of states and durations, as a Dataset."""
@@ -66,6 +71,12 @@ class Sensitivities:
             name: ("parameter", one.slopes, {"value": one.value} | ({"note": one.note} if one.note else {}))
             for name, one in self.values.items()
         }
+        if (found := self.multipliers) is not None:
+            for part, values, slopes in (
+                ("re", found.values.real, found.slopes.real), ("im", found.values.imag, found.slopes.imag)
+            ):  # fmt: skip
+                notes = {"note": found.note} if found.note else {}
+                variables[f"multiplier_{part}"] = (("multiplier", "parameter"), slopes, {"value": values} | notes)
         variables["segment_state"] = (("segment", "state", "parameter"), blocks[:, :-1])
         variables["segment_duration"] = (("segment", "parameter"), blocks[:, -1])
         return xr.Dataset(variables, _coordinates(self.parameters, problem.system.all_states))
@@ -78,15 +89,17 @@ def _coordinates(parameters: tuple[str, ...], states: tuple[str, ...]) -> Any:
     return xr.Coordinates({"parameter": list(parameters), "state": list(states)})
 
 
-def unknowns_by_parameters(problem: OrbitProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
+def unknowns_by_parameters(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return the derivatives of an orbit's unknowns by its active parameters, shape (size, active).
 
     Parameters
     ----------
     problem : OrbitProblem
         The equations, meshes made, parameters in units of 1.
-    u : ndarray, shape (size + active,)
-        The orbit.
+    u, J : ndarray
+        The orbit, and the Jacobian there.
 
     Raises
     ------
@@ -95,7 +108,6 @@ def unknowns_by_parameters(problem: OrbitProblem, u: NDArray[np.float64]) -> NDA
     ConvergenceError
         The equations cannot be followed.
     """
-    J = problem.resolve(u)[1]
     if not np.all(np.isfinite(J)):
         raise ConvergenceError("the orbit's variations", math.inf, 0, "the field is singular on the orbit")
     columns, rows = scaling(problem, J, u)
@@ -118,21 +130,23 @@ def sensitivities(problem: OrbitProblem, u: NDArray[np.float64], names: Sequence
     u : ndarray, shape (size + active,)
         The orbit.
     names : sequence of str
-        Observables.
+        Observables, and ``"multipliers"``, for which the active parameters must be growing.
 
     Raises
     ------
     InputError
         A name is no observable. The orbit touches a surface, or its parameters do not determine it.
     """
-    plan = planned(problem.system, tuple(names))
-    du = unknowns_by_parameters(problem, u)
+    plan = planned(problem.system, tuple(name for name in names if name != MULTIPLIERS))
+    J = problem.resolve(u)[1]
+    du = unknowns_by_parameters(problem, u, J)
     if where := touched(problem, u, problem.begun):
         hint = "orbits on both sides of a grazing have other derivatives; SpecialPoint.sensitivity tells how a GR moves"
         raise InputError("orbit", where, "one that no small change brings to another sequence of events", hint)
     chosen = tuple(problem.active)
     values = plan.values(_followed(problem, u, du, plan), problem.p, chosen)
-    return Sensitivities(tuple(problem.system.parameter_names[i] for i in chosen), du, values)
+    found = multipliers_by_parameters(problem, u, J, du) if MULTIPLIERS in names else None
+    return Sensitivities(tuple(problem.system.parameter_names[i] for i in chosen), du, values, found)
 
 
 def _followed(problem: OrbitProblem, u: NDArray[np.float64], du: NDArray[np.float64], plan: Plan) -> Sums:
@@ -150,7 +164,7 @@ def _followed(problem: OrbitProblem, u: NDArray[np.float64], du: NDArray[np.floa
     du = np.ascontiguousarray(du)
     _variation_kernels.vary(problem.record, problem.mesh, u, du, *dense)
     extremes = len(plan.extremes)
-    samples = (problem.steps * (observed.places.size + 1) + problem.segments) if extremes else 0
+    samples = (problem.steps * (observed.places.size // 2 + 1) + problem.segments) if extremes else 0
     seen = Seen(
         np.zeros((len(plan.integrals), 3, 1 + columns)),
         np.empty((extremes, samples)),
