@@ -12,6 +12,7 @@ import saltus
 import systems
 from saltus import HybridSystem, Mode, PeriodicOrbit, Transition, continue_orbit, find_orbit, solve_orbit
 from saltus.errors import InputError
+from saltus.orbits.signature import CUT_END
 
 DIFFERENCED = 1e-6
 """Relative error of central differences of fourth order; it is mostly the rounding of values, over the step."""
@@ -161,7 +162,7 @@ def observed(orbit: PeriodicOrbit, names: list[str]) -> dict[str, float]:
 def test_derivatives_agree_with_differences_of_orbits_solved_anew(case):
     make, names = CASES[case]
     orbit = make()
-    found, values = orbit.sensitivity(names), observed(orbit, names)
+    found, values = orbit.sensitivity([*names, "segments"]), observed(orbit, names)
     assert list(found.parameter.values) == list(orbit.system.parameter_names)
     for name in names:
         assert found[name].attrs["value"] == pytest.approx(values[name], rel=1e-9)
@@ -195,6 +196,36 @@ def test_some_parameters_in_the_order_that_is_asked_for():
         orbit.sensitivity(["max(x)"], ["kk"])
     with pytest.raises(InputError, match="observable"):
         orbit.sensitivity(["best(x)"])
+
+
+def test_a_sensitive_orbit_that_is_cut_in_closed_form():
+    system = HybridSystem.smooth({"x": "a*x + size*cos(s)"}, {"a": 2.0, "w": 1.0, "size": 1.0}, phase=("s", "w"))
+    orbit = solve_orbit(system, x0=[0.0])
+    assert CUT_END in orbit.form.kinds
+    found = orbit.sensitivity(["amplitude(x, 1)", "max(x)", "phase(x, 1)", "multipliers"])
+    wanted = np.array([-2.0, -1.0, 5.0]) / 5.0**1.5  # 1/sqrt(a^2 + w^2)
+    assert found["amplitude(x, 1)"].values == pytest.approx(wanted, rel=1e-8)
+    assert found["max(x)"].values == pytest.approx(wanted, rel=1e-8)
+    assert found["phase(x, 1)"].values == pytest.approx([-0.2, 0.4, 0.0], abs=1e-8)  # an angle atan2(-a, w)
+    magnified = math.exp(4.0 * math.pi) * 2.0 * math.pi  # exp(2 pi a/w) by a
+    assert found["multiplier_re"].values[0] == pytest.approx([magnified, -2.0 * magnified, 0.0], rel=1e-6, abs=1.0)
+
+
+def test_a_contact_so_short_that_its_mean_rate_is_integrated():
+    system = bilinear()
+    branch = continue_orbit(find_orbit(system, {"d": 0.4}, x0=[0.0, 0.0]), "d", (0.1, 3.0))
+    lengths = [min(u[3::4]) / u[3::4].sum() if len(u) == 8 else 0.0 for u in branch.unknowns]
+    orbit = branch.orbit(max((i for i in range(len(branch)) if lengths[i] < 0.008), key=lengths.__getitem__))
+    assert 1e-3 < orbit.durations.min() / orbit.period < 0.01
+    names = ["max(F)", "fraction(stop)", "velocity(touch)", "phase(x, 1)"]
+    found = orbit.sensitivity(names, ["d", "A", "w"])
+    for parameter in ("d", "A", "w"):
+        at, step = orbit.parameters[parameter], 1e-6
+        seen = {k: again(orbit, {parameter: at * (1.0 + k * step)}).observe(*names) for k in (-2, -1, 1, 2)}
+        for name in names:
+            near, far = (seen[k][name] - seen[-k][name] for k in (1, 2))
+            wanted = (8.0 * near - far) / (12.0 * step)
+            assert at * float(found[name].sel(parameter=parameter)) == pytest.approx(wanted, rel=DIFFERENCED)
 
 
 MULTIPLIED = {

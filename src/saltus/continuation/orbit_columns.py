@@ -293,7 +293,7 @@ class OrbitColumns(Result):
         Parameters
         ----------
         names : sequence of str
-            As `PeriodicOrbit.sensitivity` takes them, but for ``"multipliers"``.
+            As `PeriodicOrbit.sensitivity` takes them, but for ``"multipliers"`` and ``"segments"``.
         parameters : sequence of str, optional
             All parameters of the system by default.
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import int64
 
 from saltus.flow._kernels import INNER, call, keep, outlined, pointer
-from saltus.flow._segment_kernels import FIELD
+from saltus.flow._segment_kernels import EVENT_P, EVENT_X, FIELD
 from saltus.orbits._equation_kernels import pointed
 from saltus.orbits._variation_kernels import View, curve_of, differentiate, look, rate_of, value_of
 from saltus.orbits.records import Mesh, Observed, Orbit, Seen
@@ -19,6 +19,7 @@ NEAR = 0.05  # share of the range by which a sampled extreme may miss the true o
 ALIKE = 1e-6  # difference of two slopes, over the largest along the orbit, up to which they are one
 TIED = 1e-10  # difference of two extremes, over the range, up to which they are equal
 JUMPED = 1e-8  # change of a quantity at a place, over its range, from which on it jumps there
+STILL = 1e-14  # rate at a place, over the rates nearby, up to which a quantity turns there
 LEVEL = 1e-9  # height over the largest up to which what vanishes at a corner is on it
 SMOOTH = 0  # an extreme with derivatives
 AT_TWO_PLACES = 1  # one that is attained at two places
@@ -173,6 +174,26 @@ def _add(view, observed, clock, place, weight, longer, angle, sums, work):
             row[imaginary + 1 + k] -= change * sine + turn * cosine
 
 
+@njit(cache=True, error_model="numpy")
+def rate_at(orbit, transition, end, out):
+    """Write the rate of an event function at a segment's end, a state with its variations, and its derivatives."""
+    orbit = Orbit(*orbit)
+    system, n, columns, y = pointed(orbit), orbit.n, orbit.active.size, pointer(end, 0)
+    block = np.empty(2 + 2 * n)
+    event, out = pointer(block, 0), pointer(out, 0)
+    call(system.functions[EVENT_X], transition, 0, y, 0, system.p, event, 0)
+    out[0] = event[1]
+    for k in range(columns):
+        total = 0.0
+        for e in range(n):
+            total += event[2 + n + e] * y[n + e * columns + k]
+        out[1 + k] = total
+    for k in range(columns):
+        call(system.functions[EVENT_P], transition, system.active[k], y, 0, system.p, event, 0)
+        out[1 + k] += event[1]
+    keep(block)
+
+
 @njit(**INNER)
 def _watch(view, heights):
     """Keep how far on either side of a corner each expression has been: heights, (2, expressions)."""
@@ -258,6 +279,7 @@ def _turn(view, curve, peak, step, low, high):
     look(view, curve, step, high)
     _note(view, curve.mode, peak, peak.high)
     rise, fall = peak.low[1], peak.high[1]
+    still = STILL * (rise - fall)
     for ask in range(100):
         if high - low < 1e-15:
             break
@@ -269,14 +291,15 @@ def _turn(view, curve, peak, step, low, high):
         look(view, curve, step, place)
         call(view.field, curve.mode, 0, view.y, 0, view.p, view.f, 0)
         rate = peak.sign * rate_of(view, peak.what)
-        if rate >= 0.0:
+        if abs(rate) <= still:
+            _note(view, curve.mode, peak, peak.low)
+            return SMOOTH
+        if rate > 0.0:
             low, rise = place, rate
             _note(view, curve.mode, peak, peak.low)
-        if rate <= 0.0:
+        else:
             high, fall = place, rate
             _note(view, curve.mode, peak, peak.high)
-        if rate == 0.0:
-            break
     gap = abs(peak.low[0] - peak.high[0])
     share = peak.low[1] / (peak.low[1] - peak.high[1]) if peak.low[1] > 0.0 else 0.0
     peak.low[0] = max(peak.low[0], peak.high[0])

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
@@ -42,7 +42,8 @@ class Differentiated(NamedTuple):
     note: str = ""
 
 
-class Sums(NamedTuple):
+@dataclass(frozen=True)
+class Sums:
     """What is found along an orbit.
 
     Attributes
@@ -56,9 +57,11 @@ class Sums(NamedTuple):
     modes : tuple of int
         The segments' modes.
     turns : int
-        Forcing periods in the period; 0 without a phase.
-    sums, extremes, kinds, bent : ndarray
+        Forcing periods in the period, 1 without a phase.
+    sums, extremes, kinds : ndarray
         As in `saltus.orbits.records.Seen`.
+    bent : ndarray of bool, shape (integrals,)
+        Whether what is integrated has a corner or jumps within a segment; empty where nothing has.
     rates : callable
         Returns the mean rate of a transition's event function.
     slides : bool
@@ -73,9 +76,23 @@ class Sums(NamedTuple):
     sums: NDArray[np.float64]
     extremes: NDArray[np.float64]
     kinds: NDArray[np.int64]
-    bent: NDArray[np.int64]
+    bent: NDArray[np.bool_]
     rates: Callable[[int], Differentiated]
     slides: bool
+
+    @cached_property
+    def averages(self) -> NDArray[np.complex128]:
+        """Integrals over the period, with derivatives, shape (integrals, 1 + parameters)."""
+        found = (self.sums[:, 0] + 1j * self.sums[:, 1]) / self.period.value
+        found[:, 1:] -= found[:, :1] * (self.period.slopes / self.period.value)
+        return np.asarray(found)
+
+    @cached_property
+    def turned(self) -> NDArray[np.complex128]:
+        """Derivatives of harmonics in the direction of the harmonic and across, shape (integrals, parameters)."""
+        found = 2j * self.averages
+        with np.errstate(all="ignore"):
+            return np.asarray(found[:, 1:] * (found[:, :1].conjugate() / np.abs(found[:, :1])))
 
 
 _Part: TypeAlias = "tuple[str, int, Observable]"  # kind, index of the sum or extreme, what is observed
@@ -146,11 +163,6 @@ class Plan:
     def values(self, found: Sums, p: NDArray[np.float64], chosen: Sequence[int]) -> dict[str, Differentiated]:
         """Return the observables by name; chosen: indices of the parameters."""
         known = {text: _part(found, *part) for text, part in self.parts.items()}
-        for text, (kind, at, _) in self.parts.items():
-            of = self.integrals[at][0] - len(found.system.all_states) if kind in _INTEGRATED else -1
-            if of >= 0 and found.bent[of]:
-                nothing = np.full(len(chosen), math.nan)
-                known[text] = Differentiated(known[text].value, nothing, _BENT)
         out: dict[str, Differentiated] = {}
         for name in self.names:
             formula = self.formulas[name]
@@ -238,22 +250,23 @@ def _part(found: Sums, kind: str, at: int, one: Observable) -> Differentiated:
         inside = found.durations[[i for i, other in enumerate(found.modes) if other == mode]].sum(axis=0)
         share = float(inside[0]) / period.value
         return Differentiated(share, (inside[1:] - share * period.slopes) / period.value)
-    sums = found.sums[at] / period.value
+    nothing = np.full(period.slopes.size, math.nan)
+    if found.bent.size and found.bent[at]:
+        value = float(found.averages[at, 0].real) if kind == "mean" else math.nan
+        return Differentiated(value, nothing, _BENT)
     if kind == "mean":
-        return Differentiated(float(sums[0, 0]), sums[0, 1:] - sums[0, 0] * period.slopes / period.value)
+        row = found.averages[at].real
+        return Differentiated(float(row[0]), row[1:])
     assert one.order is not None
-    if found.turns % one.order.denominator:
-        nothing = np.zeros(period.slopes.size)
-        return Differentiated(0.0, nothing) if kind == "amplitude" else Differentiated(math.nan, nothing * math.nan)
-    harmonic = 2j * (sums[0] + 1j * sums[1])
-    value, slopes = complex(harmonic[0]), harmonic[1:] - harmonic[0] * period.slopes / period.value
-    size, nothing = abs(value), np.full(period.slopes.size, math.nan)
-    if not size > _FAINT * sums[2, 0]:
+    if found.turns % one.order.denominator and kind == "amplitude":
+        return Differentiated(0.0, np.zeros(period.slopes.size))
+    harmonic, turned = complex(2j * found.averages[at, 0]), found.turned[at]
+    size = abs(harmonic)
+    if found.turns % one.order.denominator or not size > _FAINT * found.sums[at, 2, 0] / period.value:
         return Differentiated(size if kind == "amplitude" else math.nan, nothing, _NO_HARMONIC)
-    turned = slopes * value.conjugate() / size
     if kind == "amplitude":
         return Differentiated(size, turned.real)
-    angle = math.atan2(value.imag, value.real)
+    angle = math.atan2(harmonic.imag, harmonic.real)
     if found.slides:
         return Differentiated(angle, nothing, "the start of the orbit, where the angle is 0, is arbitrary")
     return Differentiated(angle, turned.imag / size)

@@ -280,7 +280,8 @@ class PeriodicOrbit(Result):
         Parameters
         ----------
         names : sequence of str
-            Observables as `observe` takes them, ``"period"``, ``"max_x"`` for ``"max(x)"``, or ``"multipliers"``.
+            Observables as `observe` takes them, ``"period"``, ``"max_x"`` for ``"max(x)"``; ``"multipliers"``;
+            ``"segments"`` for the segments' starts and durations.
         parameters : sequence of str, optional
             All parameters of the system by default.
 
@@ -288,8 +289,8 @@ class PeriodicOrbit(Result):
         -------
         xarray.Dataset
             A variable for each observable along ``parameter``, its attribute ``value`` the observable's value. Where no
-            derivative exists it is NaN, and the attribute ``note`` says why. ``segment_state`` and ``segment_duration``
-            are the derivatives of the segments' starts and durations.
+            derivative exists it is NaN, and the attribute ``note`` says why. ``multiplier_re``, ``multiplier_im``,
+            ``segment_state`` and ``segment_duration``, where they are asked for.
 
         Raises
         ------

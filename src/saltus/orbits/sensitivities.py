@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["Sensitivities", "sensitivities", "unknowns_by_parameters"]
 
 MULTIPLIERS = "multipliers"  # what the multipliers are asked for by
+SEGMENTS = "segments"  # what the segments' starts and durations are asked for by
 _SINGULAR = 1e-9  # least singular value of the equations, over the largest, at which parameters determine no orbit
 
 
@@ -54,21 +55,22 @@ class Sensitivities:
         The observables.
     multipliers : MultiplierSlopes or None
         The multipliers, where they are asked for.
+    segments : bool
+        Whether the segments' starts and durations are asked for.
     """
 
     parameters: tuple[str, ...]
     unknowns: NDArray[np.float64]
     values: Mapping[str, Differentiated]
     multipliers: MultiplierSlopes | None = None
+    segments: bool = False
 
     def dataset(self, problem: OrbitProblem) -> xr.Dataset:
-        """Return the observables' derivatives, and those of states and durations, as a Dataset."""
+        """Return what was asked for as a Dataset."""
         import xarray as xr
 
-        wide = problem.n + 1
-        blocks = self.unknowns.reshape(problem.segments, wide, len(self.parameters))
         variables: dict[str, Any] = {
-            name: ("parameter", one.slopes, {"value": one.value} | ({"note": one.note} if one.note else {}))
+            name: xr.Variable(("parameter",), one.slopes, _attributes(one), fastpath=True)
             for name, one in self.values.items()
         }
         if (found := self.multipliers) is not None:
@@ -77,16 +79,24 @@ class Sensitivities:
             ):  # fmt: skip
                 notes = {"note": found.note} if found.note else {}
                 variables[f"multiplier_{part}"] = (("multiplier", "parameter"), slopes, {"value": values} | notes)
-        variables["segment_state"] = (("segment", "state", "parameter"), blocks[:, :-1])
-        variables["segment_duration"] = (("segment", "parameter"), blocks[:, -1])
-        return xr.Dataset(variables, _coordinates(self.parameters, problem.system.all_states))
+        states: tuple[str, ...] = ()
+        if self.segments:
+            states, shape = problem.system.all_states, (problem.segments, problem.n + 1, len(self.parameters))
+            blocks = self.unknowns.reshape(shape)
+            variables["segment_state"] = (("segment", "state", "parameter"), blocks[:, :-1])
+            variables["segment_duration"] = (("segment", "parameter"), blocks[:, -1])
+        return xr.Dataset(variables, _coordinates(self.parameters, states))
+
+
+def _attributes(one: Differentiated) -> dict[str, Any]:
+    return {"value": one.value, "note": one.note} if one.note else {"value": one.value}
 
 
 @lru_cache(maxsize=64)
 def _coordinates(parameters: tuple[str, ...], states: tuple[str, ...]) -> Any:
     import xarray as xr
 
-    return xr.Coordinates({"parameter": list(parameters), "state": list(states)})
+    return xr.Coordinates({"parameter": list(parameters)} | ({"state": list(states)} if states else {}))
 
 
 def unknowns_by_parameters(
@@ -130,23 +140,24 @@ def sensitivities(problem: OrbitProblem, u: NDArray[np.float64], names: Sequence
     u : ndarray, shape (size + active,)
         The orbit.
     names : sequence of str
-        Observables, and ``"multipliers"``, for which the active parameters must be growing.
+        Observables; ``"segments"``; ``"multipliers"``, for which the active parameters must be growing.
 
     Raises
     ------
     InputError
         A name is no observable. The orbit touches a surface, or its parameters do not determine it.
     """
-    plan = planned(problem.system, tuple(name for name in names if name != MULTIPLIERS))
-    J = problem.resolve(u)[1]
-    du = unknowns_by_parameters(problem, u, J)
+    plan = planned(problem.system, tuple(name for name in names if name not in (MULTIPLIERS, SEGMENTS)))
     if where := touched(problem, u, problem.begun):
         hint = "orbits on both sides of a grazing have other derivatives; SpecialPoint.sensitivity tells how a GR moves"
         raise InputError("orbit", where, "one that no small change brings to another sequence of events", hint)
+    J = problem.resolve(u)[1]
+    du = unknowns_by_parameters(problem, u, J)
     chosen = tuple(problem.active)
     values = plan.values(_followed(problem, u, du, plan), problem.p, chosen)
     found = multipliers_by_parameters(problem, u, J, du) if MULTIPLIERS in names else None
-    return Sensitivities(tuple(problem.system.parameter_names[i] for i in chosen), du, values, found)
+    parameters = tuple(problem.system.parameter_names[i] for i in chosen)
+    return Sensitivities(parameters, du, values, found, SEGMENTS in names)
 
 
 def _followed(problem: OrbitProblem, u: NDArray[np.float64], du: NDArray[np.float64], plan: Plan) -> Sums:
@@ -177,25 +188,18 @@ def _followed(problem: OrbitProblem, u: NDArray[np.float64], du: NDArray[np.floa
     _sensitivity_kernels.observe(problem.record, problem.mesh, dense, u, du, tuple(observed), tuple(seen))
 
     def rates(transition: int) -> Differentiated:
-        own = [i for i, other in enumerate(problem.signature.transitions) if other == transition]
         ends = dense[0].reshape(-1, n * (1 + columns))[problem.mesh[1][1:] - 1]
-        found = np.array([_rate(problem, transition, ends[i]) for i in own]).reshape(-1, 1 + columns)
-        mean = found.mean(axis=0) if own else np.full(1 + columns, math.nan)
-        return Differentiated(float(mean[0]), mean[1:], "" if own else "the transition does not happen")
+        found = [np.empty(1 + columns) for other in problem.signature.transitions if other == transition]
+        own = (end for end, other in zip(ends, problem.signature.transitions, strict=True) if other == transition)
+        for end, out in zip(own, found, strict=True):
+            _sensitivity_kernels.rate_at(problem.record, transition, end, out)
+        mean = np.mean(found, axis=0) if found else np.full(1 + columns, math.nan)
+        return Differentiated(float(mean[0]), mean[1:], "" if found else "the transition does not happen")
 
+    bent = np.zeros(0, dtype=np.bool_)
+    if observed.cornered and seen.bent.any():
+        bent = np.append(np.zeros(n, dtype=np.bool_), seen.bent > 0)[[what for what, _ in plan.integrals]]
     return Sums(
         problem.system, Differentiated(float(total[0]), total[1:]), durations, problem.signature.modes, turns or 1,
-        seen.sums, seen.extremes, seen.kinds, seen.bent, rates, problem.slides,
+        seen.sums, seen.extremes, seen.kinds, bent, rates, problem.slides,
     )  # fmt: skip
-
-
-def _rate(problem: OrbitProblem, transition: int, end: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rate of an event function at a segment's end, and its derivatives; end: state with variations."""
-    n, compiled = problem.n, problem.system.compiled
-    event, slope, x = np.empty(2 + 2 * n), np.empty(2), end[:n].copy()
-    compiled.call("event_x", transition, 0, x, problem.extended, event)
-    by = event[2 + n :] @ end[n:].reshape(n, -1)
-    for k, index in enumerate(problem.active):
-        compiled.call("event_p", transition, index, x, problem.extended, slope)
-        by[k] += slope[1]
-    return np.append(event[1], by)
