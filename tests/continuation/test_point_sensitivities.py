@@ -9,7 +9,17 @@ import pytest
 
 import saltus
 import systems
-from saltus import HybridSystem, Mode, Transition, continue_equilibrium, continue_orbit, find_equilibrium, find_orbit
+from saltus import (
+    HybridSystem,
+    Map,
+    Mode,
+    Piece,
+    Transition,
+    continue_equilibrium,
+    continue_orbit,
+    find_equilibrium,
+    find_orbit,
+)
 from saltus.errors import InputError
 
 
@@ -62,6 +72,26 @@ def test_folds_and_doublings_of_maps_in_closed_form():
     point = carried({"r": 1.0, "h": 1.5}, "r + h*x - x**3", 1.2, "r", (-1.0, 1.5))["SN1"]
     side = math.copysign(1.0, point.parameters["r"])
     assert moved(point, "h") == pytest.approx(side * math.sqrt(1.0 / 6.0), rel=1e-9)  # r = 2 ((h - 1)/3)^(3/2)
+
+
+def test_special_points_of_maps_in_closed_form():
+    def branch(image, parameters, start, along, bounds):
+        system = image if isinstance(image, Map) else Map(tuple(image), parameters, image)
+        return continue_orbit(saltus.solve_orbit(system, x0=start), along, bounds)
+
+    doubled = branch({"x": "r*x*(1 - x) + c"}, {"r": 2.8, "c": 0.0}, [1.0 - 1.0 / 2.8], "r", (2.5, 3.5))["PD1"]
+    assert moved(doubled, "c") == pytest.approx(-3.0, rel=1e-9)
+    fold = branch({"x": "r + h*x - x**3"}, {"r": 1.0, "h": 1.5}, [1.2], "r", (-1.0, 1.5))["SN1"]
+    side = math.copysign(1.0, fold.parameters["r"])
+    assert moved(fold, "h") == pytest.approx(side * math.sqrt(1.0 / 6.0), rel=1e-9)
+    image = {"x": "y", "y": "a*y*(1 - x) - c*(y - x)"}
+    torus = branch(image, {"a": 1.9, "c": 0.1}, [1.0 - 1.0 / 1.9] * 2, "a", (1.5, 2.5))["TR1"]
+    assert moved(torus, "c") == pytest.approx(1.0, rel=1e-9)
+    pieces = {"low": Piece({"x": "a*x + m"}, ["d - x"]), "high": Piece({"x": "b*x + m"}, ["x - d"])}
+    tent = Map(("x",), {"a": 0.5, "b": -0.4, "d": 0.2, "m": 0.0}, pieces=pieces)
+    border = branch(tent, {}, [0.0], "m", (-1.0, 1.0)).special_points.of_type("BC")[0]
+    assert moved(border, "d") == pytest.approx(0.5, rel=1e-9)  # m = (1 - a) d
+    assert moved(border, "a") == pytest.approx(-0.2, rel=1e-9)
 
 
 def test_a_torus_bifurcation_in_closed_form():

@@ -1,6 +1,6 @@
-"""Critical orbits and equilibria with some parameters active: the equations, and the condition that holds there.
+"""Critical orbits, equilibria and cycles with some parameters active: equations, and the condition that holds there.
 
-docs/theory/loci.md and docs/theory/equilibria.md derive the conditions.
+docs/theory/loci.md, docs/theory/equilibria.md and docs/theory/cycles.md derive the conditions.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 
 from saltus.continuation.grazing import Neighbour, neighbour, touching
 from saltus.continuation.monitor import Monitor
+from saltus.cycles.critical import OnBorder, Rotation
 from saltus.equilibria.critical import Boundary, Hopf, Singular
 from saltus.errors import InputError
 from saltus.orbits.critical import TOUCHING, Branching, Condition, Critical, Grazing, TorusCondition, vanishing_segment
@@ -23,11 +24,13 @@ from saltus.orbits.signature import WHOLE, Signature
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.cycles import MapOrbit
+    from saltus.cycles.problem import CycleProblem
     from saltus.equilibria import Equilibrium
     from saltus.equilibria.critical import Condition as EquilibriumCondition
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["CriticalOrbit", "critical_equilibrium"]
+__all__ = ["CriticalOrbit", "critical_cycle", "critical_equilibrium"]
 
 _CRITICAL = 1e-3  # distance of a start from its critical condition up to which it is taken for critical
 
@@ -221,3 +224,59 @@ def _check_critical(kind: str, solution: Equilibrium, distance: float, wanted: s
     if not distance < _CRITICAL:
         found = ", ".join(f"{v:.6g}" for v in solution.eigenvalues.tolist())
         raise InputError("start", f"eigenvalues {found}", f"an equilibrium with {wanted}, as every {kind} has")
+
+
+def critical_cycle(
+    kind: str,
+    solution: MapOrbit,
+    problem: CycleProblem,
+    u: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+) -> tuple[EquilibriumCondition, NDArray[np.float64]]:
+    """Return the condition of an SN, PD, TR or BC of a map, and a guess of its further unknowns.
+
+    Parameters
+    ----------
+    kind : str
+        The type.
+    solution : MapOrbit
+        The critical cycle.
+    problem, u, sizes
+        As `critical_equilibrium` takes them.
+
+    Raises
+    ------
+    InputError
+        The cycle is not critical.
+    """
+    values = solution.multipliers
+    if kind == "SN":
+        _check_multipliers(kind, solution, float(np.abs(values - 1.0).min()), "a multiplier 1")
+        return Singular(problem, u, sizes), np.empty(0)
+    if kind == "PD":
+        _check_multipliers(kind, solution, float(np.abs(values + 1.0).min()), "a multiplier -1")
+        return Singular(problem, u, sizes, 2.0 * problem.closing), np.empty(0)
+    if kind == "TR":
+        pairs = values[values.imag > 0.0]
+        distances = np.abs(np.abs(pairs) - 1.0)
+        _check_multipliers(kind, solution, float(distances.min(initial=math.inf)), "a complex pair on the unit circle")
+        pair = complex(pairs[np.argmin(distances)])
+        condition = Rotation(problem, u, sizes, pair.real / abs(pair))
+        return condition, condition.guess
+    heights = {
+        (i, guard): abs(height) / (float(np.abs(problem.border(i, guard, u)[1][: problem.n]) @ sizes) or 1.0)
+        for i, guard, height in problem.heights(u)
+    }
+    nearest = min(heights, key=heights.__getitem__, default=None)
+    if nearest is None:
+        raise InputError("type", "BC", "a locus of a map in pieces", "a smooth map has no borders")
+    if not heights[nearest] < _CRITICAL:
+        least = f"{heights[nearest]:.3g} from the nearest border"
+        raise InputError("start", least, "a cycle with a point on one", "a BC lies there")
+    return OnBorder(problem, *nearest), np.empty(0)
+
+
+def _check_multipliers(kind: str, solution: MapOrbit, distance: float, wanted: str) -> None:
+    if not distance < _CRITICAL:
+        found = ", ".join(f"{v:.6g}" for v in solution.multipliers.tolist())
+        raise InputError("start", f"multipliers {found}", f"a cycle with {wanted}, as every {kind} has")

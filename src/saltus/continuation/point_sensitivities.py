@@ -11,30 +11,36 @@ in Numerical Methods for Bifurcation Problems, Birkhaeuser 1984, 355-367 (branch
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from saltus.continuation.algebraic_problem import extents
-from saltus.continuation.critical_points import CriticalOrbit, critical_equilibrium
+from saltus.continuation.critical_points import CriticalOrbit, critical_cycle, critical_equilibrium
+from saltus.continuation.cycle_problem import in_lockstep
+from saltus.cycles.orbit import MapOrbit, itinerary_of
+from saltus.cycles.problem import CycleProblem
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import InputError
 from saltus.orbits.critical import Branching, scaling
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
     from saltus.equilibria import Equilibrium
+    from saltus.equilibria.critical import Condition
     from saltus.orbits.orbit import PeriodicOrbit
 
-__all__ = ["Place", "moved_equilibrium", "moved_orbit"]
+__all__ = ["Place", "moved_cycle", "moved_equilibrium", "moved_orbit"]
 
 _REGULAR = 1e-11  # least singular value of a regular system, over the largest
 _FORCED = 1e-6  # forcing by a parameter, over the equations' change by it, up to which a branch point persists
 _ORBITS = ("SN", "PD", "TR", "BP", "GR")  # types of special points that move, of orbits
 _EQUILIBRIA = ("SN", "HB", "BE")  # the same, of equilibria
+_CYCLES = ("SN", "PD", "TR", "BC")  # the same, of cycles of maps
 
 
 class Place(NamedTuple):
@@ -115,17 +121,38 @@ def moved_orbit(orbit: PeriodicOrbit, place: Place) -> NDArray[np.float64]:
 def moved_equilibrium(solution: Equilibrium, place: Place) -> NDArray[np.float64]:
     """Return the derivatives of the branch's parameter at a special point of equilibria, as `moved_orbit` does."""
     place.check(_EQUILIBRIA)
-    system = solution.system
-    names = place.active(system.parameter_names)
-    p = system.parameter_vector(solution.parameters)
-    active = [system.parameter_names.index(name) for name in names]
+    system, names = solution.system, place.active(solution.system.parameter_names)
+    p, active = system.parameter_vector(solution.parameters), [system.parameter_names.index(name) for name in names]
     problem = EquilibriumProblem(system, system.mode_index(solution.mode), p, active, np.ones(len(names)))
-    u, n = np.append(solution.state, p[active]), problem.n
+    u = np.append(solution.state, p[active])
     sizes = extents(problem, u) if place.sizes is None else place.sizes
-    J = problem.evaluate(u)[1]
+    return _moved(problem, u, sizes, place, names, partial(critical_equilibrium, place.kind, solution, problem))
+
+
+def moved_cycle(solution: MapOrbit, place: Place) -> NDArray[np.float64]:
+    """Return the derivatives of the branch's parameter at a special point of cycles, as `moved_orbit` does."""
+    place.check(_CYCLES)
+    system, names = solution.system, place.active(solution.system.parameter_names)
+    p, active = system.parameter_vector(solution.parameters), [system.parameter_names.index(name) for name in names]
+    problem = CycleProblem(system, itinerary_of(system, solution.itinerary), p, active, np.ones(len(names)))
+    u = np.append(solution.points.ravel(), p[active])
+    sizes = in_lockstep(extents(problem, u), problem.period) if place.sizes is None else place.sizes
+    return _moved(problem, u, sizes, place, names, partial(critical_cycle, place.kind, solution, problem))
+
+
+def _moved(
+    problem: EquilibriumProblem | CycleProblem,
+    u: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    place: Place,
+    names: tuple[str, ...],
+    critical: Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[Condition, NDArray[np.float64]]],
+) -> NDArray[np.float64]:
+    """Return the derivatives at a special point of algebraic equations; critical: makes the condition."""
+    n, J = problem.n, problem.evaluate(u)[1]
     if place.kind == "SN":
         return _folded(J[:, :n] * sizes / sizes[:, None], J[:, n:] / sizes[:, None], place, names)
-    condition, extra = critical_equilibrium(place.kind, solution, problem, u, sizes)
+    condition, extra = critical(u, sizes)
     _, gradient, further = condition.evaluate(u, extra, J)
     own, others = place.split(np.vstack([J[:, n:], gradient[:, n:]]), names)
     states = np.vstack([J[:, :n], gradient[:, :n]]) * sizes

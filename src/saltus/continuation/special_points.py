@@ -11,7 +11,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation.connection import Homoclinic
-from saltus.continuation.point_sensitivities import Place, moved_equilibrium, moved_orbit
+from saltus.continuation.point_sensitivities import Place, moved_cycle, moved_equilibrium, moved_orbit
 from saltus.cycles import MapOrbit
 from saltus.cycles.normal_forms import map_normal_form
 from saltus.equilibria import Equilibrium
@@ -226,16 +226,17 @@ class SpecialPoint(Generic[Solution]):
         Raises
         ------
         InputError
-            The point is no SN, PD, TR, BP or GR of orbits and no SN, HB or BE of equilibria. It is not isolated. It is
-            on no branch along a parameter. A name that is no other parameter.
+            The point is none that moves so: SN, PD, TR, BP, GR of orbits; SN, HB, BE of equilibria; SN, PD, TR, BC of
+            cycles. It is not isolated, or on no branch along a parameter. A name that is no other parameter.
 
         Examples
         --------
         >>> from saltus import HybridSystem, continue_equilibrium, find_equilibrium
         >>> fold = HybridSystem.smooth({"x": "r + h*x - x**3"}, {"r": 1.0, "h": 3.0})
         >>> branch = continue_equilibrium(find_equilibrium(fold, {}, [2.0]), "r", (-4.0, 4.0))
-        >>> round(float(branch["SN1"].sensitivity()["r"].sel(parameter="h")), 9)
-        -1.0
+        >>> slopes = branch["SN1"].sensitivity()["r"]
+        >>> round(slopes.attrs["value"], 9), round(float(slopes.sel(parameter="h")), 9)
+        (2.0, 1.0)
         """
         import xarray as xr
 
@@ -249,6 +250,8 @@ class SpecialPoint(Generic[Solution]):
         others = tuple(checks.chosen("parameters", name, rest) for name in others)
         if isinstance(self.solution, Equilibrium):
             slopes = moved_equilibrium(self.solution, Place(self.type, along, others, self.scale))
+        elif isinstance(self.solution, MapOrbit):
+            slopes = moved_cycle(self.solution, Place(self.type, along, others, self.scale))
         else:
             slopes = moved_orbit(self.orbit, Place(self.type, along, others, self.sizes))
         attributes = {"value": self.parameters[along], "type": self.type}
