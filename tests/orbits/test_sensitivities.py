@@ -269,6 +269,25 @@ def test_an_extreme_at_two_places_has_the_derivatives_that_both_share(symmetric)
     assert "note" not in one.attrs
 
 
+def test_extremes_at_rest_are_not_differentiated_by_what_sets_in_motion():
+    orbit = find_orbit(linear(), {"A": 0.0}, x0=[0.0, 0.0])
+    found = orbit.sensitivity(["max(x)", "mean(x)", "amplitude(x, 1)"])
+    assert np.isnan(found["max(x)"].sel(parameter="A"))
+    assert "two places" in found["max(x)"].attrs["note"]
+    assert np.isnan(found["amplitude(x, 1)"].sel(parameter="A"))
+    assert float(found["mean(x)"].sel(parameter="A")) == pytest.approx(0.0, abs=1e-9)
+    level = find_orbit(bilinear(), x0=[0.0, 0.0]).sensitivity(["min(F)"])["min(F)"]  # 0 all along a segment
+    assert np.all(level == 0.0)
+    assert "note" not in level.attrs
+
+
+def test_nothing_asked_for_gives_nothing():
+    pendulum = HybridSystem.smooth({"x": "v", "v": "-0.1*v - x + cos(s)"}, phase=("s", "1"))
+    orbit = solve_orbit(pendulum, x0=[1.0, 0.0])
+    assert orbit.sensitivity(["max(x)"])["max(x)"].shape == (0,)
+    assert list(orbit.sensitivity([])) == []
+
+
 def test_a_harmonic_that_vanishes_and_a_mean_over_a_corner_are_not_differentiated(symmetric):
     found = symmetric.sensitivity(
         ["amplitude(x, 2)", "phase(x, 2)", "mean(abs(v))", "max(sign(v))", "mean(sqrt(v**2))"]

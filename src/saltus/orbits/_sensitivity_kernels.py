@@ -19,6 +19,7 @@ NEAR = 0.05  # share of the range by which a sampled extreme may miss the true o
 ALIKE = 1e-6  # difference of two slopes, over the largest along the orbit, up to which they are one
 TIED = 1e-10  # difference of two extremes, over the range, up to which they are equal
 JUMPED = 1e-8  # change of a quantity at a place, over its range, from which on it jumps there
+NOISE = 1e-12  # error of a quantity, over how much it varies with the states' sizes
 STILL = 1e-14  # rate at a place, over the rates nearby, up to which a quantity turns there
 LEVEL = 1e-9  # height over the largest up to which what vanishes at a corner is on it
 SMOOTH = 0  # an extreme with derivatives
@@ -212,10 +213,23 @@ def _sample(view, observed, mode, seen, at, sized):
         seen.values[j, at] = observed.signs[j] * value_of(view, what)
         seen.rates[j, at] = observed.signs[j] * rate_of(view, what)
         if sized:
+            seen.noise[j] = max(seen.noise[j], NOISE * _size(view, observed.scale, what))
             largest, slopes = pointer(seen.sizes, j * view.columns), pointer(seen.extremes, j * (1 + view.columns))
             differentiate(view, what, slopes)
             for k in range(view.columns):
                 largest[k] = max(largest[k], abs(slopes[k]))
+
+
+@njit(**INNER)
+def _size(view, scale, what):
+    """Return how much a quantity varies with the states' sizes, where `look` has looked."""
+    if what < view.n:
+        return scale[what]
+    gradient = pointer(view.out, view.expressions + (what - view.n) * view.stride)
+    total = 0.0
+    for e in range(view.n):
+        total += abs(gradient[e]) * scale[e]
+    return total
 
 
 @njit(**INNER)
@@ -230,7 +244,7 @@ def _extreme(view, observed, mesh, modes, dense, j, samples, work, seen):
     size = max(abs(top), abs(bottom))
     best = pointer(seen.extremes, j * (1 + columns))
     peak = Peak(
-        observed.extremes[j], observed.signs[j], TIED * width + 4e-16 * size, JUMPED * width + 1e-14 * size, best,
+        observed.extremes[j], observed.signs[j], TIED * width + 4e-16 * size + seen.noise[j], JUMPED * width + 1e-14 * size, best,
         pointer(seen.sizes, j * columns), work, pointer(work, 2 + columns),
     )  # fmt: skip
     best[0] = -np.inf
@@ -250,9 +264,28 @@ def _extreme(view, observed, mesh, modes, dense, j, samples, work, seen):
                 _note(view, curve.mode, peak, peak.low)
                 kind = _offer(peak, columns, SMOOTH, kind)
         at += curve.count * each + 1
+    kind = _levels(view, mesh, modes, dense, peak, values, each, kind)
     seen.kinds[j] = kind
     for k in range(1 + columns):
         best[k] *= peak.sign
+
+
+@njit(**INNER)
+def _levels(view, mesh, modes, dense, peak, values, each, kind):
+    """Offer all steps of segments that are level at the extreme, as at rest: slopes may differ along them."""
+    outlined()
+    at = int64(0)
+    for i in range(mesh.starts.size - 1):
+        curve, least = curve_of(mesh, modes[i], dense, i, view.length), np.inf
+        for a in range(curve.count * each + 1):
+            least = min(least, values[at + a])
+        if least >= peak.best[0] - peak.tie:
+            for step in range(curve.count):
+                look(view, curve, step, 0.0)
+                _note(view, curve.mode, peak, peak.low)
+                kind = _offer(peak, view.columns, SMOOTH, kind)
+        at += curve.count * each + 1
+    return kind
 
 
 @njit(**INNER)

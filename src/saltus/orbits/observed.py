@@ -135,8 +135,10 @@ class Plan:
         further = () if "period" in system.parameters else ("period",)
         return tuple((self.formulas[name].text, (*self.formulas[name].symbols, *further)) for name in self.composed)
 
-    def observed(self, system: HybridSystem, p: NDArray[np.float64], advance: float) -> Observed:
-        """Return what kernels look at; advance: the widest angle of a step, in radians."""
+    def observed(
+        self, system: HybridSystem, p: NDArray[np.float64], scale: NDArray[np.float64], advance: float
+    ) -> Observed:
+        """Return what kernels look at; scale: sizes of the states; advance: the widest angle of a step, in radians."""
         highest = max((order for _, order in self.integrals), default=0.0)
         places, weights = _rule(_NODES + math.floor(highest * advance))
         quantities = sorted({what for what, _ in self.integrals})
@@ -158,6 +160,7 @@ class Plan:
             np.array([sign for _, sign in self.extremes]),
             places,
             weights,
+            scale,
         )
 
     def values(self, found: Sums, p: NDArray[np.float64], chosen: Sequence[int]) -> dict[str, Differentiated]:

@@ -172,6 +172,8 @@ class Observed(NamedTuple):
         1 for a maximum, -1 for a minimum.
     places, weights : ndarray, shape (nodes,)
         Quadrature in a step, over [0, 1].
+    scale : ndarray, shape (n,)
+        Typical sizes of the states.
     """
 
     readings: int
@@ -187,6 +189,7 @@ class Observed(NamedTuple):
     signs: NDArray[np.float64]
     places: NDArray[np.float64]
     weights: NDArray[np.float64]
+    scale: NDArray[np.float64]
 
 
 class Seen(NamedTuple):
@@ -201,6 +204,8 @@ class Seen(NamedTuple):
         Quantities times their signs, and their rates, at the places of all steps.
     sizes : ndarray, shape (extremes, parameters)
         Largest derivative along the orbit.
+    noise : ndarray, shape (extremes,)
+        Errors of these quantities.
     extremes : ndarray, shape (extremes, 1 + parameters)
         Extremes with their derivatives.
     kinds : ndarray of int64, shape (extremes,)
@@ -213,6 +218,7 @@ class Seen(NamedTuple):
     values: NDArray[np.float64]
     rates: NDArray[np.float64]
     sizes: NDArray[np.float64]
+    noise: NDArray[np.float64]
     extremes: NDArray[np.float64]
     kinds: NDArray[np.int64]
     bent: NDArray[np.int64]

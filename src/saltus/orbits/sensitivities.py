@@ -169,7 +169,7 @@ def _followed(problem: OrbitProblem, u: NDArray[np.float64], du: NDArray[np.floa
     advance = 3.0 * math.pi * max(turns, 1) * float(np.max(np.diff(problem.mesh[0])))
     from saltus.orbits import _sensitivity_kernels, _variation_kernels
 
-    observed = plan.observed(problem.system, problem.p, advance)
+    observed = plan.observed(problem.system, problem.p, problem.state_scale, advance)
     dense = np.empty(problem.mesh[0].size * n * (1 + columns)), np.empty(7 * problem.mesh[0].size * n * (1 + columns))
     problem.set_parameters(u)
     du = np.ascontiguousarray(du)
@@ -181,6 +181,7 @@ def _followed(problem: OrbitProblem, u: NDArray[np.float64], du: NDArray[np.floa
         np.empty((extremes, samples)),
         np.empty((extremes, samples)),
         np.zeros((extremes, columns)),
+        np.zeros(extremes),
         np.empty((extremes, 1 + columns)),
         np.zeros(extremes, dtype=np.int64),
         np.zeros(len(plan.expressions), dtype=np.int64),
