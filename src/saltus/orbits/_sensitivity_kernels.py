@@ -11,7 +11,7 @@ from numba import int64
 from saltus.flow._kernels import INNER, call, keep, outlined, pointer
 from saltus.flow._segment_kernels import EVENT_P, EVENT_X, FIELD
 from saltus.orbits._equation_kernels import pointed
-from saltus.orbits._variation_kernels import View, curve_of, differentiate, look, rate_of, value_of
+from saltus.orbits._variation_kernels import Path, View, curve_of, differentiate, look, rate_of, value_of
 from saltus.orbits.records import Mesh, Observed, Orbit, Seen
 from saltus.system.machine_code import njit
 
@@ -39,6 +39,35 @@ class Angle(NamedTuple):
     period: object
     begun: object
     turn: object
+
+
+class Wanted(NamedTuple):
+    """What is looked at, on pointers, with counts; see `saltus.orbits.records.Observed`."""
+
+    n_quantities: int
+    quantities: object
+    n_integrals: int
+    integrals: object
+    orders: object
+    n_extremes: int
+    extremes: object
+    signs: object
+    n_places: int
+    places: object
+    scale: object
+
+
+class Kept(NamedTuple):
+    """What is found, on pointers, and the number of samples; see `saltus.orbits.records.Seen`."""
+
+    samples: int
+    sums: object
+    values: object
+    rates: object
+    sizes: object
+    noise: object
+    extremes: object
+    kinds: object
 
 
 class Peak(NamedTuple):
@@ -79,7 +108,12 @@ def observe(orbit, mesh, dense, u, du, observed, seen):
     orbit, mesh, observed, seen = Orbit(*orbit), Mesh(*mesh), Observed(*observed), Seen(*seen)
     system, n, columns, expressions = pointed(orbit), orbit.n, orbit.active.size, observed.expressions
     length, start, change = n * (1 + columns), pointer(u, 0), pointer(du, 0)
-    tracks = observed.quantities.size
+    wanted, kept = _wanted(observed), _kept(seen)
+    tracks, extremes = wanted.n_quantities, wanted.n_extremes
+    path = Path(
+        system.segments, system.modes, pointer(mesh.places, 0), pointer(mesh.starts, 0), pointer(dense[0], 0),
+        pointer(dense[1], 0),
+    )  # fmt: skip
     stride = n + observed.parameters
     tail = length + n + expressions * (2 + stride)
     block = np.zeros(tail + (tracks + 6) * columns + tracks + 6 + 2 * expressions)
@@ -99,28 +133,27 @@ def observe(orbit, mesh, dense, u, du, observed, seen):
     if observed.phase:
         for k in range(columns):
             angle.turn[k] = change[(n - 1) * columns + k]
-    extremes, samples = observed.extremes.size, seen.values.shape[1]
     begun, at = 0.0, int64(0)
     for i in range(system.segments):
-        row, curve = i * (n + 1), curve_of(mesh, system.modes[i], dense, i, length)
+        row, curve = i * (n + 1), curve_of(path, i, length)
         clock = start[row + n], begun, period, max(orbit.turns, 1), start[n - 1] if observed.phase else 0.0
         longer = pointer(change, (row + n) * columns)
         for step in range(curve.count):
             s = curve.mesh[step]
             h = curve.mesh[step + 1] - s
-            for g in range(-1 if extremes > 0 else 0, observed.places.size):
-                look(view, curve, step, observed.places[g] if g >= 0 else 0.0)
+            for g in range(-1 if extremes > 0 else 0, wanted.n_places):
+                look(view, curve, step, wanted.places[g] if g >= 0 else 0.0)
                 if observed.cornered:
                     _watch(view, heights)
                 if extremes > 0 and (g < 0 or g % 2 == 1):
-                    _sample(view, observed, curve.mode, seen, at, g < 0)
+                    _sample(view, wanted, curve.mode, kept, at, int64(g))
                     at += 1
                 if g >= 0 and tracks > 0:
-                    place, weight = s + h * observed.places[g], observed.weights[g] * h
-                    _add(view, observed, clock, place, weight, longer, angle, seen.sums, work)
+                    place, weight = s + h * wanted.places[g], observed.weights[g] * h
+                    _add(view, wanted, clock, place, weight, longer, angle, kept.sums, work)
         if extremes > 0:
             look(view, curve, curve.count - 1, 1.0)
-            _sample(view, observed, curve.mode, seen, at, True)
+            _sample(view, wanted, curve.mode, kept, at, int64(-1))
             at += 1
         for q in range(expressions):
             level = LEVEL * max(heights[q], heights[expressions + q])
@@ -131,12 +164,32 @@ def observe(orbit, mesh, dense, u, du, observed, seen):
         for k in range(columns):
             angle.begun[k] += longer[k]
     for j in range(extremes):
-        _extreme(view, observed, mesh, system.modes, dense, j, samples, work, seen)
+        _extreme(view, wanted, path, j, work, kept)
     keep(block)
 
 
 @njit(**INNER)
-def _add(view, observed, clock, place, weight, longer, angle, sums, work):
+def _wanted(observed):
+    """Return what is looked at on pointers."""
+    return Wanted(
+        observed.quantities.size, pointer(observed.quantities, 0), observed.integrals.size,
+        pointer(observed.integrals, 0), pointer(observed.orders, 0), observed.extremes.size,
+        pointer(observed.extremes, 0), pointer(observed.signs, 0), observed.places.size, pointer(observed.places, 0),
+        pointer(observed.scale, 0),
+    )  # fmt: skip
+
+
+@njit(**INNER)
+def _kept(seen):
+    """Return what is written on pointers."""
+    return Kept(
+        seen.values.shape[1], pointer(seen.sums, 0), pointer(seen.values, 0), pointer(seen.rates, 0),
+        pointer(seen.sizes, 0), pointer(seen.noise, 0), pointer(seen.extremes, 0), pointer(seen.kinds, 0),
+    )  # fmt: skip
+
+
+@njit(**INNER)
+def _add(view, wanted, clock, place, weight, longer, angle, sums, work):
     """Add a place's part to the integrals of quantities times exp(-i order angle), and to their derivatives.
 
     clock: duration of the segment, time at its start, period, turns, angle at time 0. longer: derivatives of that
@@ -146,20 +199,20 @@ def _add(view, observed, clock, place, weight, longer, angle, sums, work):
     duration, begun, period, turns, zero = clock
     columns, order, cosine, sine = view.columns, 0.0, 1.0, 0.0
     turning, values = pointer(work, 0), pointer(work, columns)
-    slopes = pointer(values, observed.quantities.size)
+    slopes = pointer(values, wanted.n_quantities)
     share = place * place * (3.0 - 2.0 * place)
     weight *= 6.0 * place * (1.0 - place)
     time, speed = (begun + duration * share) / period, 2.0 * math.pi * turns / period
     for k in range(columns):
         turning[k] = angle.turn[k] + speed * (angle.begun[k] + longer[k] * share - time * angle.period[k])
-    for q in range(observed.quantities.size):
-        values[q] = value_of(view, observed.quantities[q])
-        differentiate(view, observed.quantities[q], pointer(slopes, q * columns))
-    for a in range(observed.integrals.size):
-        q = observed.integrals[a]
+    for q in range(wanted.n_quantities):
+        values[q] = value_of(view, wanted.quantities[q])
+        differentiate(view, wanted.quantities[q], pointer(slopes, q * columns))
+    for a in range(wanted.n_integrals):
+        q = wanted.integrals[a]
         value, slope = values[q], pointer(slopes, q * columns)
-        if observed.orders[a] != order:
-            order = observed.orders[a]
+        if wanted.orders[a] != order:
+            order = wanted.orders[a]
             cosine, sine = (
                 math.cos(order * (zero + speed * period * time)),
                 math.sin(order * (zero + speed * period * time)),
@@ -204,17 +257,17 @@ def _watch(view, heights):
 
 
 @njit(**INNER)
-def _sample(view, observed, mode, seen, at, sized):
-    """Keep values and rates of the quantities whose extremes are sought, and where `sized` the sizes of their slopes."""
+def _sample(view, wanted, mode, kept, at, g):
+    """Keep values and rates of the quantities whose extremes are sought, and before the first place `g` the sizes of their slopes."""
     outlined()
     call(view.field, mode, 0, view.y, 0, view.p, view.f, 0)
-    for j in range(observed.extremes.size):
-        what = observed.extremes[j]
-        seen.values[j, at] = observed.signs[j] * value_of(view, what)
-        seen.rates[j, at] = observed.signs[j] * rate_of(view, what)
-        if sized:
-            seen.noise[j] = max(seen.noise[j], NOISE * _size(view, observed.scale, what))
-            largest, slopes = pointer(seen.sizes, j * view.columns), pointer(seen.extremes, j * (1 + view.columns))
+    for j in range(wanted.n_extremes):
+        what = wanted.extremes[j]
+        kept.values[j * kept.samples + at] = wanted.signs[j] * value_of(view, what)
+        kept.rates[j * kept.samples + at] = wanted.signs[j] * rate_of(view, what)
+        if g < 0:
+            kept.noise[j] = max(kept.noise[j], NOISE * _size(view, wanted.scale, what))
+            largest, slopes = pointer(kept.sizes, j * view.columns), pointer(kept.extremes, j * (1 + view.columns))
             differentiate(view, what, slopes)
             for k in range(view.columns):
                 largest[k] = max(largest[k], abs(slopes[k]))
@@ -233,57 +286,58 @@ def _size(view, scale, what):
 
 
 @njit(**INNER)
-def _extreme(view, observed, mesh, modes, dense, j, samples, work, seen):
+def _extreme(view, wanted, path, j, work, kept):
     """Find an extreme and its slopes: at a zero of the rate, or at the start or end of a segment."""
     outlined()
-    values, rates = pointer(seen.values, j * samples), pointer(seen.rates, j * samples)
-    top, bottom, columns, each = -np.inf, np.inf, view.columns, observed.places.size // 2 + 1
+    samples = kept.samples
+    values, rates = pointer(kept.values, j * samples), pointer(kept.rates, j * samples)
+    top, bottom, columns, each = -np.inf, np.inf, view.columns, wanted.n_places // 2 + 1
     for a in range(samples):
         top, bottom = max(top, values[a]), min(bottom, values[a])
     width = top - bottom
     size = max(abs(top), abs(bottom))
-    best = pointer(seen.extremes, j * (1 + columns))
+    best = pointer(kept.extremes, j * (1 + columns))
     peak = Peak(
-        observed.extremes[j], observed.signs[j], TIED * width + 4e-16 * size + seen.noise[j], JUMPED * width + 1e-14 * size, best,
-        pointer(seen.sizes, j * columns), work, pointer(work, 2 + columns),
+        wanted.extremes[j], wanted.signs[j], TIED * width + 4e-16 * size + kept.noise[j], JUMPED * width + 1e-14 * size, best,
+        pointer(kept.sizes, j * columns), work, pointer(work, 2 + columns),
     )  # fmt: skip
     best[0] = -np.inf
-    at, length, kind = int64(0), view.length, SMOOTH
-    for i in range(mesh.starts.size - 1):
-        curve = curve_of(mesh, modes[i], dense, i, length)
+    at, kind = int64(0), int64(SMOOTH)
+    for i in range(path.segments):
+        curve = curve_of(path, i, view.length)
         for a in range(curve.count * each):
             near = max(values[at + a], values[at + a + 1]) >= top - NEAR * width
             if near and rates[at + a] > 0.0 and rates[at + a + 1] <= 0.0:
                 step, place = a // each, a % each
-                low = 0.0 if place == 0 else observed.places[2 * place - 1]
-                high = observed.places[2 * place + 1] if place < each - 1 else 1.0
+                low = 0.0 if place == 0 else wanted.places[2 * place - 1]
+                high = wanted.places[2 * place + 1] if place < each - 1 else 1.0
                 kind = _offer(peak, columns, _turn(view, curve, peak, step, low, high), kind)
         for end in range(2):
             if values[at + end * curve.count * each] >= best[0] - peak.tie:
                 look(view, curve, end * (curve.count - 1), float(end))
                 _note(view, curve.mode, peak, peak.low)
-                kind = _offer(peak, columns, SMOOTH, kind)
+                kind = _offer(peak, columns, int64(SMOOTH), kind)
         at += curve.count * each + 1
-    kind = _levels(view, mesh, modes, dense, peak, values, each, kind)
-    seen.kinds[j] = kind
+    kind = _levels(view, path, peak, values, each, kind)
+    kept.kinds[j] = kind
     for k in range(1 + columns):
         best[k] *= peak.sign
 
 
 @njit(**INNER)
-def _levels(view, mesh, modes, dense, peak, values, each, kind):
+def _levels(view, path, peak, values, each, kind):
     """Offer all steps of segments that are level at the extreme, as at rest: slopes may differ along them."""
     outlined()
     at = int64(0)
-    for i in range(mesh.starts.size - 1):
-        curve, least = curve_of(mesh, modes[i], dense, i, view.length), np.inf
+    for i in range(path.segments):
+        curve, least = curve_of(path, i, view.length), np.inf
         for a in range(curve.count * each + 1):
             least = min(least, values[at + a])
         if least >= peak.best[0] - peak.tie:
             for step in range(curve.count):
                 look(view, curve, step, 0.0)
                 _note(view, curve.mode, peak, peak.low)
-                kind = _offer(peak, view.columns, SMOOTH, kind)
+                kind = _offer(peak, view.columns, int64(SMOOTH), kind)
         at += curve.count * each + 1
     return kind
 
@@ -326,7 +380,7 @@ def _turn(view, curve, peak, step, low, high):
         rate = peak.sign * rate_of(view, peak.what)
         if abs(rate) <= still:
             _note(view, curve.mode, peak, peak.low)
-            return SMOOTH
+            return int64(SMOOTH)
         if rate > 0.0:
             low, rise = place, rate
             _note(view, curve.mode, peak, peak.low)
@@ -338,7 +392,7 @@ def _turn(view, curve, peak, step, low, high):
     peak.low[0] = max(peak.low[0], peak.high[0])
     for k in range(view.columns):
         peak.low[2 + k] += share * (peak.high[2 + k] - peak.low[2 + k])
-    return AT_A_JUMP if gap > peak.jump else SMOOTH
+    return int64(AT_A_JUMP if gap > peak.jump else SMOOTH)
 
 
 @njit(**INNER)

@@ -119,13 +119,25 @@ def _slopes(system, mode, duration, longer, s, y, forcing, slopes, at):
         out[e] *= rate
 
 
+class Path(NamedTuple):
+    """All segments' dense output with variations, on pointers; see `saltus.orbits.records.Mesh` and `Dense`."""
+
+    segments: int
+    modes: object
+    places: object
+    starts: object
+    nodes: object
+    coefficients: object
+
+
 @njit(**INNER)
-def curve_of(mesh, mode, dense, i, length):
+def curve_of(path, i, length):
     """Return a segment's dense output."""
-    first = mesh.starts[i]
+    outlined()
+    first = path.starts[i]
     return Curve(
-        mode, pointer(mesh.places, first), mesh.starts[i + 1] - first - 1, pointer(dense[0], first * length),
-        pointer(dense[1], first * 7 * length),
+        path.modes[i], pointer(path.places, first), path.starts[i + 1] - first - 1,
+        pointer(path.nodes, first * length), pointer(path.coefficients, first * 7 * length),
     )  # fmt: skip
 
 
