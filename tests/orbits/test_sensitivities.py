@@ -106,6 +106,21 @@ def contact() -> HybridSystem:
     )
 
 
+def rooted() -> HybridSystem:
+    """Return an oscillator whose damping in contact is like the root of the depth, without derivative at the surface."""
+    free = "A*cos(s) - c*v - k*x"
+    values = {"k": 1.0, "c": 0.1, "d": 0.5, "w": 1.2, "A": 1.0, "q": 1.5, "K": 3.0}
+    force = "K*(x - d)**(3/2) + q*sqrt(x - d)*v"
+    return HybridSystem(
+        ("x", "v"),
+        values,
+        {"free": Mode({"x": "v", "v": free}), "in": Mode({"x": "v", "v": f"{free} - ({force})"})},
+        [Transition("free", "in", "x - d", 1, name="touch"), Transition("in", "free", "x - d", -1, name="leave")],
+        phase=("s", "w"),
+        outputs={"F": {"free": "0", "in": force}},
+    )
+
+
 def settled(system, parameters=None, x0=(0.0, 0.0)):
     return lambda: find_orbit(system, parameters or {}, x0=list(x0))
 
@@ -131,6 +146,10 @@ CASES = {
     "tip": (
         settled(contact()),
         ["max(x)", "max(force)", "mean(force)", "fraction(in)", "amplitude(x, 1)", "phase(x, 1)", "velocity(leave)"],
+    ),
+    "root": (
+        settled(rooted()),
+        ["max(x)", "max(F)", "mean(F)", "fraction(in)", "velocity(leave)", "amplitude(x, 1)", "phase(x, 1)"],
     ),
     "belt": (
         lambda: solve_orbit(
@@ -248,6 +267,11 @@ def test_derivatives_of_multipliers_agree_with_differences(case):
         moved = {k: again(orbit, {parameter: at * (1.0 + k * step)}).multipliers for k in (-2, -1, 1, 2)}
         wanted = (8.0 * (moved[1] - moved[-1]) - (moved[2] - moved[-2])) / (12.0 * step)
         np.testing.assert_allclose(at * slopes.sel(parameter=parameter), wanted, rtol=DIFFERENCED, atol=1e-7)
+
+
+def test_multipliers_where_a_root_vanishes_are_told_to_be_rough():
+    found = find_orbit(rooted(), x0=[0.0, 0.0]).sensitivity(["multipliers"], ["c"])
+    assert "three digits" in found["multiplier_re"].attrs["note"]
 
 
 # what has no derivative is told

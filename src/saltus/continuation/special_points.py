@@ -18,6 +18,7 @@ from saltus.equilibria import Equilibrium
 from saltus.equilibria.normal_forms import EquilibriumNormalForm, normal_form as equilibrium_form
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
+from saltus.orbits.multiplier_slopes import ROUGH
 from saltus.orbits.normal_forms import NORMAL_FORMS, NormalForm, normal_form
 
 if TYPE_CHECKING:
@@ -255,6 +256,9 @@ class SpecialPoint(Generic[Solution]):
         else:
             slopes = moved_orbit(self.orbit, Place(self.type, along, others, self.sizes))
         attributes = {"value": self.parameters[along], "type": self.type}
+        if isinstance(self.solution, PeriodicOrbit) and self.type in ("PD", "TR", "BP"):
+            rooted = self.solution.system.compiled.rooted[list(self.solution.form.modes)].any()
+            attributes |= {"note": ROUGH} if rooted else {}
         if np.any(np.isnan(slopes)):
             attributes["note"] = "the branch point does not persist as the parameter changes"
         return xr.Dataset({along: ("parameter", slopes, attributes)}, {"parameter": list(others)})

@@ -266,11 +266,17 @@ def _sample(view, wanted, mode, kept, at, g):
         kept.values[j * kept.samples + at] = wanted.signs[j] * value_of(view, what)
         kept.rates[j * kept.samples + at] = wanted.signs[j] * rate_of(view, what)
         if g < 0:
-            kept.noise[j] = max(kept.noise[j], NOISE * _size(view, wanted.scale, what))
+            kept.noise[j] = _larger(kept.noise[j], NOISE * _size(view, wanted.scale, what))
             largest, slopes = pointer(kept.sizes, j * view.columns), pointer(kept.extremes, j * (1 + view.columns))
             differentiate(view, what, slopes)
             for k in range(view.columns):
-                largest[k] = max(largest[k], abs(slopes[k]))
+                largest[k] = _larger(largest[k], abs(slopes[k]))
+
+
+@njit(**INNER)
+def _larger(most, size):
+    """Return the larger one; a size that is infinite or none, as at the surface of a root, is left out."""
+    return size if most < size < np.inf else most
 
 
 @njit(**INNER)

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["MultiplierSlopes", "multipliers_by_parameters"]
+__all__ = ["ROUGH", "MultiplierSlopes", "multipliers_by_parameters"]
 
+ROUGH = "a root vanishes on a surface, so that second derivatives are differences: three digits or more"
 _LOST = "a multiplier is a double one, infinite or lost in rounding"
 _PARTED = 1e-6  # share of the null vectors in each other by B below which a multiplier is a double one
 _NULL = 1e-7  # least singular value, over the largest, up to which a multiplier's matrix is singular
@@ -71,4 +72,5 @@ def multipliers_by_parameters(
         if mu.imag != 0.0:
             bend = bend + 1j * problem.second(u, np.append(v.imag, still))
         slopes[i] = (w @ bend @ moved) / twist
-    return MultiplierSlopes(values, slopes, _LOST if np.isnan(slopes).any() else "")
+    note = ROUGH if problem.system.compiled.rooted[problem.modes].any() else ""
+    return MultiplierSlopes(values, slopes, _LOST if np.isnan(slopes).any() else note)

@@ -242,8 +242,10 @@ def _part(found: Sums, kind: str, at: int, one: Observable) -> Differentiated:
     """Return an observable from what is found along the orbit."""
     period = found.period
     if kind in _SIGNS:
-        row = found.extremes[at]
-        return Differentiated(float(row[0]), row[1:], _EXTREMES.get(int(found.kinds[at]), ""))
+        row, note = found.extremes[at], _EXTREMES.get(int(found.kinds[at]), "")
+        if not note and not np.all(np.isfinite(row)):
+            note = "the extreme is where the expression grows without bound in a state, as a root on its surface"
+        return Differentiated(float(row[0]), np.where(np.isfinite(row[1:]), row[1:], math.nan), note)
     if kind == "period":
         return period
     if kind == "velocity":
