@@ -107,7 +107,7 @@ def contact() -> HybridSystem:
 
 
 def rooted() -> HybridSystem:
-    """Return an oscillator whose damping in contact is like the root of the depth, without derivative at the surface."""
+    """Return an oscillator whose damping in contact is like the root of the depth, steep at the surface."""
     free = "A*cos(s) - c*v - k*x"
     values = {"k": 1.0, "c": 0.1, "d": 0.5, "w": 1.2, "A": 1.0, "q": 1.5, "K": 3.0}
     force = "K*(x - d)**(3/2) + q*sqrt(x - d)*v"
