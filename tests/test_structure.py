@@ -19,6 +19,7 @@ PACKAGE = Path(saltus.__file__).parent
 WRITERS = {
     system.FLOW: "system.codegen",
     system.SECOND_DERIVATIVES: "system.codegen",
+    system.GRADIENTS: "system.gradient_writer",
     system.SERIES: "system.series_writer",
     system.LINEAR: "system.series_writer",
     ensemble.LANES: "ensemble.writer",

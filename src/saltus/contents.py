@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["Contents", "as_json", "checked_texts"]
+__all__ = ["Contents", "as_json", "checked_texts", "complex_of"]
 
 _KINDS = {float: "fiu", int: "iu", bool: "biu", str: "OUS"}  # NumPy's kinds of data that stand for each of Python's
 
@@ -192,3 +192,10 @@ def _between(least: float, most: float) -> str:
     if math.isinf(most):
         return f"finite and >= {least:g}"
     return f"<= {most:g}" if math.isinf(least) else f"between {least:g} and {most:g}"
+
+
+def complex_of(re: NDArray[np.float64], im: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return re + i im, exact also for infinite parts."""
+    out = np.empty(re.shape, dtype=np.complex128)
+    out.real, out.imag = re, im
+    return out

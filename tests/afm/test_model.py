@@ -174,15 +174,36 @@ def slope(orbit, name):
     ],
 )  # fmt: skip
 def test_amplitude_and_lag_depend_on_every_parameter(damped, name, amplitude, lag):
-    found = slope(damped, name)
+    exact = damped.sensitivity(["amplitude(z1_nm, 1)", "90 - degrees(phase(z1_nm, 1))"], [name])
+    found = [float(exact[column][0]) for column in list(exact)[:2]]
     assert found[0] == pytest.approx(amplitude, rel=1e-6)
     assert lag is None or found[1] == pytest.approx(lag, rel=1e-6)
+    assert found == pytest.approx(slope(damped, name), rel=1e-6)
 
 
 def test_the_radius_enters_with_the_hamaker_constant_and_the_modulus_only(damped):
     # as H R and E sqrt(R)
-    by = {name: slope(damped, name) * damped.parameters[name] for name in ("R_nm", "H_aJ", "E_GPa")}
-    np.testing.assert_allclose(by["R_nm"], by["H_aJ"] + 0.5 * by["E_GPa"], rtol=1e-7)
+    names = [
+        "amplitude(z1_nm, 1)",
+        "phase(z1_nm, 1)",
+        "min(D_nm)",
+        "max(force_nN)",
+        "mean(virial_aJ)",
+        "fraction(contact)",
+    ]
+    slopes = damped.sensitivity(names)
+    for column in names:
+        by = {name: slopes[column].sel(parameter=name) * damped.parameters[name] for name in ("R_nm", "H_aJ", "E_GPa")}
+        np.testing.assert_allclose(by["R_nm"], by["H_aJ"] + 0.5 * by["E_GPa"], rtol=1e-11)
+
+
+def test_jumps_and_grazing_move_with_the_radius_as_with_the_constants_that_it_multiplies(approach):
+    for kind in ("SN", "GR"):
+        found = approach.special_points.of_type(kind)[0].sensitivity()["Zc_nm"]
+        by = {name: float(found.sel(parameter=name)) for name in ("R_nm", "H_aJ", "E_GPa", "A0_nm")}
+        if kind == "SN":
+            assert 12.0 * by["R_nm"] == pytest.approx(0.12 * by["H_aJ"] + 0.75 * by["E_GPa"], rel=1e-8)
+        assert abs(by["A0_nm"]) > 0.1
 
 
 def test_observables_of_an_orbit_from_a_file_are_the_same(damped, tmp_path):

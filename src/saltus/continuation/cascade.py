@@ -17,7 +17,8 @@ from saltus.continuation.branch_files import RAGGED, branches_of, branches_toget
 from saltus.continuation.curve_files import special_points_of, special_variables
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints
 from saltus.errors import InputError
-from saltus.orbits.orbit import TOLERANCES, signature_from
+from saltus.orbits.orbit import TOLERANCES
+from saltus.orbits.signature import signature_from
 from saltus.results import Result
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.contents import Contents
+from saltus.contents import Contents, complex_of
 from saltus.continuation.connection import Homoclinic
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
-from saltus.orbits.orbit import MOST_FAULTS, complex_of
+from saltus.orbits.orbit import MOST_FAULTS
 from saltus.orbits.signature import Signature
 from saltus.orbits.unfolding import Fixed
 from saltus.system import HybridSystem

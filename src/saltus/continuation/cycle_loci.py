@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.continuation.algebraic_loci import AlgebraicLocusRun
+from saltus.continuation.critical_points import critical_cycle
 from saltus.continuation.cycle_locus_problem import CycleLocusProblem
 from saltus.continuation.cycle_problem import grows_without_bound, in_lockstep
 from saltus.continuation.cycles import cycle_fields
 from saltus.continuation.map_locus import MapLocus
-from saltus.cycles.critical import OnBorder, Rotation
 from saltus.cycles.orbit import MapOrbit, cycle_at, itinerary_of
 from saltus.cycles.problem import CycleProblem
-from saltus.equilibria.critical import Singular
-from saltus.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,7 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["CycleLocusRun"]
 
-_CRITICAL = 1e-3  # distance of a start's multiplier from the critical one
 _ENDS = {
     "R1": "beyond it two real multipliers have the product 1",
     "R2": "beyond it two real multipliers have the product 1",
@@ -94,33 +90,4 @@ class CycleLocusRun(AlgebraicLocusRun):
         self, problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
     ) -> tuple[Condition, NDArray[np.float64]]:
         """See `AlgebraicLocusRun.condition`."""
-        values = self.solution.multipliers
-        if self.kind == "SN":
-            self._check_critical(float(np.abs(values - 1.0).min()), "a multiplier 1")
-            return Singular(problem, u, sizes), np.empty(0)
-        if self.kind == "PD":
-            self._check_critical(float(np.abs(values + 1.0).min()), "a multiplier -1")
-            return Singular(problem, u, sizes, 2.0 * problem.closing), np.empty(0)
-        if self.kind == "TR":
-            pairs = values[values.imag > 0.0]
-            distances = np.abs(np.abs(pairs) - 1.0)
-            self._check_critical(float(distances.min(initial=math.inf)), "a complex pair on the unit circle")
-            pair = complex(pairs[np.argmin(distances)])
-            condition = Rotation(problem, u, sizes, pair.real / abs(pair))
-            return condition, condition.guess
-        heights = {
-            (i, guard): abs(height) / (float(np.abs(problem.border(i, guard, u)[1][: problem.n]) @ sizes) or 1.0)
-            for i, guard, height in problem.heights(u)
-        }
-        nearest = min(heights, key=heights.__getitem__, default=None)
-        if nearest is None:
-            raise InputError("type", "BC", "a locus of a map in pieces", "a smooth map has no borders")
-        if not heights[nearest] < _CRITICAL:
-            least = f"{heights[nearest]:.3g} from the nearest border"
-            raise InputError("start", least, "a cycle with a point on one", "a BC lies there")
-        return OnBorder(problem, *nearest), np.empty(0)
-
-    def _check_critical(self, distance: float, wanted: str) -> None:
-        if not distance < _CRITICAL:
-            found = ", ".join(f"{v:.6g}" for v in self.solution.multipliers.tolist())
-            raise InputError("start", f"multipliers {found}", f"a cycle with {wanted}, as every {self.kind} has")
+        return critical_cycle(self.kind, self.solution, problem, u, sizes)

@@ -12,12 +12,15 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints
+from saltus.errors import ConvergenceError, InputError
 from saltus.flow.formulas import Observable, read_formula
 from saltus.flow.observables import angles, observe
 from saltus.orbits import PeriodicOrbit
+from saltus.orbits.observed import planned
 from saltus.orbits.orbit import follow_from, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.sampling import motion_of
+from saltus.orbits.sensitivities import sensitivities
 from saltus.orbits.signature import Signature
 from saltus.orbits.unfolding import Fixed
 from saltus.results import Result, frozen
@@ -284,6 +287,48 @@ class OrbitColumns(Result):
         value, turn = orbit.observe(name)[name], read_formula(self.system, name).turn
         return value + turn * round((nearby - value) / turn) if turn and np.isfinite(nearby - value) else value
 
+    def sensitivity(self, names: Sequence[str], parameters: Sequence[str] | None = None) -> xr.Dataset:
+        """Return exact derivatives of observables by parameters at every point; see docs/theory/sensitivities.md.
+
+        Parameters
+        ----------
+        names : sequence of str
+            As `PeriodicOrbit.sensitivity` takes them, but for ``"multipliers"`` and ``"segments"``.
+        parameters : sequence of str, optional
+            All parameters of the system by default.
+
+        Returns
+        -------
+        xarray.Dataset
+            One variable for each observable along ``point`` and ``parameter``; the varied parameters and ``note`` along
+            ``point``. Each derivative is that of the point's orbit, all other parameters fixed. Where none exists it is
+            NaN, and ``note`` says why.
+
+        Raises
+        ------
+        InputError
+            A name is no observable, or no parameter.
+        """
+        import xarray as xr
+
+        names, known = checks.names("names", names, "observables"), self.system.parameter_names
+        planned(self.system, names)
+        wanted = known if parameters is None else checks.names("parameters", parameters, "names of parameters")
+        active = [known.index(checks.chosen("parameters", name, known)) for name in wanted]
+        slopes, notes = np.full((len(names), len(self), len(active)), np.nan), np.full(len(self), "", dtype=object)
+        for i in range(len(self)):
+            try:
+                found = sensitivities(*self._solved(i, active), names).values
+            except (InputError, ConvergenceError) as error:
+                notes[i] = str(error)
+                continue
+            slopes[:, i] = [found[name].slopes for name in names]
+            notes[i] = "; ".join(f"{name}: {one.note}" for name, one in found.items() if one.note)
+        each = zip(self.varied, self.values.reshape(len(self), -1).T, strict=True)
+        coordinates: dict[str, Any] = {name: ("point", values) for name, values in each}
+        coordinates |= {"parameter": list(wanted), "note": ("point", notes)}
+        return xr.Dataset({name: (("point", "parameter"), slopes[j]) for j, name in enumerate(names)}, coordinates)
+
     def signature(self, index: int) -> tuple[tuple[str, str], ...]:
         """Return the (mode, transition) names of a point's segments.
 
@@ -335,11 +380,11 @@ class OrbitColumns(Result):
         """Return what is fixed of one point's orbit, and what is freed; None along parameters."""
         return None
 
-    def _solved(self, index: int) -> tuple[OrbitProblem, NDArray[np.float64]]:
-        """Return the equations of one point's orbit, meshes made, and their solution."""
-        p = self.system.parameter_vector(self._parameters(index))
-        problem = OrbitProblem(self.system, self.forms[self.form[index]], p, tol=self.tolerance)
-        u = np.array(self.unknowns[index])
+    def _solved(self, index: int, active: Sequence[int] = ()) -> tuple[OrbitProblem, NDArray[np.float64]]:
+        """Return the equations of one point's orbit, some parameters active, meshes made, and their solution."""
+        p, form = self.system.parameter_vector(self._parameters(index)), self.forms[self.form[index]]
+        problem = OrbitProblem(self.system, form, p, active, np.ones(len(active)), self.tolerance)
+        u = np.append(self.unknowns[index], p[list(active)])
         states = len(self.system.states)
         follow_from(problem, u, np.maximum(np.abs(self.lows), np.abs(self.highs))[:, :states].max(axis=0))
         return problem, u

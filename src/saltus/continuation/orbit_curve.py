@@ -21,7 +21,8 @@ from saltus.continuation.curve_files import (
 from saltus.continuation.orbit_columns import OrbitColumns
 from saltus.continuation.special_points import SpecialPoints
 from saltus.errors import InputError
-from saltus.orbits.orbit import TOLERANCES, signature_from
+from saltus.orbits.orbit import TOLERANCES
+from saltus.orbits.signature import signature_from
 from saltus.orbits.unfolding import read_fixed
 from saltus.system.plain import held_parameters, held_system
 

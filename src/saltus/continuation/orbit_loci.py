@@ -10,8 +10,8 @@ import numpy as np
 
 from saltus.continuation.arclength import follow
 from saltus.continuation.closure import alongside, passes
+from saltus.continuation.critical_points import CriticalOrbit
 from saltus.continuation.field_roots import rooted_modes
-from saltus.continuation.grazing import Neighbour, neighbour, touching
 from saltus.continuation.locating import events_between
 from saltus.continuation.locus import Locus
 from saltus.continuation.locus_problem import LocusZeroProblem
@@ -21,13 +21,11 @@ from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.two_sided import SAME, Found, OneSide, join, traced, turned
 from saltus.continuation.zero_problem import Event, Point, start_point
 from saltus.errors import InputError
-from saltus.orbits.critical import Branching, Condition, Critical, Grazing, TorusCondition
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
-from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import DIRECTION, DURATION, MEAN_END, WHOLE, Signature
+from saltus.orbits.signature import DIRECTION, DURATION
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    pass
 
 __all__ = ["OrbitLocusRun"]
 
@@ -37,8 +35,6 @@ _ENDS = {
     "R2": "beyond it the two multipliers are real, of product 1",
 }
 
-_TOUCHING = 1e-6  # distance from a surface, over the event's size, or duration, over the period, that is a grazing
-_CRITICAL = 1e-3  # distance of a start from its critical condition up to which a locus starts there
 _MOVED = 1e-3  # change, over the unknowns' sizes, by which the first point of a locus may differ from the start
 _REGULAR = 1e-11  # least singular value of the extended equations, over the largest, of a regular start
 _UNFOLDED = 1e-7  # forcing from which on the branch points of a BP locus do not persist
@@ -75,26 +71,20 @@ class OrbitLocusRun(TwoParameterRun):
             **joined.fields(),
         )
 
-    def _problem(self, signature: Signature, unknowns: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]]:
-        """Return the equations of a signature with the two parameters active, meshes made, and all unknowns."""
-        system = self.orbit.system
-        p = system.parameter_vector(self.orbit.parameters)
-        active = [system.parameter_names.index(name) for name in self.names]
-        values = self.start_values(p[active])
-        problem = OrbitProblem(system, signature, p, active, self.scales, self.orbit.tolerance)
-        u = np.append(unknowns, values)
-        problem.start(u, self.start.sizes if isinstance(self.start, SpecialPoint) else None)
-        return problem, u
-
     def begin(self, towards: int) -> Point:
         """Return the first point, its tangent towards growing values of the parameter number `towards`."""
-        condition: Condition
-        if self.kind == "GR":
-            problem, u, vanishing = self._grazing()
-            condition, extra = vanishing, np.empty(0)
-        else:
-            problem, u = self._problem(self.orbit.form, self.orbit.unknowns)
-            condition, extra = self._condition(problem, u)
+        start = self.start if isinstance(self.start, SpecialPoint) else None
+        critical = CriticalOrbit(
+            self.kind,
+            self.orbit,
+            self.names,
+            self.scales,
+            self.start_values(np.array([self.orbit.parameters[name] for name in self.names])),
+            None if start is None else start.sizes,
+            (self.names[0],) if start is None else start.varied,
+            start is not None and start.locus == "GR",
+        )
+        problem, u, condition, extra = critical.extended()
         z = np.concatenate([u[: problem.size], extra, u[-2:]])
         self.branch = LocusZeroProblem(problem, self.kind, condition, z, self.bounds)
         values = np.linalg.svd(self.branch.evaluate(z)[1] * self.branch.scale(), compute_uv=False)
@@ -115,80 +105,6 @@ class OrbitLocusRun(TwoParameterRun):
             )
         point.examined = self.branch.examine(point, None)
         return turned(point, float(point.tangent[towards - 2]), self.odd)
-
-    def _condition(self, problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[Condition, NDArray[np.float64]]:
-        """Return the condition of an SN, PD, TR or BP, and a guess of its further unknowns."""
-        J = problem.resolve(u)[1]
-        if self.kind == "BP":
-            branching = Branching(problem, self._branching_parameter(), u, J)
-            if not branching.distance(J) < _CRITICAL:
-                wanted = "an orbit at which branches meet"
-                raise InputError("start", f"{branching.distance(J):.2g} from a loss of rank", wanted)
-            return branching, np.zeros(1)
-        autonomous = self.orbit.system.phase is None
-        values = (self.orbit.multipliers[:-1] if autonomous else self.orbit.multipliers).tolist()
-        if self.kind == "TR":
-            pairs = [v for v in values if v.imag >= 0.0 and math.isfinite(abs(v))]
-            distances = [self._from_resonance(v, values) for v in pairs]
-            self._check_critical(min(distances, default=math.inf), "a pair of multipliers on the unit circle")
-            mu = pairs[int(np.argmin(distances))]
-            kappa = mu.real / abs(mu) if mu.imag > 0.0 else math.copysign(1.0, mu.real)
-            return TorusCondition(problem, kappa, u, J), np.array([kappa])
-        mu = 1.0 if self.kind == "SN" else -1.0
-        condition = Critical(problem, mu, u, J)
-        distance = min((abs(v - mu) for v in values), default=math.inf)
-        on_grazing = isinstance(self.start, SpecialPoint) and self.start.locus == "GR"
-        if on_grazing or not np.all(np.isfinite(values)):  # multipliers belong to another signature
-            distance = condition.distance(J)
-        self._check_critical(distance, f"a multiplier {mu:g}")
-        return condition, np.empty(0)
-
-    @staticmethod
-    def _from_resonance(value: complex, values: list[complex]) -> float:
-        """Return the distance of a multiplier from the unit circle, of a real one plus that from the nearest other."""
-        if value.imag > 0.0:
-            return abs(abs(value) - 1.0)
-        others = list(values)
-        others.remove(value)
-        return abs(abs(value) - 1.0) + min((abs(other - value) for other in others), default=math.inf)
-
-    def _check_critical(self, distance: float, wanted: str) -> None:
-        if not distance < _CRITICAL:
-            found = ", ".join(f"{v:.6g}" for v in self.orbit.multipliers.tolist())
-            raise InputError("start", f"multipliers {found}", f"an orbit with {wanted}, as every {self.kind} has")
-
-    def _branching_parameter(self) -> int:
-        varied = self.start.varied if isinstance(self.start, SpecialPoint) else (self.names[0],)
-        known = [name for name in varied if name in self.names]
-        if not known:
-            wanted = f"a pair with {varied[0]!r}, along which the branch point was found"
-            raise InputError("parameters", self.names, wanted)
-        return self.names.index(known[0])
-
-    def _grazing(self) -> tuple[OrbitProblem, NDArray[np.float64], Grazing]:
-        """Return the grazing orbit in the larger signature, its unknowns, and the condition that vanishes."""
-        problem, u = self._problem(self.orbit.form, self.orbit.unknowns)
-        found = _vanishing(problem, u)
-        if found is None:
-            survey = problem.survey(u)
-            heights = np.abs(survey.margins)
-            i, k = np.unravel_index(int(np.argmin(heights)), heights.shape) if heights.size else (0, 0)
-            sizes = np.array([problem.event_size(int(j), u[: problem.n]) for j in range(heights.shape[1])])
-            if not heights.size or not heights[i, k] < _TOUCHING * sizes[k]:
-                least = float(heights.min()) if heights.size else math.inf
-                raise InputError(
-                    "start", f"{least:.3g} from the nearest surface", "an orbit that grazes one", "a GR does"
-                )
-            if survey.places[i, k] == WHOLE:
-                return problem, u, Grazing(problem, "side", int(i), int(k))
-            larger = neighbour(problem, Monitor("margin", int(i), int(k)), u)
-            if not isinstance(larger, Neighbour):
-                larger = touching(problem, u, int(i), int(k))
-            problem, u = self._problem(larger.signature, larger.u[:-2])
-            found = _vanishing(problem, u)
-            if found is None:
-                raise self.irregular("the touching motion cannot be cut at its surface")
-        return problem, u, Grazing(problem, *found)
 
     def restarted(self, origin: Point) -> Point:
         """See `TwoParameterRun.restarted`: meshes and null vectors' signs are those of the other direction's end."""
@@ -274,20 +190,3 @@ class OrbitLocusRun(TwoParameterRun):
         if not isinstance(start, SpecialPoint) or (monitor := Monitor(start.type)) not in monitors:
             return None
         return Found(start.type, self._orbit(origin), monitors[monitor], 0, 0.0, start.of)
-
-
-def _vanishing(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[str, int] | None:
-    """Return kind and segment of the first vanishing duration, or else rate; None where none vanishes."""
-    n = problem.n
-    blocks = u[: problem.size].reshape(problem.segments, n + 1)
-    period = float(np.abs(blocks[:, n]).sum())
-    for i, kind in enumerate(problem.signature.kinds):
-        if kind == MEAN_END and abs(blocks[i, n]) < _TOUCHING * period:
-            return "duration", i
-    rates = problem.survey(u).rates
-    for i, transition in enumerate(problem.signature.transitions):
-        if transition >= 0 and abs(rates[i, 0]) * period < _CRITICAL * _TOUCHING**0.5 * problem.event_size(
-            transition, u[: problem.n]
-        ):
-            return "rate", i
-    return None

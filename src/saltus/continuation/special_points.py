@@ -11,16 +11,19 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation.connection import Homoclinic
+from saltus.continuation.point_sensitivities import Place, moved_cycle, moved_equilibrium, moved_orbit
 from saltus.cycles import MapOrbit
 from saltus.cycles.normal_forms import map_normal_form
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.normal_forms import EquilibriumNormalForm, normal_form as equilibrium_form
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
+from saltus.orbits.multiplier_slopes import ROUGH
 from saltus.orbits.normal_forms import NORMAL_FORMS, NormalForm, normal_form
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
     from numpy.typing import NDArray
 
 __all__ = ["Solution", "SpecialPoint", "SpecialPoints"]
@@ -204,6 +207,61 @@ class SpecialPoint(Generic[Solution]):
         if self.type not in NORMAL_FORMS:
             raise InputError("type", self.type, f"one of {', '.join(NORMAL_FORMS)}", "no normal form belongs to it")
         return normal_form(self.orbit, self.type)
+
+    def sensitivity(self, parameters: Sequence[str] | None = None) -> xr.Dataset:
+        """Return how the point moves along its branch as other parameters change, exactly.
+
+        docs/theory/sensitivities.md, "Special points", derives it.
+
+        Parameters
+        ----------
+        parameters : sequence of str, optional
+            All other parameters of the system by default.
+
+        Returns
+        -------
+        xarray.Dataset
+            One variable, named by the parameter of the branch, along ``parameter``: its derivatives at the point. The
+            attributes ``value`` and ``type`` are those of the point. NaN where a branch point does not persist.
+
+        Raises
+        ------
+        InputError
+            The point is none that moves so: SN, PD, TR, BP, GR of orbits; SN, HB, BE of equilibria; SN, PD, TR, BC of
+            cycles. It is not isolated, or on no branch along a parameter. A name that is no other parameter.
+
+        Examples
+        --------
+        >>> from saltus import HybridSystem, continue_equilibrium, find_equilibrium
+        >>> fold = HybridSystem.smooth({"x": "r + h*x - x**3"}, {"r": 1.0, "h": 3.0})
+        >>> branch = continue_equilibrium(find_equilibrium(fold, {}, [2.0]), "r", (-4.0, 4.0))
+        >>> slopes = branch["SN1"].sensitivity()["r"]
+        >>> round(slopes.attrs["value"], 9), round(float(slopes.sel(parameter="h")), 9)
+        (2.0, 1.0)
+        """
+        import xarray as xr
+
+        system, along = self.solution.system, self.varied[0]
+        if len(self.varied) > 1 or along not in system.parameters:
+            raise InputError(
+                "varied", self.varied, "one parameter", "a special point of a branch along a parameter moves"
+            )
+        rest = tuple(name for name in system.parameter_names if name != along)
+        others = rest if parameters is None else checks.names("parameters", parameters, "names of parameters")
+        others = tuple(checks.chosen("parameters", name, rest) for name in others)
+        if isinstance(self.solution, Equilibrium):
+            slopes = moved_equilibrium(self.solution, Place(self.type, along, others, self.scale))
+        elif isinstance(self.solution, MapOrbit):
+            slopes = moved_cycle(self.solution, Place(self.type, along, others, self.scale))
+        else:
+            slopes = moved_orbit(self.orbit, Place(self.type, along, others, self.sizes))
+        attributes = {"value": self.parameters[along], "type": self.type}
+        if isinstance(self.solution, PeriodicOrbit) and self.type in ("PD", "TR", "BP"):
+            rooted = self.solution.system.compiled.rooted[list(self.solution.form.modes)].any()
+            attributes |= {"note": ROUGH} if rooted else {}
+        if np.any(np.isnan(slopes)):
+            attributes["note"] = "the branch point does not persist as the parameter changes"
+        return xr.Dataset({along: ("parameter", slopes, attributes)}, {"parameter": list(others)})
 
     def __repr__(self) -> str:
         meaning = f", {_MEANING[self.type]}" if self.type in _MEANING else ""

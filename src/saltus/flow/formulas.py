@@ -57,10 +57,18 @@ class Formula:
         The observables in it, by their texts.
     expression : Expression or None
         What is made of their values; None for the value of the only one.
+    text : str
+        The expression's text, with `symbols` in the places of the observables.
     """
 
     parts: Mapping[str, Observable]
     expression: Expression | None = None
+    text: str = ""
+
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """Names that stand for the observables in `text`."""
+        return tuple(_name(i) for i in range(len(self.parts)))
 
     @property
     def turn(self) -> float:
@@ -90,7 +98,8 @@ class Formula:
             return values[only]
         if "period" in self.expression.names and "period" not in parameters:
             raise InputError("observable", "period", "of a periodic motion")
-        return self.expression.value(dict(parameters) | {_name(i): values[part] for i, part in enumerate(self.parts)})
+        known = {symbol: values[part] for symbol, part in zip(self.symbols, self.parts, strict=True)}
+        return self.expression.value(dict(parameters) | known)
 
 
 def read_formula(system: Definition, text: str) -> Formula:
@@ -127,7 +136,7 @@ def read_formula(system: Definition, text: str) -> Formula:
         formula, end = formula + stripped[end:first] + _name(list(parts).index(part)), last
     names = ("period", *system.parameter_names, *(_name(i) for i in range(len(parts))))
     try:
-        return Formula(parts, read_expression(formula + stripped[end:], names))
+        return Formula(parts, read_expression(formula + stripped[end:], names), formula + stripped[end:])
     except InputError as error:
         why = str(error.args[3] or error.args[2])
         for i, part in enumerate(parts):

@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from saltus.orbits.signature import WHOLE
+from saltus.orbits.records import events_of
+from saltus.orbits.signature import MEAN_END, SECTION, WHOLE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,8 +29,12 @@ if TYPE_CHECKING:
     from saltus.orbits.problem import OrbitProblem
     from saltus.orbits.signature import Survey
 
-__all__ = ["Branching", "Condition", "Critical", "Grazing", "TorusCondition", "closing", "openness", "scaling",
-           "solve_branch_point"]  # fmt: skip
+__all__ = [
+    "TOUCHING", "Branching", "Condition", "Critical", "Grazing", "TorusCondition", "closing", "openness", "scaling",
+    "solve_branch_point", "touched", "vanishing_segment",
+]  # fmt: skip
+
+TOUCHING = 1e-6  # distance from a surface, over the event's size, or duration, over the period, that is a grazing
 
 _ITERATIONS = 12  # Newton steps to a branch point, at most
 _CONVERGED = 1e-9  # largest relative Newton step of a converged branch point
@@ -356,3 +361,33 @@ def solve_branch_point(
             return z[: size + 1] if abs(z[-1]) < _UNFORCED else None
         condition.adjust()
     return None
+
+
+def vanishing_segment(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> tuple[str, int] | None:
+    """Return kind and segment of the first vanishing duration, or else rate; None where none vanishes."""
+    durations = np.abs(u[problem.n : problem.size : problem.n + 1])
+    period = float(durations.sum())
+    for i, kind in enumerate(problem.signature.kinds):
+        if kind == MEAN_END and durations[i] < TOUCHING * period:
+            return "duration", i
+    for i, transition in enumerate(problem.signature.transitions):
+        if transition >= 0:
+            size = problem.event_size(transition, u[: problem.n])
+            if abs(survey.rates[i, 0]) * period < TOUCHING * size:
+                return "rate", i
+    return None
+
+
+def touched(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> str:
+    """Return how an orbit touches a surface beyond which motions have other events; empty where it does not."""
+    names = problem.system.transition_names
+    if (vanishing := vanishing_segment(problem, u, survey)) is not None:
+        kind, i = vanishing
+        what = "has no duration" if kind == "duration" else "ends at its event without velocity"
+        return f"segment {i}, up to {names[problem.signature.transitions[i]]!r}, {what}"
+    least = np.abs(survey.margins).min(axis=0)
+    for k in np.flatnonzero(np.isfinite(least)).tolist():
+        size = problem.event_size(k, u[: problem.n])
+        if least[k] < TOUCHING * size and events_of(problem.system).surfaces[k] != SECTION:
+            return f"it touches the surface of {names[k]!r}"
+    return ""

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus import checks
-from saltus.contents import Contents
+from saltus.contents import Contents, complex_of
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Motion, observe
@@ -22,7 +21,8 @@ from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.rounds import rounds_of
 from saltus.orbits.sampling import motion_of, sample_orbit
-from saltus.orbits.signature import CUT_END, FAULTS, Signature, Survey
+from saltus.orbits.sensitivities import sensitivities
+from saltus.orbits.signature import CUT_END, FAULTS, Segment, Signature, Survey, path_of, signature_from
 from saltus.orbits.unfolding import Fixed, read_fixed
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
@@ -32,31 +32,10 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["PeriodicOrbit", "Segment", "complex_of", "extremes_of", "follow_from", "orbit_at", "signature_from"]
+__all__ = ["PeriodicOrbit", "extremes_of", "follow_from", "orbit_at"]
 
 MOST_FAULTS = sum(bit for bit, _ in FAULTS)  # all bits of `PeriodicOrbit.faults`
 TOLERANCES = (1e-16, 1.0)  # least and greatest relative tolerance of a flow in a file
-_COUNTED = 4  # equal segments in a row from which on a signature's text counts them
-_SHOWN = 12  # most parts of a signature's text
-
-
-class Segment(NamedTuple):
-    """One smooth piece of an orbit.
-
-    Attributes
-    ----------
-    mode, transition : str
-        Mode, and transition at the end. A segment that ends with the period has the phase's name, or an empty text.
-    state : ndarray, shape (all states,)
-        Full state at its start, phase last; the phase runs on over the period.
-    duration : float
-        Duration in the system's time.
-    """
-
-    mode: str
-    transition: str
-    state: NDArray[np.float64]
-    duration: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -213,15 +192,15 @@ class PeriodicOrbit(Result):
         """States and durations as the vector of unknowns of `OrbitProblem`."""
         return np.column_stack([self.states, self.durations]).ravel()
 
-    def problem(self, active: str | None = None, scale: float = 1.0) -> OrbitProblem:
+    def problem(self, active: str | Sequence[str] = (), scale: float = 1.0) -> OrbitProblem:
         """Return the orbit's equations, with meshes that fit the orbit.
 
         Parameters
         ----------
-        active : str, optional
-            A parameter that becomes an unknown.
+        active : str or sequence of str, optional
+            Parameters that become unknowns.
         scale : float, optional
-            Unit of this parameter.
+            Unit of these parameters.
 
         Returns
         -------
@@ -234,12 +213,11 @@ class PeriodicOrbit(Result):
             There is no such parameter.
         """
         p = self.system.parameter_vector(self.parameters)
-        known = self.system.parameter_names
-        index = [] if active is None else [known.index(checks.chosen("active", active, known))]
+        known, wanted = self.system.parameter_names, (active,) if isinstance(active, str) else active
+        index = [known.index(name if name in known else checks.chosen("active", name, known)) for name in wanted]
         scale = checks.positive("scale", scale)
         problem = OrbitProblem(self.system, self.form, p, index, np.full(len(index), scale), self.tolerance)
-        u = self.unknowns if active is None else np.append(self.unknowns, p[index] / scale)
-        follow_from(problem, u)
+        follow_from(problem, np.append(self.unknowns, p[index] / scale))
         return problem
 
     def sample(self, points: int = 400) -> xr.Dataset:
@@ -295,6 +273,47 @@ class PeriodicOrbit(Result):
         {'amplitude(x, 1)': 0.707106781, 'phase(x, 1)': 0.785398163}
         """
         return observe(self.motion(), names)
+
+    def sensitivity(self, names: Sequence[str], parameters: Sequence[str] | None = None) -> xr.Dataset:
+        """Return exact derivatives of observables by parameters; docs/theory/sensitivities.md derives them.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Observables as `observe` takes them, ``"period"``, ``"max_x"`` for ``"max(x)"``; ``"multipliers"``;
+            ``"segments"`` for the segments' starts and durations.
+        parameters : sequence of str, optional
+            All parameters of the system by default.
+
+        Returns
+        -------
+        xarray.Dataset
+            A variable for each observable along ``parameter``, its attribute ``value`` the observable's value. Where no
+            derivative exists it is NaN, and the attribute ``note`` says why. ``multiplier_re``, ``multiplier_im``,
+            ``segment_state`` and ``segment_duration``, where they are asked for.
+
+        Raises
+        ------
+        InputError
+            A name is no observable, or no parameter. The orbit touches a surface, or its parameters do not determine
+            it, as at a saddle-node.
+
+        Examples
+        --------
+        >>> from saltus.orbits.find import find_orbit
+        >>> from saltus.system.hybrid import Mode
+        >>> driven = HybridSystem(("x",), {"w": 1.0}, {"free": Mode({"x": "cos(theta) - x"})}, phase=("theta", "w"))
+        >>> slopes = find_orbit(driven, {}, [0.0]).sensitivity(["amplitude(x, 1)", "period"])
+        >>> print({name: round(float(slopes[name].sel(parameter="w")), 9) for name in ("amplitude(x, 1)", "period")})
+        {'amplitude(x, 1)': -0.353553391, 'period': -6.283185307}
+        """
+        names = checks.names("names", names, "observables")
+        known = self.system.parameter_names
+        wanted = known if parameters is None else checks.names("parameters", parameters, "names of parameters")
+        problem = self.problem([name for name in known if name in wanted] if set(wanted) <= set(known) else wanted)
+        u = np.append(self.unknowns, problem.p[list(problem.active)])
+        found = sensitivities(problem, u, names).dataset(problem)
+        return found if parameters is None else found.sel(parameter=list(wanted))
 
     def to_xarray(self) -> xr.Dataset:
         """Return segments, multipliers, extremes and a sampled period as a Dataset."""
@@ -360,7 +379,7 @@ class PeriodicOrbit(Result):
         kind = "stable" if self.stable else "unstable"
         if not self.admissible:
             kind += f", not admissible ({'; '.join(self.reasons)})"
-        path = _path(self.signature)
+        path = path_of(self.signature)
         turns = f" = {self.form.turns} forcing period{'s' if self.form.turns > 1 else ''}" if self.form.turns else ""
         rounds = f", {self.rounds} times round an orbit of a shorter one" if self.rounds > 1 else ""
         shown = ", ".join(f"{value:.6g}" for value in self.x0)
@@ -374,14 +393,6 @@ class PeriodicOrbit(Result):
             f"  |multipliers| {sizes}\n"
             f"  residual    {self.residual:.2g}" + "".join(f"\n  {landing}" for landing in self.landings_beyond[:1])
         )
-
-
-def signature_from(parts: Any) -> Signature:
-    """Return the signature of a file: lists of modes, transitions and ends, and the number of turns."""
-    if not isinstance(parts, list) or len(parts) != 4 or not all(isinstance(part, list) for part in parts[:3]):
-        raise InputError("signature", parts, "lists of modes, transitions and ends, and a number of turns")
-    modes, transitions, kinds = map(tuple, parts[:3])
-    return Signature(modes, transitions, kinds, parts[3])
 
 
 def follow_from(problem: OrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None) -> None:
@@ -428,20 +439,3 @@ def extremes_of(orbit: PeriodicOrbit) -> NDArray[np.float64]:
     """Return least and greatest values of the states, without the phase, shape (2 states,)."""
     n = len(orbit.system.states)
     return np.concatenate([orbit.lows[:n], orbit.highs[:n]])
-
-
-def complex_of(re: NDArray[np.float64], im: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return re + i im, exact also for infinite parts."""
-    out = np.empty(re.shape, dtype=np.complex128)
-    out.real, out.imag = re, im
-    return out
-
-
-def _path(signature: tuple[tuple[str, str], ...]) -> str:
-    """Return a signature as text; equal segments in a row are counted, the end of a long text is left out."""
-    shown: list[str] = []
-    for (mode, transition), group in itertools.groupby(signature):
-        step, count = f"{mode}:{transition}" if transition else mode, len(list(group))
-        shown += [step] * count if count < _COUNTED else [f"{step} ({count} times)"]
-    left_out = [f"... ({len(signature)} segments)"] if len(shown) > _SHOWN else []
-    return " -> ".join(shown[:_SHOWN] + left_out)

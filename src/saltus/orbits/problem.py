@@ -92,7 +92,7 @@ class OrbitProblem:
         self.stiff = False
         self._largest = np.zeros(len(self.system.states))
         self._least, self._moves = np.zeros(self.n), np.ones((self.n, self.n), dtype=bool)
-        self._orbit = tuple(
+        self.record = tuple(
             Orbit(
                 functions=self._functions,
                 n=self.n,
@@ -108,7 +108,7 @@ class OrbitProblem:
         )
         events = events_of(self.system)
         self._events, self._directions = tuple(events), events.directions
-        self._mesh = np.zeros(0), np.zeros(self.segments + 1, dtype=np.int64)
+        self.mesh = np.zeros(0), np.zeros(self.segments + 1, dtype=np.int64)
         self._dense = np.empty(0), np.empty(0)
         self._decays = [0.0] * self.segments
         self._errors = np.zeros(0)
@@ -126,7 +126,7 @@ class OrbitProblem:
     def start(self, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None) -> int | None:
         """Make meshes, scales and the phase condition fit the orbit `u`; return a segment that cannot be followed.
 
-        sizes: (states,), of the orbits nearby, where `u` itself may be at rest.
+        Its survey is kept in `begun`. sizes: (states,), of the orbits nearby, where `u` itself may be at rest.
         """
         if sizes is not None and np.max(sizes) > 0.0:
             self._largest = 100.0 * sizes  # of which `rescale` keeps a hundredth
@@ -145,7 +145,7 @@ class OrbitProblem:
             return meshes
         self._use(meshes)
         self._shares = np.abs(blocks[:, self.n]) / max(float(np.abs(blocks[:, self.n]).sum()), 1e-300)
-        survey = self.survey(u)
+        self.begun = survey = self.survey(u)
         self.rescale(survey)
         self.fix_phase(u, survey)
         nearby = None if self.slides else self._sizes_nearby(u, survey)
@@ -285,7 +285,7 @@ class OrbitProblem:
         meshes = [steady(mesh, decay) for mesh, decay in zip(meshes, self._decays, strict=True)]
         places = np.concatenate(meshes)
         starts = np.concatenate([[0], np.cumsum([len(mesh) for mesh in meshes])]).astype(np.int64)
-        self._mesh = places, starts
+        self.mesh = places, starts
         self._errors = np.zeros(places.size)
         self._dense = np.empty(places.size * self.n), np.empty(places.size * 7 * self.n)
 
@@ -333,9 +333,9 @@ class OrbitProblem:
 
     def _move(self, limit: float) -> bool:
         if not self._worst <= _UNSTABLE and self.steps < _FEW * self.segments:
-            self._use([halved(mesh) for mesh in np.split(self._mesh[0], self._mesh[1][1:-1])])
+            self._use([halved(mesh) for mesh in np.split(self.mesh[0], self.mesh[1][1:-1])])
             return False
-        fine, fresh, counts = self._meshes.remesh(*self._mesh, self._errors, limit)
+        fine, fresh, counts = self._meshes.remesh(*self.mesh, self._errors, limit)
         if counts.size:
             if not np.all(np.isfinite(self._errors)):
                 return False
@@ -348,7 +348,7 @@ class OrbitProblem:
         m = self.size
         F, J = np.empty(m), np.empty((m, m + self._active.size))
         self._worst = self.equations.equations(
-            self._orbit, self._mesh, (self._anchor, self._shares), (self.tol, self._atol), u, F, J, self._errors
+            self.record, self.mesh, (self._anchor, self._shares), (self.tol, self._atol), u, F, J, self._errors
         )
         return F, J
 
@@ -382,7 +382,7 @@ class OrbitProblem:
         compiled = self.system.second(tuple(self._active.tolist()))
         S = np.empty((self.size, self.size + self._active.size))
         p = np.empty(compiled.extended)
-        _second_kernels.second(self._orbit, self._mesh, compiled.addresses, self.p.size, p, u, v, S)
+        _second_kernels.second(self.record, self.mesh, compiled.addresses, self.p.size, p, u, v, S)
         return S
 
     def _differences(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -398,7 +398,7 @@ class OrbitProblem:
         self.set_parameters(u)
         gradient = np.zeros(u.size)
         errors = np.empty_like(self._errors)
-        value = self.equations.rate(self._orbit, self._mesh, segment, u, gradient, errors)
+        value = self.equations.rate(self.record, self.mesh, segment, u, gradient, errors)
         return float(value), gradient
 
     def distance(self, u: NDArray[np.float64], segment: int, transition: int) -> tuple[float, NDArray[np.float64]]:
@@ -427,7 +427,7 @@ class OrbitProblem:
         margins, places = np.empty((self.segments, transitions)), np.empty((self.segments, transitions))
         found = lows, highs, margins, places, np.zeros((self.segments, 3)), np.empty(self.n), moments
         faults = self._surveys.survey(
-            self._orbit, self._events, self._mesh, self._dense, (self.tol, self._atol), self.state_scale, u, found
+            self.record, self._events, self.mesh, self._dense, (self.tol, self._atol), self.state_scale, u, found
         )
         return Survey(int(faults) & ~COARSE, bool(faults & COARSE), *found)
 
@@ -438,11 +438,11 @@ class OrbitProblem:
 
         Mesh (node,), offsets of the segments' meshes, states (node, n) and coefficients (node, 7, n).
         """
-        (places, starts), (nodes, coefficients) = self._mesh, self._dense
+        (places, starts), (nodes, coefficients) = self.mesh, self._dense
         return places, starts, nodes.reshape(-1, self.n), coefficients.reshape(-1, 7, self.n)
 
     def state_on(self, segment: int, place: float) -> NDArray[np.float64]:
         """Return the full state at a clustered time of a segment, as last surveyed."""
         x = np.empty(self.n)
-        self._curves.state_on(self._mesh, self._dense, segment, place, x)
+        self._curves.state_on(self.mesh, self._dense, segment, place, x)
         return x

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem, Transition
 
-__all__ = ["Dense", "Events", "Found", "Mesh", "Orbit", "Phase", "events_of"]
+__all__ = ["Dense", "Events", "Found", "Mesh", "Observed", "Orbit", "Phase", "Seen", "events_of"]
 
 
 class Orbit(NamedTuple):
@@ -147,6 +147,81 @@ class Found(NamedTuple):
     rates: NDArray[np.float64]
     x0: NDArray[np.float64]
     moments: NDArray[np.float64]
+
+
+class Observed(NamedTuple):
+    """Quantities of an orbit, for their derivatives: a state is its index, an expression the one behind all states.
+
+    Attributes
+    ----------
+    readings, expressions, parameters : int
+        Address of the generated expressions with their gradients, 0 for none; how many these are; all parameters.
+    constants : ndarray
+        Parameters with the constants of `readings` behind them.
+    cornered, phase : bool
+        Whether expressions may have corners; whether the last state is the phase, which is the angle of harmonics.
+    quantities : ndarray of int64
+        What is integrated over the period.
+    integrals : ndarray of int64, shape (integrals,)
+        Of each integral an index in `quantities`.
+    orders : ndarray, shape (integrals,)
+        Orders of harmonics, 0 for a mean.
+    extremes : ndarray of int64, shape (extremes,)
+        What has its extreme sought.
+    signs : ndarray, shape (extremes,)
+        1 for a maximum, -1 for a minimum.
+    places, weights : ndarray, shape (nodes,)
+        Quadrature in a step, over [0, 1].
+    scale : ndarray, shape (n,)
+        Typical sizes of the states.
+    """
+
+    readings: int
+    expressions: int
+    parameters: int
+    constants: NDArray[np.float64]
+    cornered: bool
+    phase: bool
+    quantities: NDArray[np.int64]
+    integrals: NDArray[np.int64]
+    orders: NDArray[np.float64]
+    extremes: NDArray[np.int64]
+    signs: NDArray[np.float64]
+    places: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    scale: NDArray[np.float64]
+
+
+class Seen(NamedTuple):
+    """What is found of these quantities.
+
+    Attributes
+    ----------
+    sums : ndarray, shape (integrals, 3, 1 + parameters)
+        Integrals of a quantity q times cos and -sin of order times angle, with their derivatives; the integral of
+        ``abs(q)``.
+    values, rates : ndarray, shape (extremes, samples)
+        Quantities times their signs, and their rates, at the places of all steps.
+    sizes : ndarray, shape (extremes, parameters)
+        Largest derivative along the orbit.
+    noise : ndarray, shape (extremes,)
+        Errors of these quantities.
+    extremes : ndarray, shape (extremes, 1 + parameters)
+        Extremes with their derivatives.
+    kinds : ndarray of int64, shape (extremes,)
+        0, or why derivatives are missing: the extreme is attained at two places, or at a jump.
+    bent : ndarray of int64, shape (expressions,)
+        1 where an expression has a corner or jumps within a segment.
+    """
+
+    sums: NDArray[np.float64]
+    values: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    sizes: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    extremes: NDArray[np.float64]
+    kinds: NDArray[np.int64]
+    bent: NDArray[np.int64]
 
 
 def events_of(system: HybridSystem) -> Events:

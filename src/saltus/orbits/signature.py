@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BEYOND", "BOUNDARY", "CLOSED_END", "COARSE", "CUT_END", "DIRECTION", "DOMAIN", "DURATION", "EARLY", "EVENT_END",
-    "FAULTS", "MEAN_END", "PHASE_END", "SECTION", "STOP", "TOUCH_END", "VALUE", "WHEN", "WHOLE", "Signature", "Survey",
+    "FAULTS", "MEAN_END", "PHASE_END", "SECTION", "STOP", "TOUCH_END", "VALUE", "WHEN", "WHOLE", "Segment", "Signature",
+    "Survey", "path_of", "signature_from",
 ]  # fmt: skip
 
 # Ways in which a segment ends: docs/theory/orbits.md.
@@ -27,6 +29,8 @@ CLOSED_END = 3  # a closed curve of an autonomous mode
 TOUCH_END = 4  # a surface is touched, and the motion goes on in the same mode
 CUT_END = 5  # a smooth orbit is cut where this piece begins; its duration over that of the piece before is fixed
 
+_COUNTED = 4  # equal segments in a row from which on a signature's text counts them
+_SHOWN = 12  # most parts of a signature's text
 _MOST_TURNS = 2**31  # forcing periods in an orbit's period: kernels count them
 _WITH_EVENT = {EVENT_END, MEAN_END, TOUCH_END}
 _WITHOUT_EVENT = {PHASE_END, CLOSED_END, CUT_END}
@@ -127,6 +131,43 @@ class Signature:
             tuple(part[i] for i in self.heads) for part in (self.modes, self.transitions, self.kinds)
         )
         return Signature(modes, transitions, kinds, self.turns)
+
+
+def signature_from(parts: Any) -> Signature:
+    """Return the signature of a file: lists of modes, transitions and ends, and the number of turns."""
+    if not isinstance(parts, list) or len(parts) != 4 or not all(isinstance(part, list) for part in parts[:3]):
+        raise InputError("signature", parts, "lists of modes, transitions and ends, and a number of turns")
+    modes, transitions, kinds = map(tuple, parts[:3])
+    return Signature(modes, transitions, kinds, parts[3])
+
+
+def path_of(signature: tuple[tuple[str, str], ...]) -> str:
+    """Return a signature as text; equal segments in a row are counted, the end of a long text is left out."""
+    shown: list[str] = []
+    for (mode, transition), group in itertools.groupby(signature):
+        step, count = f"{mode}:{transition}" if transition else mode, len(list(group))
+        shown += [step] * count if count < _COUNTED else [f"{step} ({count} times)"]
+    left_out = [f"... ({len(signature)} segments)"] if len(shown) > _SHOWN else []
+    return " -> ".join(shown[:_SHOWN] + left_out)
+
+
+class Segment(NamedTuple):
+    """One smooth piece of an orbit.
+
+    Attributes
+    ----------
+    mode, transition : str
+        Mode, and transition at the end. A segment that ends with the period has the phase's name, or an empty text.
+    state : ndarray, shape (all states,)
+        Full state at its start, phase last; the phase runs on over the period.
+    duration : float
+        Duration in the system's time.
+    """
+
+    mode: str
+    transition: str
+    state: NDArray[np.float64]
+    duration: float
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -25,18 +25,23 @@ __all__ = [
     "SECOND",
     "SERIES_TEXT",
     "Compiled",
+    "CompiledGradients",
     "CompiledLinear",
     "CompiledSecond",
     "CompiledSeries",
     "CompiledThird",
+    "Formulas",
     "callable_at",
     "load",
+    "load_gradients",
     "load_linear",
     "load_second",
     "load_series",
     "load_third",
     "with_constants",
 ]
+
+Formulas: TypeAlias = tuple[tuple[str, tuple[str, ...]], ...]  # of each its text and its further names
 
 # Names of the generated functions, in the order of `Compiled.addresses`.
 FUNCTIONS = ("derive", "field", "vary", "field_p", "event", "event_x", "event_p", "reset", "reset_x", "reset_p",
@@ -224,6 +229,44 @@ class CompiledSecond:
         return out
 
 
+class CompiledGradients:
+    """Values and gradients of expressions, and of formulas in what is made of them.
+
+    ``readings`` writes for mode `k` the values of all expressions at a full state, then their gradients in state and
+    parameters, shape (expressions, n + parameters). Behind these is one number for each expression. It changes its sign
+    where the expression has a corner or jumps, and is 1 where there is no such place.
+
+    Attributes
+    ----------
+    address : int
+        Where ``readings`` begins; valid in this process only.
+    cornered : bool
+        Whether an expression may have corners or jumps.
+    """
+
+    def __init__(self, module: Any, system: Definition) -> None:
+        self.address = int(module.readings.address)
+        self.cornered = bool(module.CORNERED)
+        self._n_constants, self._n_parameters = int(module.CONSTANTS), len(system.parameters)
+        self._derive: Any = callable_at(module.derive)
+        self._formulas: Any = callable_at(module.formulas)
+
+    def extended(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return parameters with the constants of these functions behind them."""
+        return with_constants(self._derive, p, self._n_constants)
+
+    def formula(
+        self, k: int, x: NDArray[np.float64], p: NDArray[np.float64]
+    ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+        """Return a formula's value and its gradients in the names behind it, `x`, and in the parameters.
+
+        `p` is extended.
+        """
+        out = np.empty(1 + x.size + self._n_parameters)
+        _call(self._formulas, k, 0, x, p, out)
+        return float(out[0]), out[1 : 1 + x.size], out[1 + x.size :]
+
+
 class CompiledThird:
     """Third derivatives of one system's fields in the state."""
 
@@ -286,6 +329,12 @@ def _third(symbolic: Symbolic) -> Writer:
     return ThirdWriter(symbolic)
 
 
+def _gradients(symbolic: Symbolic, expressions: tuple[str, ...], formulas: Formulas) -> Writer:
+    from saltus.system.gradient_writer import GradientWriter
+
+    return GradientWriter(symbolic, expressions, formulas)
+
+
 def _series(symbolic: Symbolic, order: int) -> Writer:
     from saltus.system.series_writer import SeriesWriter
 
@@ -301,6 +350,8 @@ def _linear(symbolic: Symbolic) -> Writer:
 FLOW = Kind("flow", _flow, _FLOW_TEXT)
 SECOND_DERIVATIVES = Kind("second", _second, _FLOW_TEXT)
 THIRD_DERIVATIVES = Kind("third", _third, _FLOW_TEXT)
+_GRADIENT_TEXT = ("derivatives", "expressions", "grammar", "gradient_writer", "printer", "writer")
+GRADIENTS = Kind("gradients", _gradients, tuple(f"system.{name}" for name in _GRADIENT_TEXT))
 SERIES = Kind("series", _series, (*SERIES_TEXT, "system.series_writer"))
 LINEAR = Kind("linear", _linear, (*SERIES_TEXT, "system.series_writer"))
 
@@ -318,6 +369,11 @@ def load_second(system: Definition, active: tuple[int, ...]) -> CompiledSecond:
 def load_third(system: Definition) -> CompiledThird:
     """Return the third derivatives of a system's fields in the state."""
     return CompiledThird(module_of(THIRD_DERIVATIVES, system), system)
+
+
+def load_gradients(system: Definition, expressions: tuple[str, ...], formulas: Formulas) -> CompiledGradients:
+    """Return expressions in a system's names, and formulas in parameters and further names, with their gradients."""
+    return CompiledGradients(module_of(GRADIENTS, system, expressions, formulas), system)
 
 
 def load_series(system: Definition, order: int) -> CompiledSeries | None:

@@ -16,7 +16,15 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from saltus.system.compiled import Compiled, CompiledLinear, CompiledSecond, CompiledSeries, CompiledThird
+    from saltus.system.compiled import (
+        Compiled,
+        CompiledGradients,
+        CompiledLinear,
+        CompiledSecond,
+        CompiledSeries,
+        CompiledThird,
+        Formulas,
+    )
 
 __all__ = ["HybridSystem", "Mode", "Transition"]
 
@@ -136,6 +144,7 @@ class HybridSystem(Definition):
         source_file(compiled.FLOW, self)
         self._second: dict[tuple[int, ...], CompiledSecond] = {}
         self._series: dict[int, CompiledSeries | None] = {}
+        self._gradients: dict[tuple[tuple[str, ...], Formulas], CompiledGradients] = {}
 
     @cached_property
     def compiled(self) -> Compiled:
@@ -163,6 +172,30 @@ class HybridSystem(Definition):
         if active not in self._second:
             self._second[active] = compiled.load_second(self, active)
         return self._second[active]
+
+    def gradients(self, expressions: tuple[str, ...], formulas: Formulas = ()) -> CompiledGradients:
+        """Return compiled expressions with their gradients in states and parameters.
+
+        Parameters
+        ----------
+        expressions : tuple of str
+            In states, phase, parameters and outputs.
+        formulas : tuple of (str, tuple of str), optional
+            Formulas in parameters and further names, each with these names.
+
+        Returns
+        -------
+        CompiledGradients
+            Made once for each of both.
+
+        Raises
+        ------
+        DefinitionError
+            SymPy cannot differentiate an expression.
+        """
+        if (expressions, formulas) not in self._gradients:
+            self._gradients[expressions, formulas] = compiled.load_gradients(self, expressions, formulas)
+        return self._gradients[expressions, formulas]
 
     @cached_property
     def third(self) -> CompiledThird:

@@ -1,0 +1,206 @@
+"""Exact derivatives of an orbit and of its observables by parameters.
+
+By the implicit function theorem the derivatives of the unknowns solve one linear system, for all parameters at once.
+Variations along the orbit follow, and with them those of integrals and extremes. docs/theory/sensitivities.md derives
+the formulas.
+
+References
+----------
+Dickinson and Gelinas, J. Comput. Phys. 21 (1976) 123-143 (variational equations); Rozenvasser, Autom. Remote Control 28
+(1967) 400-404 (jumps); Wilkins, Tidor, White and Barton, SIAM J. Sci. Comput. 31 (2009) 2706-2732 (periods and phases);
+Milgrom and Segal, Econometrica 70 (2002) 583-601 (envelope theorem).
+Departs from them in the variable: at fixed clustered time of a segment events stay in place, and no jump is passed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.errors import ConvergenceError, InputError
+from saltus.orbits.critical import scaling, touched
+from saltus.orbits.multiplier_slopes import MultiplierSlopes, multipliers_by_parameters
+from saltus.orbits.observed import Differentiated, Plan, Sums, planned
+from saltus.orbits.records import Seen
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from saltus.orbits.problem import OrbitProblem
+
+__all__ = ["Sensitivities", "sensitivities", "unknowns_by_parameters"]
+
+MULTIPLIERS = "multipliers"  # what the multipliers are asked for by
+SEGMENTS = "segments"  # what the segments' starts and durations are asked for by
+_SINGULAR = 1e-9  # least singular value of the equations, over the largest, at which parameters determine no orbit
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """Derivatives of an orbit by parameters.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        The parameters.
+    unknowns : ndarray, shape (size, parameters)
+        Derivatives of each segment's state and duration.
+    values : mapping of str to Differentiated
+        The observables.
+    multipliers : MultiplierSlopes or None
+        The multipliers, where they are asked for.
+    segments : bool
+        Whether the segments' starts and durations are asked for.
+    """
+
+    parameters: tuple[str, ...]
+    unknowns: NDArray[np.float64]
+    values: Mapping[str, Differentiated]
+    multipliers: MultiplierSlopes | None = None
+    segments: bool = False
+
+    def dataset(self, problem: OrbitProblem) -> xr.Dataset:
+        """Return what was asked for as a Dataset."""
+        import xarray as xr
+
+        variables: dict[str, Any] = {
+            name: xr.Variable(("parameter",), one.slopes, _attributes(one), fastpath=True)
+            for name, one in self.values.items()
+        }
+        if (found := self.multipliers) is not None:
+            for part, values, slopes in (
+                ("re", found.values.real, found.slopes.real), ("im", found.values.imag, found.slopes.imag)
+            ):  # fmt: skip
+                notes = {"note": found.note} if found.note else {}
+                variables[f"multiplier_{part}"] = (("multiplier", "parameter"), slopes, {"value": values} | notes)
+        states: tuple[str, ...] = ()
+        if self.segments:
+            states, shape = problem.system.all_states, (problem.segments, problem.n + 1, len(self.parameters))
+            blocks = self.unknowns.reshape(shape)
+            variables["segment_state"] = (("segment", "state", "parameter"), blocks[:, :-1])
+            variables["segment_duration"] = (("segment", "parameter"), blocks[:, -1])
+        return xr.Dataset(variables, _coordinates(self.parameters, states))
+
+
+def _attributes(one: Differentiated) -> dict[str, Any]:
+    return {"value": one.value, "note": one.note} if one.note else {"value": one.value}
+
+
+@lru_cache(maxsize=64)
+def _coordinates(parameters: tuple[str, ...], states: tuple[str, ...]) -> Any:
+    import xarray as xr
+
+    return xr.Coordinates({"parameter": list(parameters)} | ({"state": list(states)} if states else {}))
+
+
+def unknowns_by_parameters(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the derivatives of an orbit's unknowns by its active parameters, shape (size, active).
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations, meshes made, parameters in units of 1.
+    u, J : ndarray
+        The orbit, and the Jacobian there.
+
+    Raises
+    ------
+    InputError
+        Parameters do not determine the orbit, as at a fold or in a family.
+    ConvergenceError
+        The equations cannot be followed.
+    """
+    if not np.all(np.isfinite(J)):
+        raise ConvergenceError("the orbit's variations", math.inf, 0, "the field is singular on the orbit")
+    columns, rows = scaling(problem, J, u)
+    left, values, right = np.linalg.svd(rows[:, None] * J[:, : problem.size] * columns)
+    if not values[-1] > _SINGULAR * values[0]:
+        found = f"with a multiplier 1: singular values {values[-1]:.2g} to {values[0]:.2g}"
+        hint = "at a saddle-node, SpecialPoint.sensitivity tells how it moves; in a family nothing is determined"
+        raise InputError("orbit", found, "one that its parameters determine", hint)
+    forced = left.T @ (rows[:, None] * J[:, problem.size :])
+    return np.asarray(-columns[:, None] * (right.T @ (forced / values[:, None])))
+
+
+def sensitivities(problem: OrbitProblem, u: NDArray[np.float64], names: Sequence[str]) -> Sensitivities:
+    """Return the derivatives of an orbit's observables by the active parameters.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations, meshes made, parameters in units of 1.
+    u : ndarray, shape (size + active,)
+        The orbit.
+    names : sequence of str
+        Observables; ``"segments"``; ``"multipliers"``, for which the active parameters must be growing.
+
+    Raises
+    ------
+    InputError
+        A name is no observable. The orbit touches a surface, or its parameters do not determine it.
+    """
+    plan = planned(problem.system, tuple(name for name in names if name not in (MULTIPLIERS, SEGMENTS)))
+    if where := touched(problem, u, problem.begun):
+        hint = "orbits on both sides of a grazing have other derivatives; SpecialPoint.sensitivity tells how a GR moves"
+        raise InputError("orbit", where, "one that no small change brings to another sequence of events", hint)
+    J = problem.resolve(u)[1]
+    du = unknowns_by_parameters(problem, u, J)
+    chosen = tuple(problem.active)
+    values = plan.values(_followed(problem, u, du, plan), problem.p, chosen)
+    found = multipliers_by_parameters(problem, u, J, du) if MULTIPLIERS in names else None
+    parameters = tuple(problem.system.parameter_names[i] for i in chosen)
+    return Sensitivities(parameters, du, values, found, SEGMENTS in names)
+
+
+def _followed(problem: OrbitProblem, u: NDArray[np.float64], du: NDArray[np.float64], plan: Plan) -> Sums:
+    """Follow the orbit with its variations, and return what is found of the observables."""
+    n, columns, turns = problem.n, len(problem.active), problem.signature.turns
+    at = np.arange(n, problem.size, n + 1)
+    durations = np.column_stack([u[at], du[at]])
+    total = durations.sum(axis=0)
+    advance = 3.0 * math.pi * max(turns, 1) * float(np.max(np.diff(problem.mesh[0])))
+    from saltus.orbits import _sensitivity_kernels, _variation_kernels
+
+    observed = plan.observed(problem.system, problem.p, problem.state_scale, advance)
+    dense = np.empty(problem.mesh[0].size * n * (1 + columns)), np.empty(7 * problem.mesh[0].size * n * (1 + columns))
+    problem.set_parameters(u)
+    du = np.ascontiguousarray(du)
+    _variation_kernels.vary(problem.record, problem.mesh, u, du, *dense)
+    extremes = len(plan.extremes)
+    samples = (problem.steps * (observed.places.size // 2 + 1) + problem.segments) if extremes else 0
+    seen = Seen(
+        np.zeros((len(plan.integrals), 3, 1 + columns)),
+        np.empty((extremes, samples)),
+        np.empty((extremes, samples)),
+        np.zeros((extremes, columns)),
+        np.zeros(extremes),
+        np.empty((extremes, 1 + columns)),
+        np.zeros(extremes, dtype=np.int64),
+        np.zeros(len(plan.expressions), dtype=np.int64),
+    )
+    _sensitivity_kernels.observe(problem.record, problem.mesh, dense, u, du, tuple(observed), tuple(seen))
+
+    def rates(transition: int) -> Differentiated:
+        ends = dense[0].reshape(-1, n * (1 + columns))[problem.mesh[1][1:] - 1]
+        found = [np.empty(1 + columns) for other in problem.signature.transitions if other == transition]
+        own = (end for end, other in zip(ends, problem.signature.transitions, strict=True) if other == transition)
+        for end, out in zip(own, found, strict=True):
+            _sensitivity_kernels.rate_at(problem.record, transition, end, out)
+        mean = np.mean(found, axis=0) if found else np.full(1 + columns, math.nan)
+        return Differentiated(float(mean[0]), mean[1:], "" if found else "the transition does not happen")
+
+    bent = np.zeros(0, dtype=np.bool_)
+    if observed.cornered and seen.bent.any():
+        bent = np.append(np.zeros(n, dtype=np.bool_), seen.bent > 0)[[what for what, _ in plan.integrals]]
+    return Sums(
+        problem.system, Differentiated(float(total[0]), total[1:]), durations, problem.signature.modes, turns or 1,
+        seen.sums, seen.extremes, seen.kinds, bent, rates, problem.slides,
+    )  # fmt: skip
