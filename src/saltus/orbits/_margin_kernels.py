@@ -90,8 +90,11 @@ def _touches(view, curve, surface, ends, begins, room, found):
     outlined()
     height, small, total, bad = surface.height, surface.small, curve.count * FINE, 0
     armed = seen = False
+    last = total
+    while ends and last > 0 and height[last] <= small:  # next to the end on this surface heights are rounding
+        last -= 1
     for j in range(total + 1):
-        if 2 <= j and height[j - 1] < height[j - 2] and height[j - 1] <= height[j] and seen:
+        if 2 <= j <= last and height[j - 1] < height[j - 2] and height[j - 1] <= height[j] and seen:
             bad |= _touch(view, curve, surface, 1.0, j - 1, room, found)
         # from beyond the surface the motion may come back through it for a moment, and meet the event then
         if 2 <= j and not armed and height[j - 2] < height[j - 1] >= height[j] and height[j - 1] <= small:
