@@ -148,3 +148,59 @@ def test_bad_input_is_told(lever, curve, impact_oscillator):
         curve.path("up")
     with pytest.raises(InputError, match="did you mean 'amplitude_nm'"):
         curve.column("amplitud_nm")
+
+
+def test_the_ways_go_on_through_a_grazing_between_two_stable_motions():
+    """Where the tip begins to touch, the point on the grazing has a contact of no duration, and nothing jumps there."""
+    probe = afm.Probe(k_N_m=40.0, f0_kHz=270.0, Q=500.0, R_nm=20.0)
+    law = afm.VanDerWaals(H_aJ=0.064, a0_nm=0.165) + afm.DMT(E_GPa=10.0)
+    curve = afm.distance_curve(afm.model(probe, law, afm.Drive(A0_nm=13.0), Zc_nm=20.0), (4.0, 12.0))
+    grazings = [feature.value for feature in curve.special_points if feature.label.startswith("GR")]
+    assert [round(value, 3) for value in grazings] == [5.817, 9.299]
+    assert curve.jumps == ()
+    assert [way.stopped for way in curve.ways] == [
+        "Zc_nm = 4: the end of the range",
+        "Zc_nm = 12: the end of the range",
+    ]
+
+
+def test_jumps_do_not_depend_on_how_wide_the_range_is(lever, curve, tune):
+    wide = afm.distance_curve(lever, (0.5, 14000.0))
+    np.testing.assert_allclose([jump[1:] for jump in wide.jumps], [jump[1:] for jump in curve.jumps], rtol=1e-8)
+    tuned = afm.frequency_curve(lever, (100.0, 302.0), Zc_nm=8.5)
+    down, up = [jump[1:] for jump in tune.jumps]
+    for narrow in (down, up):
+        np.testing.assert_allclose(
+            min(abs(np.array([jump[1:] for jump in tuned.jumps]) - narrow).max(axis=1)), 0.0, atol=1e-8
+        )
+
+
+def test_a_tip_that_is_pressed_into_a_sample_without_attraction_is_not_pulled_in():
+    probe = afm.Probe(k_N_m=0.05, f0_kHz=3.0, Q=2.0, R_nm=2000.0)
+    system = afm.model(probe, afm.Hertz(E_GPa=1e-5), afm.Drive(A0_nm=50.0), Zc_nm=100.0)
+    assert afm.distance_curve(system, (-200.0, 60.0)).ways[0].stopped == (
+        "Zc_nm = -53.1736086: beyond, the tip stays in contact"
+    )
+
+
+def test_a_place_that_is_no_number_is_told(curve):
+    with pytest.raises(InputError, match="Zc_nm"):
+        curve.at("10")
+
+
+def test_an_adhesive_contact_under_a_neck_ends_at_no_grazing_that_is_rounding():
+    """The force of JKR's contact has an infinite slope at pull-off: rounding there is no second touch."""
+    probe = afm.Probe(k_N_m=20.0, f0_kHz=200.0, Q=200.0, R_nm=15.0)
+    law = afm.Schwarz(E_GPa=1.0, w1_N_m=0.02, w2_N_m=0.02, a0_nm=0.3)
+    law = law + afm.Neck(gamma_N_m=0.02, h_nm=0.5, on_nm=0.6, off_nm=2.0)
+    system = afm.model(probe, law, afm.Drive(A0_nm=25.0), Zc_nm=8.125)
+    branch = saltus.continue_orbit(saltus.find_orbit(system, x0=[0.0, 0.0]), "Zc_nm", (8.0, 30.0))
+    folds, grazings = (branch.special_points.of_type(name) for name in ("SN", "GR"))
+    np.testing.assert_allclose([point.value("Zc_nm") for point in folds], [23.0902057, 22.0197084], atol=1e-6)
+    np.testing.assert_allclose([point.value("Zc_nm") for point in grazings], [23.9495], atol=1e-4)
+
+
+def test_distance_and_frequency_have_units_and_names_in_datasets(curve, tune):
+    told = {"units": "nm", "long_name": "distance"}
+    assert curve.to_xarray()["Zc_nm"].attrs == curve.path("approach")["Zc_nm"].attrs == told
+    assert tune.to_xarray()["f_kHz"].attrs == {"units": "kHz", "long_name": "frequency of the first drive"}

@@ -157,3 +157,15 @@ def test_a_branch_ends_where_its_orbits_need_too_many_pieces():
     assert max(len(branch.orbit(i).form) for i in range(len(branch))) <= 4
     with pytest.raises(InputError, match=r"StepControl.pieces = 0: must be"):
         saltus.StepControl(pieces=0)
+
+
+def test_a_motion_of_a_probe_in_vacuum_settles(monkeypatch):
+    """Ten thousand periods pass until the free motion falls to 1/e: no less than some of these are waited for."""
+    probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=30000.0, R_nm=12.0)
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    system = afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=2.1875)
+    found = settled(system, system.parameters, [5.0, 0.0])
+    assert isinstance(found, PeriodicOrbit)
+    assert found.stable
+    monkeypatch.setattr("saltus.afm.settling._MOST", 1000.0)
+    assert settled(system, system.parameters, [5.0, 0.0]) == "the motion has not settled after 1000 periods"

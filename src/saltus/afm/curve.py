@@ -288,11 +288,11 @@ class Curve(Result):
         Raises
         ------
         InputError
-            No sheet comes there, or the value is given twice or by another name.
+            No sheet comes there, or the value is no number, or given twice or by another name.
         """
         if (value is None) == (not place) or (place and set(place) != {self.along}):
             raise InputError("at", place or value, f"one value of {self.along}, as {self.along}={self.values[0]:.6g}")
-        wanted = place[self.along] if value is None else value
+        wanted = checks.number(self.along, place[self.along] if value is None else value)
         reached = [b for b in self.branches if float(b.values.min()) <= wanted <= float(b.values.max())]
         if not reached:
             low, high = float(self.values.min()), float(self.values.max())
@@ -362,7 +362,7 @@ class Curve(Result):
         found = {name: np.concatenate(values) for name, values in columns.items()}
         data: dict[str, Any] = {name: ("point", found[name], self._attributes(name)) for name in self._formulas}
         data |= {"sheet": ("point", found["sheet"].astype(np.int64)), "jump": ("point", found["jump"].astype(bool))}
-        coords = {self.along: ("point", found[self.along], {"units": self.along.rpartition("_")[2]})}
+        coords = {self.along: ("point", found[self.along], self._attributes(self.along))}
         attrs = {"direction": direction, "stopped": way.stopped, "phase_convention": self.phase_convention}
         return xr.Dataset(data, coords, attrs)
 
@@ -399,11 +399,11 @@ class Curve(Result):
         import xarray as xr
 
         data, coords = branches_together(self.branches, "sheet")
-        data |= {name: ("point", self.column(name), self._attributes(name)) for name in self._formulas}
+        told_of = (self.along, *self._formulas)
+        data |= {name: ("point", self.column(name), self._attributes(name)) for name in told_of}
         if len(harmonics):
-            told = {"units": "nm", "long_name": "amplitude of a harmonic of the deflection"}
             rows = np.array([self.harmonic_nm(order) for order in harmonics])
-            data["harmonic_nm"] = (("harmonic", "point"), rows, told)
+            data["harmonic_nm"] = (("harmonic", "point"), rows, self._attributes("harmonic_nm"))
             coords["harmonic"] = ("harmonic", np.array(harmonics))
         attrs = {
             "along": self.along,

@@ -13,7 +13,7 @@ from saltus.afm.curve import Curve
 from saltus.afm.modelling import driven_mode, frequency_of, suffix
 from saltus.afm.readings import drives_of, formulas, turns_of
 from saltus.afm.routes import is_pulled_in, orbits_at, stretches_of
-from saltus.afm.settling import settled, starts_about, stays_in_contact
+from saltus.afm.settling import periods_of_patience, settled, starts_about, stays_in_contact
 from saltus.afm.units import check_changes
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
@@ -181,6 +181,7 @@ def from_afar(
 ) -> tuple[PeriodicOrbit, ...]:
     """Return the motions at a distance to which the free motion afar leads, towards the sample."""
     steps = steps or _STEPS
+    patience = periods_of_patience(parameters)
     free = _free_amplitude(system, parameters)
     far = max(Zc_nm, _CLEAR * free, free + _CLEAR_NM)
     start = _free_orbit(system, dict(parameters) | {"Zc_nm": far}, free)
@@ -189,14 +190,14 @@ def from_afar(
     branch = _whole(continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down", stop_at="SN"))
     folds = branch.special_points.of_type("SN")
     if folds and is_pulled_in(branch, folds[0], (Zc_nm, far)):
-        return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, folds[0].orbit.x0),)
+        return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, folds[0].orbit.x0, settle=patience),)
     if folds:
         branch = _whole(continue_orbit(start, "Zc_nm", (Zc_nm, far), steps=steps, directions="down"))
     end = float(branch.values.min())
     if abs(end - Zc_nm) <= _ROUNDING * far:
         return branch.at(end)
     if end > Zc_nm:  # it ends where a hysteretic law is met: beyond, the motion is another
-        return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, branch.orbit(-1).x0),)
+        return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, branch.orbit(-1).x0, settle=patience),)
     return branch.at(Zc_nm)
 
 
@@ -209,7 +210,7 @@ def _free_orbit(system: HybridSystem, parameters: Mapping[str, float], free: flo
     try:
         return solve_orbit(system, parameters, [(first, system.phase[0], x0, period)])
     except ConvergenceError:
-        return find_orbit(system, parameters, x0)
+        return find_orbit(system, parameters, x0, settle=periods_of_patience(parameters))
 
 
 def _free_amplitude(system: HybridSystem, parameters: Mapping[str, float]) -> float:

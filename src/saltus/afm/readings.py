@@ -63,6 +63,13 @@ READINGS = {
     "contact_time_us": Reading("us", "time in contact in a cycle"),
 }
 
+# Of what curves have besides readings.
+_FURTHER = {
+    "Zc_nm": Reading("nm", "distance"),
+    "f_kHz": Reading("kHz", "frequency of the first drive"),
+    "harmonic_nm": Reading("nm", "amplitude of a harmonic of the deflection"),
+}
+
 # What is shown of the lag, as a formula in it, and the name for axes.
 CONVENTIONS = {
     "lag90": ("{lag}", READINGS["lag_deg"].long_name),
@@ -194,7 +201,9 @@ def shown_between(phase: float, phase_convention: str) -> float:
 
 
 def readings_of(name: str, phase_convention: str = "lag90") -> Reading:
-    """Return unit and long name of a reading; those of a further drive are the first one's."""
+    """Return unit and long name of a reading, or of what a curve is along; a further drive has those of the first."""
+    if name in _FURTHER:
+        return _FURTHER[name]
     first = re.sub(r"_\d+$", "", name)
     if first == _SHOWN:
         return Reading("degrees", CONVENTIONS[phase_convention][1])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from saltus.afm.modelling import driven_mode, suffix
 from saltus.afm.settling import described, settled, stays_in_contact
 from saltus.continuation import Branch, SpecialPoint
 from saltus.errors import ConvergenceError, InputError
@@ -19,9 +21,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Landing", "Way", "is_pulled_in", "orbits_at", "stretches_of", "way_along"]
 
-_BEYOND = (1e-3, 1e-2)  # shares of the range by which a motion is moved beyond a fold; next to it nothing settles soon
+_BEYOND = (1e-3, 1e-2)  # shares of `_scale` by which a motion is moved beyond a fold; next to it nothing settles soon
+_WIDTHS = 10.0  # scale along the frequency, in widths of the resonance
 _SAME = 1e-4  # distance of extremes, over the largest one, up to which a settled motion is on a sheet
 _MOST_JUMPS = 50  # jumps on a way, at most
+_ROUNDING = 1e-12  # distance of a point from a grazing, relative, that is rounding
 _END = 1e-9  # distance from the end of the range, over the range, that is rounding
 
 
@@ -85,7 +89,8 @@ class Way:
 
 def _told(orbit: PeriodicOrbit) -> str:
     if stays_in_contact(orbit):
-        return f"static pull-in: beyond, the tip stays in {' and '.join(dict.fromkeys(m for m, _ in orbit.signature))}"
+        pulled = "static pull-in: " if orbit.min["elastic_nN"] < 0.0 else ""
+        return f"{pulled}beyond, the tip stays in {' and '.join(dict.fromkeys(m for m, _ in orbit.signature))}"
     return f"the motion settles on no sheet of the curve, but on {described(orbit)}"
 
 
@@ -93,7 +98,7 @@ def stretches_of(branches: Sequence[Branch]) -> list[Stretch]:
     """Return the stable stretches of branches."""
     found = []
     for sheet, branch in enumerate(branches):
-        good = branch.stable & branch.admissible
+        good = _is_passed(branch)
         for part in np.split(np.arange(len(branch)), np.flatnonzero(good[1:] != good[:-1]) + 1):
             rising = np.diff(branch.values[part]) > 0.0
             turns = np.flatnonzero(rising[1:] != rising[:-1]) + 1
@@ -101,6 +106,20 @@ def stretches_of(branches: Sequence[Branch]) -> list[Stretch]:
                 order = piece if branch.values[piece[-1]] >= branch.values[piece[0]] else piece[::-1]
                 found.append(Stretch(sheet, tuple(order.tolist())))
     return found
+
+
+def _is_passed(branch: Branch) -> NDArray[np.bool_]:
+    """Return which points a way passes: the stable ones, and a grazing between two of them.
+
+    At a grazing the orbit's contact lasts for no time. Its stability is then that of its neighbours on both sides.
+    """
+    good: NDArray[np.bool_] = branch.stable & branch.admissible
+    grazings = [point.value(branch.parameter) for point in branch.special_points.of_type("GR")]
+    inner = np.arange(1, len(branch) - 1)
+    lonely = inner[~good[1:-1] & good[:-2] & good[2:]]
+    touching = [i for i in lonely if np.isclose(branch.values[i], grazings, rtol=_ROUNDING, atol=0.0).any()]
+    good[touching] = True
+    return good
 
 
 def way_along(
@@ -185,14 +204,25 @@ def _landing(branch: Branch, stretch: Stretch, sign: float, span: float) -> Land
 
 def _settled(branch: Branch, value: float, before: PeriodicOrbit, span: float) -> Landing | str:
     """Return where a motion settles that starts beyond a value, in the direction of `span`, or what it does instead."""
-    told = ""
+    told, scale = "", math.copysign(min(abs(span), _scale(branch, before)), span)
     for share in _BEYOND:
-        beyond = {**before.parameters, branch.parameter: value + share * span}
+        beyond = {**before.parameters, branch.parameter: value + share * scale}
         after = settled(branch.system, beyond, before.x0)
         if isinstance(after, PeriodicOrbit):
             return Landing(value, before, after)
         told = told or f"{branch.parameter} = {value:.9g}: {after}"
     return told
+
+
+def _scale(branch: Branch, orbit: PeriodicOrbit) -> float:
+    """Return over which difference of a branch's parameter motions change, however wide the range is.
+
+    That is the size of the motion or the distance, or some widths of the resonance.
+    """
+    p, name = orbit.parameters, branch.parameter
+    if name == "f_kHz":
+        return _WIDTHS * p["f_kHz"] / p[f"Q{suffix(driven_mode(orbit.system))}"]
+    return max(abs(p[name]), orbit.max["D_nm"] - orbit.min["D_nm"])
 
 
 def is_pulled_in(branch: Branch, fold: SpecialPoint, bounds: tuple[float, float]) -> bool:

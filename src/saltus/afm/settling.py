@@ -19,11 +19,12 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["described", "settled", "starts_about", "stays_in_contact"]
+__all__ = ["described", "periods_of_patience", "settled", "starts_about", "stays_in_contact"]
 
 _PATIENCE = 8.0  # periods in which a motion is given up, over those in which a free one falls to 1/e
 _FEWEST = 500.0  # periods after which a motion is given up, at the least
-_MOST = 3000.0  # periods after which a motion is given up, at the most
+_MOST = 200_000.0  # periods after which a motion is given up, at the most
+_KEPT = 3000  # periods of which the kind of a motion without a period is told, at the most
 _RADII = (0.5, 1.0)  # amplitudes of the starts, over the largest displacement
 _ANGLES = 8  # phases of the starts for each amplitude
 _LONGEST = 120  # characters of an orbit's path in words, at most
@@ -59,13 +60,15 @@ def settled(
     >>> print(found if isinstance(found, str) else round(found.max["z1_nm"], 6))
     10.0
     """
-    patience = max(_FEWEST, _PATIENCE * _decay(parameters))
+    patience = periods_of_patience(parameters)
     try:
         with suppress(ConvergenceError, StiffnessError):  # a sweep tells what it does instead
-            return find_orbit(system, parameters, x0, mode, settle=min(patience, _MOST))
+            return find_orbit(system, parameters, x0, mode, settle=patience)
     except SaltusError as error:
         return f"the motion is lost: {error}"
-    options = SweepOptions(mode=mode, discard=int(patience), keep=int(patience), workers=1)
+    if patience == _MOST:
+        return f"the motion has not settled after {_MOST:.6g} periods"
+    options = SweepOptions(mode=mode, discard=int(patience), keep=min(int(patience), _KEPT), workers=1)
     at = {name: value for name, value in parameters.items() if name != "Zc_nm"}
     try:
         motion = run_sweep(system, "Zc_nm", [parameters["Zc_nm"]], parameters=at, x0=x0, options=options).at(
@@ -80,6 +83,17 @@ def settled(
         return find_orbit(system, parameters, motion.state, motion.mode, settle=1.0)
     except SaltusError:
         return f"the motion settles on {_periods(motion.period)}"
+
+
+def periods_of_patience(parameters: Mapping[str, float]) -> float:
+    """Return after how many periods of the drive a motion of a model that has not settled is given up.
+
+    Examples
+    --------
+    >>> periods_of_patience({"f_kHz": 300.0, "f0_kHz": 300.0, "Q": 30000.0}) > 70000.0
+    True
+    """
+    return min(max(_FEWEST, _PATIENCE * _decay(parameters)), _MOST)
 
 
 def _decay(parameters: Mapping[str, float]) -> float:

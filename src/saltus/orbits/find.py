@@ -204,7 +204,10 @@ def _search_forced(
                 break
         x, mode = log.x_end, log.mode_end
         batch *= 2
-    hint = failure or "the motion is quasi-periodic or chaotic, or its period is above 16; see it with simulate"
+    hint = failure or (
+        "the motion is quasi-periodic or chaotic, or its period is above 16, or it settles slowly: then settle= "
+        "allows more periods; see it with simulate"
+    )
     raise ConvergenceError("periodic attractor", recurrence, done, hint, unit="forcing periods")
 
 
