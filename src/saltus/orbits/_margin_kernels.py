@@ -32,6 +32,8 @@ class Surface(NamedTuple):
         Event function times `sign` at the samples.
     small : float
         Height below which a height is rounding of 0.
+    least : float
+        The same where only the rounding of numbers counts.
     """
 
     transition: int
@@ -39,6 +41,7 @@ class Surface(NamedTuple):
     sign: float
     height: object
     small: float
+    least: float
 
 
 @njit(**INNER)
@@ -75,7 +78,7 @@ def margin(view, curve, k, head, transition, before, closed, room, found):
                 found.margins[at] = distance if abs(distance) > ZERO * reach else 0.0
                 found.places[at] = WHOLE
             return bad
-    surface = Surface(k, at, sign, height, small)
+    surface = Surface(k, at, sign, height, small, ZERO * (reach + size))
     more, seen = _touches(view, curve, surface, k == transition, k == before, room, found)
     bad |= more
     return bad | _at_seam(view, curve, surface, seen, room, found) if closed else bad
@@ -90,9 +93,7 @@ def _touches(view, curve, surface, ends, begins, room, found):
     outlined()
     height, small, total, bad = surface.height, surface.small, curve.count * FINE, 0
     armed = seen = False
-    last = total
-    while ends and last > 0 and height[last] <= small:  # next to the end on this surface heights are rounding
-        last -= 1
+    last = _told_up_to(curve, surface) if ends else total
     for j in range(total + 1):
         if 2 <= j <= last and height[j - 1] < height[j - 2] and height[j - 1] <= height[j] and seen:
             bad |= _touch(view, curve, surface, 1.0, j - 1, room, found)
@@ -111,6 +112,28 @@ def _touches(view, curve, surface, ends, begins, room, found):
         if height[j] > small:
             armed = seen = True
     return bad, seen
+
+
+@njit(**INNER)
+def _told_up_to(curve, surface):
+    """Return the last fine sample that tells how near a segment comes to the surface at which it ends.
+
+    Where it meets the surface with a velocity, heights next to the end are rounding; where it touches it, they count.
+    """
+    height, total = surface.height, curve.count * FINE
+    last = total
+    while last > 0 and height[last] <= surface.least:
+        last -= 1
+    before = max(last - FINE, 0)
+    steep = height[last] * _left(curve, before) >= 0.5 * height[before] * _left(curve, last)
+    return last if steep else total
+
+
+@njit(**INNER)
+def _left(curve, j):
+    """Return the time from a fine sample to the segment's end, over its duration."""
+    place = fine(curve, j)
+    return (1.0 - place) * (1.0 - place) * (1.0 + 2.0 * place)
 
 
 @njit(**INNER)

@@ -220,7 +220,8 @@ def _reach(orbit: PeriodicOrbit, gap: float) -> float:
 def _why_not(orbit: PeriodicOrbit) -> str:
     if not orbit.admissible:
         return "; ".join(orbit.reasons)
-    return "the orbit found is far from the motion" if orbit.stable else "the orbit near the motion is not stable"
+    far = "the orbit found is far from the motion, which has not settled: settle= allows more periods"
+    return far if orbit.stable else "the orbit near the motion is not stable"
 
 
 def _once_round(system: HybridSystem, orbit: PeriodicOrbit, p: NDArray[np.float64]) -> PeriodicOrbit:
