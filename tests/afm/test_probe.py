@@ -254,3 +254,10 @@ def test_drives_that_do_not_go_together_are_refused():
         afm.Drive(F0_nN=2.0, mode=2)
     with pytest.raises(InputError, match="at"):
         afm.Drive(1.0, at="resonance")
+
+
+@pytest.mark.parametrize("ratio", ["0/3", "-1/2"])
+def test_a_ratio_that_is_not_positive_has_no_neighbour_to_take(ratio):
+    with pytest.raises(InputError) as caught:
+        afm.Drive(A0_nm=1.0, ratio=ratio)
+    assert "take one near" not in str(caught.value)

@@ -188,3 +188,13 @@ def test_harmonics_along_a_curve_are_those_of_its_orbits(curve):
     assert "harmonic_nm" not in curve.to_xarray()
     with pytest.raises(InputError, match="order = 0"):
         curve.to_xarray(harmonics=(0,))
+
+
+def test_a_self_excited_model_has_no_lag_and_says_so(lever):
+    alone = afm.self_excited(lever, 10.0)
+    for call in (
+        lambda: afm.distance_curve(alone, (1.0, 10.0)),
+        lambda: afm.feedback(alone, 8.0, Ki_1_ms=1.0, tau_us=50.0),
+    ):
+        with pytest.raises(saltus.InputError, match="must be a driven model; frequency_shift has readings"):
+            call()

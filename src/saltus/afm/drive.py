@@ -246,7 +246,9 @@ def _fraction(ratio: object) -> Fraction:
     except (ValueError, ZeroDivisionError):
         raise InputError("ratio", ratio, allowed) from None
     near = found.limit_denominator(_LARGEST)
-    if found <= 0 or max(near.numerator, near.denominator) > _LARGEST or abs(near / found - 1) > _ROUNDING:
+    if found <= 0:
+        raise InputError("ratio", ratio, allowed)
+    if max(near.numerator, near.denominator) > _LARGEST or abs(near / found - 1) > _ROUNDING:
         rough = max(found, Fraction(1, _LARGEST)).limit_denominator(10)
         hint = f"others never repeat: simulate with at_any_ratio({ratio}), or take one near, as '{rough}'"
         raise InputError("ratio", ratio, allowed, hint)

@@ -92,8 +92,15 @@ def drives_of(system: HybridSystem) -> list[int]:
 
 
 def turns_of(system: HybridSystem) -> int:
-    """Return how many periods of the first drive a turn of a model's phase has."""
-    assert system.phase is not None
+    """Return how many periods of the first drive a turn of a model's phase has.
+
+    Raises
+    ------
+    InputError
+        The model has no drive, as a self-excited one.
+    """
+    if system.phase is None:
+        raise InputError("system", system.name, "a driven model", "frequency_shift has readings of a self-excited one")
     divisor = re.fullmatch(r".*/(\d+)", system.phase[1])
     return int(divisor[1]) if divisor else 1
 
