@@ -53,7 +53,7 @@ class StartView:
         names = list(session.system.parameter_names)
         self._parameter = _select("sweep", names, 118)
         self._ends = _ends(session, self._parameter)
-        self._count = widgets.count("values", 200, 76, (2, 10_000))
+        self._count = widgets.count("values", 200, 76, (2, 10_000), "sweep-values")
         self._direction = _select("direction", ["up", "down"], 76)
         sweep = widgets.button("Sweep", "sweep", tip="follow the attractor by simulation, from the start")
         sweep.on_click(lambda _: self._sweep())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from saltus.companion import Companion
 from saltus.errors import SaltusError
-from saltus.explorer.tasks import Outcome, film, prepare, take
+from saltus.explorer.tasks import Outcome, film, prepare, take, warm
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Entry, Session
@@ -72,6 +72,7 @@ class Desk:
         self._companion = Companion(prepare)
         self._jobs: dict[int, Job] = {}
         self._unwritten: list[Entry] = []
+        self._warming: int | None = None
         self._companion.start()
 
     @property
@@ -105,7 +106,14 @@ class Desk:
         path = self.session.folder / "film.gif"
         self._hand_over(Job("film", None, done), film, orbit, str(path))
 
+    def warm(self) -> None:
+        """Let the companion load what basins need, as long as nothing else is wanted."""
+        self._warming = self._companion.submit(warm, self.session.subject.definition, self.session.settings.x0)
+
     def _hand_over(self, job: Job, function: Callable[..., Any], *arguments: Any) -> None:
+        if self._warming is not None:
+            self._companion.stop(self._warming)
+            self._warming = None
         try:
             key = self._companion.submit(function, *arguments)
         except SaltusError as error:

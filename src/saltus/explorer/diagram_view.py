@@ -215,9 +215,10 @@ class DiagramView:
 
     def _pixels(self, dx: Any, dy: Any) -> Any:
         """Return lengths on the screen of differences in the axes' units."""
-        made = self.figure
-        wide, high = (float(abs(r.end - r.start)) or 1.0 for r in (made.x_range, made.y_range))
-        return np.hypot(dx / wide * (made.inner_width or _SIZE[0]), dy / high * (made.inner_height or _SIZE[1]))
+        made, known = self.figure, self.figure.properties_with_values(include_defaults=False)
+        wide, high = (float(abs(axis.end - axis.start)) or 1.0 for axis in (made.x_range, made.y_range))
+        width, height = known.get("inner_width") or _SIZE[0], known.get("inner_height") or _SIZE[1]
+        return np.hypot(dx / wide * width, dy / high * height)
 
 
 def _add(columns: dict[str, dict[str, list[Any]]], name: str, found: Drawn, colour: str, locus: str) -> None:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ListView", "line_of"]
 
+_CURVES = ("branch", "locus", "sweep")  # kinds of results that are drawn in a colour
+
 
 class ListView:
     """The list.
@@ -77,10 +79,10 @@ def line_of(entry: Entry, colour: str, unseen: str = "") -> str:
     unseen : str, optional
         Why it cannot be drawn on the diagram's axes.
     """
-    first = repr(entry.result).splitlines()[0]
-    ends = told_end(entry.result)
+    first, ends = repr(entry.result).splitlines()[0], told_end(entry.result)
+    swatch = f'<span class="swatch" style="background:{colour}"></span>' if entry.step.noun in _CURVES else ""
     parts = [
-        f'<span class="swatch" style="background:{colour}"></span><b>{escape(entry.name)}</b> {escape(first)}',
+        f"{swatch}<b>{escape(entry.name)}</b> {escape(first)}",
         f'<span class="end">{escape(ends)}</span>' if ends else "",
         f'<span class="time">{escape(duration_text(entry.seconds))}</span>' if entry.seconds else "",
         *(f'<span class="note">{escape(note)}</span>' for note in entry.notes),

@@ -207,7 +207,7 @@ def _values(made: Any) -> Any:
     made.sizing_mode = "stretch_width"
     made.line(np.cos(_CIRCLE), np.sin(_CIRCLE), line_color="#8a94a0", line_width=1.2)
     source = ColumnDataSource(_NO_DOTS)
-    dots = made.scatter("x", "y", source=source, size=9, fill_color="#e8820c", line_color="#1b1b1e")
+    dots = made.scatter("x", "y", source=source, size=9, fill_color="#e8820c", line_color="#1b1b1e", name="values")
     made.add_tools(HoverTool(renderers=[dots], tooltips=[("", "@x{0.000000000} + @y{0.000000000} i")]))
     made.xaxis.axis_label, made.yaxis.axis_label = "real part", "imaginary part"
     made.title.text_font_size, made.title.text_font_style = "12px", "normal"

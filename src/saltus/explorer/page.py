@@ -126,6 +126,8 @@ class Page(Listener):
             self._watch.stop()
             self._watch = None
             self.desk.write()
+            if len(self.session.entries) == 1:
+                self.desk.warm()
 
     def select(self, place: Place) -> None:
         """Show a solution at the right side, and what can be done with it."""

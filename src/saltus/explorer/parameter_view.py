@@ -107,7 +107,7 @@ class _Field:
         least, most = system.parameter_bounds.get(name, (-math.inf, math.inf))
         self._least, self._open = max(least, 0.0 if name in system.positive else least), name in system.positive
         self._most = most
-        label = widgets.html("parameter-name", escape(look.bare_label(name)), (7, 0, 0, 8), width=118)
+        label = widgets.html("parameter-name", escape(look.bare_label(name)), (0, 0, 0, 6), width=118)
         self._number = widgets.number("", self.value, 118, f"parameter-{name}", (1, 4))
         self._slider = widgets.slider(self._place(self.value), _TICKS, _WIDTH - 8, f"slider-{name}")
         self._number.param.watch(lambda event: self._typed(event.new), "value")

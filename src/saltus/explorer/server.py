@@ -323,7 +323,6 @@ def serve(
         "start": False,
         "location": True,
         "verbose": False,
-        "title": "saltus explorer",
     }
     server = pn.serve({"/": _page_of(office)}, **options)
     url = f"http://{address.host}:{address.port}/?token={address.token}" + (f"&session={session}" if session else "")

@@ -56,9 +56,9 @@ def number(title: str, value: float, width: int, name: str = "", margin: tuple[i
     return pn.widgets.FloatInput(name=title, value=value, width=width, **options)
 
 
-def count(title: str, value: int, width: int, ends: tuple[int, int]) -> Any:
+def count(title: str, value: int, width: int, ends: tuple[int, int], name: str) -> Any:
     """Return a field for a whole number between two ends."""
-    options = {"start": ends[0], "end": ends[1], "margin": _MARGIN, "stylesheets": _sheets()}
+    options = {"css_classes": [name], "start": ends[0], "end": ends[1], "margin": _MARGIN, "stylesheets": _sheets()}
     return pn.widgets.IntInput(name=title, value=value, width=width, **options)
 
 
@@ -123,7 +123,7 @@ def row(*parts: Any, name: str = "", wrap: bool = False) -> Any:
     if wrap:
         return pn.FlexBox(*parts, margin=(0, 4), css_classes=classes, align_items="flex-end")
     for part in parts:
-        part.align = "end"
+        part.align = "center" if isinstance(part, pn.pane.HTML) else "end"
     return pn.Row(*parts, margin=(0, 4), css_classes=classes)
 
 
