@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import socket
 import subprocess
 import sys
 import time
@@ -56,15 +57,19 @@ def browser() -> str | None:
 
 
 @contextmanager
-def served(home: Path, *arguments: str) -> Iterator[str]:
-    """Run `saltus explore` and give the address of its page without the token."""
-    command = [sys.executable, "-c", _SERVER, "explore", *arguments, "--no-browser", "--token", TOKEN]
+def served(home: Path, *arguments: str) -> Iterator[tuple[str, subprocess.Popen]]:
+    """Run `saltus explore` and give the address of its page without the token, and the process."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    given = ["--no-browser", "--token", TOKEN, "--port", str(port)]
+    command = [sys.executable, "-c", _SERVER, "explore", *arguments, *given]
     surroundings = os.environ | {"XDG_DATA_HOME": str(home), "PYTHONUNBUFFERED": "1"}
     log = home / "server.log"
     with log.open("w") as output:
         server = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, env=surroundings)
     try:
-        yield _address(server, log)
+        yield _address(server, log), server
     finally:
         server.terminate()
         server.wait(30)
@@ -107,7 +112,7 @@ class Screen:
 
     def text(self, name: str) -> str:
         """Return the text of a part of the page."""
-        self.page.wait_for_selector(f".{name}")
+        self.page.wait_for_selector(f".{name}", state="attached")
         return self.page.evaluate(_TEXT, f".{name}")
 
     def column(self, figure: str, glyph: str, column: str) -> list:

@@ -23,7 +23,7 @@ def home(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def address(home):
-    with served(home) as found:
+    with served(home) as (found, _):
         yield found
 
 
@@ -72,6 +72,8 @@ def test_a_first_page_finds_an_orbit_and_asks_nothing_from_outside(window, addre
     screen.page.click(".continue")
     assert "Omega from 0.8 to 1.4" in screen.wait("branch1")
     assert screen.errors == []
+    assert "session=" in screen.page.url
+    assert "token" not in screen.page.url
     screen.page.wait_for_function("() => document.title == 'tapping-mode AFM, 1 mode · saltus'")
 
 
@@ -123,7 +125,8 @@ def test_a_locus_is_followed_and_shown_in_its_plane(screen):
 def test_basins_are_mapped_and_a_cell_is_followed(screen):
     screen.page.click("text=Basins")
     screen.page.click(".map-basins")
-    assert "100 x 100 cells" in screen.wait("basins1") + screen.text("basin-legend")
+    screen.until("basin-legend", "100 x 100 cells")
+    assert "100 x 100 cells" in screen.wait("basins1")
     assert "repulsive" in screen.text("basin-legend")
     screen.click_at("basins", 0.1, 0.2)
     assert "60 periods" in screen.wait("motion1")
@@ -202,3 +205,38 @@ def test_files_are_downloaded(screen, tmp_path, kept):
     assert (tmp_path / "file.py").read_text() == kept.script()
     again = Session.unpacked(tmp_path / "file.nc", new_folder(tmp_path))
     assert again.results == kept.results
+
+
+def test_a_session_is_uploaded_whatever_its_file_is_called(screen, tmp_path, kept, home):
+    copy = kept.packed(tmp_path / "session.nc")
+    for name in ("..%2f..%2fevil.nc", "branch1.nc"):
+        screen.page.locator(".open-session input").set_input_files(
+            {"name": name, "mimeType": "application/x-netcdf", "buffer": copy.read_bytes()}
+        )
+        before = screen.page.url
+        screen.eventually(lambda before=before: screen.page.url != before)
+        screen.wait("branch1")
+    assert not [*home.rglob("*evil*")]
+    screen.page.locator(".open-session input").set_input_files(
+        {"name": "x.nc", "mimeType": "application/x-netcdf", "buffer": b"no NetCDF"}
+    )
+    screen.page.wait_for_selector(".message.error")
+    assert "NetCDF" in screen.text("message")
+
+
+def test_a_session_comes_back_after_its_server_was_killed(tmp_path, chromium):
+    context = chromium.new_context()
+    with served(tmp_path, "tapping-mode-1") as (address, server):
+        screen = Screen(context.new_page(), address)
+        screen.wait("orbit1")
+        screen.page.click(".continue")
+        screen.wait("branch1")
+        folder = tmp_path / "saltus" / "explorer"
+        screen.eventually(lambda: any('"branch1"' in notes.read_text() for notes in folder.glob("*/session.json")))
+        server.kill()
+    with served(tmp_path, "tapping-mode-1") as (address, _):
+        begun = (tmp_path / "server.log").read_text()
+        assert "&session=" in begun
+        again = Screen(context.new_page(), address, "&" + begun.split("&")[1].split()[0])
+        again.wait("branch1")
+    context.close()

@@ -51,14 +51,14 @@ class BasinView:
         self._basins: Basins | None = None
         states = list(session.system.states)
         self._pair = [self._select("to the right", states, 0), self._select("upwards", states, min(1, len(states) - 1))]
-        self._ends = [widgets.number(title, 0.0, 104) for title in ("from", "to", "from", "to")]
+        self._ends = [widgets.number(title, 0.0, 92) for title in ("from", "to", "from", "to")]
         self._cells = widgets.choice("cells", _FINE, 100, 96)
         go = widgets.button("Map basins", "map-basins", kind="primary", tip="of the plane through the selected orbit")
         go.on_click(lambda _: self._go())
         self.figure = look.figure_of("basins", height=330, sizing_mode="stretch_width")
         self._image = ColumnDataSource({"image": [], "x": [], "y": [], "dw": [], "dh": []})
         self._dots = ColumnDataSource({"x": [], "y": [], "name": []})
-        self.figure.image_rgba("image", "x", "y", "dw", "dh", source=self._image)
+        self.figure.image_rgba("image", "x", "y", "dw", "dh", source=self._image, name="image")
         self.figure.scatter("x", "y", source=self._dots, size=8, fill_color="#ffffff", line_color="#1b1b1e")
         self.figure.on_event(Tap, lambda event: self._cell(event.x, event.y))
         self._legend = widgets.html("basin-legend")
@@ -66,13 +66,14 @@ class BasinView:
         self.panel = widgets.column(
             first, second, widgets.row(self._cells, go), widgets.pane(self.figure), self._legend
         )
+        self._frame()
 
     def _sides(self) -> Iterator[tuple[Any, list[Any]]]:
         """Go through the choosers of both coordinates, each with the fields of its range."""
         return zip(self._pair, (self._ends[:2], self._ends[2:]), strict=True)
 
     def _select(self, title: str, states: list[str], index: int) -> Any:
-        widget = widgets.choice(title, states, states[index], 110)
+        widget = widgets.choice(title, states, states[index], 100)
         widget.param.watch(lambda _: self._frame(), "value")
         return widget
 

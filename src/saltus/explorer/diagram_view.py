@@ -89,8 +89,9 @@ class DiagramView:
         made.scatter("x", "y", source=sources["dots"], size=2.5, color=look.CURVES[1], alpha=0.6, line_color=None)
         made.scatter("x", "y", source=sources["alone"], size=7, color=look.CURVES[0])
         made.multi_line(
-            "xs", "ys", source=sources["strands"], line_color="colour", line_dash="dash", line_width="width"
-        )
+            "xs", "ys", source=sources["strands"], line_color="colour", line_dash="dash", line_width="width",
+            name="strands",
+        )  # fmt: skip
         points = made.scatter(
             "x", "y", source=sources["points"], size=9, fill_alpha=0.0, line_alpha=0.0, hover_fill_alpha=0.5,
             hover_fill_color="#e8820c", name="points",

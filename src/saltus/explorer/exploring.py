@@ -162,6 +162,10 @@ def _in_notebook() -> bool:
     return shell is not None and "IPKernelApp" in getattr(shell.get_ipython(), "config", {})
 
 
+def _only_served(content: bytes) -> str:
+    raise SaltusError("a file is opened by saltus.explore(load=...) in a notebook")
+
+
 def _cell(subject: Subject | None, file: Path | None) -> Any:
     """Return the page as the output of a notebook's cell."""
     _check_installed()
@@ -172,7 +176,7 @@ def _cell(subject: Subject | None, file: Path | None) -> Any:
 
     pn.extension()
     office = Office(subject, home_folder())
-    page = Page(office.desk(None if file is None else office.unpacked(file)))
+    page = Page(office.desk(None if file is None else office.unpacked(file)), _only_served)
     parts = page.parts()
     middle = pn.Column(parts["status"], parts["diagram"], parts["results"], sizing_mode="stretch_width", min_height=700)
     left = pn.Column(parts["tools"], parts["controls"], width=280)

@@ -62,7 +62,7 @@ class OrbitView:
         self._session.settings.planes = tuple(first)
         made = []
         for title, value in zip(("portrait, right", "portrait, up", "over time"), first, strict=True):
-            widget = widgets.quantity(title, names, value, 116)
+            widget = widgets.quantity(title, names, value, 98)
             widget.param.watch(lambda _: self._planes_changed(), "value")
             made.append(widget)
         return made
@@ -194,7 +194,7 @@ def _lines(made: Any) -> tuple[Any, Any]:
 
     made.sizing_mode = "stretch_width"
     curves, events = ColumnDataSource(_NO_LINES), ColumnDataSource(_NO_DOTS)
-    lines = made.multi_line("xs", "ys", source=curves, line_color="colour", line_width=1.8)
+    lines = made.multi_line("xs", "ys", source=curves, line_color="colour", line_width=1.8, name="curves")
     made.scatter("x", "y", source=events, size=6, color="#1b1b1e")
     made.add_tools(HoverTool(renderers=[lines], tooltips=[("", "@mode"), ("", "($x, $y)")]))
     return curves, events

@@ -41,9 +41,11 @@ class Page(Listener):
     ----------
     desk : Desk
         The session and its process.
+    uploaded : callable
+        Called with the content of a session's file; it returns the name of this session.
     """
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: Desk, uploaded: Callable[[bytes], str]) -> None:
         self.desk, self.session = desk, desk.session
         self._watch: Any = None
         self._script = widgets.hidden_text()
@@ -60,9 +62,14 @@ class Page(Listener):
         self.starts = StartView(self.session, self.run, self._observed)
         self.actions = ActionView(self.session, self.run, self._film_wanted)
         self.list = ListView(self.session, self._hidden_changed, lambda name: self.select(Place(of=name)))
+        self._file, self._leading = widgets.upload("open-session"), widgets.leading()
+        self._file.param.watch(lambda event: self._open(event.new, uploaded), "value")
         self.undo = widgets.button("Undo", "undo", tip="drop the last result")
         self.undo.on_click(lambda _: self._undo())
         desk.taken_by(self)
+        if self.session.settings.selected is None:
+            first = next((e for e in self.session.entries if e.step.noun in ("orbit", "equilibrium")), None)
+            self.session.settings.selected = None if first is None else Place(of=first.name)
         self._show_all()
 
     # ---- parts of the page ----
@@ -71,7 +78,13 @@ class Page(Listener):
         """Return the parts of the page by the name of their place."""
         return {
             "tools": widgets.beside(self.undo, *self._downloads()),
-            "controls": widgets.column(self.starts.panel, self.parameters.panel),
+            "controls": widgets.column(
+                self.starts.panel,
+                self.parameters.panel,
+                widgets.html("heading", "<h2>Open a session</h2>", (8, 8, 0, 8)),
+                self._file,
+                self._leading,
+            ),
             "diagram": self.diagram.panel,
             "results": widgets.column(self.actions.panel, self.list.panel),
             "orbit": self.orbit.panel,
@@ -128,6 +141,13 @@ class Page(Listener):
             self.desk.write()
             if len(self.session.entries) == 1:
                 self.desk.warm()
+
+    def _open(self, content: bytes | None, uploaded: Callable[[bytes], str]) -> None:
+        if content:
+            try:
+                self._leading.value = uploaded(content)
+            except SaltusError as error:
+                self._line(str(error))
 
     def select(self, place: Place) -> None:
         """Show a solution at the right side, and what can be done with it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hmac
+import logging
 import secrets
 import socket
 import threading
@@ -182,6 +183,8 @@ def _template(office: Office, page: Page) -> Any:
         made.add_panel(name, part)
     subject = page.session.subject
     made.add_variable("page_style", look.page_style())
+    made.add_variable("session", page.session.folder.name)
+    made.add_variable("tab", f"{page.session.system.name or subject.key} · saltus")
     made.add_variable("subject", escape(page.session.system.name or subject.key))
     known = () if office.subject is not None else titles().items()
     made.add_variable("systems", [(escape(key), escape(title)) for key, title in known])
@@ -202,18 +205,9 @@ def _page_of(office: Office) -> Callable[[], Any]:
             desk = office.desk(asked.get("session"), asked.get("system"))
         except SaltusError as error:
             return pn.pane.HTML(f"<p>{escape(str(error))}</p>")
-        page = Page(desk)
-
-        def loaded() -> None:
-            if pn.state.location is not None:  # so that a reload finds the session
-                pn.state.location.search = f"?session={desk.session.folder.name}"
-            page.begin()
-
+        page = Page(desk, office.uploaded)
         pn.state.on_session_destroyed(lambda _: office.leave(page))
-        pn.state.onload(loaded)
-        document = pn.state.curdoc
-        if document is not None:
-            document.title = f"{desk.session.system.name or desk.session.subject.key} · saltus"
+        pn.state.onload(page.begin)
         return _template(office, page)
 
     return make
@@ -288,6 +282,19 @@ def free_port(host: str, wanted: int | None) -> int:
     raise AssertionError
 
 
+def _quieten(loop: Any) -> None:
+    """Say nothing of pages that are closed while something is sent to them."""
+    from tornado.websocket import WebSocketClosedError
+
+    logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
+
+    def handle(own: Any, context: dict[str, Any]) -> None:
+        if not isinstance(context.get("exception"), WebSocketClosedError):
+            own.default_exception_handler(context)
+
+    loop.asyncio_loop.set_exception_handler(handle)
+
+
 def serve(
     office: Office,
     address: Address,
@@ -327,6 +334,7 @@ def serve(
     server = pn.serve({"/": _page_of(office)}, **options)
     url = f"http://{address.host}:{address.port}/?token={address.token}" + (f"&session={session}" if session else "")
     server.start()
+    _quieten(server.io_loop)
     if opened is not None:
         opened(url)
     if browser:

@@ -21,6 +21,7 @@ __all__ = [
     "film",
     "hidden_text",
     "html",
+    "leading",
     "number",
     "pane",
     "quantity",
@@ -105,6 +106,13 @@ def upload(name: str) -> Any:
     """Return a field for a NetCDF file of the user."""
     options = {"css_classes": [name], "margin": (2, 8), "stylesheets": _sheets()}
     return pn.widgets.FileInput(accept=".nc", multiple=False, width=240, **options)
+
+
+def leading() -> Any:
+    """Return a field that is not shown; the page goes to the session whose name it is given."""
+    field = pn.widgets.TextInput(visible=False)
+    field.jscallback(value="window.location.search = '?session=' + cb_obj.value")
+    return field
 
 
 def bar() -> Any:
