@@ -195,6 +195,12 @@ def test_sets_of_values_are_saved_by_name(screen):
     screen.eventually(lambda: float(screen.page.input_value(".parameter-Omega input")) == 1.11)
 
 
+def test_the_script_is_copied(screen, window, kept):
+    window.grant_permissions(["clipboard-read", "clipboard-write"])
+    screen.page.click(".copy-python")
+    screen.eventually(lambda: screen.page.evaluate("() => navigator.clipboard.readText()") == kept.script())
+
+
 def test_files_are_downloaded(screen, tmp_path, kept):
     for kind, least in {"py": 250, "nc": 20_000, "png": 20_000, "svg": 20_000}.items():
         with screen.page.expect_download() as waiting:
@@ -214,6 +220,7 @@ def test_a_session_is_uploaded_whatever_its_file_is_called(screen, tmp_path, kep
             {"name": name, "mimeType": "application/x-netcdf", "buffer": copy.read_bytes()}
         )
         before = screen.page.url
+        screen.page.click(".message a")
         screen.eventually(lambda before=before: screen.page.url != before)
         screen.wait("branch1")
     assert not [*home.rglob("*evil*")]

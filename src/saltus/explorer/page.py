@@ -48,7 +48,6 @@ class Page(Listener):
     def __init__(self, desk: Desk, uploaded: Callable[[bytes], str]) -> None:
         self.desk, self.session = desk, desk.session
         self._watch: Any = None
-        self._script = widgets.hidden_text()
         self._message, self._work, self._bar = widgets.html("message"), widgets.html("work"), widgets.bar()
         self._stop = widgets.button("Stop", "stop", kind="danger", tip="what is done is kept")
         self._stop.visible = False
@@ -62,7 +61,7 @@ class Page(Listener):
         self.starts = StartView(self.session, self.run, self._observed)
         self.actions = ActionView(self.session, self.run, self._film_wanted)
         self.list = ListView(self.session, self._hidden_changed, lambda name: self.select(Place(of=name)))
-        self._file, self._leading = widgets.upload("open-session"), widgets.leading()
+        self._file = widgets.upload("open-session")
         self._file.param.watch(lambda event: self._open(event.new, uploaded), "value")
         self.undo = widgets.button("Undo", "undo", tip="drop the last result")
         self.undo.on_click(lambda _: self._undo())
@@ -83,7 +82,6 @@ class Page(Listener):
                 self.parameters.panel,
                 widgets.html("heading", "<h2>Open a session</h2>", (8, 8, 0, 8)),
                 self._file,
-                self._leading,
             ),
             "diagram": self.diagram.panel,
             "results": widgets.column(self.actions.panel, self.list.panel),
@@ -100,8 +98,7 @@ class Page(Listener):
         }
         made = [widgets.download(label, name, self._careful(content)) for (label, name), content in files.items()]
         copy = widgets.button("Copy as Python", "copy-python", tip="a script that makes what is shown")
-        copy.js_on_click(args={"told": self._script}, code="navigator.clipboard.writeText(told.text)")
-        return [copy, self._script, *made]
+        return [copy, *made]
 
     def _careful(self, content: Callable[[], BytesIO]) -> Callable[[], BytesIO | None]:
         """Return a function that tells an error in the page where a file cannot be made."""
@@ -145,7 +142,9 @@ class Page(Listener):
     def _open(self, content: bytes | None, uploaded: Callable[[bytes], str]) -> None:
         if content:
             try:
-                self._leading.value = uploaded(content)
+                where = escape(uploaded(content))
+                self._line("")
+                self._message.object = f'The session is read: <a href="?session={where}">open it</a>'
             except SaltusError as error:
                 self._line(str(error))
 
@@ -285,7 +284,7 @@ class Page(Listener):
             self.basins.show(basins[-1])
 
     def _tell_script(self) -> None:
-        self._script.object = self.session.script()
+        self.diagram.figure.tags = [self.session.script()]  # from where the page's script copies it
 
     def _show_selected(self) -> None:
         place, solution = self.session.settings.selected, self._selected()

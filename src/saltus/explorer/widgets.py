@@ -19,9 +19,7 @@ __all__ = [
     "count",
     "download",
     "film",
-    "hidden_text",
     "html",
-    "leading",
     "number",
     "pane",
     "quantity",
@@ -108,13 +106,6 @@ def upload(name: str) -> Any:
     return pn.widgets.FileInput(accept=".nc", multiple=False, width=240, **options)
 
 
-def leading() -> Any:
-    """Return a field that is not shown; the page goes to the session whose name it is given."""
-    field = pn.widgets.TextInput(visible=False)
-    field.jscallback(value="window.location.search = '?session=' + cb_obj.value")
-    return field
-
-
 def bar() -> Any:
     """Return a bar of progress, not shown at first."""
     return pn.indicators.Progress(value=0, max=100, width=150, margin=(10, 8), visible=False)
@@ -150,11 +141,6 @@ def tabs(**parts: Any) -> Any:
     """Return parts of which one is shown, by the names on their tabs."""
     options = {"sizing_mode": "stretch_width", "margin": 0, "stylesheets": _sheets()}
     return pn.Tabs(*parts.items(), dynamic=False, **options)
-
-
-def hidden_text() -> Any:
-    """Return a place for a text that is not shown."""
-    return pn.pane.Str("", visible=False)
 
 
 def film() -> Any:
