@@ -1,6 +1,7 @@
 """A companion does its work in turn, reports, is stopped with what is done, and comes back after it has died."""
 
 import os
+import sys
 import time
 from collections.abc import Iterator
 
@@ -43,6 +44,18 @@ def _counts_until_stopped(*, progress) -> str:
 
 def _sleeps(*, progress) -> None:
     time.sleep(600.0)
+
+
+def _imports_slowly(folder: str, *, progress) -> str:
+    sys.path.insert(0, folder)
+    progress(Progress(0, None, 1.0))
+    try:
+        import slow_to_import  # type: ignore[import-not-found]
+
+        while True:
+            time.sleep(0.01)
+    except KeyboardInterrupt:
+        return slow_to_import.ready
 
 
 @pytest.fixture
@@ -108,6 +121,14 @@ def test_work_that_keeps_nothing_is_stopped_and_work_that_waits_is_left_out(comp
 def test_a_companion_that_died_says_so_and_another_takes_over(companion):
     assert "has ended" in _last(companion, companion.submit(_dies)).content
     assert _last(companion, companion.submit(_squared, 4.0)).content == 16.0
+
+
+def test_no_import_is_interrupted(companion, tmp_path):
+    (tmp_path / "slow_to_import.py").write_text("import time\ntime.sleep(1.0)\nready = 'whole'\n")
+    key = companion.submit(_imports_slowly, str(tmp_path))
+    _begun(companion, key)
+    companion.stop(key)
+    assert _last(companion, key).content == "whole"
 
 
 def test_a_companion_is_ended_whatever_it_does(companion):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import _thread
 import queue
 import signal
+import sys
 import threading
 import traceback
 from collections.abc import Callable
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["Companion", "Message"]
 
 _PACE = 0.05  # seconds between two reports of progress, at least
+_PAUSE = 0.005  # seconds between two looks whether an import has ended
 _LAST_WORDS = 2.0  # seconds in which a process that is told to end may end by itself
 
 
@@ -190,11 +192,23 @@ def _listen(pipe: Connection, pieces: queue.Queue[Any], desk: _Desk) -> None:
         if function is not None:
             pieces.put((key, function, arguments))
             continue
+        while _is_importing():
+            sleep(_PAUSE)
         with desk.lock:
             if desk.current == key:
                 _thread.interrupt_main()
             else:
                 desk.left_out.add(key)
+
+
+def _is_importing() -> bool:
+    """Return whether the thread that works imports a module: interrupted there, half of a package would stay."""
+    frame = sys._current_frames().get(threading.main_thread().ident or 0)
+    while frame is not None:
+        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
+            return True
+        frame = frame.f_back
+    return False
 
 
 def _do(pipe: Connection, desk: _Desk, key: int, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:

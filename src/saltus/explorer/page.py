@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Page"]
 
+_STOP = "Stop"  # what the button says before it was pressed
+_END = "End now"  # and after
 _PACE = 40  # milliseconds between two looks at what the companion says
 _PERIODS = 60  # periods of the motion that a click on a cell runs
 _SPANS = 30.0  # periods of the selected orbit, of a system without a phase
@@ -49,9 +51,9 @@ class Page(Listener):
         self.desk, self.session = desk, desk.session
         self._watch: Any = None
         self._message, self._work, self._bar = widgets.html("message"), widgets.html("work"), widgets.bar()
-        self._stop = widgets.button("Stop", "stop", kind="danger", tip="what is done is kept")
+        self._stop = widgets.button(_STOP, "stop", kind="danger", tip="what is done is kept")
         self._stop.visible = False
-        self._stop.on_click(lambda _: self.desk.stop())
+        self._stop.on_click(lambda _: self._stop_clicked())
         self.diagram = DiagramView(self.session, self.select, self._line)
         self.orbit = OrbitView(self.session, self._line)
         self.basins = BasinView(self.session, self._map, self._follow_cell)
@@ -122,6 +124,14 @@ class Page(Listener):
         self._line("")
         self.desk.run(step, done, replaces)
         self.attend()
+
+    def _stop_clicked(self) -> None:
+        """Interrupt the work; at a second click end the process that does it."""
+        if self._stop.name == _END:
+            self.desk.kill()
+            return
+        self._stop.name = _END
+        self.desk.stop()
 
     def attend(self) -> None:
         """Look at what the companion says until all work is done."""
@@ -196,8 +206,7 @@ class Page(Listener):
         if known is not None:
             found(known)
             return
-        cells = counts[1] ** 2
-        self.run(Attract(parameters=parameters, region=region, seeds=_SEEDS, motions=cells), found)
+        self.run(Attract(parameters=parameters, region=region, seeds=_SEEDS, motions=counts[0] ** 2), found)
 
     def _follow_cell(self, x0: list[float]) -> None:
         """Run the motion from a start, for some periods."""
@@ -241,7 +250,7 @@ class Page(Listener):
         """Show how far the work has come."""
         self._stop.visible = self._bar.visible = bool(what)
         if not what:
-            self._work.object = ""
+            self._work.object, self._stop.name = "", _STOP
             return
         share = -1 if progress is None or not progress.total else round(100 * progress.done / progress.total)
         self._bar.value = min(share, 100)

@@ -233,29 +233,8 @@ def _guard(address: Address) -> Any:
 
             return user
 
-        @property
-        def get_user_async(self) -> Any:
-            return None
-
-        @property
-        def login_url(self) -> str:
-            return "/"
-
-        @property
-        def get_login_url(self) -> Any:
-            return None
-
-        @property
-        def login_handler(self) -> Any:
-            return None
-
-        @property
-        def logout_url(self) -> Any:
-            return None
-
-        @property
-        def logout_handler(self) -> Any:
-            return None
+        login_url = "/"
+        get_user_async = get_login_url = login_handler = logout_url = logout_handler = None
 
     return Guard()
 
