@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.equilibria import Equilibrium
 from saltus.explorer import look, widgets
+from saltus.orbits import PeriodicOrbit
 from saltus.plotting.basin import colours_of, labelled_image, percent, places_of
 
 if TYPE_CHECKING:
     from saltus.basins import Basins
     from saltus.explorer.session import Session
-    from saltus.orbits import PeriodicOrbit
 
 __all__ = ["BasinView"]
 
@@ -47,7 +48,7 @@ class BasinView:
         from bokeh.models import ColumnDataSource
 
         self._session, self._wanted, self._clicked = session, wanted, clicked
-        self._orbit: PeriodicOrbit | None = None
+        self._solution: PeriodicOrbit | Equilibrium | None = None
         self._basins: Basins | None = None
         states = list(session.system.states)
         self._pair = [self._select("to the right", states, 0), self._select("upwards", states, min(1, len(states) - 1))]
@@ -77,10 +78,20 @@ class BasinView:
         widget.param.watch(lambda _: self._frame(), "value")
         return widget
 
-    def orbit_is(self, orbit: PeriodicOrbit | None) -> None:
-        """Take the orbit through which the plane goes."""
-        self._orbit = orbit
+    def solution_is(self, solution: PeriodicOrbit | Equilibrium) -> None:
+        """Take the orbit or the equilibrium through which the plane goes."""
+        self._solution = solution
         self._frame()
+
+    @property
+    def interval(self) -> float | None:
+        """Time between two looks at a motion of a system without a phase: a period of the solution."""
+        if self._session.system.phase is not None:
+            return None
+        if isinstance(self._solution, PeriodicOrbit):
+            return float(self._solution.period)
+        rates = [1.0] if self._solution is None else np.abs(self._solution.eigenvalues)
+        return float(2.0 * np.pi / np.max(rates)) if np.max(rates) > 0.0 else 1.0
 
     def _frame(self) -> None:
         """Set the ranges to the surroundings of the orbit."""
@@ -89,10 +100,13 @@ class BasinView:
             ends[0].value, ends[1].value = float(f"{low:.4g}"), float(f"{high:.4g}")
 
     def _surroundings(self, name: str) -> tuple[float, float]:
-        index = self._session.system.states.index(name)
-        if self._orbit is None:
+        index, solution = self._session.system.states.index(name), self._solution
+        if solution is None:
             return -1.0, 1.0
-        low, high = float(self._orbit.lows[index]), float(self._orbit.highs[index])
+        if isinstance(solution, Equilibrium):
+            low = high = float(solution.state[index])
+        else:
+            low, high = float(solution.lows[index]), float(solution.highs[index])
         wide = (high - low) or 2.0 * abs(high) or 1.0
         return low - _MARGIN * wide, high + _MARGIN * wide
 
@@ -100,7 +114,9 @@ class BasinView:
         x, y = (chooser.value for chooser in self._pair)
         low_x, high_x, low_y, high_y = (float(widget.value or 0.0) for widget in self._ends)
         states = self._session.system.states
-        start = self._session.settings.x0 if self._orbit is None else self._orbit.x0
+        solution, start = self._solution, self._session.settings.x0
+        if solution is not None:
+            start = tuple(solution.state if isinstance(solution, Equilibrium) else solution.x0)
         frozen = {name: float(start[i]) for i, name in enumerate(states) if name not in (x, y)}
         free = {x: (low_x, high_x)} | ({y: (low_y, high_y)} if y != x else {})
         self._wanted(free, frozen, (_COARSE, int(self._cells.value)))

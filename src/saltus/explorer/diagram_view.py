@@ -176,7 +176,7 @@ class DiagramView:
             else:
                 groups.append([i])
         for group in groups:
-            told = [marks["told"][i] for i in group]
+            told = [*dict.fromkeys(marks["told"][i] for i in group)]
             shown = " ".join(told) if len(told) <= _MOST_TOGETHER else f"{' '.join(told[:2])} … {len(told)} points"
             marks["label"][group[0]] = shown
 

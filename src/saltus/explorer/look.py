@@ -43,6 +43,8 @@ MARKERS: Mapping[str, str] = {
 _LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 _TOOLS = "pan,wheel_zoom,box_zoom,reset"
 _MARGIN = 0.05  # room about what a figure shows, over its extent
+_COMMON = (2.0, 98.0)  # percentiles between which common values lie
+_FAR = 30.0  # extent of all values over that of the common ones from which on the rest is left outside
 _FONT = "12px"
 _GREY = "#5c6570"
 _LINE = "#c3c9d1"
@@ -84,6 +86,8 @@ def figure_of(name: str, **options: Any) -> figure:
 def fit(made: figure, x: Sequence[float], y: Sequence[float], margin: float = _MARGIN) -> None:
     """Set both ranges of a figure to what it shows; of nothing they stay as they are.
 
+    Few values that are far from all others, as where a branch goes to infinity, are left outside.
+
     Parameters
     ----------
     made : figure
@@ -97,7 +101,9 @@ def fit(made: figure, x: Sequence[float], y: Sequence[float], margin: float = _M
         table = np.asarray(values, dtype=np.float64)
         table = table[np.isfinite(table)]
         if table.size:
-            low, high = float(table.min()), float(table.max())
+            low, high = (float(value) for value in np.percentile(table, _COMMON))
+            if float(np.ptp(table)) <= _FAR * (high - low):
+                low, high = float(table.min()), float(table.max())
             room = margin * (high - low) or 0.1 * abs(high) or 1.0
             axis.update(start=low - room, end=high + room, reset_start=low - room, reset_end=high + room)
 

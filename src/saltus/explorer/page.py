@@ -8,6 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from saltus.equilibria import Equilibrium
 from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
 from saltus.explorer.action_view import ActionView, StartView
@@ -19,7 +20,7 @@ from saltus.explorer.list_view import ListView
 from saltus.explorer.orbit_view import OrbitView
 from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
-from saltus.explorer.steps import Attract, Basin, FindOrbit, Follow, Move, Place, Step, taken
+from saltus.explorer.steps import Attract, Basin, FindEquilibrium, FindOrbit, Follow, Move, Place, Step, taken
 from saltus.orbits import PeriodicOrbit
 
 if TYPE_CHECKING:
@@ -183,6 +184,9 @@ class Page(Listener):
 
     def _map(self, free: dict[str, tuple[float, float]], frozen: dict[str, float], counts: tuple[int, int]) -> None:
         """Find attractors about the plane, then map it coarsely, then finely."""
+        if len(free) < 2:
+            self._line("a plane needs two different states")
+            return
         solution = self._selected()
         own = self.session.system.parameters
         given = dict(self.session.changed() if solution is None else solution.parameters)
@@ -206,7 +210,9 @@ class Page(Listener):
         if known is not None:
             found(known)
             return
-        self.run(Attract(parameters=parameters, region=region, seeds=_SEEDS, motions=counts[0] ** 2), found)
+        motions, interval = counts[0] ** 2, self.basins.interval
+        step = Attract(parameters=parameters, region=region, seeds=_SEEDS, motions=motions, interval=interval)
+        self.run(step, found)
 
     def _follow_cell(self, x0: list[float]) -> None:
         """Run the motion from a start, for some periods."""
@@ -300,14 +306,15 @@ class Page(Listener):
         told = "" if place is None or solution is None else _title(place, self.session.results, solution)
         self.orbit.show(solution, told)
         self.actions.show(told)
-        if isinstance(solution, PeriodicOrbit):
-            self.basins.orbit_is(solution)
+        if isinstance(solution, PeriodicOrbit | Equilibrium):
+            self.basins.solution_is(solution)
 
     def begin(self) -> None:
-        """Find a first orbit where a session has nothing yet."""
+        """Find a first orbit where a session has nothing yet; of a smooth autonomous system an equilibrium."""
         if not self.session.entries:
-            settings = self.session.settings
-            self.run(FindOrbit(parameters=self.session.changed(), x0=settings.x0, mode=settings.mode))
+            settings, system = self.session.settings, self.session.system
+            find = FindOrbit if system.phase is not None or system.transitions else FindEquilibrium
+            self.run(find(parameters=self.session.changed(), x0=settings.x0, mode=settings.mode))
 
 
 def _same_search(step: Step, parameters: dict[str, float], region: dict[str, tuple[float, float]]) -> bool:

@@ -184,8 +184,9 @@ def _template(office: Office, page: Page) -> Any:
     subject = page.session.subject
     made.add_variable("page_style", look.page_style())
     made.add_variable("session", page.session.folder.name)
-    made.add_variable("tab", f"{page.session.system.name or subject.key} · saltus")
-    made.add_variable("subject", escape(page.session.system.name or subject.key))
+    title = page.session.system.name or Path(subject.key).name
+    made.add_variable("tab", f"{title} · saltus")
+    made.add_variable("subject", escape(title))
     known = () if office.subject is not None else titles().items()
     made.add_variable("systems", [(escape(key), escape(title)) for key, title in known])
     made.add_variable("chosen", escape(subject.key))

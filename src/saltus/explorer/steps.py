@@ -333,6 +333,7 @@ class Attract(Step):
     region: dict[str, tuple[float, float]]
     seeds: Annotated[int, Field(ge=1, le=10_000)] = 64
     motions: Annotated[int, Field(ge=1)] = 10_000
+    interval: Annotated[float, Field(gt=0.0)] | None = None
     noun: ClassVar[str] = "attractors"
 
     def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
@@ -340,12 +341,14 @@ class Attract(Step):
         from saltus.basins import find_attractors
 
         return find_attractors(
-            system, self.parameters, self.region, seeds=self.seeds, motions=self.motions, progress=progress
-        )
+            system, self.parameters, self.region, seeds=self.seeds, motions=self.motions, interval=self.interval,
+            progress=progress,
+        )  # fmt: skip
 
     def text(self) -> str:
         """Return the call as Python."""
         counts = f"seeds={self.seeds}, motions={self.motions}"
+        counts += f", interval={self.interval!r}" if self.interval is not None else ""
         return f"saltus.find_attractors(system, {self.parameters!r}, {self.region!r}, {counts})"
 
 
