@@ -277,5 +277,5 @@ def test_files_keep_the_homoclinic_orbit(planar: Branch, tmp_path: Path) -> None
 
 def test_no_saddle_node_is_near_a_state_whose_rates_are_beyond_all_numbers():
     system = HybridSystem.smooth({"x": "a - exp(x)"}, {"a": 1.0})
-    rest = EquilibriumProblem(system, 0, system.parameter_vector({}), (0,))
+    rest = EquilibriumProblem(system, 0, system.parameter_vector({}), (0,), np.ones(1))
     assert saddle_node_near(rest, np.array([1e3]), 1.0, np.ones(1)) is None

@@ -150,7 +150,7 @@ def drawn(result: Any, names: Sequence[str]) -> Drawn:
         points = np.column_stack([_column(result, name) for name in names])
         return Drawn(_strands(result, names), _marks(result, result.special_points, names), points, result.stable)
     if isinstance(result, Locus | EquilibriumLocus):
-        if not set(names) <= {*result.varied, *result.parameters} and not set(names) & set(result.varied):
+        if not set(names) & set(result.varied):
             raise InputError("axes", ", ".join(names), f"with {' or '.join(result.varied)}")
         return Drawn(_strands(result, names), _marks(result, result.special_points, names))
     if isinstance(result, Cascade):
