@@ -15,6 +15,8 @@ pytestmark = pytest.mark.skipif(browser() is None, reason="no Chromium: pages of
 
 WINDOWS = {"desk": {"width": 1500, "height": 900}, "small": {"width": 1024, "height": 768}}
 
+desk_alone = pytest.mark.parametrize("window", ["desk"], indirect=True)
+
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory) -> Path:
@@ -178,6 +180,7 @@ def test_two_pages_do_not_disturb_each_other(screen, window, address):
     assert screen.errors == other.errors == []
 
 
+@desk_alone
 def test_an_error_of_the_library_is_a_line_in_the_page(screen):
     screen.fill("start-q1", "1e300")
     screen.page.click(".find-orbit")
@@ -186,6 +189,7 @@ def test_an_error_of_the_library_is_a_line_in_the_page(screen):
     assert "Traceback" not in screen.text("message")
 
 
+@desk_alone
 def test_sets_of_values_are_saved_by_name(screen):
     screen.fill("parameter-Omega", "1.11")
     screen.page.locator(".set-name input").fill("near the fold")
@@ -195,12 +199,14 @@ def test_sets_of_values_are_saved_by_name(screen):
     screen.eventually(lambda: float(screen.page.input_value(".parameter-Omega input")) == 1.11)
 
 
+@desk_alone
 def test_the_script_is_copied(screen, window, kept):
     window.grant_permissions(["clipboard-read", "clipboard-write"])
     screen.page.click(".copy-python")
     screen.eventually(lambda: screen.page.evaluate("() => navigator.clipboard.readText()") == kept.script())
 
 
+@desk_alone
 def test_files_are_downloaded(screen, tmp_path, kept):
     for kind, least in {"py": 250, "nc": 20_000, "png": 20_000, "svg": 20_000}.items():
         with screen.page.expect_download() as waiting:
@@ -213,6 +219,7 @@ def test_files_are_downloaded(screen, tmp_path, kept):
     assert again.results == kept.results
 
 
+@desk_alone
 def test_a_session_is_uploaded_whatever_its_file_is_called(screen, tmp_path, kept, home):
     copy = kept.packed(tmp_path / "session.nc")
     for name in ("..%2f..%2fevil.nc", "branch1.nc"):
