@@ -54,6 +54,9 @@ from .errors import (
     StickingError as StickingError,
     StiffnessError as StiffnessError,
 )
+from .explorer import (
+    explore as explore,
+)
 from .flow import (
     Limits as Limits,
     Trajectory as Trajectory,

@@ -31,8 +31,10 @@ __all__ = [
     "handed_out",
     "interrupt_waits",
     "is_stopped",
+    "leave_with_parent",
     "processors",
     "starting",
+    "unnoticed",
 ]
 
 Job: TypeAlias = "tuple[Any, Callable[..., Any], *tuple[Any, ...]]"  # a piece's key, a function and its arguments
@@ -184,7 +186,7 @@ class Processes(Threads):
     def _start(self) -> None:
         """Start all processes at once: one that dies while others start can bring the executor's own thread down."""
         self._started = True
-        with _unnoticed(), starting(self._fewer):
+        with unnoticed(), starting(self._fewer):
             for _ in range(self._count):
                 self._executor.submit(os.getpid)  # as long as none is idle, each call starts one
 
@@ -308,10 +310,11 @@ def _begin_worker(stop: Event) -> None:
     global _stop
     _stop = stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_leave_with_parent, daemon=True).start()
+    threading.Thread(target=leave_with_parent, daemon=True).start()
 
 
-def _leave_with_parent() -> None:
+def leave_with_parent() -> None:
+    """End this process when the one that started it has ended."""
     parent = parent_process()
     if parent is not None:
         parent.join()
@@ -319,7 +322,7 @@ def _leave_with_parent() -> None:
 
 
 @contextmanager
-def _unnoticed() -> Iterator[None]:
+def unnoticed() -> Iterator[None]:
     """Let processes that start meanwhile neither run the main script again nor hear Ctrl-C.
 
     All that a worker does is in this package, so that a script needs no ``if __name__ == "__main__"``. The signal stays

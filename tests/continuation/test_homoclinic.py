@@ -13,6 +13,8 @@ from scipy.optimize import brentq, minimize_scalar
 
 import saltus
 from saltus.continuation import Branch
+from saltus.continuation.homoclinic_problem import saddle_node_near
+from saltus.equilibria.problem import EquilibriumProblem
 from saltus.system import HybridSystem, Mode
 
 LORENZ = {"x": "sigma*(y - x)", "y": "x*(r - z) - y", "z": "x*y - b*z"}
@@ -271,3 +273,9 @@ def test_files_keep_the_homoclinic_orbit(planar: Branch, tmp_path: Path) -> None
     assert repr(point) == repr(known)
     assert point.parameters == known.parameters
     assert point.homoclinic.saddle == known.homoclinic.saddle
+
+
+def test_no_saddle_node_is_near_a_state_whose_rates_are_beyond_all_numbers():
+    system = HybridSystem.smooth({"x": "a - exp(x)"}, {"a": 1.0})
+    rest = EquilibriumProblem(system, 0, system.parameter_vector({}), (0,), np.ones(1))
+    assert saddle_node_near(rest, np.array([1e3]), 1.0, np.ones(1)) is None

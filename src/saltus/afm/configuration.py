@@ -17,6 +17,7 @@ from saltus.afm.laws.law import Law
 from saltus.afm.modelling import model
 from saltus.afm.probe import Probe
 from saltus.afm.readings import CONVENTIONS
+from saltus.afm.sets import entries_of
 from saltus.config_files import attribute_of, called, read_toml
 from saltus.continuation import StepControl
 from saltus.errors import InputError, nearest
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from saltus.progress import Report
     from saltus.system import HybridSystem
 
-__all__ = ["Experiment", "model_of", "read_experiment"]
+__all__ = ["Experiment", "model_of", "named_experiment", "read_experiment"]
 
 _ALONG = ("Zc_nm", "f_kHz")  # parameters along which there are curves
 _BELOW = 0.9  # how far below a place its curve goes, over the distance
@@ -166,6 +167,28 @@ def read_experiment(path: Path) -> Experiment:
     """
     entries = read_toml(checks.path("config", path))
     found: Experiment = called(partial(_experiment, path.absolute().parent), entries, "")
+    return found
+
+
+def named_experiment(name: str) -> Experiment:
+    """Return the probe over a sample that a named parameter set describes.
+
+    Parameters
+    ----------
+    name : str
+        Name of the set, as `saltus.afm.sets.names` lists them.
+
+    Raises
+    ------
+    InputError
+        There is no such set.
+
+    Examples
+    --------
+    >>> named_experiment("lever-s").model().states
+    ('z1_nm', 'v1_nm_us')
+    """
+    found: Experiment = called(partial(_experiment, Path()), entries_of(name), "")
     return found
 
 

@@ -173,6 +173,34 @@ def plot(
     typer.echo(f"written  {picture}")
 
 
+@app.command()
+def explore(
+    system: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[SYSTEM]", help="FILE.py:NAME, MODULE:NAME, or a model of saltus; by default a choice."
+        ),
+    ] = None,
+    load: Annotated[
+        Path | None, typer.Option("--load", metavar="FILE", help="A session that was downloaded as NetCDF.")
+    ] = None,
+    port: Annotated[int | None, typer.Option(min=1, max=65535, help="Port; by default 8710, or any free one.")] = None,
+    browser: Annotated[bool, typer.Option(help="Open a browser.")] = True,
+    host: Annotated[str, typer.Option(help="Address to listen on; another than this needs --token.")] = "127.0.0.1",
+    token: Annotated[str | None, typer.Option(help="What a browser must know; random if left out.")] = None,
+) -> None:
+    """Explore a system in the browser: diagrams, orbits and basins, from click to click."""
+    from saltus.explorer.exploring import open_explorer, subject_of
+
+    subject = None if system is None else subject_of(system)
+
+    def told(url: str) -> None:
+        typer.echo(f"saltus explorer at {url}")
+        typer.echo("Ctrl-C ends it; sessions are kept.")
+
+    open_explorer(subject, load, host=host, token=token, port=port, browser=browser, told=told)
+
+
 def _report(found: dict[str, Any]) -> None:
     """Print the special points or the numbers of the figure, and the files written."""
     content = found["content"]

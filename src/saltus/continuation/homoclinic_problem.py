@@ -159,8 +159,10 @@ def saddle_node_near(
 ) -> NDArray[np.float64] | None:
     """Return the state and the parameter of the saddle-node that Newton's method finds from a state, or None."""
     n = rest.n
-    A = rest.evaluate(np.append(x, value))[1][:, :n]
-    v = np.linalg.svd(A * sizes / sizes[:, None])[2][-1] * sizes
+    A = rest.evaluate(np.append(x, value))[1][:, :n] * sizes / sizes[:, None]
+    if not np.all(np.isfinite(A)):
+        return None
+    v = np.linalg.svd(A)[2][-1] * sizes
     row = v / sizes**2
     u = np.concatenate([x, [value], v])
     scale = np.concatenate([sizes, [max(abs(value), 1.0)], sizes])

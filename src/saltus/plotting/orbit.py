@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["draw_curves", "draw_jump", "plot_orbit"]
+__all__ = ["draw_curves", "draw_jump", "plot_orbit", "segments_of", "unwrapped_parts"]
 
 
 @plot.register(PeriodicOrbit)
@@ -52,19 +52,36 @@ def plot_orbit(
     system = orbit.system
     x = system.states[0] if x is None else x
     y = (system.states[1] if len(system.states) > 1 else "t") if y is None else y
-    sample = orbit.sample()
-    times, modes_at = sample["t"].values, sample["mode"].values
-    states = np.column_stack([sample[column_of(name)].values for name in system.all_states])
-    columns = [times if name == "t" else evaluate(system, name, states, modes_at, orbit.parameters) for name in (x, y)]
+    parts, modes = segments_of(orbit, (x, y))
     ax = style.axes(ax)
-    ends = np.flatnonzero(np.diff(times) <= 0.0) + 1
-    parts = np.split(np.column_stack(columns), ends)
-    modes = [int(part[0]) for part in np.split(modes_at, ends)]
     wrapped = draw_curves(ax, system, (x, y), parts, modes)
     _draw_ends(ax, orbit, parts, closed=x != "t" and y != "t", wrapped=wrapped)
     if legend:
         ax.legend()
     return ax
+
+
+def segments_of(orbit: PeriodicOrbit, names: tuple[str, str]) -> tuple[list[NDArray[np.float64]], list[int]]:
+    """Return the segments of an orbit as curves in two quantities, each of shape (vertex, 2), and their modes.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        The orbit.
+    names : (str, str)
+        Quantities that `plot_orbit` takes.
+
+    Raises
+    ------
+    InputError
+        A text that is no expression, or an unknown name in it.
+    """
+    system, sample = orbit.system, orbit.sample()
+    times, modes_at = sample["t"].values, sample["mode"].values
+    states = np.column_stack([sample[column_of(name)].values for name in system.all_states])
+    columns = [times if name == "t" else evaluate(system, name, states, modes_at, orbit.parameters) for name in names]
+    ends = np.flatnonzero(np.diff(times) <= 0.0) + 1
+    return np.split(np.column_stack(columns), ends), [int(part[0]) for part in np.split(modes_at, ends)]
 
 
 def _draw_ends(
@@ -99,7 +116,7 @@ def draw_curves(
 
 def _draw_curve(ax: Axes, curve: NDArray[np.float64], wrapped: Iterable[bool], mode: int, label: str) -> None:
     """Draw a curve, shape (vertex, 2), in the colour of a mode, cut where an angle passes 2 pi."""
-    for part in _unwrapped_parts(curve, wrapped):
+    for part in unwrapped_parts(curve, wrapped):
         ax.plot(part[:, 0], part[:, 1], color=style.colour_of_mode(mode), label=style.plain(label))
         label = "_"
 
@@ -111,7 +128,7 @@ def draw_jump(ax: Axes, before: NDArray[np.float64], after: NDArray[np.float64],
         ax.plot([before[0], after[0]], [before[1], after[1]], ":", color="0.5", linewidth=0.9, label="_", zorder=1)
 
 
-def _unwrapped_parts(curve: NDArray[np.float64], wrapped: Iterable[bool]) -> list[NDArray[np.float64]]:
+def unwrapped_parts(curve: NDArray[np.float64], wrapped: Iterable[bool]) -> list[NDArray[np.float64]]:
     """Return a curve, shape (vertex, 2), cut where an angle passes 2 pi; parts are extended to 2 pi and 0."""
     breaks: set[int] = set()
     for column, angle in enumerate(wrapped):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-__all__ = ["plot_trajectory"]
+__all__ = ["flights_of", "plot_trajectory"]
 
 _VERTICES_PER_STEP = 6  # vertices of the curve in each step of the motion
 
@@ -49,17 +49,49 @@ def plot_trajectory(
     style.check_options(ax, x, y, legend=legend)
     system = trajectory.system
     y = system.states[0] if y is None else y
-    stretches = _stretches(trajectory)
-    columns = [_column(trajectory, name, stretches) for name in (x, y)]
-    curves = [np.column_stack(pair) for pair in zip(*columns, strict=True)]
+    curves, modes, grazing = flights_of(trajectory, (x, y))
     ax = style.axes(ax)
-    wrapped = draw_curves(ax, system, (x, y), curves, [mode for mode, _, _ in stretches])
+    wrapped = draw_curves(ax, system, (x, y), curves, modes)
     for before, after in pairwise(curves):
         draw_jump(ax, before[-1], after[0], wrapped)
-    _draw_grazings(ax, trajectory, stretches, curves)
+    if len(grazing):
+        ax.plot(grazing[:, 0], grazing[:, 1], label="grazing", **style.SPECIAL["GR"].options())
     if legend and curves:
         ax.legend()
     return ax
+
+
+def flights_of(
+    trajectory: Trajectory, names: tuple[str, str]
+) -> tuple[list[NDArray[np.float64]], list[int], NDArray[np.float64]]:
+    """Return a motion between its events as curves in two quantities.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion.
+    names : (str, str)
+        Quantities that `plot_trajectory` takes.
+
+    Returns
+    -------
+    curves : list of ndarray, shape (vertex, 2)
+    modes : list of int
+        The mode of each curve.
+    grazing : ndarray, shape (event, 2)
+        Where events graze.
+
+    Raises
+    ------
+    InputError
+        A text that is no expression, or an unknown name in it.
+    """
+    stretches = _stretches(trajectory)
+    columns = [_column(trajectory, name, stretches) for name in names]
+    curves = [np.column_stack(pair) for pair in zip(*columns, strict=True)]
+    times = set(trajectory.events["time"][trajectory.events["grazing"]].tolist())
+    places = [curve[-1] for (_, t, _), curve in zip(stretches, curves, strict=True) if float(t[-1]) in times]
+    return curves, [mode for mode, _, _ in stretches], np.reshape(places, (-1, 2))
 
 
 def _stretches(trajectory: Trajectory) -> list[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
@@ -94,16 +126,3 @@ def _column(
     modes = np.repeat([mode for mode, _, _ in stretches], lengths)
     values = evaluate(trajectory.system, name, states, modes, trajectory.parameters)
     return np.split(values, np.cumsum(lengths)[:-1])
-
-
-def _draw_grazings(
-    ax: Axes,
-    trajectory: Trajectory,
-    stretches: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]],
-    curves: list[NDArray[np.float64]],
-) -> None:
-    grazing = set(trajectory.events["time"][trajectory.events["grazing"]].tolist())
-    places = [curve[-1] for (_, t, _), curve in zip(stretches, curves, strict=True) if float(t[-1]) in grazing]
-    if places:
-        table, marker = np.array(places), style.SPECIAL["GR"]
-        ax.plot(table[:, 0], table[:, 1], label="grazing", **marker.options())

@@ -1,0 +1,178 @@
+"""The buttons of a page: what starts anew, and what the selected solution allows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from saltus.explorer import look, widgets
+from saltus.explorer.choices import Choices, choices_at
+from saltus.explorer.parameter_view import range_of
+from saltus.explorer.steps import (
+    Cascade,
+    Continue,
+    FindEquilibrium,
+    FindOrbit,
+    Follow,
+    Place,
+    Step,
+    Sweep,
+    Switch,
+)
+
+if TYPE_CHECKING:
+    from saltus.explorer.session import Session
+
+__all__ = ["ActionView", "StartView"]
+
+
+class StartView:
+    """Buttons that need no selected solution.
+
+    Parameters
+    ----------
+    session : Session
+        What is shown.
+    run : callable
+        Called with the `Step` to take.
+    observables : callable
+        Returns what a sweep should observe for the diagram's ordinate.
+    """
+
+    def __init__(
+        self, session: Session, run: Callable[[Step], None], observables: Callable[[], tuple[str, ...]]
+    ) -> None:
+        self._session, self._run, self._observables = session, run, observables
+        orbit = widgets.button(
+            "Find orbit", "find-orbit", kind="primary", tip="on which the motion from the start settles"
+        )
+        orbit.on_click(lambda _: run(FindOrbit(**self._given())))
+        rest = widgets.button("Find equilibrium", "find-equilibrium", tip="near the start")
+        rest.on_click(lambda _: run(FindEquilibrium(**self._given())))
+        rest.visible = session.system.phase is None
+        names = list(session.system.parameter_names)
+        self._parameter = _select("sweep", names, 118)
+        self._ends = _ends(session, self._parameter)
+        self._count = widgets.count("values", 200, 76, (2, 10_000), "sweep-values")
+        self._direction = _select("direction", ["up", "down"], 76)
+        sweep = widgets.button("Sweep", "sweep", tip="follow the attractor by simulation, from the start")
+        sweep.on_click(lambda _: self._sweep())
+        self.panel = widgets.column(
+            widgets.row(orbit, rest, wrap=True), widgets.row(self._parameter, self._count),
+            widgets.row(*self._ends), widgets.row(self._direction, sweep),
+        )  # fmt: skip
+
+    def _given(self) -> dict[str, Any]:
+        settings = self._session.settings
+        return {"parameters": self._session.changed(), "x0": settings.x0, "mode": settings.mode}
+
+    def _sweep(self) -> None:
+        low, high = (float(widget.value or 0.0) for widget in self._ends)
+        given = {name: value for name, value in self._given().items() if name != "mode"}
+        step = Sweep(
+            parameter=self._parameter.value, bounds=(low, high), count=int(self._count.value),
+            direction=self._direction.value, observables=self._observables(), **given,
+        )  # fmt: skip
+        self._run(step)
+
+
+class ActionView:
+    """Buttons for what the selected solution allows, and only these.
+
+    Parameters
+    ----------
+    session : Session
+        What is shown.
+    run : callable
+        Called with the `Step` to take.
+    film : callable
+        Called when a film of the selected orbit is asked for.
+    """
+
+    def __init__(self, session: Session, run: Callable[[Step], None], film: Callable[[], None]) -> None:
+        self._session, self._run = session, run
+        names = list(session.system.parameter_names)
+        self._parameter, self._second = _select("parameter", names, 120), _select("and", names[1:] or names, 120)
+        self._ends, self._second_ends = _ends(session, self._parameter), _ends(session, self._second)
+        self._buttons = {
+            "resume": widgets.button("Continue", "continue", kind="primary", tip="follow the branch through it"),
+            "switch": widgets.button("Switch branch", "switch", tip="follow the other branch that meets here"),
+            "cascade": widgets.button("Cascade", "cascade", tip="follow the next four period doublings"),
+            "follow": widgets.button("Follow locus", "follow", tip="follow this point over both parameters"),
+            "film": widgets.button("Film", "film", tip="film the cantilever on this orbit"),
+        }
+        works = {"resume": self._resume, "switch": self._switch, "cascade": self._cascade, "follow": self._follow}
+        for name, work in works.items():
+            self._buttons[name].on_click(lambda _, work=work: work())
+        self._buttons["film"].on_click(lambda _: film())
+        self._text = widgets.html("selected", margin=(6, 8, 0, 8))
+        first = [self._buttons[name] for name in ("resume", "switch", "cascade", "film")]
+        self._one = widgets.row(self._parameter, *self._ends, *first, wrap=True)
+        self._two = widgets.row(self._second, *self._second_ends, self._buttons["follow"], wrap=True)
+        self.panel = widgets.column(self._text, self._one, self._two)
+        self.show("")
+
+    def show(self, told: str) -> None:
+        """Show what the selected solution allows, below a line of HTML about it."""
+        choices = self._choices()
+        self._text.object = told
+        allowed = {
+            "resume": choices.resume, "switch": bool(choices.switch), "cascade": choices.cascade,
+            "follow": choices.follow, "film": choices.film,
+        }  # fmt: skip
+        for name, button in self._buttons.items():
+            button.visible = allowed[name]
+        self._one.visible = any(allowed.values())
+        self._two.visible = choices.follow
+
+    def _choices(self) -> Choices:
+        return choices_at(self._session.settings.selected, self._session.results)
+
+    def _place(self) -> Place:
+        selected = self._session.settings.selected
+        assert selected is not None
+        return selected
+
+    def _bounds(self) -> tuple[float, float]:
+        low, high = (float(widget.value or 0.0) for widget in self._ends)
+        return low, high
+
+    def _resume(self) -> None:
+        what: Any = self._choices().what
+        self._run(Continue(place=self._place(), parameter=self._parameter.value, bounds=self._bounds(), of=what))
+
+    def _switch(self) -> None:
+        what: Any = self._choices().switch
+        self._run(Switch(place=self._place(), parameter=self._along(), bounds=self._bounds(), of=what))
+
+    def _cascade(self) -> None:
+        self._run(Cascade(place=self._place(), bounds=self._bounds()))
+
+    def _follow(self) -> None:
+        low, high = (float(widget.value or 0.0) for widget in self._second_ends)
+        names, bounds = (self._parameter.value, self._second.value), (self._bounds(), (low, high))
+        self._run(Follow(place=self._place(), parameters=names, bounds=bounds))
+
+    def _along(self) -> str:
+        """Return the parameter of the branch that the selected point is on: the other branch has it too."""
+        result = self._session.results[self._place().of]
+        return str(getattr(result, "parameter", self._parameter.value))
+
+
+def _select(title: str, names: list[str], width: int) -> Any:
+    labels = {look.bare_label(name): name for name in names}
+    first = names[0] if names else None
+    return widgets.choice(title, labels if len(labels) == len(names) else names, first, width, f"select-{title}")
+
+
+def _ends(session: Session, chooser: Any) -> list[Any]:
+    """Return fields for a range of the parameter that a chooser names; a change of it sets them anew."""
+    made = [widgets.number(title, 0.0, 96) for title in ("from", "to")]
+
+    def reset() -> None:
+        if chooser.value:
+            made[0].value, made[1].value = range_of(session, chooser.value)
+
+    chooser.param.watch(lambda _: reset(), "value")
+    reset()
+    return made

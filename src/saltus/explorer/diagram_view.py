@@ -1,0 +1,260 @@
+"""The diagram of a page: branches, loci, special points, sweeps; a click selects a solution."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.errors import SaltusError
+from saltus.explorer import look, widgets
+from saltus.explorer.drawing import Drawn, default_axes, drawn, quantities_of
+from saltus.explorer.steps import Place
+from saltus.plotting import style
+
+if TYPE_CHECKING:
+    from saltus.explorer.session import Session
+
+__all__ = ["DiagramView"]
+
+_EMPTY: dict[str, dict[str, list[Any]]] = {
+    "strands": {"xs": [], "ys": [], "colour": [], "dash": [], "width": [], "name": []},
+    "marks": {
+        "x": [],
+        "y": [],
+        "label": [],
+        "told": [],
+        "of": [],
+        "meaning": [],
+        "marker": [],
+        "colour": [],
+        "fill": [],
+    },
+    "points": {"x": [], "y": [], "of": [], "index": [], "told": []},
+    "alone": {"x": [], "y": []},
+    "dots": {"x": [], "y": []},
+    "chosen": {"x": [], "y": []},
+}
+_SEEN = ("marks", "points", "dots")  # what is seen besides curves
+_REACH = 24.0  # pixels from a click within which a solution is selected
+_BONUS = 8.0  # pixels by which a special point counts as nearer
+_SIZE = (600, 400)  # pixels of a figure whose size is not yet known
+_CLOSE = 26.0  # pixels between marks whose labels share one place
+_MOST_TOGETHER = 4  # labels that are written in one place
+
+
+class DiagramView:
+    """The diagram.
+
+    Parameters
+    ----------
+    session : Session
+        What is shown.
+    select : callable
+        Called with the `Place` that was clicked.
+    tell : callable
+        Called with an error's line; empty where there is none.
+    """
+
+    def __init__(self, session: Session, select: Callable[[Place], None], tell: Callable[[str], None]) -> None:
+        from bokeh.events import Tap
+        from bokeh.models import ColumnDataSource
+
+        self._session, self._select, self._tell = session, select, tell
+        self._sources = {name: ColumnDataSource(columns) for name, columns in _EMPTY.items()}
+        self.unseen: dict[str, str] = {}
+        self.figure = look.figure_of("diagram", min_height=300)
+        self._draw_glyphs()
+        names = quantities_of(session.system)
+        axes = session.settings.axes or default_axes(session.system, next(iter(session.system.parameter_names), "t"))
+        session.settings.axes = tuple(axes)
+        self._axes = [self._axis(letter, names, axis) for letter, axis in zip("xy", axes, strict=True)]
+        self.figure.on_event(Tap, lambda event: self._clicked(event.x, event.y))
+        self.panel = widgets.column(widgets.row(*self._axes), widgets.pane(self.figure, high=True), high=True)
+        self.redraw()
+
+    def _axis(self, letter: str, names: list[str], value: str) -> Any:
+        tip = {"x": "to the right", "y": "upwards"}[letter]
+        widget = widgets.quantity(tip, names, value, 180, f"axis-{letter}")
+        widget.param.watch(lambda _: self._axes_changed(), "value")
+        return widget
+
+    def _draw_glyphs(self) -> None:
+        from bokeh.models import HoverTool
+
+        made, sources = self.figure, self._sources
+        made.scatter("x", "y", source=sources["dots"], size=2.5, color=look.CURVES[1], alpha=0.6, line_color=None)
+        made.scatter("x", "y", source=sources["alone"], size=7, color=look.CURVES[0])
+        made.multi_line(
+            "xs", "ys", source=sources["strands"], line_color="colour", line_dash="dash", line_width="width",
+            name="strands",
+        )  # fmt: skip
+        points = made.scatter(
+            "x", "y", source=sources["points"], size=9, fill_alpha=0.0, line_alpha=0.0, hover_fill_alpha=0.5,
+            hover_fill_color="#e8820c", name="points",
+        )  # fmt: skip
+        marks = made.scatter(
+            "x", "y", source=sources["marks"], size=9, marker="marker", line_color="colour", fill_color="fill",
+            name="marks",
+        )  # fmt: skip
+        made.text(
+            "x", "y", source=sources["marks"], text="label", x_offset=7, y_offset=-4, text_font_size="10px",
+            text_color="colour",
+        )  # fmt: skip
+        made.scatter(
+            "x", "y", source=sources["chosen"], size=16, fill_alpha=0.0, line_color="#e8820c", line_width=2.5,
+        )  # fmt: skip
+        told = [("", "@of @told"), ("", "(@x{0.000000}, @y{0.000000})")]
+        made.add_tools(
+            HoverTool(renderers=[points], tooltips=told, point_policy="snap_to_data", attachment="above", limit=1)
+        )
+        told = [("", "@of @told, @meaning"), ("", "(@x{0.000000000}, @y{0.000000000})")]
+        made.add_tools(
+            HoverTool(renderers=[marks], tooltips=told, point_policy="snap_to_data", attachment="below", limit=1)
+        )
+
+    @property
+    def axes(self) -> tuple[str, str]:
+        """Abscissa and ordinate."""
+        x, y = (widget.value for widget in self._axes)
+        return x, y
+
+    def set_axes(self, x: str, y: str) -> None:
+        """Show other quantities."""
+        for widget, name in zip(self._axes, (x, y), strict=True):
+            if name not in widget.options:
+                widget.options = [*widget.options, name]
+            widget.value = name
+
+    def _axes_changed(self) -> None:
+        before, now = self._session.settings.axes, self.axes
+        if now == before or not all(now):
+            return
+        self._session.settings.axes = now
+        self.redraw()
+        if self._session.entries and len(self.unseen) == len(self._session.entries):
+            self._tell(next(iter(self.unseen.values())))
+        else:
+            self._tell("")
+        self._session.keep()
+
+    def redraw(self) -> None:
+        """Draw all results that are not hidden; `unseen` says why others cannot be drawn on these axes."""
+        columns: dict[str, dict[str, list[Any]]] = {name: {key: [] for key in _EMPTY[name]} for name in _EMPTY}
+        self.unseen = {}
+        for number, entry in enumerate(self._session.entries):
+            if entry.name in self._session.settings.hidden:
+                continue
+            try:
+                found = drawn(entry.result, self._session.settings.axes)
+            except SaltusError as error:
+                self.unseen[entry.name] = str(error)
+                continue
+            _add(columns, entry.name, found, self.colour(number), _locus_colour(entry.result))
+        x_seen, y_seen = (
+            [*chain(*columns["strands"][f"{axis}s"]), *chain(*(columns[name][axis] for name in _SEEN))] for axis in "xy"
+        )
+        look.fit(self.figure, x_seen, y_seen)
+        self._name_marks(columns["marks"])
+        for name, table in columns.items():
+            self._sources[name].data = table
+        x, y = self._session.settings.axes
+        self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = look.bare_label(x), look.bare_label(y)
+        self.mark_chosen()
+
+    def _name_marks(self, marks: dict[str, list[Any]]) -> None:
+        """Write labels beside marks; those of marks that are close share one place."""
+        groups: list[list[int]] = []
+        x, y = (np.array(marks[axis], float) for axis in "xy")
+        for i in range(len(x)):
+            away = [float(self._pixels(x[i] - x[group[0]], y[i] - y[group[0]])) for group in groups]
+            if away and min(away) < _CLOSE:
+                groups[int(np.argmin(away))].append(i)
+            else:
+                groups.append([i])
+        for group in groups:
+            told = [*dict.fromkeys(marks["told"][i] for i in group)]
+            shown = " ".join(told) if len(told) <= _MOST_TOGETHER else f"{' '.join(told[:2])} … {len(told)} points"
+            marks["label"][group[0]] = shown
+
+    def colour(self, number: int) -> str:
+        """Return the colour of the curve of an entry."""
+        return look.CURVES[number % len(look.CURVES)]
+
+    def mark_chosen(self) -> None:
+        """Draw a ring about the solution that is selected."""
+        place = self._session.settings.selected
+        ring: dict[str, list[Any]] = {"x": [], "y": []}
+        if place is not None and place.of not in self._session.settings.hidden:
+            key, wanted = ("marks", place.label) if place.label is not None else ("points", place.index or 0)
+            data, column = self._sources[key].data, "told" if place.label is not None else "index"
+            for x, y, of, value in zip(data["x"], data["y"], data["of"], data[column], strict=True):
+                if (of, value) == (place.of, wanted):
+                    ring = {"x": [x], "y": [y]}
+        self._sources["chosen"].data = ring
+
+    def _clicked(self, x: float, y: float) -> None:
+        """Select the solution nearest to a click, special points before others."""
+        best, nearest = _REACH, None
+        for name, bonus in (("marks", _BONUS), ("points", 0.0)):
+            data = self._sources[name].data
+            away = self._pixels(np.array(data["x"], float) - x, np.array(data["y"], float) - y) - bonus
+            if away.size and float(np.nanmin(away)) < best:
+                best, nearest = float(np.nanmin(away)), (name, int(np.nanargmin(away)))
+        if nearest is None:
+            return
+        name, at = nearest
+        data = self._sources[name].data
+        if name == "marks":
+            self._select(Place(of=data["of"][at], label=data["told"][at]))
+            return
+        alone = self._session.entry(data["of"][at]).step.noun in ("orbit", "equilibrium")
+        self._select(Place(of=data["of"][at], index=None if alone else int(data["index"][at])))
+
+    def _pixels(self, dx: Any, dy: Any) -> Any:
+        """Return lengths on the screen of differences in the axes' units."""
+        made, known = self.figure, self.figure.properties_with_values(include_defaults=False)
+        wide, high = (float(abs(axis.end - axis.start)) or 1.0 for axis in (made.x_range, made.y_range))
+        width, height = known.get("inner_width") or _SIZE[0], known.get("inner_height") or _SIZE[1]
+        return np.hypot(dx / wide * width, dy / high * height)
+
+
+def _add(columns: dict[str, dict[str, list[Any]]], name: str, found: Drawn, colour: str, locus: str) -> None:
+    """Add a result to the columns of the glyphs."""
+    for strand in found.strands:
+        sound = strand.kind not in style.FAULTY
+        row = {
+            "xs": strand.x.tolist(), "ys": strand.y.tolist(), "colour": (locus or colour) if sound else "#999999",
+            "dash": look.DASHES[strand.kind], "width": 2.0 if strand.kind == "stable" else 1.5, "name": name,
+        }  # fmt: skip
+        for key, value in row.items():
+            columns["strands"][key].append(value)
+    for mark in found.marks:
+        form = style.SPECIAL.get(mark.type, style.EVENT)
+        row = {
+            "x": mark.x, "y": mark.y, "label": "",
+            "told": mark.label, "of": name,
+            "meaning": escape(form.meaning), "marker": look.MARKERS[form.marker],
+            "colour": form.colour,
+            "fill": form.colour if form.filled else "#ffffff",
+        }  # fmt: skip
+        for key, value in row.items():
+            columns["marks"][key].append(value)
+    if not found.strands:
+        columns["alone"]["x"] += found.points[:, 0].tolist()
+        columns["alone"]["y"] += found.points[:, 1].tolist()
+    for index, ((x, y), stable) in enumerate(zip(found.points.tolist(), found.stable.tolist(), strict=True)):
+        row = {"x": x, "y": y, "of": name, "index": index, "told": "stable" if stable else "unstable"}
+        for key, value in row.items():
+            columns["points"][key].append(value)
+    columns["dots"]["x"] += np.asarray(found.dots)[:, 0].tolist()
+    columns["dots"]["y"] += np.asarray(found.dots)[:, 1].tolist()
+
+
+def _locus_colour(result: Any) -> str:
+    """Return the colour of a locus, that of its type's special points; empty for other results."""
+    kind = getattr(result, "type", "")
+    return style.SPECIAL[kind].colour if kind in style.SPECIAL else ""

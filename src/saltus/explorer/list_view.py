@@ -1,0 +1,91 @@
+"""The list of results: what each is, why it ended, whether it is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from saltus.explorer import widgets
+from saltus.explorer.session import told_end
+from saltus.progress import duration_text
+
+if TYPE_CHECKING:
+    from saltus.explorer.session import Entry, Session
+
+__all__ = ["ListView", "line_of"]
+
+_CURVES = ("branch", "locus", "sweep")  # kinds of results that are drawn in a colour
+
+
+class ListView:
+    """The list.
+
+    Parameters
+    ----------
+    session : Session
+        What is shown.
+    changed : callable
+        Called when a result is hidden or shown.
+    select : callable
+        Called with the name of a result that is to be shown at the right side.
+    """
+
+    def __init__(self, session: Session, changed: Callable[[], None], select: Callable[[str], None]) -> None:
+        self._session, self._changed, self._select = session, changed, select
+        self.panel = widgets.column(name="results")
+
+    def show(self, colour: Callable[[int], str], unseen: dict[str, str]) -> None:
+        """Show all results.
+
+        Parameters
+        ----------
+        colour : callable
+            Returns the colour of a result's curve by its place in the list.
+        unseen : dict of str to str
+            Why results cannot be drawn on the diagram's axes.
+        """
+        entries = [*enumerate(self._session.entries)]
+        self.panel[:] = [self._row(entry, colour(number), unseen.get(entry.name, "")) for number, entry in entries]
+        if not entries:
+            text = "<p class='hint'>No results yet. Find an orbit, then continue it in a parameter.</p>"
+            self.panel[:] = [widgets.html("no-results", text)]
+
+    def _row(self, entry: Entry, colour: str, unseen: str) -> Any:
+        shown = widgets.checkbox(entry.name not in self._session.settings.hidden, f"show-{entry.name}")
+        shown.param.watch(lambda event: self._hide(entry.name, not event.new), "value")
+        line = line_of(entry, colour, unseen)
+        text = widgets.html(f"result-{entry.name}", line, (4, 8, 0, 2), sizing_mode="stretch_width")
+        return widgets.beside(shown, text)
+
+    def _hide(self, name: str, hidden: bool) -> None:
+        chosen = self._session.settings.hidden
+        if hidden:
+            chosen.add(name)
+        else:
+            chosen.discard(name)
+        self._changed()
+
+
+def line_of(entry: Entry, colour: str, unseen: str = "") -> str:
+    """Return HTML that says what a result is, how long it took, and why it ended.
+
+    Parameters
+    ----------
+    entry : Entry
+        The result.
+    colour : str
+        Colour of its curve.
+    unseen : str, optional
+        Why it cannot be drawn on the diagram's axes.
+    """
+    first, ends = repr(entry.result).splitlines()[0], told_end(entry.result)
+    swatch = f'<span class="swatch" style="background:{colour}"></span>' if entry.step.noun in _CURVES else ""
+    parts = [
+        f"{swatch}<b>{escape(entry.name)}</b> {escape(first)}",
+        f'<span class="end">{escape(ends)}</span>' if ends else "",
+        f'<span class="time">{escape(duration_text(entry.seconds))}</span>' if entry.seconds else "",
+        *(f'<span class="note">{escape(note)}</span>' for note in entry.notes),
+        f'<span class="note">not on these axes: {escape(unseen)}</span>' if unseen else "",
+    ]
+    return f'<div class="result" title="{escape(entry.step.text())}">{" ".join(part for part in parts if part)}</div>'

@@ -1,0 +1,214 @@
+"""The right side of a page: the selected solution as phase portrait, time series, multipliers, observables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.equilibria import Equilibrium
+from saltus.errors import SaltusError
+from saltus.explorer import look, widgets
+from saltus.explorer.drawing import path_of
+from saltus.flow import Trajectory
+from saltus.orbits import PeriodicOrbit
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from saltus.explorer.session import Session
+
+__all__ = ["OrbitView", "readings_of"]
+
+_CIRCLE = np.linspace(0.0, 2.0 * np.pi, 181)
+_HEIGHT = 235  # pixels of a figure
+_MOST_EVENTS = 400  # events of a motion that are marked
+
+
+class OrbitView:
+    """The selected solution.
+
+    Parameters
+    ----------
+    session : Session
+        What is shown.
+    tell : callable
+        Called with an error's line; empty where there is none.
+    """
+
+    def __init__(self, session: Session, tell: Callable[[str], None]) -> None:
+        self._session, self._tell = session, tell
+        self._shown: Any = None
+        self.title = widgets.html("orbit-title")
+        self._portrait, self._series = look.figure_of("portrait", height=_HEIGHT), look.figure_of("series", height=190)
+        self._circle = look.figure_of("multipliers", height=_HEIGHT, match_aspect=True)
+        self._numbers, self._readings = widgets.html("multiplier-table"), widgets.html("readings")
+        self._sources = {name: _lines(made) for name, made in (("portrait", self._portrait), ("series", self._series))}
+        self._values = _values(self._circle)
+        self._axes = self._choosers()
+        one = widgets.column(widgets.row(*self._axes), widgets.pane(self._portrait), widgets.pane(self._series))
+        two = widgets.column(widgets.pane(self._circle), self._numbers)
+        self.tabs = widgets.tabs(Orbit=one, Multipliers=two, Observables=self._readings)
+        self.panel = widgets.column(self.title, self.tabs)
+        self.show(None, "")
+
+    def _choosers(self) -> list[Any]:
+        system = self._session.system
+        phase = [] if system.phase is None else [system.phase[0]]
+        names = ["t", *system.states, *phase, *system.output_names]
+        first = self._session.settings.planes or (system.states[0], (*system.states[1:], "t")[0], system.states[0])
+        self._session.settings.planes = tuple(first)
+        made = []
+        for title, value in zip(("portrait, right", "portrait, up", "over time"), first, strict=True):
+            widget = widgets.quantity(title, names, value, 98)
+            widget.param.watch(lambda _: self._planes_changed(), "value")
+            made.append(widget)
+        return made
+
+    def _planes_changed(self) -> None:
+        now = tuple(widget.value for widget in self._axes)
+        if all(now) and now != self._session.settings.planes:
+            self._session.settings.planes = now
+            self._tell("")
+            self._draw()
+            self._session.keep()
+
+    def show(self, solution: Any, title: str) -> None:
+        """Show an orbit, an equilibrium or a motion.
+
+        Parameters
+        ----------
+        solution : PeriodicOrbit, Equilibrium, Trajectory or None
+            What is shown.
+        title : str
+            A line of HTML above.
+        """
+        self._shown, self.title.object = solution, title or "Nothing selected: click on a branch."
+        self._draw()
+        self._tell_numbers()
+
+    def _draw(self) -> None:
+        x, y, over = self._session.settings.planes
+        for name, made, names in (("portrait", self._portrait, (x, y)), ("series", self._series, ("t", over))):
+            made.xaxis.axis_label, made.yaxis.axis_label = map(look.bare_label, names)
+            curves, events = self._sources[name]
+            try:
+                lines, dots = self._lines(names)
+            except SaltusError as error:
+                self._tell(str(error))
+                lines, dots = _NO_LINES, _NO_DOTS
+            curves.data, events.data = lines, dots
+            look.fit(made, [*chain(*lines["xs"]), *dots["x"]], [*chain(*lines["ys"]), *dots["y"]])
+
+    def _lines(self, names: tuple[str, str]) -> tuple[dict[str, list[Any]], dict[str, list[Any]]]:
+        shown = self._shown
+        if isinstance(shown, Equilibrium):
+            place = [_at_rest(shown, name) for name in names]
+            return _NO_LINES, {"x": place[:1], "y": place[1:]}
+        if not isinstance(shown, PeriodicOrbit | Trajectory):
+            return _NO_LINES, _NO_DOTS
+        path = path_of(shown, names)
+        modes = shown.system.mode_names
+        lines = {
+            "xs": [curve[:, 0].tolist() for curve in path.curves],
+            "ys": [curve[:, 1].tolist() for curve in path.curves],
+            "colour": [look.colour_of_mode(mode) for mode in path.modes],
+            "mode": [modes[mode] for mode in path.modes],
+        }
+        ends = path.events[-_MOST_EVENTS:]
+        return lines, {"x": ends[:, 0].tolist(), "y": ends[:, 1].tolist()}
+
+    def _tell_numbers(self) -> None:
+        shown = self._shown
+        values = np.empty(0, complex)
+        if isinstance(shown, PeriodicOrbit):
+            values, self._circle.title.text = shown.multipliers, "Floquet multipliers"
+        elif isinstance(shown, Equilibrium):
+            values, self._circle.title.text = shown.eigenvalues, "Eigenvalues"
+        finite = values[np.isfinite(values)]
+        self._values.data = {"x": finite.real.tolist(), "y": finite.imag.tolist()}
+        span = max(1.0, *np.abs([*finite.real, *finite.imag, 0.0]).tolist()) * 1.15
+        look.fit(self._circle, [-span, span], [-span, span], 0.0)
+        told = {f"{i + 1}": f"{look.complex_text(value)}   |·| = {abs(value):.9g}" for i, value in enumerate(values)}
+        self._numbers.object = look.table(told, ("", "value and modulus")) if told else ""
+        self._readings.object = look.table(readings_of(shown)) if shown is not None else ""
+
+
+def readings_of(shown: Any) -> Mapping[str, str]:
+    """Return observables of a solution as text by name.
+
+    Parameters
+    ----------
+    shown : PeriodicOrbit, Equilibrium or Trajectory
+        The solution.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem, find_equilibrium
+    >>> found = find_equilibrium(HybridSystem.smooth({"x": "a - x"}, {"a": 2.0}), x0=[1.0])
+    >>> readings_of(found)["x"]
+    '2'
+    """
+    rows = {name: look.number(value) for name, value in shown.parameters.items()}
+    system = shown.system
+    if isinstance(shown, Equilibrium):
+        return dict(zip(system.states, map(look.number, shown.state), strict=True)) | rows
+    if isinstance(shown, Trajectory):
+        ends = dict(zip(system.all_states, map(look.number, shown.x_end), strict=True))
+        return {f"{name} at the end": value for name, value in ends.items()} | {"events": f"{len(shown.events)}"} | rows
+    found = {"period": look.number(shown.period), "signature": _signature(shown)}
+    names = [*system.states, *system.output_names]
+    texts = [f"{kind}({name})" for name in names for kind in ("min", "max", "mean")]
+    texts += [f"{kind}({name}, 1)" for name in names[:1] for kind in ("amplitude", "phase")]
+    found |= {name: look.number(value) for name, value in shown.observe(*texts).items()}
+    return {**_instrument(shown), **found, **rows}
+
+
+def _instrument(orbit: PeriodicOrbit) -> dict[str, str]:
+    """Return what an instrument shows of an orbit of `saltus.afm.model`."""
+    if "deflection_nm" not in orbit.system.output_names:
+        return {}
+    from saltus.afm import observables
+
+    seen = observables(orbit)
+    return {name: look.number(value) if isinstance(value, float) else f"{value}" for name, value in seen.items()}
+
+
+def _signature(orbit: PeriodicOrbit) -> str:
+    return " ".join(":".join(pair) for pair in orbit.signature)
+
+
+def _at_rest(found: Equilibrium, name: str) -> float:
+    return float(found.state[found.system.states.index(name)]) if name in found.system.states else 0.0
+
+
+_NO_LINES: dict[str, list[Any]] = {"xs": [], "ys": [], "colour": [], "mode": []}
+_NO_DOTS: dict[str, list[Any]] = {"x": [], "y": []}
+
+
+def _lines(made: Any) -> tuple[Any, Any]:
+    """Add curves in the colours of their modes, and events, to a figure; return their sources."""
+    from bokeh.models import ColumnDataSource, HoverTool
+
+    made.sizing_mode = "stretch_width"
+    curves, events = ColumnDataSource(_NO_LINES), ColumnDataSource(_NO_DOTS)
+    lines = made.multi_line("xs", "ys", source=curves, line_color="colour", line_width=1.8, name="curves")
+    made.scatter("x", "y", source=events, size=6, color="#1b1b1e")
+    made.add_tools(HoverTool(renderers=[lines], tooltips=[("", "@mode"), ("", "($x, $y)")]))
+    return curves, events
+
+
+def _values(made: Any) -> Any:
+    """Add the unit circle and multipliers to a figure; return the source of these."""
+    from bokeh.models import ColumnDataSource, HoverTool
+
+    made.sizing_mode = "stretch_width"
+    made.line(np.cos(_CIRCLE), np.sin(_CIRCLE), line_color="#8a94a0", line_width=1.2)
+    source = ColumnDataSource(_NO_DOTS)
+    dots = made.scatter("x", "y", source=source, size=9, fill_color="#e8820c", line_color="#1b1b1e", name="values")
+    made.add_tools(HoverTool(renderers=[dots], tooltips=[("", "@x{0.000000000} + @y{0.000000000} i")]))
+    made.xaxis.axis_label, made.yaxis.axis_label = "real part", "imaginary part"
+    made.title.text_font_size, made.title.text_font_style = "12px", "normal"
+    return source

@@ -1,0 +1,336 @@
+"""One page: the views of a session, and what happens when a person does something."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from saltus.equilibria import Equilibrium
+from saltus.errors import SaltusError
+from saltus.explorer import look, widgets
+from saltus.explorer.action_view import ActionView, StartView
+from saltus.explorer.basin_view import BasinView
+from saltus.explorer.desk import Desk, Listener
+from saltus.explorer.diagram_view import DiagramView
+from saltus.explorer.drawing import observable_of
+from saltus.explorer.list_view import ListView
+from saltus.explorer.orbit_view import OrbitView
+from saltus.explorer.parameter_view import ParameterView
+from saltus.explorer.picture import picture_of
+from saltus.explorer.steps import Attract, Basin, FindEquilibrium, FindOrbit, Follow, Move, Place, Step, taken
+from saltus.orbits import PeriodicOrbit
+
+if TYPE_CHECKING:
+    from saltus.explorer.session import Entry
+    from saltus.progress import Progress
+
+__all__ = ["Page"]
+
+_STOP = "Stop"  # what the button says before it was pressed
+_END = "End now"  # and after
+_PACE = 40  # milliseconds between two looks at what the companion says
+_PERIODS = 60  # periods of the motion that a click on a cell runs
+_SPANS = 30.0  # periods of the selected orbit, of a system without a phase
+_SEEDS = 64  # motions in the search for attractors
+
+
+class Page(Listener):
+    """A page.
+
+    Parameters
+    ----------
+    desk : Desk
+        The session and its process.
+    uploaded : callable
+        Called with the content of a session's file; it returns the name of this session.
+    """
+
+    def __init__(self, desk: Desk, uploaded: Callable[[bytes], str]) -> None:
+        self.desk, self.session = desk, desk.session
+        self._watch: Any = None
+        self._message, self._work, self._bar = widgets.html("message"), widgets.html("work"), widgets.bar()
+        self._stop = widgets.button(_STOP, "stop", kind="danger", tip="what is done is kept")
+        self._stop.visible = False
+        self._stop.on_click(lambda _: self._stop_clicked())
+        self.diagram = DiagramView(self.session, self.select, self._line)
+        self.orbit = OrbitView(self.session, self._line)
+        self.basins = BasinView(self.session, self._map, self._follow_cell)
+        self.orbit.tabs.append(("Basins", self.basins.panel))
+        self._film = widgets.film()
+        self.parameters = ParameterView(self.session, self._settings_changed)
+        self.starts = StartView(self.session, self.run, self._observed)
+        self.actions = ActionView(self.session, self.run, self._film_wanted)
+        self.list = ListView(self.session, self._hidden_changed, lambda name: self.select(Place(of=name)))
+        self._file = widgets.upload("open-session")
+        self._file.param.watch(lambda event: self._open(event.new, uploaded), "value")
+        self.undo = widgets.button("Undo", "undo", tip="drop the last result")
+        self.undo.on_click(lambda _: self._undo())
+        desk.taken_by(self)
+        if self.session.settings.selected is None:
+            first = next((e for e in self.session.entries if e.step.noun in ("orbit", "equilibrium")), None)
+            self.session.settings.selected = None if first is None else Place(of=first.name)
+        self._show_all()
+
+    # ---- parts of the page ----
+
+    def parts(self) -> dict[str, Any]:
+        """Return the parts of the page by the name of their place."""
+        return {
+            "tools": widgets.beside(self.undo, *self._downloads()),
+            "controls": widgets.column(
+                self.starts.panel,
+                self.parameters.panel,
+                widgets.html("heading", "<h2>Open a session</h2>", (8, 8, 0, 8)),
+                self._file,
+            ),
+            "diagram": self.diagram.panel,
+            "results": widgets.column(self.actions.panel, self.list.panel),
+            "orbit": self.orbit.panel,
+            "status": widgets.beside(self._stop, self._bar, self._work, self._message),
+        }
+
+    def _downloads(self) -> list[Any]:
+        files = {
+            ("Python", "session.py"): lambda: BytesIO(self.session.script().encode()),
+            ("NetCDF", "session.nc"): self._packed,
+            ("PNG", "diagram.png"): lambda: picture_of(self.session, "png"),
+            ("SVG", "diagram.svg"): lambda: picture_of(self.session, "svg"),
+        }
+        made = [widgets.download(label, name, self._careful(content)) for (label, name), content in files.items()]
+        copy = widgets.button("Copy as Python", "copy-python", tip="a script that makes what is shown")
+        return [copy, *made]
+
+    def _careful(self, content: Callable[[], BytesIO]) -> Callable[[], BytesIO | None]:
+        """Return a function that tells an error in the page where a file cannot be made."""
+
+        def made() -> BytesIO | None:
+            try:
+                return content()
+            except SaltusError as error:
+                self._line(str(error))
+                return None
+
+        return made
+
+    def _packed(self) -> BytesIO:
+        return BytesIO(self.session.packed(self.session.folder / "session.nc").read_bytes())
+
+    # ---- what a person does ----
+
+    def run(self, step: Step, done: Callable[[Entry], None] | None = None, replaces: str = "") -> None:
+        """Take a step in the companion process."""
+        self._line("")
+        self.desk.run(step, done, replaces)
+        self.attend()
+
+    def _stop_clicked(self) -> None:
+        """Interrupt the work; at a second click end the process that does it."""
+        if self._stop.name == _END:
+            self.desk.kill()
+            return
+        self._stop.name = _END
+        self.desk.stop()
+
+    def attend(self) -> None:
+        """Look at what the companion says until all work is done."""
+        import panel as pn
+
+        if self._watch is None and self.desk.busy:
+            self._watch = pn.state.add_periodic_callback(self._look, period=_PACE)
+
+    def _look(self) -> None:
+        self.desk.listen()
+        if not self.desk.busy and self._watch is not None:
+            self._watch.stop()
+            self._watch = None
+            self.desk.write()
+            if len(self.session.entries) == 1:
+                self.desk.warm()
+
+    def _open(self, content: bytes | None, uploaded: Callable[[bytes], str]) -> None:
+        if content:
+            try:
+                where = escape(uploaded(content))
+                self._line("")
+                self._message.object = f'The session is read: <a href="?session={where}">open it</a>'
+            except SaltusError as error:
+                self._line(str(error))
+
+    def select(self, place: Place) -> None:
+        """Show a solution at the right side, and what can be done with it."""
+        self.session.settings.selected = place
+        self.diagram.mark_chosen()
+        self._show_selected()
+
+    def _undo(self) -> None:
+        if self.session.undo() is not None:
+            self._show_all()
+
+    def _settings_changed(self) -> None:
+        self.session.keep()
+        self._tell_script()
+
+    def _hidden_changed(self) -> None:
+        self.diagram.redraw()
+        self._settings_changed()
+
+    def _observed(self) -> tuple[str, ...]:
+        """Return what a sweep should observe, so that it can be drawn on the diagram's axes."""
+        told, system = observable_of(self.diagram.axes[1], self.session.system), self.session.system
+        return () if told in system.states or told in system.parameter_names or told == "period" else (told,)
+
+    def _map(self, free: dict[str, tuple[float, float]], frozen: dict[str, float], counts: tuple[int, int]) -> None:
+        """Find attractors about the plane, then map it coarsely, then finely."""
+        if len(free) < 2:
+            self._line("a plane needs two different states")
+            return
+        solution = self._selected()
+        own = self.session.system.parameters
+        given = dict(self.session.changed() if solution is None else solution.parameters)
+        parameters = {name: value for name, value in given.items() if value != own[name]}
+        region = self.basins.region(free)
+        known = next((e for e in self.session.entries if _same_search(e.step, parameters, region)), None)
+
+        def mapped(attractors: Entry, count: int, then: int | None, replaces: str = "") -> None:
+            grid: dict[str, Any] = {name: (*ends, count) for name, ends in free.items()} | dict(frozen)
+            step = Basin(parameters=parameters, grid=grid, attractors=attractors.name)
+
+            def shown(entry: Entry) -> None:
+                if then is not None:
+                    mapped(attractors, then, None, entry.name)
+
+            self.run(step, shown, replaces)
+
+        def found(entry: Entry) -> None:
+            mapped(entry, counts[0], counts[1])
+
+        if known is not None:
+            found(known)
+            return
+        motions, interval = counts[0] ** 2, self.basins.interval
+        step = Attract(parameters=parameters, region=region, seeds=_SEEDS, motions=motions, interval=interval)
+        self.run(step, found)
+
+    def _follow_cell(self, x0: list[float]) -> None:
+        """Run the motion from a start, for some periods."""
+        basins = [entry for entry in self.session.entries if entry.step.noun == "basins"]
+        parameters = dict(basins[-1].step.parameters) if basins and isinstance(basins[-1].step, Basin) else {}
+        solution, forced = self._selected(), self.session.system.phase is not None
+        span = getattr(solution, "period", 1.0) * _SPANS
+        step = Move(
+            parameters=parameters, x0=tuple(x0), periods=_PERIODS if forced else None, t_end=None if forced else span
+        )
+        before = [entry.name for entry in self.session.entries if entry.step.noun == "motion"]
+
+        def shown(entry: Entry) -> None:
+            self.orbit.tabs.active = 0
+            self.select(Place(of=entry.name))
+
+        self.run(step, shown, before[-1] if before else "")
+
+    def _film_wanted(self) -> None:
+        self.desk.film(self._selected(), self._filmed)
+        self.attend()
+
+    def _filmed(self, path: Path) -> None:
+        if self._film not in [*self.orbit.tabs]:
+            self.orbit.tabs.append(("Film", self._film))
+        self._film.object = path.read_bytes()
+        self.orbit.tabs.active = [*self.orbit.tabs].index(self._film)
+
+    # ---- what the desk tells ----
+
+    def added(self, entry: Entry) -> None:
+        """Show a result that has come."""
+        if isinstance(entry.step, Follow):
+            x, y = entry.step.parameters
+            self.diagram.set_axes(x, y)
+        if entry.step.noun in ("orbit", "equilibrium"):
+            self.session.settings.selected = Place(of=entry.name)
+        self._show_all()
+
+    def progressed(self, what: str, progress: Progress | None) -> None:
+        """Show how far the work has come."""
+        self._stop.visible = self._bar.visible = bool(what)
+        if not what:
+            self._work.object, self._stop.name = "", _STOP
+            return
+        share = -1 if progress is None or not progress.total else round(100 * progress.done / progress.total)
+        self._bar.value = min(share, 100)
+        told = "" if progress is None else f" {progress.done}{f' of {progress.total}' if progress.total else ''}"
+        self._work.object = f"{escape(what.partition(':')[0])}{told} {escape(progress.text if progress else '')}"
+
+    def told(self, line: str, *, error: bool = False) -> None:
+        """Show a line."""
+        self._message.css_classes = ["message", "error"] if error else ["message"]
+        self._message.object = escape(line)
+
+    def left(self) -> None:
+        """Say that another page shows this session now."""
+        if self._watch is not None:
+            self._watch.stop()
+            self._watch = None
+        self.told("this session is open in another page now: what is done here is lost", error=True)
+
+    def _line(self, line: str) -> None:
+        self.told(line, error=bool(line))
+
+    # ---- showing ----
+
+    def _selected(self) -> Any:
+        place = self.session.settings.selected
+        try:
+            return None if place is None else taken(place, self.session.results)
+        except SaltusError as error:
+            self._line(str(error))
+            return None
+
+    def _show_all(self) -> None:
+        self.diagram.redraw()
+        self.list.show(self.diagram.colour, self.diagram.unseen)
+        self.undo.disabled = not self.session.entries
+        self._show_selected()
+        self._tell_script()
+        basins: list[Any] = [entry.result for entry in self.session.entries if entry.step.noun == "basins"]
+        if basins:
+            self.basins.show(basins[-1])
+
+    def _tell_script(self) -> None:
+        self.diagram.figure.tags = [self.session.script()]  # from where the page's script copies it
+
+    def _show_selected(self) -> None:
+        place, solution = self.session.settings.selected, self._selected()
+        told = "" if place is None or solution is None else _title(place, self.session.results, solution)
+        self.orbit.show(solution, told)
+        self.actions.show(told)
+        if isinstance(solution, PeriodicOrbit | Equilibrium):
+            self.basins.solution_is(solution)
+
+    def begin(self) -> None:
+        """Find a first orbit where a session has nothing yet; of a smooth autonomous system an equilibrium."""
+        if not self.session.entries:
+            settings, system = self.session.settings, self.session.system
+            find = FindOrbit if system.phase is not None or system.transitions else FindEquilibrium
+            self.run(find(parameters=self.session.changed(), x0=settings.x0, mode=settings.mode))
+
+
+def _same_search(step: Step, parameters: dict[str, float], region: dict[str, tuple[float, float]]) -> bool:
+    return isinstance(step, Attract) and step.parameters == parameters and step.region == region
+
+
+def _title(place: Place, results: Any, solution: Any) -> str:
+    """Return HTML that says what is selected."""
+    where = place.of
+    if place.label is not None:
+        point = results[place.of][place.label]
+        where += f" {place.label}, {look.meaning_of(point.type)}"
+    elif place.index is not None:
+        where += f" point {place.index}"
+    varied = getattr(results[place.of], "varied", ())
+    values = ", ".join(f"{look.bare_label(name)} = {solution.parameters[name]:.12g}" for name in varied)
+    stable = None if place.label is not None else getattr(solution, "stable", None)
+    state = "" if stable is None else ("stable" if stable else "unstable")
+    return " · ".join(escape(part) for part in (where, values, state) if part)

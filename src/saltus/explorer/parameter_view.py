@@ -1,0 +1,162 @@
+"""The left side of a page: parameters, the start, and sets of both saved by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from saltus.explorer import look, widgets
+
+if TYPE_CHECKING:
+    from saltus.explorer.session import Session
+
+__all__ = ["ParameterView", "range_of"]
+
+_WIDTH = 244  # pixels of a slider
+_NO_SET = "saved sets"  # what the list of sets shows first
+_TICKS = 200  # steps of a slider over its range
+
+
+class ParameterView:
+    """Parameters and start.
+
+    Parameters
+    ----------
+    session : Session
+        What is shown.
+    changed : callable
+        Called after a value was changed.
+    """
+
+    def __init__(self, session: Session, changed: Callable[[], None]) -> None:
+        self._session, self._changed, self._quiet = session, changed, False
+        system = session.system
+        self._fields = {name: _Field(session, name, self._take) for name in system.parameter_names}
+        names = [*system.states]
+        if len(session.settings.x0) > len(names) and system.phase is not None:
+            names.append(system.phase[0])
+        self._starts = [self._start(name, value) for name, value in zip(names, session.settings.x0, strict=False)]
+        modes = {"the first that the state allows": "", **{name: name for name in system.mode_names}}
+        self._mode = widgets.choice("mode", modes, session.settings.mode or "", _WIDTH)
+        self._mode.visible = len(system.mode_names) > 1
+        self._mode.param.watch(lambda _: self._take(), "value")
+        self._named = widgets.text("set-name", "name of a set", 150)
+        save = widgets.button("Save", "save-set", tip="keep these values and the start under the name")
+        save.on_click(lambda _: self._save())
+        self._chosen = widgets.choice("", [_NO_SET, *session.settings.sets], _NO_SET, _WIDTH, "sets")
+        self._chosen.param.watch(lambda event: self._load(event.new), "value")
+        self.panel = widgets.column(
+            _heading("Parameters"), *(field.panel for field in self._fields.values()),
+            _heading("Start"), widgets.row(*self._starts, wrap=True), self._mode,
+            _heading("Sets"), widgets.row(self._named, save), self._chosen,
+        )  # fmt: skip
+
+    def _start(self, name: str, value: float) -> Any:
+        widget = widgets.number(look.bare_label(name), value, 112, f"start-{name}", (1, 4))
+        widget.param.watch(lambda _: self._take(), "value")
+        return widget
+
+    def _take(self) -> None:
+        """Take the values of all fields into the session."""
+        if self._quiet:
+            return
+        settings = self._session.settings
+        settings.parameters = {name: field.value for name, field in self._fields.items()}
+        settings.x0 = tuple(float(widget.value or 0.0) for widget in self._starts)
+        settings.mode = self._mode.value or None
+        self._changed()
+
+    def show(self) -> None:
+        """Show the values that the session has."""
+        settings, self._quiet = self._session.settings, True
+        for name, field in self._fields.items():
+            field.show(settings.parameters[name])
+        for widget, value in zip(self._starts, settings.x0, strict=False):
+            widget.value = value
+        self._mode.value = settings.mode or ""
+        self._quiet = False
+
+    def _save(self) -> None:
+        settings, name = self._session.settings, (self._named.value_input or self._named.value or "").strip()
+        if name:
+            kept = {"parameters": dict(settings.parameters), "x0": list(settings.x0), "mode": settings.mode}
+            settings.sets[name] = kept
+            self._chosen.options, self._named.value = [_NO_SET, *settings.sets], ""
+            self._changed()
+
+    def _load(self, name: str) -> None:
+        settings = self._session.settings
+        if name in settings.sets:
+            kept = settings.sets[name]
+            settings.parameters = settings.parameters | kept["parameters"]
+            settings.x0, settings.mode = tuple(kept["x0"]), kept["mode"]
+            self.show()
+            self._chosen.value = _NO_SET
+            self._changed()
+
+
+class _Field:
+    """A number field and a slider for one parameter; the slider counts steps over a range, in any units."""
+
+    def __init__(self, session: Session, name: str, taken: Callable[[], None]) -> None:
+        system, self._taken, self._quiet = session.system, taken, False
+        self.value = session.settings.parameters[name]
+        self._range = range_of(session, name)
+        least, most = system.parameter_bounds.get(name, (-math.inf, math.inf))
+        self._least, self._open = max(least, 0.0 if name in system.positive else least), name in system.positive
+        self._most = most
+        label = widgets.html("parameter-name", escape(look.bare_label(name)), (0, 0, 0, 6), width=118)
+        self._number = widgets.number("", self.value, 118, f"parameter-{name}", (1, 4))
+        self._slider = widgets.slider(self._place(self.value), _TICKS, _WIDTH - 8, f"slider-{name}")
+        self._number.param.watch(lambda event: self._typed(event.new), "value")
+        self._slider.param.watch(lambda event: self._slid(event.new), "value_throttled")
+        self.panel = widgets.column(widgets.row(label, self._number), self._slider)
+
+    def _place(self, value: float) -> int:
+        low, high = self._range
+        return round(_TICKS * min(max((value - low) / (high - low), 0.0), 1.0))
+
+    def show(self, value: float) -> None:
+        """Show a value."""
+        self._quiet, self.value = True, value
+        self._number.value, self._slider.value = value, self._place(value)
+        self._quiet = False
+
+    def _typed(self, value: float | None) -> None:
+        if self._quiet:
+            return
+        if value is None or not self._least <= value <= self._most or (self._open and value <= 0.0):
+            self.show(self.value)  # what is not allowed is put back
+            return
+        self.show(float(value))
+        self._taken()
+
+    def _slid(self, place: int) -> None:
+        low, high = self._range
+        if not self._quiet and place != self._place(self.value):
+            self._typed(float(f"{low + (high - low) * max(place, 1 if self._open else 0) / _TICKS:.6g}"))
+
+
+def range_of(session: Session, name: str) -> tuple[float, float]:
+    """Return a range of a parameter: its bounds, that of the system's builder, or one about its own value.
+
+    Parameters
+    ----------
+    session : Session
+        The session.
+    name : str
+        The parameter.
+    """
+    if name in session.subject.ranges:
+        low, high = session.subject.ranges[name]
+        return low, high
+    own = session.system.parameters[name]
+    low, high = sorted((0.0, 2.0 * own)) if own else (-1.0, 1.0)
+    bounds = session.system.parameter_bounds.get(name, (-math.inf, math.inf))
+    return max(low, bounds[0]), min(high, bounds[1])
+
+
+def _heading(text: str) -> Any:
+    return widgets.html("heading", f"<h2>{text}</h2>", (8, 8, 0, 8))

@@ -1,0 +1,404 @@
+"""A session: a system, the steps that were taken, their results; kept in a folder as it goes, told as Python."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+from uuid import uuid4
+
+from saltus import checks
+from saltus.errors import InputError, SaltusError
+from saltus.explorer.steps import Place, Step, step_from
+from saltus.explorer.subjects import Subject, system_of
+from saltus.files import whole_file, write_sealed
+from saltus.results import READ, load, netcdf, reading, result_in, tagged
+
+if TYPE_CHECKING:
+    from saltus.results import Result
+    from saltus.system import HybridSystem
+
+__all__ = ["Entry", "Session", "Settings", "folder_of", "new_folder", "removed", "sessions_in", "told_end"]
+
+_NOTES = "session.json"  # file of a session's folder that has all but the results
+_FORMAT = 1  # of this file
+_LONGEST = 2**22  # bytes that it may have
+_ID = re.compile(r"[0-9a-f]{12}")  # what a session's folder is called
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One step that was taken.
+
+    Attributes
+    ----------
+    name : str
+        What the result is called, as ``"branch1"``.
+    step : Step
+        The call.
+    result : Result
+        What it returned.
+    seconds : float
+        How long it took.
+    notes : tuple of str
+        Warnings that came meanwhile.
+    """
+
+    name: str
+    step: Step
+    result: Result
+    seconds: float = 0.0
+    notes: tuple[str, ...] = ()
+
+
+@dataclass
+class Settings:
+    """What is set on the page, apart from the results.
+
+    Attributes
+    ----------
+    parameters : dict of str to float
+        Values of the fields.
+    x0 : tuple of float
+        Start state.
+    mode : str or None
+        Mode of the start.
+    sets : dict of str to dict
+        Values of parameters and start, saved by name.
+    axes : tuple of str
+        What the diagram shows: abscissa and ordinate; empty for the default ones.
+    planes : tuple of str
+        What the phase portrait shows.
+    selected : Place or None
+        The solution that the right side shows.
+    hidden : set of str
+        Names of results that are not drawn.
+    """
+
+    parameters: dict[str, float]
+    x0: tuple[float, ...]
+    mode: str | None = None
+    sets: dict[str, dict[str, Any]] = field(default_factory=dict)
+    axes: tuple[str, ...] = ()
+    planes: tuple[str, ...] = ()
+    selected: Place | None = None
+    hidden: set[str] = field(default_factory=set)
+
+
+class Session:
+    """What a page shows, without the page.
+
+    Parameters
+    ----------
+    subject : Subject
+        The system.
+    folder : Path
+        Folder in which the session is kept; it is made.
+
+    Attributes
+    ----------
+    entries : list of Entry
+        Steps in the order in which they were taken.
+    settings : Settings
+        What is set on the page.
+    """
+
+    def __init__(self, subject: Subject, folder: Path) -> None:
+        self.subject, self.folder = subject, folder
+        self.system: HybridSystem = subject.system
+        self.entries: list[Entry] = []
+        states = len(self.system.states)
+        self.settings = Settings(dict(self.system.parameters), subject.x0 or (0.0,) * states)
+        self._written: set[str] = set()
+        folder.mkdir(parents=True, exist_ok=True)
+
+    @property
+    def results(self) -> dict[str, Any]:
+        """Results by name."""
+        return {entry.name: entry.result for entry in self.entries}
+
+    def entry(self, name: str) -> Entry:
+        """Return the entry of a name."""
+        return next(entry for entry in self.entries if entry.name == name)
+
+    def changed(self) -> dict[str, float]:
+        """Return the parameters that differ from the system's own."""
+        own = self.system.parameters
+        return {name: value for name, value in self.settings.parameters.items() if value != own[name]}
+
+    def add(self, step: Step, result: Result, seconds: float = 0.0, notes: tuple[str, ...] = ()) -> Entry:
+        """Add the result of a step; `write` keeps it.
+
+        Parameters
+        ----------
+        step : Step
+            The call.
+        result : Result
+            What it returned.
+        seconds : float, optional
+            How long it took.
+        notes : tuple of str, optional
+            Warnings that came meanwhile.
+        """
+        numbers = [int(entry.name.removeprefix(step.noun)) for entry in self.entries if entry.step.noun == step.noun]
+        entry = Entry(f"{step.noun}{max(numbers, default=0) + 1}", step, result, seconds, notes)
+        self.entries.append(entry)
+        return entry
+
+    def write(self, entry: Entry) -> None:
+        """Write the result of an entry into the folder, and all notes.
+
+        Raises
+        ------
+        InputError
+            The folder cannot be written.
+        """
+        entry.result.save(self.folder / f"{entry.name}.nc")
+        self._written.add(entry.name)
+        self.keep()
+
+    def undo(self) -> Entry | None:
+        """Drop the last step; return it."""
+        if not self.entries:
+            return None
+        last = self.entries.pop()
+        if self.settings.selected is not None and self.settings.selected.of == last.name:
+            self.settings.selected = None
+        self.settings.hidden.discard(last.name)
+        self.keep()
+        (self.folder / f"{last.name}.nc").unlink(missing_ok=True)
+        return last
+
+    def replace(self, name: str) -> None:
+        """Drop one step on which no other rests, to make room for a better one.
+
+        Raises
+        ------
+        InputError
+            Another step needs it.
+        """
+        if any(name in entry.step.needs for entry in self.entries):
+            raise InputError("result", name, "one on which no other rests")
+        self.entries = [entry for entry in self.entries if entry.name != name]
+        (self.folder / f"{name}.nc").unlink(missing_ok=True)
+
+    def keep(self, *, closed: bool = False) -> None:
+        """Write down all but the results; `closed` says that the person has left on purpose."""
+        written = [entry for entry in self.entries if entry.name in self._written]
+        notes = self._notes(written) | {"closed": closed, "at": time.time()}
+        with whole_file(self.folder / _NOTES, "session") as draft:
+            draft.write_text(json.dumps(notes), encoding="utf-8")
+
+    def _notes(self, entries: list[Entry]) -> dict[str, Any]:
+        kept = self.settings
+        return {
+            "format": _FORMAT,
+            "subject": [*self.subject[:4], dict(self.subject.ranges)],
+            "entries": [
+                {"name": e.name, "step": e.step.model_dump(), "seconds": e.seconds, "notes": list(e.notes)}
+                for e in entries
+            ],
+            "parameters": kept.parameters,
+            "x0": list(kept.x0),
+            "mode": kept.mode,
+            "sets": kept.sets,
+            "axes": list(kept.axes),
+            "planes": list(kept.planes),
+            "selected": None if kept.selected is None else kept.selected.model_dump(),
+            "hidden": sorted(kept.hidden),
+        }
+
+    @classmethod
+    def reopened(cls, folder: Path) -> Self:
+        """Return the session that a folder holds.
+
+        Parameters
+        ----------
+        folder : Path
+            The folder.
+
+        Raises
+        ------
+        InputError
+            The folder holds no session, or a damaged one.
+        """
+        notes = _read_notes(folder)
+        results = {name: load(folder / f"{name}.nc") for name in _names(notes)}
+        session = cls._made(notes, results, folder)
+        session._written = set(results)
+        return session
+
+    @classmethod
+    def unpacked(cls, file: Path, folder: Path) -> Self:
+        """Return the session in a file of `packed`, kept from now on in a folder.
+
+        Parameters
+        ----------
+        file : Path
+            The file.
+        folder : Path
+            The folder of the new session.
+
+        Raises
+        ------
+        InputError
+            The file holds no session, or a damaged one.
+        """
+        import xarray as xr
+
+        with reading(file), xr.open_datatree(file, **READ) as tree:
+            text = tree.attrs.get("saltus_session")
+            datasets = {name: node.to_dataset().load() for name, node in tree.children.items()}
+        notes = _checked(text, file)
+        if missing := [name for name in _names(notes) if name not in datasets]:
+            raise InputError("path", str(file), "a whole session", f"{missing[0]} is missing")
+        results = {name: result_in(datasets[name], file) for name in _names(notes)}
+        session = cls._made(notes, results, folder)
+        for entry in session.entries:
+            session.write(entry)
+        session.keep()
+        return session
+
+    def packed(self, file: Path) -> Path:
+        """Write the whole session to one NetCDF file, with a group for each result.
+
+        Parameters
+        ----------
+        file : Path
+            The file.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        import xarray as xr
+
+        root = xr.Dataset(attrs={"saltus_session": json.dumps(self._notes(self.entries))})
+        groups = {entry.name: tagged(entry.result) for entry in self.entries}
+        write_sealed(file, netcdf({"": root, **groups}))
+        return file
+
+    @classmethod
+    def _made(cls, notes: Mapping[str, Any], results: Mapping[str, Result], folder: Path) -> Self:
+        """Return a session of notes and results, both checked here."""
+        try:
+            key, definition, lines, x0, ranges = notes["subject"]
+            ends = {str(name): (float(low), float(high)) for name, (low, high) in ranges.items()}
+            subject = Subject(str(key), str(definition), tuple(map(str, lines)), tuple(map(float, x0)), ends)
+            system_of(subject.definition)
+            session = cls(subject, folder)
+            for plain in notes["entries"]:
+                step, told = step_from(plain["step"]), tuple(map(str, plain["notes"]))
+                entry = Entry(plain["name"], step, results[plain["name"]], float(plain["seconds"]), told)
+                session.entries.append(entry)
+            own, kept = session.system.parameters, session.settings
+            kept.parameters = {name: float(notes["parameters"].get(name, own[name])) for name in own}
+            kept.x0, kept.mode = tuple(map(float, notes["x0"])), notes["mode"]
+            kept.sets, kept.hidden = dict(notes["sets"]), set(map(str, notes["hidden"]))
+            kept.axes, kept.planes = tuple(map(str, notes["axes"])), tuple(map(str, notes["planes"]))
+            kept.selected = None if notes["selected"] is None else Place.model_validate(notes["selected"])
+        except SaltusError:
+            raise
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            why = " ".join(f"{type(error).__name__}: {error}".split())
+            raise InputError("path", str(folder), "a whole session", why) from error
+        return session
+
+    def script(self) -> str:
+        """Return Python that computes everything that the session has, and draws its diagram.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from saltus import HybridSystem
+        >>> from saltus.explorer.subjects import of_system
+        >>> subject = of_system(HybridSystem.smooth({"x": "v", "v": "cos(s) - x - v"}, phase=("s", "1")))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     print(Session(subject, Path(folder)).script().splitlines()[0])
+        import saltus
+        """
+        lines = [*self.subject.lines]
+        if any("np." in entry.step.text() for entry in self.entries):
+            lines.insert(lines.index("import saltus"), "import numpy as np")
+        lines.append("")
+        lines += [f"{entry.name} = {entry.step.text()}" for entry in self.entries]
+        drawn = [e for e in self.entries if e.step.noun in ("branch", "locus") and e.name not in self.settings.hidden]
+        if drawn:
+            axes = "".join(f"{name!r}, " for name in self.settings.axes)
+            lines += ["", f"ax = {drawn[0].name}.plot({axes.removesuffix(', ')})"]
+            lines += [f"{entry.name}.plot({axes}ax=ax, legend=False)" for entry in drawn[1:]]
+            lines += ['ax.figure.savefig("diagram.png", dpi=200)']
+        return "\n".join(lines) + "\n"
+
+
+def sessions_in(home: Path) -> list[tuple[Path, Mapping[str, Any]]]:
+    """Return folder and notes of the sessions in a folder, the newest first; damaged ones are left out."""
+    found = []
+    for folder in home.iterdir() if home.is_dir() else ():
+        if _ID.fullmatch(folder.name):
+            try:
+                found.append((folder, _read_notes(folder)))
+            except InputError:
+                continue
+    return sorted(found, key=lambda pair: -float(pair[1].get("at", 0.0)))
+
+
+def new_folder(home: Path) -> Path:
+    """Return a folder for a new session, made, for this user alone."""
+    folder = home / uuid4().hex[:12]
+    folder.mkdir(parents=True, mode=0o700)
+    return folder
+
+
+def folder_of(home: Path, name: object) -> Path | None:
+    """Return the folder of the session of a name, if there is one; no name leads out of `home`."""
+    if not isinstance(name, str) or not _ID.fullmatch(name) or not (home / name / _NOTES).is_file():
+        return None
+    return home / name
+
+
+def removed(folder: Path) -> None:
+    """Delete a session's folder."""
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def told_end(result: Any) -> str:
+    """Return why a curve or another result ended, in words; empty where nothing ends."""
+    stopped = getattr(result, "stopped", "")
+    reasons = [stopped] if isinstance(stopped, str) else [*dict.fromkeys(stopped)]
+    return "; ".join(reason for reason in reasons if reason)
+
+
+def _read_notes(folder: Path) -> Mapping[str, Any]:
+    path = folder / _NOTES
+    try:
+        if os.path.getsize(path) > _LONGEST:
+            raise InputError("session", str(folder), "notes of at most 4 MB")
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError("session", str(folder), "a folder of a session", error.strerror or "") from None
+    return _checked(content.decode(errors="replace"), folder)
+
+
+def _checked(text: object, place: Path) -> Mapping[str, Any]:
+    """Return notes that are what `_notes` makes, as far as their form goes."""
+    try:
+        notes = json.loads(checks.text("session", text))
+        if not isinstance(notes, dict) or notes["format"] != _FORMAT:
+            raise InputError("session", str(place), f"a session of format {_FORMAT}")
+        if not all(re.fullmatch(r"[a-z]+[0-9]+", name) for name in _names(notes)):
+            raise InputError("session", str(place), "one whose results are named as branch1")
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError("session", str(place), "a file or folder of a session", f"{type(error).__name__}") from None
+    return notes
+
+
+def _names(notes: Mapping[str, Any]) -> list[str]:
+    return [str(entry["name"]) for entry in notes["entries"]]

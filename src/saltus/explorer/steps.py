@@ -1,0 +1,414 @@
+"""Steps of a session: each is a call of the package with its arguments, can be kept as JSON and told as Python."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from saltus.progress import Report
+    from saltus.results import Result
+    from saltus.system import HybridSystem
+
+__all__ = [
+    "Attract",
+    "Basin",
+    "Cascade",
+    "Continue",
+    "FindEquilibrium",
+    "FindOrbit",
+    "Follow",
+    "Move",
+    "Place",
+    "Step",
+    "Sweep",
+    "Switch",
+    "step_from",
+    "taken",
+]
+
+_SOLUTIONS = ("orbit", "equilibrium", "cycle")  # attributes of a special point that hold what solves there
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Place(_Frozen):
+    """A solution in a result: the result itself, a point of a branch, or a special point.
+
+    Attributes
+    ----------
+    of : str
+        Name of the result.
+    index : int or None
+        Which point of a branch.
+    label : str or None
+        Which special point of it, as ``"SN1"``.
+    """
+
+    of: str
+    index: int | None = None
+    label: str | None = None
+
+    def text(self, holder: str = "orbit") -> str:
+        """Return the place as Python; `holder` is the attribute or method that gives the solution."""
+        if self.label is not None:
+            return f"{self.of}[{self.label!r}].{holder}"
+        return self.of if self.index is None else f"{self.of}.{holder}({self.index})"
+
+
+def taken(place: Place, results: Mapping[str, Any]) -> Any:
+    """Return the solution at a place.
+
+    Parameters
+    ----------
+    place : Place
+        The place.
+    results : mapping of str to Result
+        The results by name.
+
+    Raises
+    ------
+    InputError
+        There is no such result, point or special point.
+    """
+    if place.of not in results:
+        raise InputError("result", place.of, f"one of {', '.join(results)}" if results else "found first")
+    result = results[place.of]
+    if place.label is not None:
+        return result[place.label].solution
+    if place.index is None:
+        return result
+    return getattr(result, holder_of(result))(place.index)
+
+
+def holder_of(result: Any) -> str:
+    """Return the name of the attribute or method by which a branch or its special points give solutions."""
+    return next((name for name in _SOLUTIONS if callable(getattr(result, name, None))), "orbit")
+
+
+class Step(_Frozen, ABC):
+    """One call of the package."""
+
+    noun: ClassVar[str]  # what its result is called, with a number after it
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Names of the results that the call takes."""
+        return ()
+
+    @abstractmethod
+    def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
+        """Call the package and return the result."""
+
+    @abstractmethod
+    def text(self) -> str:
+        """Return the call as Python."""
+
+
+class _Found(Step):
+    parameters: dict[str, float] = {}
+    x0: tuple[float, ...] = ()
+    mode: str | None = None
+
+    def _arguments(self) -> str:
+        mode = "" if self.mode is None else f", mode={self.mode!r}"
+        return f"system, {self.parameters!r}, x0={list(self.x0)!r}{mode}"
+
+
+class FindOrbit(_Found):
+    """Find the periodic orbit on which the motion from a state settles."""
+
+    kind: Literal["find_orbit"] = "find_orbit"
+    noun: ClassVar[str] = "orbit"
+
+    def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
+        """Call `saltus.find_orbit`."""
+        from saltus.orbits import find_orbit
+
+        return find_orbit(system, self.parameters, list(self.x0), self.mode)
+
+    def text(self) -> str:
+        """Return the call as Python."""
+        return f"saltus.find_orbit({self._arguments()})"
+
+
+class FindEquilibrium(_Found):
+    """Find an equilibrium near a state."""
+
+    kind: Literal["find_equilibrium"] = "find_equilibrium"
+    noun: ClassVar[str] = "equilibrium"
+
+    def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
+        """Call `saltus.find_equilibrium`."""
+        from saltus.equilibria import find_equilibrium
+
+        return find_equilibrium(system, self.parameters, list(self.x0), mode=self.mode)
+
+    def text(self) -> str:
+        """Return the call as Python."""
+        return f"saltus.find_equilibrium({self._arguments()})"
+
+
+class _Followed(Step):
+    place: Place
+    parameter: str
+    bounds: tuple[float, float]
+    of: Literal["orbit", "equilibrium", "cycle"] = "orbit"  # what is followed
+    noun: ClassVar[str] = "branch"
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Names of the results that the call takes."""
+        return (self.place.of,)
+
+    def _follow(self, start: Any, progress: Report | bool) -> Result:
+        from saltus.continuation import continue_equilibrium, continue_orbit
+
+        follow: Any = continue_equilibrium if self.of == "equilibrium" else continue_orbit
+        found: Result = follow(start, self.parameter, self.bounds, progress=progress)
+        return found
+
+    def _call(self, start: str) -> str:
+        name = "continue_equilibrium" if self.of == "equilibrium" else "continue_orbit"
+        return f"saltus.{name}({start}, {self.parameter!r}, {self.bounds!r})"
+
+
+class Continue(_Followed):
+    """Follow the branch through an orbit, an equilibrium or a cycle of a map."""
+
+    kind: Literal["continue"] = "continue"
+
+    def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
+        """Call `saltus.continue_orbit` or `saltus.continue_equilibrium`."""
+        return self._follow(taken(self.place, results), progress)
+
+    def text(self) -> str:
+        """Return the call as Python."""
+        return self._call(self.place.text(self.of))
+
+
+class Switch(_Followed):
+    """Follow the other branch that meets a special point."""
+
+    kind: Literal["switch"] = "switch"
+
+    def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
+        """Call `saltus.switch_branch`, and follow the branch of what it returns."""
+        from saltus.continuation import switch_branch
+
+        return self._follow(switch_branch(_special(self.place, results)), progress)
+
+    def text(self) -> str:
+        """Return the calls as Python."""
+        return self._call(f"saltus.switch_branch({self.place.of}[{self.place.label!r}])")
+
+
+class Follow(Step):
+    """Follow the locus of a special point over two parameters."""
+
+    kind: Literal["follow"] = "follow"
+    place: Place
+    parameters: tuple[str, str]
+    bounds: tuple[tuple[float, float], tuple[float, float]]
+    noun: ClassVar[str] = "locus"
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Names of the results that the call takes."""
+        return (self.place.of,)
+
+    def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
+        """Call `saltus.continue_locus`."""
+        from saltus.continuation import continue_locus
+
+        bounds = dict(zip(self.parameters, self.bounds, strict=True))
+        found: Result = continue_locus(_special(self.place, results), self.parameters, bounds, progress=progress)
+        return found
+
+    def text(self) -> str:
+        """Return the call as Python."""
+        bounds = dict(zip(self.parameters, self.bounds, strict=True))
+        return f"saltus.continue_locus({self.place.of}[{self.place.label!r}], {self.parameters!r}, {bounds!r})"
+
+
+class Cascade(Step):
+    """Follow the period doublings after a first one."""
+
+    kind: Literal["cascade"] = "cascade"
+    place: Place
+    bounds: tuple[float, float]
+    doublings: int = 4
+    noun: ClassVar[str] = "cascade"
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Names of the results that the call takes."""
+        return (self.place.of,)
+
+    def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
+        """Call `saltus.follow_cascade`."""
+        from saltus.continuation import follow_cascade
+
+        point = _special(self.place, results)
+        found: Result = follow_cascade(point, self.bounds, doublings=self.doublings, progress=progress)
+        return found
+
+    def text(self) -> str:
+        """Return the call as Python."""
+        point = f"{self.place.of}[{self.place.label!r}]"
+        return f"saltus.follow_cascade({point}, {self.bounds!r}, doublings={self.doublings})"
+
+
+class Sweep(Step):
+    """Follow the attractor as a parameter goes up or down."""
+
+    kind: Literal["sweep"] = "sweep"
+    parameter: str
+    bounds: tuple[float, float]
+    count: Annotated[int, Field(ge=2, le=10_000)] = 200
+    direction: Literal["up", "down"] = "up"
+    observables: tuple[str, ...] = ()
+    parameters: dict[str, float] = {}
+    x0: tuple[float, ...] = ()
+    noun: ClassVar[str] = "sweep"
+
+    def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
+        """Call `saltus.run_sweep`."""
+        from saltus.sweeps import SweepOptions, run_sweep
+
+        values, x0 = np.linspace(*self.bounds, self.count), list(self.x0) or None
+        options = SweepOptions(follow=self.direction, observables=self.observables, workers=1)
+        given = self.parameters
+        return run_sweep(system, self.parameter, values, parameters=given, x0=x0, options=options, progress=progress)
+
+    def text(self) -> str:
+        """Return the call as Python."""
+        low, high = self.bounds
+        values = f"np.linspace({low!r}, {high!r}, {self.count})"
+        seen = f", observables={self.observables!r}" if self.observables else ""
+        options = f"saltus.SweepOptions(follow={self.direction!r}{seen}, workers=1)"
+        given = f"parameters={self.parameters!r}, x0={list(self.x0) or None!r}, options={options}"
+        return f"saltus.run_sweep(system, {self.parameter!r}, {values}, {given})"
+
+
+class Move(Step):
+    """Simulate the motion from a state."""
+
+    kind: Literal["move"] = "move"
+    parameters: dict[str, float] = {}
+    x0: tuple[float, ...] = ()
+    mode: str | None = None
+    periods: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    t_end: Annotated[float, Field(gt=0.0)] | None = None
+    noun: ClassVar[str] = "motion"
+
+    def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
+        """Call `saltus.simulate`."""
+        from saltus.flow import simulate
+
+        span = {"t_end": self.t_end, "periods": self.periods}
+        given: dict[str, Any] = {name: value for name, value in span.items() if value is not None}
+        return simulate(system, self.parameters, list(self.x0), mode=self.mode, **given)
+
+    def text(self) -> str:
+        """Return the call as Python."""
+        given = {"mode": self.mode, "t_end": self.t_end, "periods": self.periods}
+        options = "".join(f", {name}={value!r}" for name, value in given.items() if value is not None)
+        return f"saltus.simulate(system, {self.parameters!r}, {list(self.x0)!r}{options})"
+
+
+class Attract(Step):
+    """Find the attractors that motions from a region reach."""
+
+    kind: Literal["attract"] = "attract"
+    parameters: dict[str, float] = {}
+    region: dict[str, tuple[float, float]]
+    seeds: Annotated[int, Field(ge=1, le=10_000)] = 64
+    motions: Annotated[int, Field(ge=1)] = 10_000
+    interval: Annotated[float, Field(gt=0.0)] | None = None
+    noun: ClassVar[str] = "attractors"
+
+    def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
+        """Call `saltus.find_attractors`."""
+        from saltus.basins import find_attractors
+
+        return find_attractors(
+            system, self.parameters, self.region, seeds=self.seeds, motions=self.motions, interval=self.interval,
+            progress=progress,
+        )  # fmt: skip
+
+    def text(self) -> str:
+        """Return the call as Python."""
+        counts = f"seeds={self.seeds}, motions={self.motions}"
+        counts += f", interval={self.interval!r}" if self.interval is not None else ""
+        return f"saltus.find_attractors(system, {self.parameters!r}, {self.region!r}, {counts})"
+
+
+class Basin(Step):
+    """Map the basins of known attractors over a plane that is parallel to two axes."""
+
+    kind: Literal["basin"] = "basin"
+    parameters: dict[str, float] = {}
+    grid: dict[str, tuple[float, float, int] | float]
+    attractors: str
+    noun: ClassVar[str] = "basins"
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Names of the results that the call takes."""
+        return (self.attractors,)
+
+    def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
+        """Call `saltus.map_basins`."""
+        from saltus.basins import map_basins
+
+        attractors = taken(Place(of=self.attractors), results)
+        return map_basins(system, self.parameters, self.grid, attractors, progress=progress)
+
+    def text(self) -> str:
+        """Return the call as Python."""
+        return f"saltus.map_basins(system, {self.parameters!r}, {self.grid!r}, {self.attractors})"
+
+
+def _special(place: Place, results: Mapping[str, Any]) -> Any:
+    """Return the special point at a place."""
+    taken(place, results)
+    return results[place.of][place.label]
+
+
+_STEPS: TypeAdapter[Any] = TypeAdapter(
+    Annotated[
+        FindOrbit | FindEquilibrium | Continue | Switch | Follow | Cascade | Sweep | Move | Attract | Basin,
+        Field(discriminator="kind"),
+    ]
+)
+
+
+def step_from(plain: Any) -> Step:
+    """Return the step that plain data describe.
+
+    Raises
+    ------
+    InputError
+        The data describe no step.
+
+    Examples
+    --------
+    >>> step_from({"kind": "find_orbit", "parameters": {"w": 1.0}, "x0": [0.0, 0.0]}).text()
+    "saltus.find_orbit(system, {'w': 1.0}, x0=[0.0, 0.0])"
+    """
+    try:
+        found: Step = _STEPS.validate_python(plain)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise InputError(f"step's {place}" if place else "step", first.get("input"), first["msg"]) from None
+    return found

@@ -1,0 +1,122 @@
+"""What the companion process does for a page: steps, and films."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from saltus.errors import SaltusError
+from saltus.explorer.steps import step_from
+from saltus.explorer.subjects import system_of
+
+if TYPE_CHECKING:
+    from saltus.orbits import PeriodicOrbit
+    from saltus.progress import Report
+    from saltus.results import Result
+
+__all__ = ["Outcome", "film", "prepare", "take", "warm"]
+
+
+_WIDTH = 640  # of a film, in pixels
+
+
+class Outcome(NamedTuple):
+    """What came of a step.
+
+    Attributes
+    ----------
+    result : Result
+        The result.
+    seconds : float
+        How long it took.
+    notes : tuple of str
+        Warnings that came meanwhile.
+    """
+
+    result: Result
+    seconds: float
+    notes: tuple[str, ...]
+
+
+def prepare() -> None:
+    """Import what steps need, before the first one."""
+    import saltus.basins
+    import saltus.continuation
+    import saltus.sweeps  # noqa: F401
+
+
+def take(definition: str, plain: Mapping[str, Any], results: Mapping[str, Any], progress: Report | bool) -> Outcome:
+    """Return what comes of a step.
+
+    Parameters
+    ----------
+    definition : str
+        The system's definition as JSON.
+    plain : mapping
+        The step as plain data.
+    results : mapping of str to Result
+        The results that the step needs, by name.
+    progress : callable or bool
+        As every long function of saltus takes it.
+
+    Raises
+    ------
+    SaltusError
+        As the step's function does.
+    """
+    begun = time.perf_counter()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", RuntimeWarning)
+        result = step_from(plain).run(system_of(definition), results, progress)
+    notes = tuple(dict.fromkeys(str(warning.message) for warning in told if warning.category is RuntimeWarning))
+    return Outcome(result, time.perf_counter() - begun, notes)
+
+
+def warm(definition: str, x0: tuple[float, ...], progress: Report | bool) -> None:
+    """Load the code of basins for a system, so that the first ones come at once; nothing is kept.
+
+    Parameters
+    ----------
+    definition : str
+        The system's definition as JSON.
+    x0 : tuple of float
+        A state about which a few motions start.
+    progress : callable or bool
+        Not used.
+    """
+    from saltus.basins import find_attractors, map_basins
+
+    system = system_of(definition)
+    region = {name: (x - 0.1, x + 0.1) for name, x in zip(system.states, x0, strict=False)}
+    first, *others = system.states
+    grid: dict[str, Any] = {first: (*region[first], 8)} | {name: sum(region[name]) / 2.0 for name in others}
+    with warnings.catch_warnings(), suppress(SaltusError):  # whoever asks for basins is told
+        warnings.simplefilter("ignore")
+        map_basins(system, {}, grid, find_attractors(system, {}, region, seeds=2, motions=8))
+
+
+def film(orbit: PeriodicOrbit, path: str, progress: Report | bool) -> Path:
+    """Film an orbit of an AFM model; one of the paper's models has the paper's cantilever.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        The orbit.
+    path : str
+        The film's file.
+    progress : callable or bool
+        As every long function of saltus takes it.
+
+    Raises
+    ------
+    SaltusError
+        As `saltus.afm.animate` does.
+    """
+    from saltus.afm import animate, table1
+
+    setup = None if "deflection_nm" in orbit.system.output_names else table1()
+    return Path(animate(orbit, path, setup=setup, width=_WIDTH, progress=progress))

@@ -1,0 +1,148 @@
+"""Widgets in the page's look; a name is a class by which tests and style sheets find each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import panel as pn
+
+__all__ = [
+    "bar",
+    "beside",
+    "button",
+    "checkbox",
+    "choice",
+    "column",
+    "count",
+    "download",
+    "film",
+    "html",
+    "number",
+    "pane",
+    "quantity",
+    "row",
+    "slider",
+    "tabs",
+    "text",
+    "upload",
+]
+
+_MARGIN = (2, 4)  # pixels above and below, left and right
+
+
+@cache
+def _sheets() -> list[str]:
+    return [files(__package__).joinpath("widgets.css").read_text(encoding="utf-8")]
+
+
+def button(text: str, name: str, *, kind: str = "default", tip: str = "") -> Any:
+    """Return a button; `tip` is shown when the pointer rests on it."""
+    options = {"button_type": kind, "css_classes": [name], "margin": (2, 3), "stylesheets": _sheets()}
+    return pn.widgets.Button(name=text, description=tip or None, **options)
+
+
+def html(name: str, text: str = "", margin: tuple[int, ...] = (4, 8), **options: Any) -> Any:
+    """Return a piece of HTML; whoever gives it escapes it."""
+    return pn.pane.HTML(text, css_classes=[name], margin=margin, stylesheets=_sheets(), **options)
+
+
+def number(title: str, value: float, width: int, name: str = "", margin: tuple[int, ...] = _MARGIN) -> Any:
+    """Return a field for a number."""
+    options = {"css_classes": [name] if name else [], "margin": margin, "stylesheets": _sheets()}
+    return pn.widgets.FloatInput(name=title, value=value, width=width, **options)
+
+
+def count(title: str, value: int, width: int, ends: tuple[int, int], name: str) -> Any:
+    """Return a field for a whole number between two ends."""
+    options = {"css_classes": [name], "start": ends[0], "end": ends[1], "margin": _MARGIN, "stylesheets": _sheets()}
+    return pn.widgets.IntInput(name=title, value=value, width=width, **options)
+
+
+def slider(value: int, end: int, width: int, name: str) -> Any:
+    """Return a slider that counts steps from 0 to an end."""
+    options = {"css_classes": [name], "margin": (0, 12), "stylesheets": _sheets(), "show_value": False}
+    return pn.widgets.IntSlider(value=value, start=0, end=end, width=width, **options)
+
+
+def choice(title: str, options: Mapping[str, Any] | Sequence[str], value: Any, width: int, name: str = "") -> Any:
+    """Return a list of which one entry is chosen."""
+    given = {"css_classes": [name] if name else [], "margin": _MARGIN, "stylesheets": _sheets()}
+    listed = dict(options) if isinstance(options, Mapping) else list(options)
+    return pn.widgets.Select(name=title, options=listed, value=value, width=width, **given)
+
+
+def quantity(title: str, names: Sequence[str], value: str, width: int, name: str = "") -> Any:
+    """Return a field for a quantity: one of the names, or a formula."""
+    given = {"css_classes": [name] if name else [], "margin": _MARGIN, "stylesheets": _sheets()}
+    search = {"restrict": False, "min_characters": 0, "case_sensitive": False, "search_strategy": "includes"}
+    return pn.widgets.AutocompleteInput(name=title, value=value, options=list(names), width=width, **given, **search)
+
+
+def checkbox(value: bool, name: str) -> Any:
+    """Return a box to tick, without a text."""
+    options = {"css_classes": [name], "margin": (5, 2, 0, 8), "stylesheets": _sheets()}
+    return pn.widgets.Checkbox(value=value, width=18, **options)
+
+
+def text(name: str, placeholder: str, width: int) -> Any:
+    """Return a field for a text."""
+    options = {"css_classes": [name], "margin": (2, 4, 2, 8), "stylesheets": _sheets()}
+    return pn.widgets.TextInput(placeholder=placeholder, width=width, **options)
+
+
+def download(label: str, filename: str, callback: Any) -> Any:
+    """Return a button that gives a file; `callback` returns its content when it is asked for."""
+    kind = filename.rpartition(".")[2]
+    options = {"css_classes": [f"download-{kind}"], "margin": (2, 3), "height": 30, "stylesheets": _sheets()}
+    return pn.widgets.FileDownload(callback=callback, filename=filename, label=label, **options)
+
+
+def upload(name: str) -> Any:
+    """Return a field for a NetCDF file of the user."""
+    options = {"css_classes": [name], "margin": (2, 8), "stylesheets": _sheets()}
+    return pn.widgets.FileInput(accept=".nc", multiple=False, width=240, **options)
+
+
+def bar() -> Any:
+    """Return a bar of progress, not shown at first."""
+    return pn.indicators.Progress(value=0, max=100, width=150, margin=(10, 8), visible=False)
+
+
+def pane(made: Any, *, high: bool = False) -> Any:
+    """Return a figure as a part of a page, as wide as there is room; `high`: as high, too."""
+    return pn.pane.Bokeh(made, sizing_mode="stretch_both" if high else "stretch_width", margin=0)
+
+
+def row(*parts: Any, name: str = "", wrap: bool = False) -> Any:
+    """Return parts beside each other, aligned below; `wrap`: on more lines where there is no room."""
+    classes = [name] if name else []
+    if wrap:
+        return pn.FlexBox(*parts, margin=(0, 4), css_classes=classes, align_items="flex-end")
+    for part in parts:
+        part.align = "center" if isinstance(part, pn.pane.HTML) else "end"
+    return pn.Row(*parts, margin=(0, 4), css_classes=classes)
+
+
+def beside(*parts: Any) -> Any:
+    """Return parts beside each other, as wide as there is room."""
+    return pn.Row(*parts, margin=0, sizing_mode="stretch_width")
+
+
+def column(*parts: Any, name: str = "", high: bool = False) -> Any:
+    """Return parts below each other, as wide as there is room."""
+    mode = "stretch_both" if high else "stretch_width"
+    return pn.Column(*parts, margin=0, sizing_mode=mode, css_classes=[name] if name else [])
+
+
+def tabs(**parts: Any) -> Any:
+    """Return parts of which one is shown, by the names on their tabs."""
+    options = {"sizing_mode": "stretch_width", "margin": 0, "stylesheets": _sheets()}
+    return pn.Tabs(*parts.items(), dynamic=False, **options)
+
+
+def film() -> Any:
+    """Return a place for a film, empty."""
+    return pn.pane.GIF(None, sizing_mode="scale_width", margin=8)

@@ -1,0 +1,141 @@
+"""A session is kept as it goes, comes back equal, and its script makes the same numbers."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import saltus
+from saltus.errors import InputError
+from saltus.explorer.session import Session, folder_of, new_folder, sessions_in
+from saltus.explorer.steps import Continue, FindOrbit, Follow, Place
+from saltus.explorer.subjects import built_in, of_file, of_system, titles
+
+
+def _taken(session, step):
+    entry = session.add(step, step.run(session.system, session.results, False), 0.1, ("a note",))
+    session.write(entry)
+    return entry
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory, ball_on_table):
+    made = Session(of_system(ball_on_table), new_folder(tmp_path_factory.mktemp("sessions")))
+    made.settings.x0 = (0.6, 3.1)
+    _taken(made, FindOrbit(parameters={"a": 1.2}, x0=(0.6, 3.1, 0.5)))
+    _taken(made, Continue(place=Place(of="orbit1"), parameter="a", bounds=(0.9, 1.8)))
+    bounds = ((0.1, 3.0), (0.3, 0.7))
+    _taken(made, Follow(place=Place(of="branch1", label="SN1"), parameters=("a", "e"), bounds=bounds))
+    made.settings.sets["low"] = {"parameters": {"a": 1.1}, "x0": [0.5, 3.0], "mode": None}
+    made.settings.axes, made.settings.selected = ("a", "max_z"), Place(of="branch1", label="SN1")
+    made.settings.hidden.add("locus1")
+    made.keep()
+    return made
+
+
+def _same(one, other):
+    assert [entry.name for entry in one.entries] == [entry.name for entry in other.entries]
+    for mine, theirs in zip(one.entries, other.entries, strict=True):
+        assert (mine.step, mine.result, mine.notes) == (theirs.step, theirs.result, theirs.notes)
+    assert one.settings == other.settings
+    assert one.subject == other.subject
+    assert one.script() == other.script()
+
+
+def test_a_session_comes_back_from_its_folder(session):
+    _same(session, Session.reopened(session.folder))
+
+
+def test_a_session_comes_back_from_one_file(session, tmp_path):
+    file = session.packed(tmp_path / "session.nc")
+    _same(session, Session.unpacked(file, new_folder(tmp_path)))
+
+
+def test_a_result_that_was_not_yet_written_is_not_in_the_notes(session, tmp_path):
+    copy = Session.unpacked(session.packed(tmp_path / "session.nc"), new_folder(tmp_path))
+    copy.add(FindOrbit(), copy.entries[0].result)
+    copy.keep()
+    assert [entry.name for entry in Session.reopened(copy.folder).entries] == ["orbit1", "branch1", "locus1"]
+
+
+def test_undo_takes_back_the_last_step_and_what_pointed_to_it(session, tmp_path):
+    copy = Session.unpacked(session.packed(tmp_path / "session.nc"), new_folder(tmp_path))
+    assert copy.undo().name == "locus1"
+    assert copy.undo().name == "branch1"
+    assert copy.settings.selected is None
+    assert sorted(path.name for path in copy.folder.glob("*.nc")) == ["orbit1.nc"]
+    assert [entry.name for entry in Session.reopened(copy.folder).entries] == ["orbit1"]
+    copy.undo()
+    assert copy.undo() is None
+
+
+def test_the_script_of_a_session_makes_the_same_numbers(session, tmp_path):
+    lines = [session.script(), 'for name in ("orbit1", "branch1", "locus1"):', '    globals()[name].save(name + ".nc")']
+    (tmp_path / "again.py").write_text("\n".join(lines))
+    done = subprocess.run(
+        [sys.executable, "again.py"], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    for name, result in session.results.items():
+        assert saltus.load(tmp_path / f"{name}.nc") == result
+    assert (tmp_path / "diagram.png").stat().st_size > 10_000
+
+
+def test_sessions_are_listed_newest_first_and_damaged_ones_left_out(session, tmp_path):
+    copy = Session.unpacked(session.packed(tmp_path / "session.nc"), new_folder(tmp_path))
+    later = Session.unpacked(tmp_path / "session.nc", new_folder(tmp_path))
+    (new_folder(tmp_path) / "session.json").write_text("{")
+    assert [folder for folder, _ in sessions_in(tmp_path)] == [later.folder, copy.folder]
+
+
+@pytest.mark.parametrize("name", ["..", "../x", "/etc", "abc", "ABCDEF012345", "0123456789ab/..", None, 3])
+def test_no_name_of_a_session_leads_out_of_its_home(session, name):
+    assert folder_of(session.folder.parent, name) is None
+    assert folder_of(session.folder.parent, session.folder.name) == session.folder
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"format": 2},
+        {"entries": [{"name": "../../evil", "step": {}, "seconds": 0, "notes": []}]},
+        {"entries": [{"name": "branch7", "step": {"kind": "find_orbit"}, "seconds": 0, "notes": []}]},
+        {"subject": ["x"]},
+        {"subject": ["x", '{"states": ["__import__"]}', [], [], {}]},
+        {"x0": ["a"]},
+        {"entries": 3},
+    ],
+)
+def test_damaged_notes_are_refused_in_words(session, tmp_path, change):
+    folder = new_folder(tmp_path)
+    notes = json.loads((session.folder / "session.json").read_text()) | change
+    (folder / "session.json").write_text(json.dumps(notes))
+    for name in ("orbit1", "branch1", "locus1"):
+        (folder / f"{name}.nc").write_bytes((session.folder / f"{name}.nc").read_bytes())
+    with pytest.raises(saltus.SaltusError):
+        Session.reopened(folder)
+
+
+def test_a_file_that_is_no_session_is_refused(session, tmp_path):
+    with pytest.raises(InputError, match="session"):
+        Session.unpacked(session.entries[0].result.save(tmp_path / "orbit.nc"), new_folder(tmp_path))
+
+
+def test_models_of_the_package_and_of_files_can_be_explored(tmp_path, monkeypatch):
+    assert {"tapping-mode-1", "tapping-mode-2", "lever-s"} <= set(titles())
+    assert built_in("tapping-mode-2").system.states == ("q1", "q2", "v1", "v2")
+    with pytest.raises(InputError, match="did you mean 'lever-s'"):
+        built_in("lever_s")
+    text = 'import saltus\npendulum = saltus.HybridSystem.smooth({"x": "v", "v": "-sin(x)"})\nother = 3\n'
+    (tmp_path / "swings.py").write_text(text)
+    subject = of_file("swings.py:pendulum", tmp_path)
+    told: dict = {}
+    exec("\n".join(subject.lines), told)
+    assert told["system"].definition() == subject.system.definition()
+    for wrong, hint in {
+        "swings.py": "FILE.py:NAME", "swing.py:pendulum": "exists", "swings.py:pendulun": "pendulum",
+        "swings.py:other": "HybridSystem",
+    }.items():  # fmt: skip
+        with pytest.raises(InputError, match=hint):
+            of_file(wrong, tmp_path)
