@@ -54,6 +54,12 @@ from .errors import (
     StickingError as StickingError,
     StiffnessError as StiffnessError,
 )
+from .fitting import (
+    Fit as Fit,
+    FitOptions as FitOptions,
+    MeasuredPoint as MeasuredPoint,
+    fit as fit,
+)
 from .flow import (
     Limits as Limits,
     Trajectory as Trajectory,

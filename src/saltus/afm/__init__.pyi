@@ -10,6 +10,7 @@ from .curves import distance_curve as distance_curve, frequency_curve as frequen
 from .drive import Drive as Drive
 from .fold_search import bistability as bistability, tip_radius as tip_radius
 from .frequency_modulation import frequency_shift as frequency_shift
+from .identification import fit as fit
 from .laws.adhesive import JKR as JKR, Neck as Neck, Schwarz as Schwarz
 from .laws.contact import DMT as DMT, Hertz as Hertz, VanDerWaals as VanDerWaals
 from .laws.law import Law as Law
