@@ -17,6 +17,7 @@ from .laws.law import Law as Law
 from .laws.long_range import DLVO as DLVO, Hydration as Hydration, LennardJones as LennardJones, Morse as Morse
 from .laws.regions import Crossing as Crossing, Region as Region
 from .laws.viscous import SLS as SLS, Dashpot as Dashpot, KelvinVoigt as KelvinVoigt
+from .measured_curves import read_curve as read_curve
 from .modelling import model as model
 from .orbit_observables import observables as observables
 from .paper import table1 as table1

@@ -270,6 +270,8 @@ class Fit(Result):
             lines.append(f"{beyond} data lie beyond the end of their sheet, and are compared with its last orbits")
         if off := int((np.abs(self.data["residual"].to_numpy()) > _OFF).any(axis=1).sum()):
             lines.append(f"{off} data lie more than {_OFF:g} standard errors off every stable sheet")
+        if missed := int((np.abs(self.data["special_residual"].to_numpy()) > _OFF).sum()):
+            lines.append(f"{missed} special points lie more than {_OFF:g} standard errors off those of the model")
         return lines
 
 
