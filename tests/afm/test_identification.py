@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from saltus import FitOptions, InputError, MeasuredPoint, afm
+from saltus.fitting.sheets import sheets_of
 
 TRUE = {"H_aJ": 0.12, "E_GPa": 1.5, "c_uNs_m": 2.0, "Zc_nm": 8.5}
 SIGMA = {"amplitude_nm": 0.03, "lag_deg": 0.3}
@@ -99,3 +100,9 @@ def test_bad_input_is_told(what):
     arguments = {"data": data, "vary": {"H_aJ": (0.01, 1.0)}, "sigma": {"amplitude_nm": 0.1}} | given
     with pytest.raises(InputError, match=message):
         afm.fit(model=lever(), **arguments)
+
+
+def test_a_motion_that_only_begins_to_touch_parts_no_sheet(tune):
+    """Contact begins on the stable sheets: the curve has one jump on each way, and two stable sheets."""
+    assert [jump.direction for jump in tune.jumps] == ["down", "up"]
+    assert len(sheets_of(tune.branches)) == 2

@@ -24,6 +24,7 @@ __all__ = ["MOVING", "WITHIN", "Sheet", "Stretch", "sheets_of", "stretches_of"]
 
 MOVING = ("SN", "PD", "TR", "GR")  # types of special points at which a stable sheet ends and that move with parameters
 WITHIN = 1e-5  # distance from a special point at which a sheet is cut off, over the sheet's length
+_AT_GRAZING = 1e-6  # distance from a grazing, over the branch's range, at which a motion is rounding
 _REACH = 1.5  # distance of an orbit from where interpolation has it, over the distance of its neighbours, at most
 _ROUNDING = 1e-6  # the same over the orbit's size, that may be rounding
 
@@ -44,17 +45,29 @@ class Stretch(NamedTuple):
 
 
 def stretches_of(branches: Sequence[Branch]) -> list[Stretch]:
-    """Return the stable stretches of branches."""
+    """Return the stable stretches of branches; a lone point on a grazing, whose motion is rounding, parts none."""
     found = []
     for sheet, branch in enumerate(branches):
         good = branch.stable & branch.admissible
-        for part in np.split(np.arange(len(branch)), np.flatnonzero(good[1:] != good[:-1]) + 1):
+        known = np.flatnonzero(~_lone(branch, good))
+        for part in np.split(known, np.flatnonzero(good[known][1:] != good[known][:-1]) + 1):
             rising = np.diff(branch.values[part]) > 0.0
             turns = np.flatnonzero(rising[1:] != rising[:-1]) + 1
-            for piece in np.split(part, turns) if good[part[0]] else []:
+            for piece in np.split(part, turns) if part.size and good[part[0]] else []:
                 order = piece if branch.values[piece[-1]] >= branch.values[piece[0]] else piece[::-1]
                 found.append(Stretch(sheet, tuple(order.tolist())))
     return found
+
+
+def _lone(branch: Branch, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which points are no stable motions, lie on a grazing, and have stable neighbours on both sides."""
+    lone = np.zeros(len(branch), dtype=bool)
+    between = ~good[1:-1] & good[:-2] & good[2:]
+    grazings = np.array([point.value(branch.parameter) for point in branch.special_points.of_type("GR")])
+    if grazings.size and between.any():
+        near = np.abs(branch.values[1:-1, None] - grazings).min(axis=1) <= _AT_GRAZING * float(np.ptp(branch.values))
+        lone[1:-1] = between & near
+    return lone
 
 
 class _Node(NamedTuple):
