@@ -212,7 +212,7 @@ def test_a_film_of_either_regime_is_written(lever, capsys, monkeypatch):
     ("old", "new", "told"),
     [
         ("[probe]", "[prob]", "key = 'prob': must be one of probe, law, drive, Zc_nm, f_kHz, check, curve, title, "
-         "source; did you mean 'probe'?"),
+         "source, fit; did you mean 'probe'?"),
         ("R_nm", "R_mn", "key = 'R_mn': must be one of k_N_m, f0_kHz, Q, R_nm, optical_weights, base_weights, check in "
          "[probe]; did you mean 'R_nm'?"),
         ("R_nm = 12.0\n", "", "probe.R_nm = None: must be given"),
@@ -370,3 +370,23 @@ def test_a_command_that_computes_nothing_imports_nothing_heavy(args):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+# fit
+
+
+def test_a_measured_curve_is_fitted_by_the_command(tmp_path, capsys):
+    data, config, out = tmp_path / "apd.csv", tmp_path / "lever.toml", tmp_path / "fit.nc"
+    probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    curve = afm.distance_curve(afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=14.0), (12.0, 14.0))
+    curve.path("approach")[["amplitude_nm", "lag_deg"]].to_dataframe().to_csv(data, index=False)
+    fitted = "[fit]\nvary = {H_aJ = [0.01, 1.0]}\nsigma = {amplitude_nm = 0.03, lag_deg = 0.3}\nstart = {H_aJ = 0.15}\n"
+    config.write_text(LEVER + fitted)
+    with pytest.raises(SystemExit) as left:
+        cli.main(["afm", "fit", str(data), str(config), "-o", str(out), "--plot", str(tmp_path / "fit.png")])
+    assert not left.value.code
+    said = capsys.readouterr().out
+    assert saltus.load(out)["H_aJ"] == pytest.approx(0.12, rel=1e-6)
+    assert said.splitlines()[-2:] == [f"written  {out}", f"written  {tmp_path / 'fit.png'}"]
+    assert "chi2/n" in said

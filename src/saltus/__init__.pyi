@@ -57,6 +57,12 @@ from .errors import (
 from .explorer import (
     explore as explore,
 )
+from .fitting import (
+    Fit as Fit,
+    FitOptions as FitOptions,
+    MeasuredPoint as MeasuredPoint,
+    fit as fit,
+)
 from .flow import (
     Limits as Limits,
     Trajectory as Trajectory,

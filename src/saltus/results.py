@@ -51,6 +51,7 @@ _HOMES = {
     "Basins": "saltus.basins.map.basins",
     "ErosionProfile": "saltus.basins.measures.erosion",
     "Sweep": "saltus.sweeps.sweep",
+    "Fit": "saltus.fitting.result",
     "Curve": "saltus.afm.curve",
     "Bistability": "saltus.afm.bistable_region",
     "FrequencyShift": "saltus.afm.shift_curve",

@@ -10,12 +10,14 @@ from .curves import distance_curve as distance_curve, frequency_curve as frequen
 from .drive import Drive as Drive
 from .fold_search import bistability as bistability, tip_radius as tip_radius
 from .frequency_modulation import frequency_shift as frequency_shift
+from .identification import fit as fit
 from .laws.adhesive import JKR as JKR, Neck as Neck, Schwarz as Schwarz
 from .laws.contact import DMT as DMT, Hertz as Hertz, VanDerWaals as VanDerWaals
 from .laws.law import Law as Law
 from .laws.long_range import DLVO as DLVO, Hydration as Hydration, LennardJones as LennardJones, Morse as Morse
 from .laws.regions import Crossing as Crossing, Region as Region
 from .laws.viscous import SLS as SLS, Dashpot as Dashpot, KelvinVoigt as KelvinVoigt
+from .measured_curves import read_curve as read_curve
 from .modelling import model as model
 from .orbit_observables import observables as observables
 from .paper import table1 as table1

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 from saltus import checks
 from saltus.afm.curves import distance_curve, frequency_curve
 from saltus.afm.drive import Drive, Drives
+from saltus.afm.identification import fit
 from saltus.afm.laws import adhesive, contact, long_range, viscous
 from saltus.afm.laws.law import Law
+from saltus.afm.measured_curves import read_curve
 from saltus.afm.modelling import model
 from saltus.afm.probe import Probe
 from saltus.afm.readings import CONVENTIONS
@@ -21,9 +23,11 @@ from saltus.afm.sets import entries_of
 from saltus.config_files import attribute_of, called, read_toml
 from saltus.continuation import StepControl
 from saltus.errors import InputError, nearest
+from saltus.fitting import FitOptions
 
 if TYPE_CHECKING:
     from saltus.afm.curve import Curve
+    from saltus.fitting import Fit
     from saltus.progress import Report
     from saltus.system import HybridSystem
 
@@ -55,6 +59,8 @@ class Experiment:
         Whether an implausible place is refused.
     curve : mapping of str to object
         The table ``[curve]``; empty if there is none.
+    fit : mapping of str to object
+        The table ``[fit]``; empty if there is none.
     title, source : str
         What is described, and where its values come from.
     """
@@ -66,6 +72,7 @@ class Experiment:
     f_kHz: float | str = "f0"
     check: bool = True
     curve: Mapping[str, Any] = field(default_factory=dict)
+    fit: Mapping[str, Any] = field(default_factory=dict)
     title: str = ""
     source: str = ""
 
@@ -136,6 +143,30 @@ class Experiment:
         low = place - max(_BELOW * abs(place), _LEAST_BELOW_NM)
         high = place + max(abs(place), _LEAST_ABOVE_NM)
         return distance_curve(self.model(place), (low, high), progress=progress), place
+
+    def fitted(self, data: Path, progress: bool | Report = False) -> Fit:
+        """Return the fit to a measured curve that the table ``[fit]`` asks for.
+
+        Parameters
+        ----------
+        data : Path
+            A file that `saltus.afm.read_curve` reads.
+        progress : bool or callable, optional
+            As `saltus.afm.fit` takes it.
+
+        Raises
+        ------
+        InputError
+            There is no table ``[fit]``, or an entry cannot be used; as `saltus.afm.read_curve` and `saltus.afm.fit` do.
+        """
+        if not self.fit:
+            raise InputError(
+                "fit", None, "given: a table with vary = {H_aJ = [0.01, 1.0]}, sigma = {amplitude_nm = 0.03}"
+            )
+        table = read_curve(data)
+        gap = float(table["Zc_nm"].max()) if "Zc_nm" in table else None
+        found: Fit = called(partial(_fit, self.model(gap), table, progress), self.fit, "fit")
+        return found
 
 
 def read_experiment(path: Path) -> Experiment:
@@ -231,6 +262,7 @@ def _experiment(
     curve: object = None,
     title: str = "",
     source: str = "",
+    fit: object = None,
 ) -> Experiment:
     laws = [_law(table, folder) for table in _tables("law", law)]
     drives = [called(Drive, table, "drive") for table in _tables("drive", drive)]
@@ -242,6 +274,7 @@ def _experiment(
         f_kHz=f_kHz,
         check=checks.flag("check", check),
         curve={} if curve is None else _table("curve", curve),
+        fit={} if fit is None else _table("fit", fit),
         title=checks.text("title", title),
         source=checks.text("source", source),
     )
@@ -300,3 +333,22 @@ def _curve(
     checks.chosen("phase_convention", phase_convention, CONVENTIONS)
     found = make(system, (low, high), parameters=parameters, of=of, steps=control, starts=starts, progress=progress)
     return found.shown_as(phase_convention)
+
+
+def _fit(
+    system: HybridSystem,
+    data: object,
+    progress: bool | Report,
+    vary: object,
+    sigma: object,
+    jumps: bool = True,
+    start: object = None,
+    profile: Sequence[str] | None = None,
+) -> Fit:
+    bounds = {
+        name: checks.interval(f"fit.vary.{name}", limits, finite=True)
+        for name, limits in _table("fit.vary", vary).items()
+    }
+    options = FitOptions(start={} if start is None else _table("fit.start", start), profile=profile)
+    errors = _table("fit.sigma", sigma)
+    return fit(data, system, bounds, errors, jumps=checks.flag("fit.jumps", jumps), options=options, progress=progress)

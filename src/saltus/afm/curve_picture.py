@@ -9,7 +9,6 @@ import numpy as np
 from saltus import checks
 from saltus.afm.curve import Curve
 from saltus.afm.readings import readings_of
-from saltus.errors import InputError
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_pieces, draw_special, pieces_of
 
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-__all__ = ["panels_of", "plot_curve"]
+__all__ = ["plot_curve"]
 
 # The readings of each kind of picture, from the upper to the lower panel.
 PANELS = {
@@ -73,7 +72,7 @@ def plot_curve(
     if curve.phase_convention != "lag90":
         second = second.replace("lag_deg", "shown_phase_deg")
     style.check_options(None, ways=ways, special=special, legend=legend)
-    upper, lower = panels_of(ax)
+    upper, lower = style.panels_of(ax)
     for panel, name in ((upper, first), (lower, second)):
         text = curve.formula(name)
         draw_pieces(panel, [piece for branch in curve.branches for piece in pieces_of(branch, curve.along, text)])
@@ -89,19 +88,6 @@ def plot_curve(
     if legend:
         style.draw_legend(upper)
     return upper, lower
-
-
-def panels_of(ax: Sequence[Axes] | None) -> tuple[Axes, Axes]:
-    """Return two Axes, one above the other: those given, or new ones with a common axis below."""
-    if ax is None:
-        upper, lower = style.new_figure(figsize=(6.4, 6.4)).subplots(2, 1, sharex=True)
-        return upper, lower
-    from matplotlib.axes import Axes
-
-    given = [*ax] if not isinstance(ax, Axes) else [ax]
-    if len(given) != 2 or not all(isinstance(panel, Axes) for panel in given):
-        raise InputError("ax", ax, "two Axes, the upper and the lower one")
-    return given[0], given[1]
 
 
 def _draw_ways(panel: Axes, curve: Curve, name: str) -> None:

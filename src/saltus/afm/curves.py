@@ -12,12 +12,13 @@ from saltus import checks
 from saltus.afm.curve import Curve
 from saltus.afm.modelling import driven_mode, frequency_of, suffix
 from saltus.afm.readings import drives_of, formulas, turns_of
-from saltus.afm.routes import is_pulled_in, orbits_at, stretches_of
+from saltus.afm.routes import is_pulled_in, orbits_at
 from saltus.afm.settling import periods_of_patience, settled, starts_about, stays_in_contact
 from saltus.afm.units import check_changes
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
 from saltus.errors import ConvergenceError
+from saltus.fitting.sheets import stretches_of
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
 from saltus.orbits.orbit import extremes_of
 from saltus.system.evaluate import evaluate

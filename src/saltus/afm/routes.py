@@ -13,35 +13,20 @@ from saltus.afm.modelling import driven_mode, suffix
 from saltus.afm.settling import described, settled, stays_in_contact
 from saltus.continuation import Branch, SpecialPoint
 from saltus.errors import ConvergenceError, InputError
+from saltus.fitting.sheets import Stretch, stretches_of
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.orbit import extremes_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Landing", "Way", "is_pulled_in", "orbits_at", "stretches_of", "way_along"]
+__all__ = ["Landing", "Way", "is_pulled_in", "orbits_at", "way_along"]
 
 _BEYOND = (1e-3, 1e-2)  # shares of `_scale` by which a motion is moved beyond a fold; next to it nothing settles soon
 _WIDTHS = 10.0  # scale along the frequency, in widths of the resonance
 _SAME = 1e-4  # distance of extremes, over the largest one, up to which a settled motion is on a sheet
 _MOST_JUMPS = 50  # jumps on a way, at most
-_ROUNDING = 1e-12  # distance of a point from a grazing, relative, that is rounding
 _END = 1e-9  # distance from the end of the range, over the range, that is rounding
-
-
-class Stretch(NamedTuple):
-    """Consecutive stable motions of a branch, along which the parameter grows or falls all the time.
-
-    Attributes
-    ----------
-    sheet : int
-        The branch.
-    points : tuple of int
-        Its points, in the order of growing parameter.
-    """
-
-    sheet: int
-    points: tuple[int, ...]
 
 
 class Landing(NamedTuple):
@@ -92,34 +77,6 @@ def _told(orbit: PeriodicOrbit) -> str:
         pulled = "static pull-in: " if orbit.min["elastic_nN"] < 0.0 else ""
         return f"{pulled}beyond, the tip stays in {' and '.join(dict.fromkeys(m for m, _ in orbit.signature))}"
     return f"the motion settles on no sheet of the curve, but on {described(orbit)}"
-
-
-def stretches_of(branches: Sequence[Branch]) -> list[Stretch]:
-    """Return the stable stretches of branches."""
-    found = []
-    for sheet, branch in enumerate(branches):
-        good = _is_passed(branch)
-        for part in np.split(np.arange(len(branch)), np.flatnonzero(good[1:] != good[:-1]) + 1):
-            rising = np.diff(branch.values[part]) > 0.0
-            turns = np.flatnonzero(rising[1:] != rising[:-1]) + 1
-            for piece in np.split(part, turns) if good[part[0]] else []:
-                order = piece if branch.values[piece[-1]] >= branch.values[piece[0]] else piece[::-1]
-                found.append(Stretch(sheet, tuple(order.tolist())))
-    return found
-
-
-def _is_passed(branch: Branch) -> NDArray[np.bool_]:
-    """Return which points a way passes: the stable ones, and a grazing between two of them.
-
-    At a grazing the orbit's contact lasts for no time. Its stability is then that of its neighbours on both sides.
-    """
-    good: NDArray[np.bool_] = branch.stable & branch.admissible
-    grazings = [point.value(branch.parameter) for point in branch.special_points.of_type("GR")]
-    inner = np.arange(1, len(branch) - 1)
-    lonely = inner[~good[1:-1] & good[:-2] & good[2:]]
-    touching = [i for i in lonely if np.isclose(branch.values[i], grazings, rtol=_ROUNDING, atol=0.0).any()]
-    good[touching] = True
-    return good
 
 
 def way_along(

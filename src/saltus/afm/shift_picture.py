@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from saltus.afm.curve_picture import panels_of
 from saltus.afm.shift_curve import SHIFT_READINGS, FrequencyShift
-from saltus.plotting import plot
+from saltus.plotting import plot, style
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -41,7 +40,7 @@ def plot_shift(
         There is no such reading, or not two Axes.
     """
     shown = [(name, curve.column(name)) for name in (y, second)]
-    upper, lower = panels_of(ax)
+    upper, lower = style.panels_of(ax)
     for panel, (name, values) in zip((upper, lower), shown, strict=True):
         reading = SHIFT_READINGS[name]
         panel.plot(curve.column("Zc_nm"), values, ".-")

@@ -1,4 +1,4 @@
-"""The command ``saltus afm``: curves, observables and films of a probe over a sample; named parameter sets."""
+"""The command ``saltus afm``: curves, fits, observables and films of a probe over a sample; named parameter sets."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from saltus.errors import InputError
 if TYPE_CHECKING:
     from saltus.afm.curve import Curve
     from saltus.afm.stable_orbits import StableOrbits
+    from saltus.fitting import Fit
 
 __all__ = ["group"]
 
@@ -47,6 +48,51 @@ def curve(
     ] = None,
 ) -> None:
     """Follow all orbits along distance or frequency: jumps, grazings, the ways in and out."""
+    out = _checked_out(out, plot)
+    with interruptible():
+        from saltus.afm.configuration import read_experiment
+
+        experiment = read_experiment(config)
+        with bar("from afar") as progress:
+            found = experiment.traced(progress)
+        _write(found, out, plot)
+
+
+@group.command(no_args_is_help=True)
+def fit(
+    data: Annotated[
+        Path, typer.Argument(metavar="DATA.csv", help="A measured curve; its header names quantities with units.")
+    ],
+    config: Annotated[Path, _CONFIG],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE.nc", help="The fit, which saltus.load reads.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE", help="A picture of it as well, as .png or .svg.")
+    ] = None,
+) -> None:
+    """Find the parameters with which a measured curve fits; the table [fit] has vary and sigma."""
+    out = _checked_out(out, plot)
+    with interruptible():
+        from saltus.afm.configuration import read_experiment
+
+        with bar("the first curve") as progress:
+            found = read_experiment(config).fitted(data, progress)
+        _write(found, out, plot)
+
+
+def _write(found: Curve | Fit, out: Path, plot: Path | None) -> None:
+    """Write a result and its picture, and print what they are."""
+    found.save(out)
+    if plot is not None:
+        write_picture(found, plot, "--plot")
+    typer.echo(printable(repr(found)))
+    for path in (out, *([] if plot is None else [plot])):
+        typer.echo(f"written  {path}")
+
+
+def _checked_out(out: Path | None, plot: Path | None) -> Path:
+    """Return the file that a command writes; raise `InputError` where it or the picture cannot be written."""
     if out is None:
         raise InputError("--out", None, "given: the file that is written", "add -o FILE.nc")
     if out.suffix != ".nc":
@@ -54,18 +100,7 @@ def curve(
     writable_folder(out.parent)
     if plot is not None:
         checked_picture(plot, "--plot")
-    with interruptible():
-        from saltus.afm.configuration import read_experiment
-
-        experiment = read_experiment(config)
-        with bar("from afar") as progress:
-            found = experiment.traced(progress)
-        found.save(out)
-        if plot is not None:
-            write_picture(found, plot, "--plot")
-    typer.echo(printable(repr(found)))
-    for path in (out, *([] if plot is None else [plot])):
-        typer.echo(f"written  {path}")
+    return out
 
 
 @group.command(no_args_is_help=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -212,6 +212,19 @@ def new_figure(**options: Any) -> Figure:
     except ImportError as error:
         wanted = "a backend of matplotlib that can be used here"
         raise InputError("MPLBACKEND", get_backend(), wanted, f"agg can be; {error}") from error
+
+
+def panels_of(ax: Sequence[Axes] | None) -> tuple[Axes, Axes]:
+    """Return two Axes, one above the other: those given, or new ones with a common axis below."""
+    if ax is None:
+        upper, lower = new_figure(figsize=(6.4, 6.4)).subplots(2, 1, sharex=True)
+        return upper, lower
+    from matplotlib.axes import Axes
+
+    given = [*ax] if not isinstance(ax, Axes) else [ax]
+    if len(given) != 2 or not all(isinstance(panel, Axes) for panel in given):
+        raise InputError("ax", ax, "two Axes, the upper and the lower one")
+    return given[0], given[1]
 
 
 def check_matplotlib() -> None:

@@ -1,0 +1,285 @@
+"""Measured data as columns: a parameter, observables with their standard errors, the direction of each datum."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from saltus import checks
+from saltus.errors import InputError
+from saltus.flow.formulas import read_formula
+from saltus.orbits.observed import planned
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    from saltus.system import HybridSystem
+
+__all__ = ["DIRECTION", "Channel", "Measured", "MeasuredPoint", "read_measured", "read_table"]
+
+DIRECTION = "direction"  # column that says which way a datum was measured on
+_INDEX = "index"  # attribute of a table: columns that were its index
+_HARMONIC = re.compile(r"harmonic\((.*),\s*([^,]+)\)")
+
+
+class MeasuredPoint(NamedTuple):
+    """A measured value of the parameter at a special point, as of a jump or of the first contact.
+
+    Attributes
+    ----------
+    type : str
+        Type of the special point: ``SN``, ``PD``, ``TR`` or ``GR``.
+    value : float
+        The parameter there.
+    sigma : float
+        Its standard error.
+    direction : str
+        The way on which a jump was seen: ``up``, ``down``, or empty.
+
+    Examples
+    --------
+    >>> MeasuredPoint("SN", 1.81, 0.005, "up").sigma
+    0.005
+    """
+
+    type: str
+    value: float
+    sigma: float
+    direction: str = ""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A measured observable.
+
+    Attributes
+    ----------
+    name : str
+        Its column.
+    formulas : tuple of str
+        The observable of a model's orbit; amplitude and phase of a complex one.
+    values : ndarray, shape (datum,)
+        The data; complex ones where there are two formulas.
+    sigma : ndarray, shape (datum,)
+        Standard errors; of complex data those of the real and of the imaginary part.
+    turn : float
+        Angle after which the observable repeats; 0 of all others.
+    """
+
+    name: str
+    formulas: tuple[str, ...]
+    values: NDArray[Any]
+    sigma: NDArray[np.float64]
+    turn: float = 0.0
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether the data are complex."""
+        return len(self.formulas) == 2
+
+    @property
+    def rows(self) -> int:
+        """Residuals of each datum."""
+        return len(self.formulas)
+
+    def model(self, seen: NDArray[np.float64]) -> NDArray[Any]:
+        """Return the observable from values of its formulas, shape (formulas, ...)."""
+        return np.asarray(seen[0] * np.exp(1j * seen[1]) if self.is_complex else seen[0])
+
+    def residual(self, seen: NDArray[np.float64], which: NDArray[np.int64] | int) -> NDArray[np.float64]:
+        """Return model less data over sigma of some data, shape (rows, ...); angles by the shorter way round."""
+        away = self.model(seen) - self.values[which]
+        if self.turn:
+            away = away - self.turn * np.round(away / self.turn)
+        parts = [away.real, away.imag] if self.is_complex else [away]
+        return np.asarray(np.array(parts) / self.sigma[which])
+
+    def slopes(self, seen: NDArray[np.float64], slopes: NDArray[np.float64], which: int) -> NDArray[np.float64]:
+        """Return the derivatives of a datum's residuals from those of its formulas, shape (rows, parameters)."""
+        if not self.is_complex:
+            return np.asarray(slopes / self.sigma[which], dtype=np.float64)
+        turned = (slopes[0] + 1j * seen[0] * slopes[1]) * np.exp(1j * seen[1])
+        return np.asarray(np.array([turned.real, turned.imag]) / self.sigma[which])
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Data of one curve.
+
+    Attributes
+    ----------
+    along : str
+        The parameter.
+    x : ndarray, shape (datum,)
+        Its values.
+    channels : tuple of Channel
+        The observables.
+    direction : tuple of str
+        The way of each datum; empty texts where none is told.
+    points : tuple of MeasuredPoint
+        Measured special points.
+    dropped : int
+        Rows that were left out, since a number is missing.
+    unused : tuple of str
+        Columns that are not used.
+    """
+
+    along: str
+    x: NDArray[np.float64]
+    channels: tuple[Channel, ...]
+    direction: tuple[str, ...]
+    points: tuple[MeasuredPoint, ...] = ()
+    dropped: int = 0
+    unused: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    @property
+    def rows(self) -> int:
+        """Residuals of each datum."""
+        return sum(channel.rows for channel in self.channels)
+
+    @property
+    def count(self) -> int:
+        """Residuals of all data and special points."""
+        return self.rows * len(self) + len(self.points)
+
+    @property
+    def formulas(self) -> tuple[str, ...]:
+        """The observables of an orbit that all channels ask for."""
+        return tuple(dict.fromkeys(formula for channel in self.channels for formula in channel.formulas))
+
+    def with_points(self, points: Sequence[MeasuredPoint]) -> Measured:
+        """Return the same data with measured special points."""
+        return replace(self, points=tuple(points))
+
+
+def read_table(data: object) -> pd.DataFrame:
+    """Return data as a table: a DataFrame, a Dataset, or columns by name.
+
+    Raises
+    ------
+    InputError
+        The data are none of these, or columns have different lengths.
+    """
+    import pandas as pd
+    import xarray as xr
+
+    if isinstance(data, pd.DataFrame):
+        return _with_index(data)
+    if isinstance(data, xr.Dataset):
+        return _with_index(data.to_dataframe())
+    if not isinstance(data, Mapping):
+        raise InputError("data", data, "a pandas DataFrame, an xarray Dataset or columns by name")
+    columns = {str(name): np.atleast_1d(np.asarray(values)) for name, values in data.items()}
+    if len({values.shape for values in columns.values()}) > 1 or any(v.ndim > 1 for v in columns.values()):
+        sizes = {name: values.shape for name, values in columns.items()}
+        raise InputError("data", sizes, "columns of one length")
+    return pd.DataFrame(columns)
+
+
+def _with_index(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with named levels of its index as columns; attributes tell which these are."""
+    names = [name for name in table.index.names if name is not None and name not in table]
+    found = table.reset_index(level=names).reset_index(drop=True) if names else table.reset_index(drop=True)
+    found.attrs = {**table.attrs, _INDEX: [*table.attrs.get(_INDEX, ()), *names]}
+    return found
+
+
+def read_measured(
+    data: object,
+    along: str,
+    system: HybridSystem,
+    sigma: object,
+    observables: Mapping[str, str],
+    turns: Mapping[str, float],
+) -> Measured:
+    """Return the data of a table that are to be fitted.
+
+    Parameters
+    ----------
+    data : object
+        As `read_table` takes it.
+    along : str
+        The column of the parameter.
+    system : HybridSystem
+        Whose observables are measured.
+    sigma : object
+        Standard errors by the names of the observables' columns, each a number or one for each row.
+    observables : mapping of str to str
+        Observables of columns that have other names.
+    turns : mapping of str to float
+        Angles after which observables repeat.
+
+    Raises
+    ------
+    InputError
+        A column is missing or holds no numbers; a standard error is missing or not positive.
+    """
+    table = read_table(data)
+    errors = checks.mapping("sigma", sigma, "standard errors by column, as {'max(x)': 0.01}")
+    if not errors:
+        raise InputError("sigma", sigma, "the standard error of at least one column", "without it nothing is fitted")
+    known = [str(name) for name in table.columns]
+    for name in (along, *errors):
+        if name not in known:
+            raise InputError("data", known, f"with a column {name!r}")
+    x = _numbers(along, table[along].to_numpy(), complex_too=False)
+    channels = [
+        _channel(name, table[name].to_numpy(), errors[name], observables.get(name, name), system) for name in errors
+    ]
+    channels = [replace(one, turn=turns.get(one.name, one.turn)) for one in channels]
+    ways = table[DIRECTION].to_numpy() if DIRECTION in known else np.full(len(x), "", dtype=object)
+    whole = np.isfinite(x)
+    for channel in channels:
+        whole &= np.isfinite(channel.values)
+    if not whole.any():
+        raise InputError("data", f"{len(x)} rows", "at least one row without a missing number")
+    channels = [replace(one, values=one.values[whole], sigma=one.sigma[whole]) for one in channels]
+    unused = tuple(name for name in known if name not in (along, DIRECTION, *table.attrs.get(_INDEX, ()), *errors))
+    directions = tuple("" if way is None or way != way else str(way) for way in ways[whole])
+    return Measured(along, x[whole], tuple(channels), directions, (), int((~whole).sum()), unused)
+
+
+def _numbers(name: str, values: NDArray[Any], *, complex_too: bool) -> NDArray[Any]:
+    """Return a column of numbers; those that are missing are NaN."""
+    kind = np.complex128 if complex_too and np.iscomplexobj(values) else np.float64
+    try:
+        if values.dtype.kind in "bSUmM" or (kind is np.float64 and np.iscomplexobj(values)):
+            raise TypeError
+        return np.asarray(values, dtype=kind)
+    except (TypeError, ValueError):
+        wanted = "numbers" if complex_too else "real numbers"
+        raise InputError(f"column {name!r}", values[:3].tolist(), wanted) from None
+
+
+def _channel(name: str, values: NDArray[Any], sigma: object, text: str, system: HybridSystem) -> Channel:
+    """Return a measured observable; raise `InputError` where it is none, or its standard error cannot be used."""
+    numbers = _numbers(name, values, complex_too=True)
+    given = np.asarray(sigma, dtype=object)
+    if given.ndim == 0:
+        spread = np.full(len(numbers), checks.positive(f"sigma[{name!r}]", sigma))
+    else:
+        spread = checks.array(f"sigma[{name!r}]", sigma)
+        if spread.shape != numbers.shape:
+            raise InputError(f"sigma[{name!r}]", spread.shape, f"a number, or one for each of {len(numbers)} rows")
+        checks.refuse(f"sigma[{name!r}]", spread, ~(spread > 0.0), "positive")
+    found = _HARMONIC.fullmatch(checks.text("observable", text).strip())
+    if np.iscomplexobj(numbers) != (found is not None):
+        kind, wanted = ("complex", "'harmonic(x, 1)'") if found is None else ("real", "'amplitude(x, 1)'")
+        raise InputError(f"observable of column {name!r}", text, f"for {kind} data one such as {wanted}")
+    formulas = (text,) if found is None else (f"amplitude({found[1]}, {found[2]})", f"phase({found[1]}, {found[2]})")
+    planned(system, formulas)  # raises for what is no observable
+    turn = 0.0
+    if found is None and "(" in text:
+        turn = read_formula(system, text).turn
+        if not turn and "phase(" in text:
+            turn = 360.0 if "degrees(" in text else 2.0 * math.pi
+    return Channel(name, formulas, numbers, spread, turn)

@@ -1,0 +1,308 @@
+"""A fit as a result: values, errors, correlations, residuals, sheets, what the data do not tell."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import checks
+from saltus.contents import checked_texts
+from saltus.continuation import Branch
+from saltus.continuation.branch_files import RAGGED, branches_of, branches_together
+from saltus.errors import InputError
+from saltus.results import Result, frozen
+from saltus.system.plain import held_system
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from saltus.contents import Contents
+    from saltus.system import HybridSystem
+
+__all__ = ["Fit"]
+
+_CORRELATED = 0.95  # size of a correlation from which linear errors are not enough
+_OFF = 5.0  # residual in standard errors from which a datum is off every sheet
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Fit(Result):
+    """Parameters of a model from measured data; `saltus.fit` makes it.
+
+    Attributes
+    ----------
+    system : HybridSystem
+        The model.
+    along : str
+        The parameter along which the data were measured.
+    names : tuple of str
+        The varied parameters.
+    values, start : ndarray, shape (vary,)
+        Their best values, and where the search started.
+    bounds : ndarray, shape (2, vary)
+        Their least and greatest values.
+    covariance : ndarray, shape (vary, vary)
+        Of the values, by linear theory; infinite for what the data do not tell.
+    profiles : mapping of str to (float, float)
+        Interval in which the profile of the loss rises by at most 1, of parameters that were profiled.
+    branches : tuple of Branch
+        The model's branches at the best values.
+    data : xarray.Dataset
+        Along ``datum``: ``x``, the number of the ``sheet``, its ``side`` (-1 or 1 beyond an end, 0 within), and
+        ``direction``. Along ``datum`` and ``row``: ``residual``, in standard errors. Along ``datum`` and ``channel``:
+        ``measured``, ``model`` and ``sigma``; ``_im`` is added for imaginary parts. Along ``special_datum``: measured
+        special points.
+    formulas : mapping of str to tuple of str
+        The observables of each channel: one, or amplitude and phase of complex data.
+    evaluations : int
+        How often the branches were traced.
+    stopped : str
+        Why the search ended.
+    notes : tuple of str
+        What was found about the data, and what they do not tell.
+    """
+
+    system: HybridSystem
+    along: str
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+    start: NDArray[np.float64]
+    bounds: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    branches: tuple[Branch, ...]
+    data: xr.Dataset
+    formulas: Mapping[str, tuple[str, ...]]
+    evaluations: int
+    stopped: str
+    profiles: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("values", "start", "bounds", "covariance"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.values[self.names.index(checks.chosen("parameter", name, self.names))])
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """All parameters of the model at the optimum, without the one along which the data were measured."""
+        known = {**self.branches[0].parameters, **dict(zip(self.names, self.values.tolist(), strict=True))}
+        return {name: value for name, value in known.items() if name != self.along}
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Standard errors of the varied parameters, by linear theory."""
+        return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def correlation(self) -> pd.DataFrame:
+        """Correlations of the varied parameters; NaN where the data do not tell one."""
+        import pandas as pd
+
+        spread = np.sqrt(np.diag(self.covariance))
+        with np.errstate(invalid="ignore"):
+            table = np.where(np.isfinite(np.outer(spread, spread)), self.covariance / np.outer(spread, spread), np.nan)
+        return pd.DataFrame(table, index=list(self.names), columns=list(self.names))
+
+    @property
+    def residuals(self) -> NDArray[np.float64]:
+        """All residuals in standard errors: data row after row, then special points."""
+        return np.concatenate([self.data["residual"].to_numpy().T.ravel(), self.data["special_residual"].to_numpy()])
+
+    @property
+    def chi2(self) -> float:
+        """Sum of the squared residuals."""
+        return float(self.residuals @ self.residuals)
+
+    @property
+    def chi2_per_datum(self) -> float:
+        """Sum of the squared residuals over their number; about 1 where the standard errors are those of the data."""
+        return self.chi2 / self.residuals.size
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a table of the varied parameters: value, standard error, profile, start and bounds."""
+        import pandas as pd
+
+        rows = [
+            {
+                "parameter": name, "value": self.values[i], "error": self.errors[name],
+                "profile_low": self.profiles.get(name, (np.nan, np.nan))[0],
+                "profile_high": self.profiles.get(name, (np.nan, np.nan))[1],
+                "start": self.start[i], "low": self.bounds[0, i], "high": self.bounds[1, i],
+            }
+            for i, name in enumerate(self.names)
+        ]  # fmt: skip
+        return pd.DataFrame(rows).set_index("parameter")
+
+    def to_lmfit(self) -> Any:
+        """Return the fit as lmfit's `MinimizerResult`, for its reports; needs the extra ``saltus[fit]``.
+
+        Raises
+        ------
+        InputError
+            lmfit is not installed.
+        """
+        try:
+            from lmfit import Parameters
+            from lmfit.minimizer import MinimizerResult
+        except ImportError as missing:
+            raise InputError("lmfit", None, "installed", "python -m pip install 'saltus[fit]'") from missing
+        parameters, table = Parameters(), self.correlation
+        for i, name in enumerate(self.names):
+            low, high = self.bounds[:, i]
+            parameters.add(name, float(self.values[i]), min=float(low), max=float(high))
+            parameters[name].init_value = float(self.start[i])
+            error = self.errors[name]
+            parameters[name].stderr = error if np.isfinite(error) else None
+            others = [other for other in self.names if other != name and np.isfinite(table.loc[name, other])]
+            parameters[name].correl = {other: float(table.loc[name, other]) for other in others}
+        result = MinimizerResult(
+            params=parameters, var_names=list(self.names), init_vals=self.start.tolist(),
+            init_values=dict(zip(self.names, self.start.tolist(), strict=True)), covar=np.array(self.covariance),
+            residual=self.residuals, nfev=self.evaluations, method="saltus", success="optimum" in self.stopped,
+            errorbars=bool(np.all(np.isfinite(self.covariance))), message=self.stopped, nvarys=len(self.names),
+            ndata=self.residuals.size, aborted=self.stopped.startswith("interrupted"), scale_covar=False,
+        )  # fmt: skip
+        result._calculate_statistics()
+        return result
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the fit as a Dataset: parameters along ``vary``, data along ``datum``, branches along ``point``."""
+        import xarray as xr
+
+        data, coords = branches_together(self.branches, "sheet_of")
+        own: dict[str, Any] = {
+            "fitted": ("vary", self.values),
+            "started": ("vary", self.start),
+            "bound": (("bound_end", "vary"), self.bounds),
+            "covariance": (("vary", "vary_other"), self.covariance),
+            "profile": (
+                ("vary", "profile_end"),
+                np.array([self.profiles.get(n, (np.nan, np.nan)) for n in self.names]),
+            ),
+        }
+        own |= {f"fit_{name}": variable.variable for name, variable in self.data.data_vars.items()}
+        coords |= {"vary": list(self.names), "channel": self.data["channel"].to_numpy()}
+        attrs = {
+            "along": self.along,
+            "definition": json.dumps(self.system.definition()),
+            "evaluations": self.evaluations,
+            "stopped": self.stopped,
+            "formulas": json.dumps({name: list(one) for name, one in self.formulas.items()}),
+            "notes": json.dumps(list(self.notes)),
+            "ragged": RAGGED,
+        }
+        return xr.Dataset(data | own, coords, attrs)
+
+    @classmethod
+    def _read(cls, held: Contents) -> Fit:
+        system, along = held_system(held), held.text("along")
+        checks.chosen("attribute 'along'", along, system.parameter_names)
+        names = tuple(map(str, held.array("vary", ("vary",), str).tolist()))
+        for name in names:
+            checks.chosen("vary", name, system.parameter_names)
+        count = len(names)
+        held.expect(vary_other=count, bound_end=2, profile_end=2)
+        found = branches_of(held, "sheet_of", [False] * held.size("sheet_of", least=1), along)
+        profile = held.array("profile", ("vary", "profile_end"), finite=False)
+        covariance = held.array("covariance", ("vary", "vary_other"), finite=False)
+        return cls(
+            system=system,
+            along=along,
+            names=names,
+            values=held.array("fitted", ("vary",)),
+            start=held.array("started", ("vary",)),
+            bounds=held.array("bound", ("bound_end", "vary")),
+            covariance=covariance,
+            branches=tuple(branch for branch in found if branch is not None),
+            data=_data_of(held),
+            formulas=_formulas_of(held),
+            evaluations=held.count("evaluations"),
+            stopped=held.text("stopped"),
+            profiles={
+                name: (float(low), float(high))
+                for name, (low, high) in zip(names, profile, strict=True)
+                if np.isfinite(low) and np.isfinite(high)
+            },
+            notes=tuple(held.texts("notes")),
+        )
+
+    def __repr__(self) -> str:
+        count, of_points = self.data.sizes["datum"], self.data.sizes["special_datum"]
+        more = f" and {of_points} special points" if of_points else ""
+        lines = [
+            f"Fit of {self.system.name or 'a hybrid system'} along {self.along}: {count} data{more},"
+            f" chi2/n = {self.chi2_per_datum:.3f}"
+        ]
+        wide = max(len(name) for name in self.names)
+        for i, name in enumerate(self.names):
+            error = self.errors[name]
+            known = f"+- {error:.2g}" if np.isfinite(error) else "not told by the data"
+            lines.append(f"  {name:{wide}}  {self.values[i]:.8g} {known}" + self._interval(name))
+        lines += [f"  {text}" for text in self._sheets()]
+        table = self.correlation.to_numpy()
+        for i, j in combinations(range(len(self.names)), 2):
+            if abs(table[i, j]) > _CORRELATED:
+                lines.append(f"  {self.names[i]} and {self.names[j]} correlate by {table[i, j]:.3f}")
+        lines += [f"  {note}" for note in self.notes]
+        return "\n".join([*lines, f"  {self.stopped}, after {self.evaluations} evaluations"])
+
+    def _interval(self, name: str) -> str:
+        if name not in self.profiles:
+            return ""
+        low, high = self.profiles[name]
+        return f", profile {low:.6g} to {high:.6g}"
+
+    def _sheets(self) -> list[str]:
+        """Return in words how the data lie on the sheets."""
+        sheet, side = self.data["sheet"].to_numpy(), self.data["side"].to_numpy()
+        told = [f"sheet {number}: {int((sheet == number).sum())} data" for number in np.unique(sheet)]
+        lines = [", ".join(told)]
+        if beyond := int((side != 0).sum()):
+            lines.append(f"{beyond} data lie beyond the end of their sheet, and are compared with its last orbits")
+        if off := int((np.abs(self.data["residual"].to_numpy()) > _OFF).any(axis=1).sum()):
+            lines.append(f"{off} data lie more than {_OFF:g} standard errors off every stable sheet")
+        if missed := int((np.abs(self.data["special_residual"].to_numpy()) > _OFF).sum()):
+            lines.append(f"{missed} special points lie more than {_OFF:g} standard errors off those of the model")
+        return lines
+
+
+def _data_of(held: Contents) -> xr.Dataset:
+    """Return the data in a file, checked."""
+    import xarray as xr
+
+    each = ("datum", "channel")
+    held.size("datum", least=1)
+    held.size("row", least=1)
+    names = held.array("channel", ("channel",), str)
+    data: dict[str, Any] = {"x": ("datum", held.array("fit_x", ("datum",)))}
+    data["side"] = ("datum", held.array("fit_side", ("datum",), int, least=-1, most=1))
+    data["sheet"] = ("datum", held.array("fit_sheet", ("datum",), int, least=0))
+    data["direction"] = ("datum", held.array("fit_direction", ("datum",), str))
+    data["residual"] = (("datum", "row"), held.array("fit_residual", ("datum", "row")))
+    for name in ("measured", "measured_im", "model", "model_im", "sigma"):
+        data[name] = (each, held.array(f"fit_{name}", each))
+    for name in ("special_value", "special_sigma", "special_residual"):
+        data[name] = ("special_datum", held.array(f"fit_{name}", ("special_datum",)))
+    data["turn"] = ("channel", held.array("fit_turn", ("channel",), least=0.0))
+    data["special_type"] = ("special_datum", held.array("fit_special_type", ("special_datum",), str))
+    return xr.Dataset(data, {"channel": names})
+
+
+def _formulas_of(held: Contents) -> dict[str, tuple[str, ...]]:
+    """Return the observables of the channels in a file, checked."""
+    names = held.array("channel", ("channel",), str).tolist()
+    found = {
+        name: tuple(checked_texts(one, f"formulas of {name}")) for name, one in held.json("formulas", dict).items()
+    }
+    if list(found) != names or sum(map(len, found.values())) != held.size("row"):
+        raise InputError("attribute 'formulas'", list(found), f"one for each row of residuals of {', '.join(names)}")
+    return found

@@ -1,0 +1,108 @@
+"""Fits of models to distance and frequency curves: values that made the data are found again."""
+
+import numpy as np
+import pytest
+
+from saltus import FitOptions, InputError, MeasuredPoint, afm
+from saltus.fitting.sheets import sheets_of
+
+TRUE = {"H_aJ": 0.12, "E_GPa": 1.5, "c_uNs_m": 2.0, "Zc_nm": 8.5}
+SIGMA = {"amplitude_nm": 0.03, "lag_deg": 0.3}
+VARY = {"H_aJ": (0.01, 1.0), "E_GPa": (0.05, 20.0), "c_uNs_m": (0.0, 20.0), "Zc_nm": (6.0, 12.0)}
+
+
+def lever(**changes):
+    values = TRUE | changes
+    probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    law = afm.VanDerWaals(H_aJ=values["H_aJ"], a0_nm=0.3) + afm.DMT(E_GPa=values["E_GPa"])
+    law = law + afm.Dashpot(c_uNs_m=values["c_uNs_m"])
+    return afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=values["Zc_nm"])
+
+
+@pytest.fixture(scope="module")
+def tune():
+    return afm.frequency_curve(lever(), (298.5, 301.0))
+
+
+def swept(curve, values):
+    """Readings on both ways, without noise."""
+    jumps = {jump.direction: jump.value for jump in real_jumps(curve)}
+    rows = []
+    for way, first, sign in zip(curve.directions, (0, -1), (-1.0, 1.0), strict=True):
+        for value in values:
+            found = [afm.observables(orbit) for orbit in curve.at(value) if orbit.stable]
+            found.sort(key=lambda one: one["lag_deg"], reverse=curve.along == "f_kHz")
+            jumped = sign * value > sign * jumps[way]
+            seen = found[-1 - first if jumped else first]
+            rows.append((value, seen["amplitude_nm"], seen["lag_deg"], way))
+    names = (curve.along, "amplitude_nm", "lag_deg", "direction")
+    return {name: [row[k] for row in rows] for k, name in enumerate(names)}
+
+
+def real_jumps(curve):
+    """Jumps at which the amplitude changes."""
+    return [jump for jump in curve.jumps if abs(jump.after_nm - jump.before_nm) > 0.1]
+
+
+@pytest.fixture(scope="module")
+def folds(tune):
+    return [MeasuredPoint("SN", jump.value, 0.005, jump.direction) for jump in real_jumps(tune)]
+
+
+def test_three_unknowns_are_found_by_a_distance_curve():
+    curve = afm.distance_curve(lever(c_uNs_m=0.3), (4.0, 14.0))
+    data = swept(curve, np.linspace(6.0, 13.0, 15))
+    ways = {"approach": "down", "retract": "up"}
+    points = [MeasuredPoint("SN", jump.value, 0.05, ways[jump.direction]) for jump in real_jumps(curve)]
+    vary = {name: VARY[name] for name in ("H_aJ", "E_GPa", "c_uNs_m")}
+    start = lever(H_aJ=0.14, E_GPa=1.2, c_uNs_m=0.36)
+    found = afm.fit(data, start, vary, SIGMA, jumps=points, options=FitOptions(profile=()))
+    assert found.values == pytest.approx([0.12, 1.5, 0.3], rel=1e-5)
+    assert found.stopped == "the optimum is found"
+    assert abs(found.correlation.loc["H_aJ", "E_GPa"]) > 0.5
+
+
+def test_the_radius_enters_as_a_product_and_a_root_only(tune, folds):
+    """R dA/dR = H dA/dH + E/2 dA/dE: the data do not change along H -1 %, R +1 %, E -0.5 %."""
+    data = swept(tune, np.linspace(298.9, 300.5, 5))
+    vary = {"H_aJ": (0.01, 1.0), "E_GPa": (0.05, 20.0), "R_nm": (5.0, 30.0)}
+    found = afm.fit(data, lever(), vary, SIGMA, jumps=folds)
+    (note,) = [note for note in found.notes if "combination" in note]
+    assert "H_aJ +1 %, E_GPa +0.5 %, R_nm -1 %" in note or "H_aJ -1 %, E_GPa -0.5 %, R_nm +1 %" in note
+    assert all(np.isinf(error) for error in found.errors.values())
+
+
+def test_frequencies_in_hertz_and_lags_of_another_turn_are_the_same_data(tune, folds):
+    data = swept(tune, np.linspace(298.9, 300.5, 5))
+    same = {"f_Hz": 1e3 * np.array(data["f_kHz"]), "amplitude_nm": data["amplitude_nm"], "direction": data["direction"]}
+    same["lag_deg"] = np.array(data["lag_deg"]) - 360.0
+    found = afm.fit(same, lever(H_aJ=0.13), {"H_aJ": (0.01, 1.0)}, SIGMA, jumps=folds)
+    assert found["H_aJ"] == pytest.approx(0.12, rel=1e-6)
+
+
+BAD = {
+    "no curve": ({"data": {"amplitude_nm": [1.0]}}, "one column of Zc_nm, f_kHz or f_Hz"),
+    "two frequencies": ({"data": {"f_kHz": [300.0], "f_Hz": [3e5], "amplitude_nm": [1.0]}}, "f_kHz or f_Hz"),
+    "implausible": ({"vary": {"H_aJ": (0.01e-18, 1e-18)}}, "H_aJ"),
+    "unknown": ({"vary": {"H": (0.01, 1.0)}}, "H"),
+    "no reading": ({"sigma": {"height_nm": 1.0}}, "with a column 'height_nm'"),
+    "a parameter of contact far away": (
+        {"data": {"Zc_nm": [30.0, 31.0, 32.0], "amplitude_nm": [12.0] * 3}, "vary": {"E_GPa": (0.1, 10.0)}},
+        "vary = 'E_GPa': must be parameters on which a datum depends",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_bad_input_is_told(what):
+    given, message = BAD[what]
+    data = {"Zc_nm": [20.0, 21.0], "amplitude_nm": [12.0, 12.0]}
+    arguments = {"data": data, "vary": {"H_aJ": (0.01, 1.0)}, "sigma": {"amplitude_nm": 0.1}} | given
+    with pytest.raises(InputError, match=message):
+        afm.fit(model=lever(), **arguments)
+
+
+def test_a_motion_that_only_begins_to_touch_parts_no_sheet(tune):
+    """Contact begins on the stable sheets: the curve has one jump on each way, and two stable sheets."""
+    assert [jump.direction for jump in tune.jumps] == ["down", "up"]
+    assert len(sheets_of(tune.branches)) == 2
