@@ -133,8 +133,15 @@ def test_quantities_can_be_chosen_and_wrong_ones_are_told(takens):
     assert not _dots(ax)
     assert ax.get_legend() is None
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$x$", "$y$")
-    with pytest.raises(InputError, match="quantity = 'max_x'"):
-        takens.plot("b1", "max_x")
+    with pytest.raises(InputError, match="quantity = 'max_w'"):
+        takens.plot("b1", "max_w")
+
+
+def test_extremes_of_a_motion_at_rest_are_its_state(takens):
+    for mine, theirs in zip(_lines(takens.plot("b1", "max_x")), _lines(takens.plot("b1", "x")), strict=True):
+        assert np.array_equal(mine.get_xydata(), theirs.get_xydata())
+    point = takens.special_points[0]
+    assert takens.value_at(point, "min_y") == takens.value_at(point, "y")
 
 
 def test_a_saved_branch_is_drawn_the_same(chua, tmp_path):

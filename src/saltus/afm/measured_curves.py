@@ -50,7 +50,7 @@ def read_curve(path: str | os.PathLike[str]) -> pd.DataFrame:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = f"{folder}/tune.csv"
     ...     with open(file, "w") as stream:
-    ...         _ = stream.write("f_kHz,amplitude_nm,lag_deg,direction\\n299.5,7.25,60.0,up\\n")
+    ...         _ = stream.write("f_kHz,amplitude_nm,lag_deg,direction\n299.5,7.25,60.0,up\n")
     ...     read_curve(file)
        f_kHz  amplitude_nm  lag_deg direction
     0  299.5          7.25     60.0        up

@@ -213,7 +213,8 @@ class PeriodicOrbit(Result):
             There is no such parameter.
         """
         p = self.system.parameter_vector(self.parameters)
-        known, wanted = self.system.parameter_names, (active,) if isinstance(active, str) else active
+        known = self.system.parameter_names
+        wanted = (active,) if isinstance(active, str) else checks.names("active", active, "names of parameters")
         index = [known.index(name if name in known else checks.chosen("active", name, known)) for name in wanted]
         scale = checks.positive("scale", scale)
         problem = OrbitProblem(self.system, self.form, p, index, np.full(len(index), scale), self.tolerance)
