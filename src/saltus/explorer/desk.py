@@ -73,12 +73,18 @@ class Desk:
         self._jobs: dict[int, Job] = {}
         self._unwritten: list[Entry] = []
         self._warming: int | None = None
-        self._companion.start()
 
     @property
     def busy(self) -> bool:
         """Whether work is under way."""
         return bool(self._jobs)
+
+    def start(self) -> None:
+        """Start the process that works, before there is work."""
+        try:
+            self._companion.start()
+        except SaltusError as error:
+            self.listener.told(str(error), error=True)
 
     def taken_by(self, listener: Listener) -> None:
         """Let another page show this session from now on."""

@@ -35,6 +35,7 @@ _PACE = 40  # milliseconds between two looks at what the companion says
 _PERIODS = 60  # periods of the motion that a click on a cell runs
 _SPANS = 30.0  # periods of the selected orbit, of a system without a phase
 _SEEDS = 64  # motions in the search for attractors
+_MOTIONS = 1000  # motions for which trapping regions are made: few, so that the first picture comes soon
 
 
 class Page(Listener):
@@ -210,8 +211,8 @@ class Page(Listener):
         if known is not None:
             found(known)
             return
-        motions, interval = counts[0] ** 2, self.basins.interval
-        step = Attract(parameters=parameters, region=region, seeds=_SEEDS, motions=motions, interval=interval)
+        interval = self.basins.interval
+        step = Attract(parameters=parameters, region=region, seeds=_SEEDS, motions=_MOTIONS, interval=interval)
         self.run(step, found)
 
     def _follow_cell(self, x0: list[float]) -> None:
@@ -311,6 +312,7 @@ class Page(Listener):
 
     def begin(self) -> None:
         """Find a first orbit where a session has nothing yet; of a smooth autonomous system an equilibrium."""
+        self.desk.start()
         if not self.session.entries:
             settings, system = self.session.settings, self.session.system
             find = FindOrbit if system.phase is not None or system.transitions else FindEquilibrium
