@@ -103,6 +103,10 @@ class AlgebraicCurve(Result, Generic[Solved]):
         """Return what only this kind of curve has, by name."""
         return {}
 
+    def _known_as(self, name: str) -> str:
+        """Return the name under which a column is held."""
+        return name
+
     def __len__(self) -> int:
         return len(self.values)
 
@@ -127,7 +131,8 @@ class AlgebraicCurve(Result, Generic[Solved]):
         Parameters
         ----------
         name : str
-            A varied parameter, a state, an output or ``arclength``; of a cycle that at its first point.
+            A varied parameter, a state, an output or ``arclength``; of a cycle that at its first point. Of equilibria
+            also an extreme, as ``max_x``, so that they and cycles are drawn on the same axes.
 
         Returns
         -------
@@ -139,7 +144,7 @@ class AlgebraicCurve(Result, Generic[Solved]):
         InputError
             A quantity of another name.
         """
-        columns = self._columns()
+        columns, name = self._columns(), self._known_as(name)
         outputs = [q for q in self.system.output_names if q not in columns]
         checks.chosen("quantity", name, [*columns, *outputs])
         if name in columns:
@@ -166,7 +171,7 @@ class AlgebraicCurve(Result, Generic[Solved]):
         InputError
             A quantity of another name, or no special point.
         """
-        found = checks.instance("point", point, SpecialPoint).solution
+        found, name = checks.instance("point", point, SpecialPoint).solution, self._known_as(name)
         checks.chosen("quantity", name, dict.fromkeys([*self._columns(), *self.system.output_names]))
         if name in self.varied:
             return float(found.parameters[name])

@@ -16,7 +16,7 @@ from saltus.continuation.algebraic_curve import (
     special_variables_of,
 )
 from saltus.continuation.curve_files import complex_table
-from saltus.continuation.special_points import SpecialPoint, SpecialPoints
+from saltus.continuation.special_points import SpecialPoints
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.equilibrium import equilibrium_at
 from saltus.equilibria.problem import EquilibriumProblem
@@ -69,51 +69,8 @@ class EquilibriumCurve(AlgebraicCurve[Equilibrium]):
     def _first_states(self) -> NDArray[np.float64]:
         return self.states
 
-    def column(self, name: str) -> NDArray[np.float64]:
-        """Return a quantity along the curve.
-
-        Parameters
-        ----------
-        name : str
-            A varied parameter, a state, an output or ``arclength``. Extremes, as ``max_x``, are those of a motion at
-            rest, so that equilibria and cycles are drawn on the same axes.
-
-        Returns
-        -------
-        ndarray, shape (point,)
-            In the units of the definition.
-
-        Raises
-        ------
-        InputError
-            A quantity of another name.
-        """
-        return super().column(self._at_rest(name))
-
-    def value_at(self, point: SpecialPoint[Equilibrium], name: str) -> float:
-        """Return the quantity that `column` names at a special point.
-
-        Parameters
-        ----------
-        point : SpecialPoint
-            One of the curve's.
-        name : str
-            As `column` takes it.
-
-        Returns
-        -------
-        float
-            In the units of the definition.
-
-        Raises
-        ------
-        InputError
-            A quantity of another name, or no special point.
-        """
-        return super().value_at(point, self._at_rest(name))
-
-    def _at_rest(self, name: str) -> str:
-        """Return a state or an output where its least or greatest value is named, else the name."""
+    def _known_as(self, name: str) -> str:
+        """Return a state or an output where its least or greatest value is named: those of a motion at rest."""
         whose = name[4:] if isinstance(name, str) and name[:4] in ("min_", "max_") else ""
         return whose if whose in (*self.system.states, *self.system.output_names) else name
 
