@@ -108,7 +108,7 @@ def test_another_branch_and_a_cascade_start_at_a_period_doubling(screen):
     screen.click_mark("PD2")
     screen.page.click(".switch")
     assert "Branch" in screen.wait("branch2")
-    screen.click_mark("PD2")
+    screen.until("selected", "branch1 PD2")  # what was selected stays so while results come
     screen.page.click(".cascade")
     assert "Cascade" in screen.wait("cascade1")
     screen.page.click(".undo")

@@ -36,6 +36,8 @@ _CONFIG = typer.Argument(
     "else one that Python finds.",
 )
 
+_PLOT = typer.Option("--plot", metavar="FILE", help="A picture of it as well, as .png or .svg.")
+
 
 @group.command(no_args_is_help=True)
 def curve(
@@ -43,9 +45,7 @@ def curve(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="FILE.nc", help="The curve, which saltus.load reads.")
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="A picture of it as well, as .png or .svg.")
-    ] = None,
+    plot: Annotated[Path | None, _PLOT] = None,
 ) -> None:
     """Follow all orbits along distance or frequency: jumps, grazings, the ways in and out."""
     out = _checked_out(out, plot)
@@ -67,9 +67,7 @@ def fit(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="FILE.nc", help="The fit, which saltus.load reads.")
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="A picture of it as well, as .png or .svg.")
-    ] = None,
+    plot: Annotated[Path | None, _PLOT] = None,
 ) -> None:
     """Find the parameters with which a measured curve fits; the table [fit] has vary and sigma."""
     out = _checked_out(out, plot)

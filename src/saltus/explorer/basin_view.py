@@ -127,6 +127,8 @@ class BasinView:
 
     def show(self, basins: Basins) -> None:
         """Show basins over two coordinates."""
+        if basins is self._basins:
+            return
         self._basins = basins
         x, y = basins.grid.names
         (left, right), (low, high) = ((float(axis[0]), float(axis[-1])) for axis in basins.grid.axes)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["explore", "open_explorer", "subject_of"]
 
-_LOOPBACK = ("127.0.0.1", "localhost")
+_SHORTEST = 12  # characters of a token, at least
 
 
 def explore(
@@ -133,9 +133,9 @@ def open_explorer(
         ``saltus[app]`` is not installed.
     """
     _check_installed()
-    from saltus.explorer.server import Address, Office, free_port, home_folder, serve
+    from saltus.explorer.server import LOOPBACK, Address, Office, free_port, home_folder, serve
 
-    if host not in _LOOPBACK and not token:
+    if host not in LOOPBACK and not token:
         raise InputError("--host", host, "127.0.0.1, or given with --token", "others could use the page otherwise")
     if token is not None and len(token) < _SHORTEST:
         raise InputError("--token", token, f"of at least {_SHORTEST} characters")
@@ -145,9 +145,6 @@ def open_explorer(
     given = {} if token is None else {"token": token}
     address = Address(host, free_port(host, number), **given)
     serve(office, address, opened=told, session=session, browser=browser)
-
-
-_SHORTEST = 12  # characters of a token, at least
 
 
 def _check_installed() -> None:

@@ -27,12 +27,10 @@ class ListView:
         What is shown.
     changed : callable
         Called when a result is hidden or shown.
-    select : callable
-        Called with the name of a result that is to be shown at the right side.
     """
 
-    def __init__(self, session: Session, changed: Callable[[], None], select: Callable[[str], None]) -> None:
-        self._session, self._changed, self._select = session, changed, select
+    def __init__(self, session: Session, changed: Callable[[], None]) -> None:
+        self._session, self._changed = session, changed
         self.panel = widgets.column(name="results")
 
     def show(self, colour: Callable[[int], str], unseen: dict[str, str]) -> None:

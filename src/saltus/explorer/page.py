@@ -64,7 +64,7 @@ class Page(Listener):
         self.parameters = ParameterView(self.session, self._settings_changed)
         self.starts = StartView(self.session, self.run, self._observed)
         self.actions = ActionView(self.session, self.run, self._film_wanted)
-        self.list = ListView(self.session, self._hidden_changed, lambda name: self.select(Place(of=name)))
+        self.list = ListView(self.session, self._hidden_changed)
         self._file = widgets.upload("open-session")
         self._file.param.watch(lambda event: self._open(event.new, uploaded), "value")
         self.undo = widgets.button("Undo", "undo", tip="drop the last result")

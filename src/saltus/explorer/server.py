@@ -24,9 +24,9 @@ from saltus.explorer.subjects import Subject, built_in, titles
 if TYPE_CHECKING:
     from saltus.explorer.page import Page
 
-__all__ = ["Address", "Office", "home_folder", "serve"]
+__all__ = ["LOOPBACK", "Address", "Office", "home_folder", "serve"]
 
-_LOOPBACK = ("127.0.0.1", "localhost")
+LOOPBACK = ("127.0.0.1", "localhost")  # names of this machine for itself
 _PORT = 8710  # tried first
 _UPLOAD = 2**26  # bytes that a session's file may have
 _COOKIE = "saltus_token"
@@ -53,7 +53,7 @@ class Address:
     @property
     def names(self) -> frozenset[str]:
         """What browsers may call the server: other names are those of other sites."""
-        hosts = {self.host, *_LOOPBACK} if self.host in _LOOPBACK else {self.host, socket.gethostname()}
+        hosts = {self.host, *LOOPBACK} if self.host in LOOPBACK else {self.host, socket.gethostname()}
         return frozenset(f"{name}:{self.port}" for name in hosts)
 
 
@@ -78,7 +78,6 @@ class Office:
     def __init__(self, subject: Subject | None, home: Path) -> None:
         self.subject, self.home = subject, home
         self._desks: dict[str, Desk] = {}
-        self._spare: Desk | None = None
 
     def desk(self, name: str | None, system: str | None = None) -> Desk:
         """Return the desk of a session, reopened if it exists, else that of a new session.
