@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import pickle
+import signal
 
 import numpy as np
 import pytest
+from scipy.stats import qmc
 
 import saltus
 from discrete import HENON, LOGISTIC, TENT
@@ -198,6 +200,21 @@ def test_basins_of_a_map_in_billionths_are_the_same(henon):
     one = map_basins(HENON, {}, {"x": (-2, 2, 150), "y": (-2, 2, 150)}, henon)
     other = map_basins(small, {}, {"x": (-2 * unit, 2 * unit, 150), "y": (-2 * unit, 2 * unit, 150)}, found)
     assert np.mean(one.labels != other.labels) < 1e-4
+
+
+def test_an_interrupt_waits_until_the_sequence_of_starts_is_made(monkeypatch):
+    made = []
+
+    class Slow(qmc.Sobol):
+        def __init__(self, *given, **named):
+            signal.raise_signal(signal.SIGINT)
+            super().__init__(*given, **named)
+            made.append(self)
+
+    monkeypatch.setattr(qmc, "Sobol", Slow)
+    with pytest.raises(KeyboardInterrupt):
+        find_attractors(HENON, {}, SQUARE)
+    assert len(made) == 1
 
 
 def test_files_and_stores_hold_basins_of_maps(henon, roots, tmp_path, monkeypatch):

@@ -147,6 +147,16 @@ def test_a_sweep_is_stopped_and_what_is_done_is_kept(screen):
     screen.wait("orbit2")
 
 
+@desk_alone
+def test_a_click_right_after_a_change_is_not_lost(screen):
+    screen.page.locator(".axis-y input").fill("max_z")
+    both = [screen.page.locator(place).element_handle() for place in (".axis-y input", ".find-orbit button")]
+    screen.page.evaluate("([field, button]) => { field.dispatchEvent(new Event('change')); button.click() }", both)
+    screen.wait("orbit2")
+    assert screen.column("diagram", "points", "y") != []
+    assert screen.page.input_value(".axis-y input") == "max_z"
+
+
 def test_a_page_that_is_loaded_again_finds_its_session(screen):
     screen.fill("axis-y", "max_z")
     screen.page.click(".find-orbit")

@@ -46,9 +46,9 @@ class StartView:
         orbit = widgets.button(
             "Find orbit", "find-orbit", kind="primary", tip="on which the motion from the start settles"
         )
-        orbit.on_click(lambda _: run(FindOrbit(**self._given())))
+        widgets.on_click(orbit, lambda: run(FindOrbit(**self._given())))
         rest = widgets.button("Find equilibrium", "find-equilibrium", tip="near the start")
-        rest.on_click(lambda _: run(FindEquilibrium(**self._given())))
+        widgets.on_click(rest, lambda: run(FindEquilibrium(**self._given())))
         rest.visible = session.system.phase is None
         names = list(session.system.parameter_names)
         self._parameter = _select("sweep", names, 118)
@@ -56,7 +56,7 @@ class StartView:
         self._count = widgets.count("values", 200, 76, (2, 10_000), "sweep-values")
         self._direction = _select("direction", ["up", "down"], 76)
         sweep = widgets.button("Sweep", "sweep", tip="follow the attractor by simulation, from the start")
-        sweep.on_click(lambda _: self._sweep())
+        widgets.on_click(sweep, self._sweep)
         self.panel = widgets.column(
             widgets.row(orbit, rest, wrap=True), widgets.row(self._parameter, self._count),
             widgets.row(*self._ends), widgets.row(self._direction, sweep),
@@ -102,9 +102,8 @@ class ActionView:
             "film": widgets.button("Film", "film", tip="film the cantilever on this orbit"),
         }
         works = {"resume": self._resume, "switch": self._switch, "cascade": self._cascade, "follow": self._follow}
-        for name, work in works.items():
-            self._buttons[name].on_click(lambda _, work=work: work())
-        self._buttons["film"].on_click(lambda _: film())
+        for name, work in (works | {"film": film}).items():
+            widgets.on_click(self._buttons[name], work)
         self._text = widgets.html("selected", margin=(6, 8, 0, 8))
         first = [self._buttons[name] for name in ("resume", "switch", "cascade", "film")]
         self._one = widgets.row(self._parameter, *self._ends, *first, wrap=True)
@@ -173,6 +172,6 @@ def _ends(session: Session, chooser: Any) -> list[Any]:
         if chooser.value:
             made[0].value, made[1].value = range_of(session, chooser.value)
 
-    chooser.param.watch(lambda _: reset(), "value")
+    widgets.on_change(chooser, lambda _: reset())
     reset()
     return made

@@ -55,7 +55,7 @@ class BasinView:
         self._ends = [widgets.number(title, 0.0, 92) for title in ("from", "to", "from", "to")]
         self._cells = widgets.choice("cells", _FINE, 100, 96)
         go = widgets.button("Map basins", "map-basins", kind="primary", tip="of the plane through the selected orbit")
-        go.on_click(lambda _: self._go())
+        widgets.on_click(go, self._go)
         self.figure = look.figure_of("basins", height=330, sizing_mode="stretch_width")
         self._image = ColumnDataSource({"image": [], "x": [], "y": [], "dw": [], "dh": []})
         self._dots = ColumnDataSource({"x": [], "y": [], "name": []})
@@ -75,7 +75,7 @@ class BasinView:
 
     def _select(self, title: str, states: list[str], index: int) -> Any:
         widget = widgets.choice(title, states, states[index], 100)
-        widget.param.watch(lambda _: self._frame(), "value")
+        widgets.on_change(widget, lambda _: self._frame())
         return widget
 
     def solution_is(self, solution: PeriodicOrbit | Equilibrium) -> None:

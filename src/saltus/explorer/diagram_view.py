@@ -79,7 +79,7 @@ class DiagramView:
     def _axis(self, letter: str, names: list[str], value: str) -> Any:
         tip = {"x": "to the right", "y": "upwards"}[letter]
         widget = widgets.quantity(tip, names, value, 180, f"axis-{letter}")
-        widget.param.watch(lambda _: self._axes_changed(), "value")
+        widgets.on_change(widget, lambda _: self._axes_changed())
         return widget
 
     def _draw_glyphs(self) -> None:
@@ -123,7 +123,8 @@ class DiagramView:
         return x, y
 
     def set_axes(self, x: str, y: str) -> None:
-        """Show other quantities."""
+        """Show other quantities when the diagram is drawn next."""
+        self._session.settings.axes = (x, y)
         for widget, name in zip(self._axes, (x, y), strict=True):
             if name not in widget.options:
                 widget.options = [*widget.options, name]

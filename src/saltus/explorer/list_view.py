@@ -51,7 +51,7 @@ class ListView:
 
     def _row(self, entry: Entry, colour: str, unseen: str) -> Any:
         shown = widgets.checkbox(entry.name not in self._session.settings.hidden, f"show-{entry.name}")
-        shown.param.watch(lambda event: self._hide(entry.name, not event.new), "value")
+        widgets.on_change(shown, lambda seen: self._hide(entry.name, not seen))
         line = line_of(entry, colour, unseen)
         text = widgets.html(f"result-{entry.name}", line, (4, 8, 0, 2), sizing_mode="stretch_width")
         return widgets.beside(shown, text)

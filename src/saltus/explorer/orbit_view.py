@@ -63,7 +63,7 @@ class OrbitView:
         made = []
         for title, value in zip(("portrait, right", "portrait, up", "over time"), first, strict=True):
             widget = widgets.quantity(title, names, value, 98)
-            widget.param.watch(lambda _: self._planes_changed(), "value")
+            widgets.on_change(widget, lambda _: self._planes_changed())
             made.append(widget)
         return made
 

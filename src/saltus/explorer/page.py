@@ -55,7 +55,7 @@ class Page(Listener):
         self._message, self._work, self._bar = widgets.html("message"), widgets.html("work"), widgets.bar()
         self._stop = widgets.button(_STOP, "stop", kind="danger", tip="what is done is kept")
         self._stop.visible = False
-        self._stop.on_click(lambda _: self._stop_clicked())
+        widgets.on_click(self._stop, self._stop_clicked)
         self.diagram = DiagramView(self.session, self.select, self._line)
         self.orbit = OrbitView(self.session, self._line)
         self.basins = BasinView(self.session, self._map, self._follow_cell)
@@ -66,9 +66,9 @@ class Page(Listener):
         self.actions = ActionView(self.session, self.run, self._film_wanted)
         self.list = ListView(self.session, self._hidden_changed)
         self._file = widgets.upload("open-session")
-        self._file.param.watch(lambda event: self._open(event.new, uploaded), "value")
+        widgets.on_change(self._file, lambda content: self._open(content, uploaded))
         self.undo = widgets.button("Undo", "undo", tip="drop the last result")
-        self.undo.on_click(lambda _: self._undo())
+        widgets.on_click(self.undo, self._undo)
         desk.taken_by(self)
         if self.session.settings.selected is None:
             first = next((e for e in self.session.entries if e.step.noun in ("orbit", "equilibrium")), None)

@@ -31,7 +31,7 @@ class ParameterView:
     """
 
     def __init__(self, session: Session, changed: Callable[[], None]) -> None:
-        self._session, self._changed, self._quiet = session, changed, False
+        self._session, self._changed = session, changed
         system = session.system
         self._fields = {name: _Field(session, name, self._take) for name in system.parameter_names}
         names = [*system.states]
@@ -41,12 +41,12 @@ class ParameterView:
         modes = {"the first that the state allows": "", **{name: name for name in system.mode_names}}
         self._mode = widgets.choice("mode", modes, session.settings.mode or "", _WIDTH)
         self._mode.visible = len(system.mode_names) > 1
-        self._mode.param.watch(lambda _: self._take(), "value")
+        widgets.on_change(self._mode, lambda _: self._take())
         self._named = widgets.text("set-name", "name of a set", 150)
         save = widgets.button("Save", "save-set", tip="keep these values and the start under the name")
-        save.on_click(lambda _: self._save())
+        widgets.on_click(save, self._save)
         self._chosen = widgets.choice("", [_NO_SET, *session.settings.sets], _NO_SET, _WIDTH, "sets")
-        self._chosen.param.watch(lambda event: self._load(event.new), "value")
+        widgets.on_change(self._chosen, self._load)
         self.panel = widgets.column(
             _heading("Parameters"), *(field.panel for field in self._fields.values()),
             _heading("Start"), widgets.row(*self._starts, wrap=True), self._mode,
@@ -55,28 +55,26 @@ class ParameterView:
 
     def _start(self, name: str, value: float) -> Any:
         widget = widgets.number(look.bare_label(name), value, 112, f"start-{name}", (1, 4))
-        widget.param.watch(lambda _: self._take(), "value")
+        widgets.on_change(widget, lambda _: self._take())
         return widget
 
     def _take(self) -> None:
         """Take the values of all fields into the session."""
-        if self._quiet:
-            return
-        settings = self._session.settings
-        settings.parameters = {name: field.value for name, field in self._fields.items()}
-        settings.x0 = tuple(float(widget.value or 0.0) for widget in self._starts)
-        settings.mode = self._mode.value or None
-        self._changed()
+        settings, mode = self._session.settings, self._mode.value or None
+        parameters = {name: field.value for name, field in self._fields.items()}
+        x0 = tuple(float(widget.value or 0.0) for widget in self._starts)
+        if (parameters, x0, mode) != (settings.parameters, settings.x0, settings.mode):
+            settings.parameters, settings.x0, settings.mode = parameters, x0, mode
+            self._changed()
 
     def show(self) -> None:
         """Show the values that the session has."""
-        settings, self._quiet = self._session.settings, True
+        settings = self._session.settings
         for name, field in self._fields.items():
             field.show(settings.parameters[name])
         for widget, value in zip(self._starts, settings.x0, strict=False):
             widget.value = value
         self._mode.value = settings.mode or ""
-        self._quiet = False
 
     def _save(self) -> None:
         settings, name = self._session.settings, (self._named.value_input or self._named.value or "").strip()
@@ -101,7 +99,7 @@ class _Field:
     """A number field and a slider for one parameter; the slider counts steps over a range, in any units."""
 
     def __init__(self, session: Session, name: str, taken: Callable[[], None]) -> None:
-        system, self._taken, self._quiet = session.system, taken, False
+        system, self._taken = session.system, taken
         self.value = session.settings.parameters[name]
         self._range = range_of(session, name)
         least, most = system.parameter_bounds.get(name, (-math.inf, math.inf))
@@ -110,8 +108,8 @@ class _Field:
         label = widgets.html("parameter-name", escape(look.bare_label(name)), (0, 0, 0, 6), width=118)
         self._number = widgets.number("", self.value, 118, f"parameter-{name}", (1, 4))
         self._slider = widgets.slider(self._place(self.value), _TICKS, _WIDTH - 8, f"slider-{name}")
-        self._number.param.watch(lambda event: self._typed(event.new), "value")
-        self._slider.param.watch(lambda event: self._slid(event.new), "value_throttled")
+        widgets.on_change(self._number, self._typed)
+        widgets.on_change(self._slider, self._slid, "value_throttled")
         self.panel = widgets.column(widgets.row(label, self._number), self._slider)
 
     def _place(self, value: float) -> int:
@@ -120,12 +118,11 @@ class _Field:
 
     def show(self, value: float) -> None:
         """Show a value."""
-        self._quiet, self.value = True, value
+        self.value = value
         self._number.value, self._slider.value = value, self._place(value)
-        self._quiet = False
 
     def _typed(self, value: float | None) -> None:
-        if self._quiet:
+        if value == self.value:
             return
         if value is None or not self._least <= value <= self._most or (self._open and value <= 0.0):
             self.show(self.value)  # what is not allowed is put back
@@ -135,7 +132,7 @@ class _Field:
 
     def _slid(self, place: int) -> None:
         low, high = self._range
-        if not self._quiet and place != self._place(self.value):
+        if place != self._place(self.value):
             self._typed(float(f"{low + (high - low) * max(place, 1 if self._open else 0) / _TICKS:.6g}"))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -21,6 +21,8 @@ __all__ = [
     "film",
     "html",
     "number",
+    "on_change",
+    "on_click",
     "pane",
     "quantity",
     "row",
@@ -42,6 +44,28 @@ def button(text: str, name: str, *, kind: str = "default", tip: str = "") -> Any
     """Return a button; `tip` is shown when the pointer rests on it."""
     options = {"button_type": kind, "css_classes": [name], "margin": (2, 3), "stylesheets": _sheets()}
     return pn.widgets.Button(name=text, description=tip or None, **options)
+
+
+def on_click(made: Any, work: Callable[[], object]) -> None:
+    """Do work when a button is clicked, with the document's lock."""
+    made.on_click(_locked(lambda _: work()))
+
+
+def on_change(made: Any, work: Callable[[Any], object], what: str = "value") -> None:
+    """Do work with a widget's new value when this changes, with the document's lock."""
+    made.param.watch(_locked(lambda event: work(event.new)), what)
+
+
+def _locked(work: Callable[[Any], object]) -> Any:
+    """Return a coroutine function that Panel calls with the document's lock.
+
+    A click that comes right after a change is handled without the lock, where a figure's data cannot be set.
+    """
+
+    async def called(event: Any) -> None:
+        work(event)
+
+    return pn.io.with_lock(called)
 
 
 def html(name: str, text: str = "", margin: tuple[int, ...] = (4, 8), **options: Any) -> Any:

@@ -15,6 +15,7 @@ from saltus.flow.motion import allowed_modes
 from saltus.flow.simulation import simulate
 from saltus.progress import Reporter
 from saltus.system.maps import flowing
+from saltus.work import interrupt_waits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -133,7 +134,9 @@ class FollowedMotions:
         """Return the admissible starts among `count` Sobol points of the region."""
         from scipy.stats import qmc
 
-        points = qmc.Sobol(len(self.low), seed=self.rng).random_base2(max(count - 1, 1).bit_length())[:count]
+        with interrupt_waits():  # SciPy loses it while it reads its tables, and gives wrong points from then on
+            sequence = qmc.Sobol(len(self.low), seed=self.rng)
+        points = sequence.random_base2(max(count - 1, 1).bit_length())[:count]
         x = self.low + (self.high - self.low) * points
         kept: NDArray[np.float64] = x[[self.ensemble.admits(row) for row in x]]
         return kept
