@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import gc
 import queue
 import signal
 import sys
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from saltus.errors import SaltusError
 from saltus.progress import Progress
-from saltus.work import leave_with_parent, starting, unnoticed
+from saltus.work import leave_with_parent, starting, uncollected, unnoticed
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -170,7 +171,9 @@ def _serve(pipe: Connection, prepare: Callable[[], object] | None) -> None:
     desk = _Desk()
     threading.Thread(target=_listen, args=(pipe, pieces, desk), daemon=True).start()
     if prepare is not None:
-        prepare()
+        with uncollected():
+            prepare()
+        gc.freeze()  # modules stay: no collection looks at them again
     while True:
         try:
             piece = pieces.get()

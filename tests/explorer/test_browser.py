@@ -1,7 +1,9 @@
 """The explorer in a real browser: each test in a window of a desk and in one of 1024 pixels."""
 
 import shutil
+import threading
 import time
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 import pytest
@@ -9,7 +11,7 @@ import pytest
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.steps import Continue, FindOrbit, Place
 from saltus.explorer.subjects import built_in
-from screen import Screen, browser, served
+from screen import PATIENCE, TOKEN, Screen, browser, served
 
 pytestmark = pytest.mark.skipif(browser() is None, reason="no Chromium: pages of the explorer are not tested")
 
@@ -188,6 +190,28 @@ def test_two_pages_do_not_disturb_each_other(screen, window, address):
     other.wait("branch1")
     assert not screen.page.locator(".result-branch1").count()
     assert screen.errors == other.errors == []
+
+
+@desk_alone
+def test_a_page_in_a_frame_of_another_site_works_without_cookies(window, address):
+    framing = f"<iframe width=1000 height=800 src='{address}?token={TOKEN}'></iframe>".encode()
+
+    class Other(BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(framing)
+
+    page = window.new_page()
+    page.set_default_timeout(PATIENCE)
+    with HTTPServer(("127.0.0.1", 0), Other) as other:
+        threading.Thread(target=other.serve_forever, daemon=True).start()
+        page.goto(f"http://localhost:{other.server_port}/")  # to a browser another site than 127.0.0.1
+        other.shutdown()
+    frame = page.frame_locator("iframe")
+    frame.locator(".result-orbit1 .result").wait_for()
+    frame.locator(".continue").click()
+    frame.locator(".result-branch1 .result").wait_for()
 
 
 @desk_alone

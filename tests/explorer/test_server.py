@@ -5,9 +5,12 @@ import json
 import socket
 import subprocess
 import sys
+from multiprocessing import active_children
+from types import SimpleNamespace
 
 import pytest
 
+import saltus
 from saltus.errors import InputError, SaltusError
 from saltus.explorer.exploring import open_explorer, subject_of
 from saltus.explorer.server import Address, Office, free_port
@@ -86,6 +89,27 @@ def test_a_port_that_is_taken_is_told_and_another_found():
         with pytest.raises(InputError, match="must be free"):
             free_port("127.0.0.1", taken)
     assert free_port("127.0.0.1", None) > 0
+
+
+def test_in_a_notebook_a_process_beside_the_kernel_serves_the_page(monkeypatch, tmp_path, ball_on_table):
+    kernel = SimpleNamespace(config={"IPKernelApp": {}})
+    shown = SimpleNamespace(IFrame=lambda address, **size: address)
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: kernel))
+    monkeypatch.setitem(sys.modules, "IPython.display", shown)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    before = set(active_children())
+    place, _, token = saltus.explore(ball_on_table).rpartition("/")
+    (serving,) = set(active_children()) - before
+    try:
+        assert _asked(place)[0] == 403
+        assert _asked(place, "/" + token)[0] == 200
+        taken = int(place.rpartition(":")[2])
+        with pytest.raises(InputError, match="address = '127.0.0.1:"):
+            saltus.explore(ball_on_table, port=taken)
+    finally:
+        for process in set(active_children()) - before:
+            process.terminate()
+    serving.join(30)
 
 
 def test_a_session_without_results_leaves_nothing_behind(tmp_path, ball_on_table):

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
+import threading
 from collections.abc import Callable
 from importlib.util import find_spec
+from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
 from saltus.errors import InputError, SaltusError
+from saltus.work import leave_with_parent, starting, uncollected, unnoticed
 
 if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
     from saltus.explorer.subjects import Subject
     from saltus.system import HybridSystem
 
 __all__ = ["explore", "open_explorer", "subject_of"]
 
 _SHORTEST = 12  # characters of a token, at least
+_HEIGHT = 860  # pixels of the page in a notebook
 
 
 def explore(
@@ -30,8 +37,9 @@ def explore(
 ) -> Any:
     """Open a page that shows diagrams, orbits and basins of a system, and goes on from a click.
 
-    In a notebook the page is returned, and shown below the cell. Elsewhere a server listens on the loopback address
-    until an interrupt (Ctrl-C). ``saltus explore`` does the same from the shell. Needs ``saltus[app]``.
+    A server listens on the loopback address until an interrupt (Ctrl-C). In a notebook it is a process that ends with
+    the kernel, and a frame below the cell shows the page; the browser must be on the kernel's machine. ``saltus
+    explore`` does the same from the shell. Needs ``saltus[app]``.
 
     Parameters
     ----------
@@ -42,11 +50,11 @@ def explore(
     port : int, optional
         Port of the server; by default 8710, or any free one.
     browser : bool, optional
-        Whether a browser is opened.
+        Whether a browser is opened; none is from a notebook.
 
     Returns
     -------
-    panel.layout.Row or None
+    IPython.display.IFrame or None
         The page in a notebook, else None.
 
     Raises
@@ -68,7 +76,8 @@ def explore(
     subject = None if system is None else of_system(system)
     file = None if load is None else checks.path("load", load)
     if _in_notebook():
-        return _cell(subject, file)
+        _check_installed()
+        return _cell(subject, file, port)
     open_explorer(subject, file, port=port, browser=browser, told=lambda url: print(f"saltus explorer at {url}"))
     return None
 
@@ -133,7 +142,8 @@ def open_explorer(
         ``saltus[app]`` is not installed.
     """
     _check_installed()
-    from saltus.explorer.server import LOOPBACK, Address, Office, free_port, home_folder, serve
+    with uncollected():
+        from saltus.explorer.server import LOOPBACK, Address, Office, free_port, home_folder, serve
 
     if host not in LOOPBACK and not token:
         raise InputError("--host", host, "127.0.0.1, or given with --token", "others could use the page otherwise")
@@ -159,23 +169,29 @@ def _in_notebook() -> bool:
     return shell is not None and "IPKernelApp" in getattr(shell.get_ipython(), "config", {})
 
 
-def _only_served(content: bytes) -> str:
-    raise SaltusError("a file is opened by saltus.explore(load=...) in a notebook")
+def _cell(subject: Subject | None, file: Path | None, port: int | None) -> Any:
+    """Return the page in a frame, as the output of a notebook's cell; a process beside the kernel serves it."""
+    from IPython.display import IFrame
+
+    near, far = get_context("spawn").Pipe()
+    with unnoticed(), starting():
+        process = get_context("spawn").Process(target=_serve_beside, args=(far, subject, file, port))
+        process.start()
+    atexit.register(process.terminate)  # before Python waits for it
+    far.close()
+    try:
+        told = near.recv()
+    except EOFError:
+        raise SaltusError("the process that serves the page has ended; its last words are on stderr") from None
+    if isinstance(told, SaltusError):
+        raise told
+    return IFrame(told, width="100%", height=_HEIGHT)
 
 
-def _cell(subject: Subject | None, file: Path | None) -> Any:
-    """Return the page as the output of a notebook's cell."""
-    _check_installed()
-    import panel as pn
-
-    from saltus.explorer.page import Page
-    from saltus.explorer.server import Office, home_folder
-
-    pn.extension()
-    office = Office(subject, home_folder())
-    page = Page(office.desk(None if file is None else office.unpacked(file)), _only_served)
-    parts = page.parts()
-    middle = pn.Column(parts["status"], parts["diagram"], parts["results"], sizing_mode="stretch_width", min_height=700)
-    left = pn.Column(parts["tools"], parts["controls"], width=280)
-    page.begin()
-    return pn.Row(left, middle, pn.Column(parts["orbit"], width=400), sizing_mode="stretch_width")
+def _serve_beside(pipe: Connection, subject: Subject | None, file: Path | None, port: int | None) -> None:
+    """Serve the page until the kernel ends, and tell it the page's address, or what went wrong."""
+    threading.Thread(target=leave_with_parent, daemon=True).start()
+    try:
+        open_explorer(subject, file, port=port, browser=False, told=pipe.send)
+    except SaltusError as error:
+        pipe.send(error)

@@ -20,6 +20,7 @@ from saltus.explorer import look
 from saltus.explorer.desk import Desk
 from saltus.explorer.session import Session, folder_of, new_folder, removed, sessions_in
 from saltus.explorer.subjects import Subject, built_in, titles
+from saltus.work import uncollected
 
 if TYPE_CHECKING:
     from saltus.explorer.page import Page
@@ -176,8 +177,12 @@ def _template(office: Office, page: Page) -> Any:
     """Return the whole page."""
     import panel as pn
 
-    text = files(__package__).joinpath("page.html").read_text(encoding="utf-8")
-    made = pn.Template(text)
+    class Whole(pn.Template):  # type: ignore[misc]  # Panel's declared types are not read
+        def __repr__(self) -> str:
+            """Return a short text: Panel asks for it after each part, and that of all parts takes 0.1 s."""
+            return "the explorer's page"
+
+    made = Whole(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
     for name, part in page.parts().items():
         made.add_panel(name, part)
     subject = page.session.subject
@@ -193,22 +198,24 @@ def _template(office: Office, page: Page) -> Any:
 
 
 def _page_of(office: Office) -> Callable[[], Any]:
-    """Return the function that makes a page for each visit."""
+    """Return the function that puts a page into the document of each visit."""
 
     def make() -> Any:
         import panel as pn
-
-        from saltus.explorer.page import Page
 
         asked = {key: values[0].decode(errors="replace") for key, values in pn.state.session_args.items() if values}
         try:
             desk = office.desk(asked.get("session"), asked.get("system"))
         except SaltusError as error:
             return pn.pane.HTML(f"<p>{escape(str(error))}</p>")
-        page = Page(desk, office.uploaded)
-        pn.state.on_session_destroyed(lambda _: office.leave(page))
-        pn.state.onload(page.begin)
-        return _template(office, page)
+        with uncollected(), pn.state.curdoc.models.freeze():
+            from saltus.explorer.page import Page
+
+            page = Page(desk, office.uploaded)
+            pn.state.on_session_destroyed(lambda _: office.leave(page))
+            pn.state.onload(page.begin)
+            _template(office, page).server_doc(pn.state.curdoc)
+        return None
 
     return make
 
@@ -297,9 +304,10 @@ def serve(
     browser : bool, optional
         Whether a browser is opened.
     """
-    import panel as pn
+    with uncollected():
+        import panel as pn
 
-    pn.extension(console_output="disable", loading_indicator=False)
+        pn.extension(console_output="disable", loading_indicator=False)
     options: Mapping[str, Any] = {
         "address": address.host,
         "port": address.port,

@@ -6,7 +6,6 @@ import json
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from saltus.config_files import attribute_of
@@ -42,7 +41,7 @@ class Subject(NamedTuple):
     definition: str
     lines: tuple[str, ...]
     x0: tuple[float, ...] = ()
-    ranges: Mapping[str, tuple[float, float]] = MappingProxyType({})
+    ranges: dict[str, tuple[float, float]] = {}  # noqa: RUF012  # a named tuple's default, which nobody changes
 
     @property
     def system(self) -> HybridSystem:
