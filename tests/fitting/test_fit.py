@@ -28,6 +28,10 @@ def branch_of(system, **changes):
     return continue_orbit(find_orbit(system, {"w": 0.6, **changes}, [0.0, 0.0]), "w", BOUNDS)
 
 
+def followed(orbit):
+    return continue_orbit(orbit, "w", BOUNDS)
+
+
 @pytest.fixture(scope="module")
 def true_branch(duffing):
     return branch_of(duffing)
@@ -141,7 +145,7 @@ def test_derivatives_of_all_residuals_are_those_of_differences_also_beyond_the_e
     for j, name in enumerate(names):
         ends = []
         for side in (1.0, -1.0):
-            there = tuple(Retraced((branch,), BOUNDS)({**start, name: start[name] + side * step}))
+            there = Retraced((branch,), followed)({**start, name: start[name] + side * step})
             ends.append(Evaluation(measured, there, names))
         assert all(np.array_equal(end.assigned[0], here.assigned[0]) for end in ends)
         differences = (ends[0].residuals - ends[1].residuals) / (2.0 * step)

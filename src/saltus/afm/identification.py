@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.afm.curves import distance_curve, frequency_curve
+from saltus.afm.curves import Tracing, distance_curve, frequency_curve, sheet_through
 from saltus.afm.readings import check_model, formulas
 from saltus.afm.units import checked
 from saltus.errors import InputError
 from saltus.fitting.estimation import FitOptions, fitted, task
 from saltus.fitting.measured import read_table
+from saltus.fitting.tracing import Retraced
 
 if TYPE_CHECKING:
     from saltus.continuation import Branch
@@ -102,14 +103,17 @@ def fit(
     options = replace(options, observables=observables, turns=turns)
     bounds = _range(table[along].to_numpy(), along)
 
-    def trace(changes: Mapping[str, float]) -> tuple[Branch, ...]:
-        make = distance_curve if along == "Zc_nm" else frequency_curve
-        return make(model, bounds, parameters=changes).branches
+    steps = options.steps
+    make, how = distance_curve if along == "Zc_nm" else frequency_curve, Tracing(along, bounds, steps, False)
+
+    def whole(changes: Mapping[str, float]) -> tuple[Branch, ...]:
+        return make(model, bounds, parameters=changes, steps=steps).branches
 
     start = {name: options.start.get(name, model.parameters[name]) for name in vary}
     if isinstance(jumps, bool) and "direction" not in table:
         jumps = False
-    return fitted(task(table, trace(start), trace, bounds, vary, sigma, jumps, options), progress)
+    trace = Retraced(whole(start), lambda orbit: sheet_through(orbit, how), whole)
+    return fitted(task(table, trace, bounds, vary, sigma, jumps, options), progress)
 
 
 def _in_kHz(table: Any) -> Any:
