@@ -28,7 +28,7 @@ def branch_of(system, **changes):
     return continue_orbit(find_orbit(system, {"w": 0.6, **changes}, [0.0, 0.0]), "w", BOUNDS)
 
 
-def followed(orbit):
+def followed(orbit, known):
     return continue_orbit(orbit, "w", BOUNDS)
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from saltus.progress import Report
     from saltus.system import HybridSystem
 
-__all__ = ["Tracing", "distance_curve", "frequency_curve", "from_afar", "sheet_through"]
+__all__ = ["Tracing", "distance_curve", "frequency_curve", "from_afar", "sheet_again"]
 
 _CLEAR = 3.0  # gap of the far start, over the free amplitude
 _RESTS = 400  # displacements at which a rest of the probe is looked for
@@ -246,7 +246,7 @@ def _traced(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, plac
     branches: list[Branch] = []
     for start in starts:
         if not any(is_on(branch, start) for branch in branches):
-            branches.append(sheet_through(start, how))
+            branches.append(_sheet(start, how))
     curve = _with_landings(Curve(starts[0].system, how.along, how.bounds, tuple(branches), of), how)
     low, high = how.bounds
     for k in range(1, _EIGHTHS):
@@ -287,7 +287,7 @@ def _with_settled(curve: Curve, how: Tracing, place: float, which: slice) -> Cur
 
 def _with_sheet(curve: Curve, start: PeriodicOrbit, how: Tracing) -> Curve:
     """Return a curve with the sheet of a motion in place of those that lie on it."""
-    sheet = sheet_through(start, how)
+    sheet = _sheet(start, how)
     others = [branch for branch in curve.branches if not is_on(sheet, branch.orbit(len(branch) // 2))]
     return Curve(curve.system, how.along, how.bounds, (*others, sheet), curve.of)
 
@@ -304,7 +304,7 @@ def _is_covered(curve: Curve, place: float) -> bool:
     return any(float(values[0]) <= place <= float(values[-1]) for values in reached)
 
 
-def sheet_through(start: PeriodicOrbit, how: Tracing) -> Branch:
+def _sheet(start: PeriodicOrbit, how: Tracing) -> Branch:
     """Return the branch through a motion; it ends at its first fold if this is the static pull-in.
 
     Beyond the static pull-in the branch is that of a static saddle, whose multipliers cost much and tell nothing. The
@@ -321,6 +321,13 @@ def sheet_through(start: PeriodicOrbit, how: Tracing) -> Branch:
         if not folds or any(is_pulled_in(first, fold, bounds) for fold in folds):
             return first
     return _whole(continue_orbit(start, along, bounds, steps=steps, progress=progress))
+
+
+def sheet_again(start: PeriodicOrbit, known: Branch, how: Tracing) -> Branch:
+    """Return the branch through a motion, at other parameters than one known that goes over all its folds."""
+    if known.options["stop_at"] or start.form.turns > 1:
+        return _sheet(start, how)
+    return _whole(continue_orbit(start, how.along, how.bounds, steps=how.steps or _STEPS, progress=how.progress))
 
 
 def _has_rest(orbit: PeriodicOrbit, Zc_nm: float) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.afm.curves import Tracing, distance_curve, frequency_curve, sheet_through
+from saltus.afm.curves import Tracing, distance_curve, frequency_curve, sheet_again
 from saltus.afm.readings import check_model, formulas
 from saltus.afm.units import checked
 from saltus.errors import InputError
@@ -98,6 +98,9 @@ def fit(
         for limit in checks.interval(f"vary[{name!r}]", limits, finite=True):
             checked(name, limit, insists="choose plausible bounds")
     known = formulas(model)
+    for name in sigma:
+        if units := [reading for reading in known if reading.startswith(f"{name}_")]:
+            raise InputError(f"column {name!r}", name, f"named with its unit: {' or '.join(units)}")
     observables = {name: known[name] for name in sigma if name in known} | dict(options.observables)
     turns = {name: _TURN_DEG for name in sigma if str(name).startswith("lag_deg")} | dict(options.turns)
     options = replace(options, observables=observables, turns=turns)
@@ -112,7 +115,7 @@ def fit(
     start = {name: options.start.get(name, model.parameters[name]) for name in vary}
     if isinstance(jumps, bool) and "direction" not in table:
         jumps = False
-    trace = Retraced(whole(start), lambda orbit: sheet_through(orbit, how), whole)
+    trace = Retraced(whole(start), lambda orbit, known: sheet_again(orbit, known, how), whole)
     return fitted(task(table, trace, bounds, vary, sigma, jumps, options), progress)
 
 

@@ -90,6 +90,7 @@ class Task:
     start: NDArray[np.float64]
     bounds: NDArray[np.float64]
     options: FitOptions
+    sought: bool  # whether jumps were looked for in the data
 
 
 def fit(
@@ -162,7 +163,7 @@ def fit(
     branches = _branches(branch)
     low, high = _range(branch, branches)
     steps, along = options.steps, branches[0].parameter
-    trace = Retraced(branches, lambda orbit: continue_orbit(orbit, along, (low, high), steps=steps))
+    trace = Retraced(branches, lambda orbit, _: continue_orbit(orbit, along, (low, high), steps=steps))
     return fitted(task(data, trace, (low, high), vary, sigma, jumps, options), progress)
 
 
@@ -203,13 +204,14 @@ def task(
         told = f"{int(outside.sum())} of {len(measured)} data outside"
         raise InputError(along, told, f"data between {bounds[0]:.9g} and {bounds[1]:.9g}, where the branch is", hint)
     measured = measured.with_points(read_points(jumps, measured, bounds))
+    checks.count("most", options.most, 1)
     names, start, limits = _varied(vary, branch, options.start)
     if measured.count < len(names):
         raise InputError("data", f"{measured.count} numbers", f"at least {len(names)}, one for each varied parameter")
     if options.profile is not None:
         for name in checks.names("profile", options.profile, "varied parameters"):
             checks.chosen("profile", name, names)
-    return Task(measured, trace, names, start, limits, options)
+    return Task(measured, trace, names, start, limits, options, jumps is True)
 
 
 def _varied(
@@ -306,7 +308,11 @@ def _notes(wanted: Task, found: Optimum, objective: Objective) -> tuple[str, ...
     """Return in words what was found about the data, and what they do not tell."""
     measured, notes = wanted.measured, []
     if measured.dropped:
-        notes.append(f"{measured.dropped} rows with missing numbers were left out")
+        notes.append(f"{measured.dropped} rows with missing or infinite numbers were left out")
+    if repeated := measured.repeated:
+        notes.append(f"{repeated} rows repeat others, and count as measured again")
+    if wanted.sought and not measured.points:
+        notes.append("jumps were sought, but the data show none")
     if measured.unused:
         notes.append(f"columns without a standard error are not fitted: {', '.join(measured.unused)}")
     for point, one in zip(measured.points, found.evaluation.special, strict=True):

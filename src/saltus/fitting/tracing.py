@@ -19,7 +19,7 @@ from saltus.orbits.solve import converge
 __all__ = ["Follow", "Retraced", "Trace", "is_on", "orbits_at"]
 
 Trace: TypeAlias = Callable[[Mapping[str, float]], tuple[Branch, ...]]  # branches at parameters that differ
-Follow: TypeAlias = Callable[[PeriodicOrbit], Branch]  # the branch through an orbit
+Follow: TypeAlias = Callable[[PeriodicOrbit, Branch], Branch]  # the branch through an orbit, given that known before
 
 _HALVINGS = 4  # times that the way from one set of parameters to another is halved
 _SAME = 1e-6  # relative difference of extremes up to which two orbits are one
@@ -37,7 +37,7 @@ class Retraced:
     branches : tuple of Branch
         The branches known last.
     follow : callable
-        Returns the branch through an orbit.
+        Returns the branch through an orbit, given the one known before.
     whole : callable or None
         Returns all branches at other parameters, found without those known before.
     """
@@ -60,7 +60,7 @@ class Retraced:
         for branch in self.branches:
             start = _begun(branch, changes)
             if not any(is_on(other, start) for other in found):
-                found.append(self.follow(start))
+                found.append(self.follow(start, branch))
                 if is_interrupted(found[-1]):
                     raise KeyboardInterrupt
         self.branches = tuple(found)
