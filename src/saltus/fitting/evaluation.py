@@ -113,15 +113,22 @@ class Evaluation:
         formulas, along = list(self.measured.formulas), self.branches[0].parameter
         orbit = self.sheets[sheet].orbit(place)
         try:
-            found = orbit.sensitivity(formulas, [*self.names, along])
+            found = orbit.sensitivity(formulas, self._sorted)
         except InputError as error:
             raise ConvergenceError(f"derivative at {along} = {place:.9g}", math.inf, 0, str(error)) from error
-        values = np.array([found[formula].attrs["value"] for formula in formulas])
-        slopes = np.array([found[formula].to_numpy() for formula in formulas])
+        values = np.array([found.variables[formula].attrs["value"] for formula in formulas])
+        order = [self._sorted.index(name) for name in (*self.names, along)]
+        slopes = np.array([found.variables[formula].values[order] for formula in formulas])
         if not np.all(np.isfinite(slopes)):
             notes = [note for formula in formulas if (note := found[formula].attrs.get("note"))]
             raise ConvergenceError(f"derivative at {along} = {place:.9g}", math.inf, 0, "; ".join(notes))
         return values, slopes
+
+    @cached_property
+    def _sorted(self) -> list[str]:
+        """The varied parameters and the branch's, in the order of the system's, in which derivatives cost least."""
+        wanted = {*self.names, self.branches[0].parameter}
+        return [name for name in self.branches[0].system.parameter_names if name in wanted]
 
     @property
     def _keys(self) -> list[tuple[int, float, int]]:

@@ -37,10 +37,11 @@ __all__ = [
 ]
 
 FOUND = "the optimum is found"  # why a search ends that converged
+NOTHING = "nothing is varied"  # why it ends at its start
 INTERRUPTED = "interrupted: the best so far"  # why it ends at Ctrl-C
 
 _LOSS = 3.0  # residual in standard errors from which the loss grows more slowly than its square
-_SMALL = 1e-9  # relative change of the loss that ends the search
+_SMALL = 1e-8  # relative change of the loss that ends the search
 _STEP = 1e-9  # relative change of the parameters that ends the search
 _FIRST_STEP = 0.5  # radius of the first trust region, over the sizes of the parameters
 _LEAST_SIZE = 0.02  # size of a parameter, over its range, at least
@@ -85,7 +86,7 @@ class Objective:
     def at(self, values: NDArray[np.float64]) -> Evaluation:
         """Return the data against the model at values of the parameters.
 
-        Where the branches known before lead to no better fit, the model is traced anew: a sheet may have appeared.
+        Where the branches known before lead to no better fit and to fewer sheets, the model is traced anew.
 
         Raises
         ------
@@ -96,7 +97,7 @@ class Objective:
             return self.best[2]
         try:
             found = self._tried(values, anew=False)
-            if self._taken(values, found) or self.trace.whole is None:
+            if self._taken(values, found) or self.trace.whole is None or not self._has_lost_sheets(found):
                 return found
         except (ConvergenceError, InputError):
             if self.trace.whole is None:
@@ -108,6 +109,9 @@ class Objective:
         found = self._tried(values, anew=True)
         self._taken(values, found)
         return found
+
+    def _has_lost_sheets(self, found: Evaluation) -> bool:
+        return self.best is None or len(found.sheets) < len(self.best[2].sheets)
 
     def rough_loss(self, values: NDArray[np.float64]) -> float:
         """Return the loss by interpolated observables, of the model traced anew; infinite where there is none."""
@@ -239,7 +243,7 @@ def minimised(
 
     if not free:
         assert objective.best is not None
-        return Optimum(start, objective.best[2], objective.best[0], "nothing is varied")
+        return Optimum(start, objective.best[2], objective.best[0], NOTHING)
     low, high = bounds[:, free]
     inside = np.clip(start[free], low + 1e-9 * (high - low), high - 1e-9 * (high - low))
     sizes = np.where(start[free] == 0.0, high - low, np.maximum(np.abs(start[free]), _LEAST_SIZE * (high - low)))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import ConvergenceError
-from saltus.fitting.optimum import Objective, Optimum, minimised
+from saltus.fitting.optimum import FOUND, NOTHING, Objective, Optimum, minimised
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,7 +25,7 @@ _MOST = 12  # evaluations of the model for one point of a profile, at most
 _ACCURACY = 1e-4  # relative change of the loss that ends the search for one point
 _BETTER = 1e-2  # fall of the loss below that of the optimum that is more than rounding
 _SECANTS = 6  # steps of the secant method on one side of a profile, at most
-_ONE = 0.02  # distance of a profile's square root from 1 that is taken as 1
+_NEAR = 0.1  # distance of a profile's square root from 1 at which one more secant tells where it is 1
 
 
 @dataclass
@@ -79,8 +79,15 @@ class Profiles:
         """Return where the square root of the profile's rise is 1, by the secant method, exact for a parabola.
 
         Where the profile stays below up to a bound, the bound is returned.
+
+        Raises
+        ------
+        ConvergenceError
+            The value is not found, or the others cannot be fitted on the way to it.
         """
         best, limit = float(self.found.values[index]), float(self.bounds[int(sign > 0.0), index])
+        if limit == best:
+            return limit
         error = float(np.sqrt(self.spread[index, index]))
         direction = self.spread[:, index] / self.spread[index, index]
         near, root_near, trial = 0.0, 0.0, sign * error
@@ -91,13 +98,15 @@ class Profiles:
                 self.better = fitted
                 return best
             root = float(np.sqrt(max(fitted.loss - self.found.loss, 0.0)))
-            if abs(root - 1.0) <= _ONE or (there == limit - best and root < 1.0):
-                return best + there
+            if there == limit - best and root < 1.0:
+                return limit
             direction = (fitted.values - self.found.values) / there
             slope = (root - root_near) / (there - near) if root != root_near else sign / error
             near, root_near, trial = there, root, there + (1.0 - root) / slope
+            if abs(root - 1.0) <= _NEAR:
+                return float(np.clip(best + trial, *self.bounds[:, index]))
             trial = sign * float(np.clip(abs(trial), 0.1 * error, 10.0 * error))
-        return best + near
+        raise ConvergenceError("end of a profile", abs(root_near - 1.0), _SECANTS)
 
     def _fitted(self, index: int, value: float, change: NDArray[np.float64]) -> Optimum:
         """Return the best fit with one parameter held at a value, sought from a change of the optimum."""
@@ -106,4 +115,8 @@ class Profiles:
         there = minimised(self.objective, start, self.bounds, fixed=(index,), most=_MOST, accuracy=_ACCURACY)
         if there.is_interrupted:
             raise KeyboardInterrupt
+        if there.stopped not in (FOUND, NOTHING):
+            raise ConvergenceError(
+                f"fit at {self.objective.names[index]} = {value:.6g}", there.loss, _MOST, there.stopped
+            )
         return there
