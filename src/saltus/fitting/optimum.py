@@ -86,7 +86,8 @@ class Objective:
     def at(self, values: NDArray[np.float64]) -> Evaluation:
         """Return the data against the model at values of the parameters.
 
-        Where the branches known before lead to no better fit and to fewer sheets, the model is traced anew.
+        Branches are retraced from those of the best parameters. Where this leads to far worse a fit, or to fewer
+        sheets, the model is traced anew.
 
         Raises
         ------
@@ -95,9 +96,11 @@ class Objective:
         """
         if self.best is not None and np.array_equal(self.best[1], values):
             return self.best[2]
+        if self.best is not None:
+            self.trace.branches = self.best[2].branches
         try:
             found = self._tried(values, anew=False)
-            if self._taken(values, found) or self.trace.whole is None or not self._has_lost_sheets(found):
+            if self._taken(values, found) or self.trace.whole is None or not self._may_lack_sheets(found):
                 return found
         except (ConvergenceError, InputError):
             if self.trace.whole is None:
@@ -110,8 +113,8 @@ class Objective:
         self._taken(values, found)
         return found
 
-    def _has_lost_sheets(self, found: Evaluation) -> bool:
-        return self.best is None or len(found.sheets) < len(self.best[2].sheets)
+    def _may_lack_sheets(self, found: Evaluation) -> bool:
+        return self.is_worse(found) or self.best is None or len(found.sheets) < len(self.best[2].sheets)
 
     def rough_loss(self, values: NDArray[np.float64]) -> float:
         """Return the loss by interpolated observables, of the model traced anew; infinite where there is none."""

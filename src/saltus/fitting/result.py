@@ -135,10 +135,16 @@ class Fit(Result):
         limit = largest_chi2(self.residuals.size)
         if not self.chi2_per_datum > limit:
             return ""
+        off = f"{self._off} of {self.data.sizes['datum']} data lie more than {_OFF:g} standard errors off the model"
         return (
-            f"the data do not fit: chi2/n = {self.chi2_per_datum:.3g} is above {limit:.3g}; the model or the standard"
-            " errors do not suit them, or the best parameters lie elsewhere"
+            f"the data do not fit: chi2/n = {self.chi2_per_datum:.3g} is above {limit:.3g}, and {off}; the model or the"
+            " standard errors do not suit them, or the best parameters lie elsewhere"
         )
+
+    @property
+    def _off(self) -> int:
+        """Data that lie off every sheet."""
+        return int((np.abs(self.data["residual"].to_numpy()) > _OFF).any(axis=1).sum())
 
     @property
     def message(self) -> str:
@@ -287,8 +293,8 @@ class Fit(Result):
         lines = [", ".join(told)]
         if beyond := int((side != 0).sum()):
             lines.append(f"{beyond} data lie beyond the end of their sheet, and are compared with its last orbits")
-        if off := int((np.abs(self.data["residual"].to_numpy()) > _OFF).any(axis=1).sum()):
-            lines.append(f"{off} data lie more than {_OFF:g} standard errors off every stable sheet")
+        if self._off:
+            lines.append(f"{self._off} data lie more than {_OFF:g} standard errors off every stable sheet")
         if missed := int((np.abs(self.data["special_residual"].to_numpy()) > _OFF).sum()):
             lines.append(f"{missed} special points lie more than {_OFF:g} standard errors off those of the model")
         return lines

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["largest_chi2", "searched"]
 
 _FAR = 5.0  # excess of chi2/n over 1, in its standard deviations, from which the data do not fit
-_LOOKED_AT = 24  # further starts whose loss is computed
+_WILD = 0.05  # share of residuals, and at least those of one datum, that may be wild where all others fit
+_LOOKED_AT = 6  # further starts whose loss is computed, for each parameter
 _SEARCHED = 5  # of these the best ones from which a search is made
 _ALIKE = 1e-2  # difference of the losses of two searches that ended at one optimum
 _AGREEING = 2  # further searches that end at the best optimum, after which no more are made
@@ -45,7 +46,7 @@ def largest_chi2(count: int) -> float:
 
 
 def searched(objective: Objective, start: NDArray[np.float64], bounds: NDArray[np.float64], most: int) -> Optimum:
-    """Return the best fit, sought from a start; from further ones as long as the data do not fit.
+    """Return the best fit, sought from a start; from further ones as long as the data do not fit, but a few wild ones.
 
     Parameters
     ----------
@@ -88,8 +89,10 @@ def searched(objective: Objective, start: NDArray[np.float64], bounds: NDArray[n
 
 
 def _fits(found: Optimum) -> bool:
-    residuals = found.evaluation.residuals
-    return float(residuals @ residuals) / residuals.size <= largest_chi2(residuals.size)
+    """Whether all data fit but a few wild ones, which no other start would mend."""
+    residuals, rows = found.evaluation.residuals, found.evaluation.measured.rows
+    kept = np.sort(np.abs(residuals))[: residuals.size - max(rows, int(_WILD * residuals.size))]
+    return float(kept @ kept) <= largest_chi2(residuals.size) * kept.size
 
 
 def _from(objective: Objective, start: NDArray[np.float64], bounds: NDArray[np.float64], most: int) -> Optimum:
@@ -118,7 +121,7 @@ def _promising(
         ratio = (1.0 + ratio) ** (1.0 / (size + 1))
     steps = ratio ** -np.arange(1.0, size + 1.0)
     places = []
-    for k in range(_LOOKED_AT):
+    for k in range(_LOOKED_AT * size):
         shares = (0.5 + (k + 1) * steps) % 1.0
         about = (start, best)[k // 2 % 2]
         low, high = bounds if k % 2 else _about(about, bounds)
