@@ -1,12 +1,18 @@
-"""Fits of four parameters to noisy tuning curves: the same optimum from all starts, errors, times; and lmfit's.
+"""Fits of four parameters to noisy tuning curves: the same optimum from all starts, coverage of errors, times; lmfit's.
 
-`python benchmarks/bench_fit.py [SEEDS [STARTS]]`; by default 10 seeds and 3 starts.
+`python benchmarks/bench_fit.py [--seeds 0 1 ...] [--peer 0 ...] [--coverage 100] [--first 0]`. Without options: seeds 0
+to 9 from three starts each, lmfit on seeds 0 and 1, and 100 data sets for the coverage. Processor time stands beside
+wall time, since machines are shared.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
+import warnings
+from collections.abc import Callable
+from functools import cache
+from typing import Any
 
 import numpy as np
 from measure import machine
@@ -28,22 +34,31 @@ def model(values):
     return afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=values["Zc_nm"])
 
 
-def measured(seed):
-    """Readings on the ways up and down, with noise."""
-    system, rng = model(TRUE), np.random.default_rng(seed)
-    curve = afm.frequency_curve(system, (297.5, 302.5))
+@cache
+def exact():
+    """Frequencies, ways and readings of the true model on the ways up and down."""
+    curve = afm.frequency_curve(model(TRUE), (297.5, 302.5))
     jumps = {jump.direction: jump.value for jump in curve.jumps}
-    table = {"f_kHz": [], "amplitude_nm": [], "lag_deg": [], "direction": []}
+    rows = []
     for direction in ("up", "down"):
         for f in np.linspace(298.0, 302.0, POINTS):
             found = [afm.observables(orbit) for orbit in curve.at(f_kHz=f) if orbit.stable]
             found.sort(key=lambda one: one["lag_deg"])
             jumped = f > jumps["up"] if direction == "up" else f > jumps["down"]
             seen = found[-1] if jumped else found[0]
-            table["f_kHz"].append(f)
-            table["direction"].append(direction)
-            for name, sigma in SIGMA.items():
-                table[name].append(seen[name] + sigma * rng.normal())
+            rows.append((f, direction, {name: seen[name] for name in SIGMA}))
+    return rows
+
+
+def measured(seed):
+    """Readings with noise."""
+    rng = np.random.default_rng(seed)
+    table = {"f_kHz": [], "amplitude_nm": [], "lag_deg": [], "direction": []}
+    for f, direction, seen in exact():
+        table["f_kHz"].append(f)
+        table["direction"].append(direction)
+        for name, sigma in SIGMA.items():
+            table[name].append(seen[name] + sigma * rng.normal())
     return table
 
 
@@ -81,37 +96,87 @@ def by_lmfit(data, start):
     return lmfit.minimize(residual, parameters, method="least_squares", loss="soft_l1", max_nfev=200)
 
 
-def main() -> None:
-    """Print the table of benchmarks/README.md."""
-    seeds, count = (int(text) for text in (sys.argv[1:] + ["10", "3"][len(sys.argv) - 1 :])[:2])
-    print(machine())
-    for seed in range(seeds):
-        data = measured(seed)
-        first = None
-        for k, start in enumerate(list(starts())[:count]):
-            begun = time.perf_counter()
-            found = afm.fit(data, model(start), VARY, SIGMA, options=FitOptions(profile=()))
-            took = time.perf_counter() - begun
-            first = found if first is None else first
-            errors = np.array([found.errors[name] for name in TRUE])
-            true = np.array([TRUE[name] for name in TRUE])
-            away = np.abs(found.values - true) / errors
+def timed(work: Callable[[], Any]) -> tuple[Any, str]:
+    """Return a result, and the processor and wall time that it took."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    found = work()
+    return found, f"{time.process_time() - cpu:5.1f} s processor, {time.perf_counter() - wall:5.1f} s wall"
+
+
+def away(found) -> np.ndarray:
+    """Distances from the true values, in standard errors."""
+    return np.array([(found[name] - true) / found.errors[name] for name, true in TRUE.items()])
+
+
+def yardstick(seeds: list[int]) -> None:
+    """Fit the data of some seeds from three starts each, profiles included."""
+    for seed in seeds:
+        data, first = measured(seed), None
+        for k, start in enumerate(starts()):
+            found, took = timed(lambda data=data, start=start: afm.fit(data, model(start), VARY, SIGMA))
+            first = first or found
             moved = np.abs(found.values / first.values - 1.0).max()
-            chi2 = found.chi2_per_datum
             print(
-                f"seed {seed} start {k}: {took:5.1f} s, {found.evaluations:2d} curves, chi2/n {chi2:.3f}, "
-                f"largest error {away.max():.2f} sigma, other starts {moved:.1e}  {np.round(found.values, 5)}",
+                f"seed {seed} start {k}: {took}, {found.evaluations:2d} curves, chi2/n {found.chi2_per_datum:.3f}, "
+                f"largest error {np.abs(away(found)).max():.2f} sigma, off start 0 by {moved:.1e}, "
+                f"{len(found.profiles)} profiles, {found.message}  {np.round(found.values, 5)}",
                 flush=True,
             )
-            if seed == 0:
-                begun = time.perf_counter()
-                peer = by_lmfit(data, start)
-                told = [round(peer.params[name].value, 5) for name in TRUE]
-                print(
-                    f"    lmfit: {time.perf_counter() - begun:5.1f} s, {peer.nfev} evaluations, chi2/n "
-                    f"{peer.chisqr / peer.ndata:.3f}  {told}",
-                    flush=True,
-                )
+
+
+def peer(seeds: list[int]) -> None:
+    """The same by lmfit, without profiles."""
+    for seed in seeds:
+        data = measured(seed)
+        for k, start in enumerate(starts()):
+            found, took = timed(lambda data=data, start=start: attempted(data, start))
+            print(f"lmfit: seed {seed} start {k}: {took}, {found}", flush=True)
+
+
+def attempted(data, start) -> str:
+    """Where lmfit ends, or the error that ends it."""
+    try:
+        found = by_lmfit(data, start)
+    except Exception as error:  # what a peer stumbles over is a result
+        return f"{type(error).__name__}: {error}"
+    told = [round(found.params[name].value, 5) for name in TRUE]
+    return f"{found.nfev} evaluations, chi2/n {found.chisqr / found.ndata:.3f}  {told}"
+
+
+def coverage(count: int, first: int) -> None:
+    """Count the data sets whose true values lie within one standard error, and within the profile of the modulus."""
+    inside, of_profile, chi2 = np.zeros(len(TRUE)), 0, []
+    start = model({name: 1.1 * value for name, value in TRUE.items()})
+    for n in range(count):
+        options = FitOptions(profile=("E_GPa",))
+        found = afm.fit(measured(first + n), start, VARY, SIGMA, options=options)
+        inside += np.abs(away(found)) < 1.0
+        low, high = found.profiles.get("E_GPa", (np.nan, np.nan))
+        of_profile += low < TRUE["E_GPa"] < high
+        chi2.append(found.chi2_per_datum)
+        shares = ", ".join(f"{name} {share:.0f}" for name, share in zip(TRUE, inside, strict=True))
+        print(
+            f"coverage, {n + 1} data sets: {shares}, profile of E_GPa {of_profile}, chi2/n {chi2[-1]:.3f}"
+            f" ({min(chi2):.3f} to {max(chi2):.3f})  {np.round(away(found), 2)}",
+            flush=True,
+        )
+
+
+def main() -> None:
+    """Print the tables of benchmarks/README.md."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, nargs="*", help="data sets that are fitted from three starts")
+    parser.add_argument("--peer", type=int, nargs="*", help="data sets that lmfit fits, too")
+    parser.add_argument("--coverage", type=int, help="data sets for the coverage")
+    parser.add_argument("--first", type=int, default=1000, help="seed of the first of them")
+    given = parser.parse_args()
+    warnings.simplefilter("always")
+    print(machine())
+    if given.seeds is None and given.peer is None and given.coverage is None:
+        given.seeds, given.peer, given.coverage = list(range(10)), [0, 1], 100
+    yardstick(given.seeds or [])
+    peer(given.peer or [])
+    coverage(given.coverage or 0, given.first)
 
 
 if __name__ == "__main__":

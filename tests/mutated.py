@@ -27,6 +27,7 @@ from saltus import (
     find_attractors,
     find_equilibrium,
     find_orbit,
+    fit,
     follow_cascade,
     iterate,
     load,
@@ -109,6 +110,7 @@ def samples() -> dict[str, Result]:
         "trajectory": simulate(oscillator, {"d": 0.5}, [0.0, 0.0], periods=4),
         "orbit": orbit,
         "branch": branch,
+        "fit": _fit(),
         "locus": continue_locus(branch["PD1"], ("r", "q"), {"r": (2.9, 3.1), "q": (0.95, 1.05)}),
         "equilibrium": rests.equilibrium(0),
         "equilibria": rests,
@@ -123,6 +125,18 @@ def samples() -> dict[str, Result]:
         "profile": profile,
         **_of_maps(),
     }  # fmt: skip
+
+
+def _fit() -> Result:
+    """A fit to two channels, one of them complex."""
+    spring = HybridSystem.smooth(
+        {"x": "v", "v": "-c*v - k*x + cos(s)"}, {"k": 1.2, "c": 0.3, "w": 1.0}, phase=("s", "w"), name="spring"
+    )
+    w = np.linspace(0.6, 1.4, 5)
+    harmonic = 1j / (1.0 - w**2 + 0.2j * w)
+    data = {"w": w, "harmonic(x, 1)": harmonic, "amplitude(x, 1)": abs(harmonic), "direction": ["up"] * 5}
+    start = continue_orbit(find_orbit(spring, {}, [0.0, 0.0]), "w", (0.5, 1.5))
+    return fit(data, start, {"k": (0.5, 2.0), "c": (0.05, 1.0)}, {"harmonic(x, 1)": 0.01, "amplitude(x, 1)": 0.01})
 
 
 def _of_maps() -> dict[str, Result]:
@@ -192,6 +206,13 @@ def _use_family(found: Any) -> None:
             _use_curve(branch)
 
 
+def _use_fit(found: Any) -> None:
+    repr((found.errors, found.correlation, found.message, found.parameters)), found.to_dataframe()
+    found[found.names[0]], found.plot()
+    for branch in found.branches:
+        _use_curve(branch)
+
+
 def _use_cascade(found: Any) -> None:
     repr((found.values, found.ratios, found.limit)), found.to_dataframe()
     _use_orbit(found.start.orbit)
@@ -235,7 +256,7 @@ _USES: Mapping[str, Callable[[Any], None]] = {
     "Trajectory": _use_trajectory, "Iterates": _use_iterates,
     "PeriodicOrbit": _use_orbit, "Branch": _use_curve, "Locus": _use_curve,
     "Equilibrium": _use_equilibrium, "EquilibriumBranch": _use_equilibria, "EquilibriumLocus": _use_equilibria,
-    "Family": _use_family, "Cascade": _use_cascade,
+    "Family": _use_family, "Fit": _use_fit, "Cascade": _use_cascade,
     "Sweep": _use_sweep, "LyapunovSpectrum": _use_spectrum, "Attractors": _use_attractors,
     "Basins": _use_basins, "ErosionProfile": _use_profile,
 }  # fmt: skip

@@ -50,8 +50,8 @@ def folds(tune):
 
 
 def test_three_unknowns_are_found_by_a_distance_curve():
-    curve = afm.distance_curve(lever(c_uNs_m=0.3), (4.0, 14.0))
-    data = swept(curve, np.linspace(6.0, 13.0, 15))
+    curve = afm.distance_curve(lever(c_uNs_m=0.3), (6.0, 13.0))
+    data = swept(curve, np.linspace(7.0, 12.5, 6))
     ways = {"approach": "down", "retract": "up"}
     points = [MeasuredPoint("SN", jump.value, 0.05, ways[jump.direction]) for jump in real_jumps(curve)]
     vary = {name: VARY[name] for name in ("H_aJ", "E_GPa", "c_uNs_m")}
@@ -85,6 +85,7 @@ BAD = {
     "two frequencies": ({"data": {"f_kHz": [300.0], "f_Hz": [3e5], "amplitude_nm": [1.0]}}, "f_kHz or f_Hz"),
     "implausible": ({"vary": {"H_aJ": (0.01e-18, 1e-18)}}, "H_aJ"),
     "unknown": ({"vary": {"H": (0.01, 1.0)}}, "H"),
+    "no units": ({"sigma": {"lag": 0.3}, "data": {"Zc_nm": [20.0], "lag": [90.0]}}, "its unit: lag_deg"),
     "no reading": ({"sigma": {"height_nm": 1.0}}, "with a column 'height_nm'"),
     "a parameter of contact far away": (
         {"data": {"Zc_nm": [30.0, 31.0, 32.0], "amplitude_nm": [12.0] * 3}, "vary": {"E_GPa": (0.1, 10.0)}},

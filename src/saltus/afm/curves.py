@@ -12,22 +12,22 @@ from saltus import checks
 from saltus.afm.curve import Curve
 from saltus.afm.modelling import driven_mode, frequency_of, suffix
 from saltus.afm.readings import drives_of, formulas, turns_of
-from saltus.afm.routes import is_pulled_in, orbits_at
+from saltus.afm.routes import is_pulled_in
 from saltus.afm.settling import periods_of_patience, settled, starts_about, stays_in_contact
 from saltus.afm.units import check_changes
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
 from saltus.errors import ConvergenceError
 from saltus.fitting.sheets import stretches_of
+from saltus.fitting.tracing import is_on
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
-from saltus.orbits.orbit import extremes_of
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
     from saltus.progress import Report
     from saltus.system import HybridSystem
 
-__all__ = ["distance_curve", "frequency_curve", "from_afar"]
+__all__ = ["Tracing", "distance_curve", "frequency_curve", "from_afar", "sheet_again"]
 
 _CLEAR = 3.0  # gap of the far start, over the free amplitude
 _RESTS = 400  # displacements at which a rest of the probe is looked for
@@ -115,7 +115,7 @@ def distance_curve(
     check_changes(system.parameters, p | {"Zc_nm": max(low, high, key=abs)})
     checks.count("starts", starts, 0)
     first = from_afar(system, p, high, steps)
-    return _traced(_Tracing("Zc_nm", (low, high), steps, progress), first, of, starts)
+    return _traced(Tracing("Zc_nm", (low, high), steps, progress), first, of, starts)
 
 
 def frequency_curve(
@@ -174,7 +174,7 @@ def frequency_curve(
     check_changes(system.parameters, p | {"f_kHz": high})
     checks.count("starts", starts, 0)
     first = from_afar(system, p, p["Zc_nm"], steps)
-    return _traced(_Tracing("f_kHz", (low, high), steps, progress), first, of, starts)
+    return _traced(Tracing("f_kHz", (low, high), steps, progress), first, of, starts)
 
 
 def from_afar(
@@ -232,7 +232,7 @@ def _at_frequency(system: HybridSystem, p: dict[str, float], f_kHz: float | str 
     return p | {"f_kHz": checks.positive("f_kHz", frequency_of(f_kHz, p[f"f0_kHz{end}"], p[f"Q{end}"]), "kHz")}
 
 
-class _Tracing(NamedTuple):
+class Tracing(NamedTuple):
     """How sheets are traced: along what, over which range, with which steps, reported to whom."""
 
     along: str
@@ -241,11 +241,11 @@ class _Tracing(NamedTuple):
     progress: bool | Report
 
 
-def _traced(how: _Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, places: int) -> Curve:
+def _traced(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, places: int) -> Curve:
     """Return the curve of the sheets through some motions, of those that jumps lead to, and of settled motions."""
     branches: list[Branch] = []
     for start in starts:
-        if not any(_is_on(branch, start) for branch in branches):
+        if not any(is_on(branch, start) for branch in branches):
             branches.append(_sheet(start, how))
     curve = _with_landings(Curve(starts[0].system, how.along, how.bounds, tuple(branches), of), how)
     low, high = how.bounds
@@ -258,7 +258,7 @@ def _traced(how: _Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, pla
     return curve
 
 
-def _with_landings(curve: Curve, how: _Tracing) -> Curve:
+def _with_landings(curve: Curve, how: Tracing) -> Curve:
     """Return a curve with the sheets on which its ways land."""
     tried = set[float]()
     for _ in range(_MOST_SHEETS):
@@ -271,7 +271,7 @@ def _with_landings(curve: Curve, how: _Tracing) -> Curve:
     return curve
 
 
-def _with_settled(curve: Curve, how: _Tracing, place: float, which: slice) -> Curve:
+def _with_settled(curve: Curve, how: Tracing, place: float, which: slice) -> Curve:
     """Return a curve with the sheets on which motions settle that start at a place, from some of the starts there."""
     parameters = {**curve.branches[0].orbit(0).parameters, how.along: place}
     z = curve.system.states.index("z1_nm")
@@ -280,19 +280,19 @@ def _with_settled(curve: Curve, how: _Tracing, place: float, which: slice) -> Cu
         found = settled(curve.system, parameters, x0)
         if isinstance(found, str) or not _is_traced(found, how):
             continue
-        if not any(_is_on(branch, found) for branch in curve.branches):
+        if not any(is_on(branch, found) for branch in curve.branches):
             curve = _with_landings(_with_sheet(curve, found, how), how)
     return curve
 
 
-def _with_sheet(curve: Curve, start: PeriodicOrbit, how: _Tracing) -> Curve:
+def _with_sheet(curve: Curve, start: PeriodicOrbit, how: Tracing) -> Curve:
     """Return a curve with the sheet of a motion in place of those that lie on it."""
     sheet = _sheet(start, how)
-    others = [branch for branch in curve.branches if not _is_on(sheet, branch.orbit(len(branch) // 2))]
+    others = [branch for branch in curve.branches if not is_on(sheet, branch.orbit(len(branch) // 2))]
     return Curve(curve.system, how.along, how.bounds, (*others, sheet), curve.of)
 
 
-def _is_traced(orbit: PeriodicOrbit, how: _Tracing) -> bool:
+def _is_traced(orbit: PeriodicOrbit, how: Tracing) -> bool:
     """Return whether a sheet is followed through a motion: it taps, has no long period, and is in the range."""
     inside = how.bounds[0] <= orbit.parameters[how.along] <= how.bounds[1]
     return inside and orbit.stable and orbit.form.turns <= _LONGEST and not stays_in_contact(orbit)
@@ -304,7 +304,7 @@ def _is_covered(curve: Curve, place: float) -> bool:
     return any(float(values[0]) <= place <= float(values[-1]) for values in reached)
 
 
-def _sheet(start: PeriodicOrbit, how: _Tracing) -> Branch:
+def _sheet(start: PeriodicOrbit, how: Tracing) -> Branch:
     """Return the branch through a motion; it ends at its first fold if this is the static pull-in.
 
     Beyond the static pull-in the branch is that of a static saddle, whose multipliers cost much and tell nothing. The
@@ -321,6 +321,13 @@ def _sheet(start: PeriodicOrbit, how: _Tracing) -> Branch:
         if not folds or any(is_pulled_in(first, fold, bounds) for fold in folds):
             return first
     return _whole(continue_orbit(start, along, bounds, steps=steps, progress=progress))
+
+
+def sheet_again(start: PeriodicOrbit, known: Branch, how: Tracing) -> Branch:
+    """Return the branch through a motion, at other parameters than one known that goes over all its folds."""
+    if known.options["stop_at"] or start.form.turns > 1:
+        return _sheet(start, how)
+    return _whole(continue_orbit(start, how.along, how.bounds, steps=how.steps or _STEPS, progress=how.progress))
 
 
 def _has_rest(orbit: PeriodicOrbit, Zc_nm: float) -> bool:
@@ -342,8 +349,3 @@ def _whole(branch: Branch) -> Branch:
     if is_interrupted(branch):
         raise KeyboardInterrupt
     return branch
-
-
-def _is_on(branch: Branch, orbit: PeriodicOrbit) -> bool:
-    found, wanted = orbits_at(branch, orbit.parameters[branch.parameter]), extremes_of(orbit)
-    return any(np.allclose(extremes_of(other), wanted, rtol=1e-6) for other in found)

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.afm.curves import distance_curve, frequency_curve
+from saltus.afm.curves import Tracing, distance_curve, frequency_curve, sheet_again
 from saltus.afm.readings import check_model, formulas
 from saltus.afm.units import checked
 from saltus.errors import InputError
 from saltus.fitting.estimation import FitOptions, fitted, task
 from saltus.fitting.measured import read_table
+from saltus.fitting.tracing import Retraced
 
 if TYPE_CHECKING:
     from saltus.continuation import Branch
@@ -97,19 +98,25 @@ def fit(
         for limit in checks.interval(f"vary[{name!r}]", limits, finite=True):
             checked(name, limit, insists="choose plausible bounds")
     known = formulas(model)
+    for name in sigma:
+        if units := [reading for reading in known if reading.startswith(f"{name}_")]:
+            raise InputError(f"column {name!r}", name, f"named with its unit: {' or '.join(units)}")
     observables = {name: known[name] for name in sigma if name in known} | dict(options.observables)
     turns = {name: _TURN_DEG for name in sigma if str(name).startswith("lag_deg")} | dict(options.turns)
     options = replace(options, observables=observables, turns=turns)
     bounds = _range(table[along].to_numpy(), along)
 
-    def trace(changes: Mapping[str, float]) -> tuple[Branch, ...]:
-        make = distance_curve if along == "Zc_nm" else frequency_curve
-        return make(model, bounds, parameters=changes).branches
+    steps = options.steps
+    make, how = distance_curve if along == "Zc_nm" else frequency_curve, Tracing(along, bounds, steps, False)
+
+    def whole(changes: Mapping[str, float]) -> tuple[Branch, ...]:
+        return make(model, bounds, parameters=changes, steps=steps).branches
 
     start = {name: options.start.get(name, model.parameters[name]) for name in vary}
     if isinstance(jumps, bool) and "direction" not in table:
         jumps = False
-    return fitted(task(table, trace(start), trace, bounds, vary, sigma, jumps, options), progress)
+    trace = Retraced(whole(start), lambda orbit, known: sheet_again(orbit, known, how), whole)
+    return fitted(task(table, trace, bounds, vary, sigma, jumps, options), progress)
 
 
 def _in_kHz(table: Any) -> Any:

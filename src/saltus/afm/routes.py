@@ -12,15 +12,16 @@ import numpy as np
 from saltus.afm.modelling import driven_mode, suffix
 from saltus.afm.settling import described, settled, stays_in_contact
 from saltus.continuation import Branch, SpecialPoint
-from saltus.errors import ConvergenceError, InputError
+from saltus.errors import ConvergenceError
 from saltus.fitting.sheets import Stretch, stretches_of
+from saltus.fitting.tracing import orbits_at
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.orbit import extremes_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Landing", "Way", "is_pulled_in", "orbits_at", "way_along"]
+__all__ = ["Landing", "Way", "is_pulled_in", "way_along"]
 
 _BEYOND = (1e-3, 1e-2)  # shares of `_scale` by which a motion is moved beyond a fold; next to it nothing settles soon
 _WIDTHS = 10.0  # scale along the frequency, in widths of the resonance
@@ -197,14 +198,6 @@ def _at_the_end(branch: Branch, landing: Landing) -> PeriodicOrbit:
     wanted = extremes_of(landing.after)
     found = orbits_at(branch, landing.value) or (landing.after,)
     return min(found, key=lambda orbit: float(np.abs(extremes_of(orbit) - wanted).max()))
-
-
-def orbits_at(branch: Branch, value: float) -> tuple[PeriodicOrbit, ...]:
-    """Return the orbits of a branch at a value; none where one of them is not found, as beside a grazing."""
-    try:
-        return branch.at(value)
-    except (ConvergenceError, InputError):
-        return ()
 
 
 def _target(branches: Sequence[Branch], stretches: Sequence[Stretch], settled: PeriodicOrbit) -> Stretch | None:

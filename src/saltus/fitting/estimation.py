@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
@@ -9,13 +10,15 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from saltus import checks
-from saltus.continuation import Branch, StepControl
+from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.errors import ConvergenceError, InputError
 from saltus.fitting.jumps import read_points
 from saltus.fitting.measured import Channel, Measured, MeasuredPoint, read_measured
-from saltus.fitting.optimum import Objective, Optimum, covariance, degeneracies, minimised, profiled
+from saltus.fitting.optimum import Objective, Optimum, covariance, degeneracies, minimised
+from saltus.fitting.profiles import Profiles
 from saltus.fitting.result import Fit
-from saltus.fitting.tracing import Retraced, Trace
+from saltus.fitting.search import searched
+from saltus.fitting.tracing import Retraced
 from saltus.progress import Reporter
 
 if TYPE_CHECKING:
@@ -29,8 +32,8 @@ __all__ = ["FitOptions", "Sheeted", "fit", "fitted"]
 
 _CORRELATED = 0.95  # size of a correlation from which a parameter is profiled
 _MOST = 60  # evaluations of a search, at most
-_BETTER = 1e-2  # fall of the loss below that of the optimum that is more than rounding
-_MOST_PROFILE = 12  # the same of one point of a profile
+_REPEATED = 3  # times that profiles are computed, at most: a better fit that one finds makes them void
+_NO_EFFECT = 1e-6  # change of a datum by a parameter over all its range, in standard errors, that is rounding
 
 
 class Sheeted(Protocol):
@@ -63,8 +66,8 @@ class FitOptions:
         Where the search starts; by default at the branch's values.
     profile : sequence of str or None
         Parameters of which the profile likelihood is computed; None for those that correlate above 0.95.
-    steps : StepControl
-        Steps of the branches that are traced.
+    steps : StepControl or None
+        Steps of the branches that are traced; by default those of the functions that trace them.
     most : int
         Evaluations of the search, at most.
     """
@@ -73,7 +76,7 @@ class FitOptions:
     turns: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, float] = field(default_factory=dict)
     profile: Sequence[str] | None = None
-    steps: StepControl = field(default_factory=StepControl)
+    steps: StepControl | None = None
     most: int = _MOST
 
 
@@ -82,12 +85,12 @@ class Task:
     """A fit that is to be made: data, the model's branches, parameters with starts and bounds."""
 
     measured: Measured
-    branches: tuple[Branch, ...]
-    trace: Trace
+    trace: Retraced
     names: tuple[str, ...]
     start: NDArray[np.float64]
     bounds: NDArray[np.float64]
     options: FitOptions
+    sought: bool  # whether jumps were looked for in the data
 
 
 def fit(
@@ -159,8 +162,9 @@ def fit(
     options = FitOptions() if options is None else checks.instance("options", options, FitOptions)
     branches = _branches(branch)
     low, high = _range(branch, branches)
-    trace = Retraced(branches, (low, high), options.steps)
-    return fitted(task(data, branches, trace, (low, high), vary, sigma, jumps, options), progress)
+    steps, along = options.steps, branches[0].parameter
+    trace = Retraced(branches, lambda orbit, _: continue_orbit(orbit, along, (low, high), steps=steps))
+    return fitted(task(data, trace, (low, high), vary, sigma, jumps, options), progress)
 
 
 def _branches(branch: object) -> tuple[Branch, ...]:
@@ -183,8 +187,7 @@ def _range(branch: object, branches: Sequence[Branch]) -> tuple[float, float]:
 
 def task(
     data: object,
-    branches: tuple[Branch, ...],
-    trace: Trace,
+    trace: Retraced,
     bounds: tuple[float, float],
     vary: Mapping[str, tuple[float, float]],
     sigma: Mapping[str, Any],
@@ -192,7 +195,8 @@ def task(
     options: FitOptions,
 ) -> Task:
     """Return the task of a fit, its arguments checked."""
-    system, along = branches[0].system, branches[0].parameter
+    branch = trace.branches[0]
+    system, along = branch.system, branch.parameter
     measured = read_measured(data, along, system, sigma, options.observables, options.turns)
     outside = (measured.x < bounds[0]) | (measured.x > bounds[1])
     if outside.any():
@@ -200,13 +204,14 @@ def task(
         told = f"{int(outside.sum())} of {len(measured)} data outside"
         raise InputError(along, told, f"data between {bounds[0]:.9g} and {bounds[1]:.9g}, where the branch is", hint)
     measured = measured.with_points(read_points(jumps, measured, bounds))
-    names, start, limits = _varied(vary, branches[0], options.start)
+    checks.count("most", options.most, 1)
+    names, start, limits = _varied(vary, branch, options.start)
     if measured.count < len(names):
         raise InputError("data", f"{measured.count} numbers", f"at least {len(names)}, one for each varied parameter")
     if options.profile is not None:
         for name in checks.names("profile", options.profile, "varied parameters"):
             checks.chosen("profile", name, names)
-    return Task(measured, branches, trace, names, start, limits, options)
+    return Task(measured, trace, names, start, limits, options, jumps is True)
 
 
 def _varied(
@@ -229,29 +234,24 @@ def _varied(
 
 
 def fitted(wanted: Task, progress: bool | Report) -> Fit:
-    """Return the fit that a task asks for."""
-    names, bounds, options = wanted.names, wanted.bounds, wanted.options
+    """Return the fit that a task asks for; warn where the data do not fit."""
+    names, bounds = wanted.names, wanted.bounds
     with Reporter(progress) as reporter:
         objective = Objective(wanted.measured, wanted.trace, names, reporter)
-        try:
-            first = objective.at(wanted.start)
-        except ConvergenceError as error:
-            hint = f"{error}; start elsewhere, or leave out data there"
-            given = dict(zip(names, wanted.start.tolist(), strict=True))
-            raise InputError("start", given, "values at which the model has what the data need", hint) from error
-        silent = [name for name, column in zip(names, first.jacobian.T, strict=True) if not np.any(column)]
-        if silent:
-            hint = "leave it out of `vary`, or start where a datum depends on it"
-            raise InputError("vary", ", ".join(silent), "parameters on which a datum depends", hint)
-        found = minimised(objective, wanted.start, bounds, most=options.most)
-        spread = covariance(found.evaluation.jacobian, found.evaluation.residuals)
-        profiles, told = dict[str, tuple[float, float]](), list[str]()
-        if not found.stopped.startswith("interrupted"):
-            refused = len(objective.failures)
-            profiles, told = _with_profiles(objective, found, spread, wanted)
+        _begin(objective, wanted)
+        found = searched(objective, wanted.start, bounds, wanted.options.most)
+        refused = len(objective.failures)
+        for _ in range(_REPEATED):
+            spread = covariance(found.evaluation.jacobian, found.evaluation.residuals)
+            profiles = Profiles(objective, found, spread, bounds)
+            if not found.is_interrupted:
+                profiles.compute(_profiled_names(wanted, spread))
             del objective.failures[refused:]
-    return Fit(
-        system=wanted.branches[0].system,
+            if profiles.better is None:
+                break
+            found = minimised(objective, profiles.better.values, bounds, most=wanted.options.most)
+    fit = Fit(
+        system=wanted.trace.branches[0].system,
         along=wanted.measured.along,
         names=names,
         values=found.values,
@@ -263,45 +263,33 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
         data=_dataset(found.evaluation),
         evaluations=objective.evaluations,
         stopped=found.stopped,
-        profiles=profiles,
-        notes=(*_notes(wanted, found, objective), *told),
+        profiles=profiles.intervals,
+        notes=(*_notes(wanted, found, objective), *profiles.notes),
     )
+    if fit.misfit and not found.is_interrupted:
+        warnings.warn(f"saltus: {fit.message}", RuntimeWarning, stacklevel=3)
+    return fit
 
 
-def _with_profiles(
-    objective: Objective, found: Optimum, spread: NDArray[np.float64], wanted: Task
-) -> tuple[dict[str, tuple[float, float]], list[str]]:
-    """Return the profiles of what is asked for or correlates, and in words what happened on the way."""
-    profiles: dict[str, tuple[float, float]] = {}
-    notes: list[str] = []
+def _begin(objective: Objective, wanted: Task) -> None:
+    """Compare the model with the data at the start.
 
-    def solve(index: int, value: float) -> float:
-        start = found.values + spread[:, index] / spread[index, index] * (value - found.values[index])
-        start = np.clip(start, *wanted.bounds)
-        start[index] = value
-        there = minimised(objective, start, wanted.bounds, fixed=(index,), most=_MOST_PROFILE)
-        if there.stopped.startswith("interrupted"):
-            raise KeyboardInterrupt
-        if there.loss < found.loss - _BETTER:
-            told = ", ".join(f"{name} = {value:.6g}" for name, value in zip(wanted.names, there.values, strict=True))
-            notes.append(f"a profile found a better fit, at {told}: start there")
-        return there.loss
-
+    Raises
+    ------
+    InputError
+        The model has no stable motions where data are; a parameter on which no datum depends.
+    """
     try:
-        for name in _profiled_names(wanted, spread):
-            i = wanted.names.index(name)
-            if not np.isfinite(spread[i, i]):
-                notes.append(f"{name} has no profile: the data do not tell it")
-                continue
-            limits = float(wanted.bounds[0, i]), float(wanted.bounds[1, i])
-            try:
-                error = float(np.sqrt(spread[i, i]))
-                profiles[name] = profiled(solve, i, float(found.values[i]), error, found.loss, limits)
-            except ConvergenceError as failed:
-                notes.append(f"{name} has no profile: {failed}")
-    except KeyboardInterrupt:
-        notes.append("interrupted: not all profiles are known")
-    return profiles, list(dict.fromkeys(notes))
+        first = objective.at(wanted.start)
+    except ConvergenceError as error:
+        hint = f"{error}; start elsewhere, or leave out data there"
+        given = dict(zip(wanted.names, wanted.start.tolist(), strict=True))
+        raise InputError("start", given, "values at which the model has what the data need", hint) from error
+    reach = np.abs(first.jacobian).max(axis=0) * np.ptp(wanted.bounds, axis=0)
+    silent = [name for name, most in zip(wanted.names, reach.tolist(), strict=True) if not most > _NO_EFFECT]
+    if silent:
+        hint = "leave it out of `vary`, or start where a datum depends on it"
+        raise InputError("vary", ", ".join(silent), "parameters on which a datum depends", hint)
 
 
 def _profiled_names(wanted: Task, spread: NDArray[np.float64]) -> list[str]:
@@ -320,7 +308,11 @@ def _notes(wanted: Task, found: Optimum, objective: Objective) -> tuple[str, ...
     """Return in words what was found about the data, and what they do not tell."""
     measured, notes = wanted.measured, []
     if measured.dropped:
-        notes.append(f"{measured.dropped} rows with missing numbers were left out")
+        notes.append(f"{measured.dropped} rows with missing or infinite numbers were left out")
+    if repeated := measured.repeated:
+        notes.append(f"{repeated} rows repeat others, and count as measured again")
+    if wanted.sought and not measured.points:
+        notes.append("jumps were sought, but the data show none")
     if measured.unused:
         notes.append(f"columns without a standard error are not fitted: {', '.join(measured.unused)}")
     for point, one in zip(measured.points, found.evaluation.special, strict=True):

@@ -54,30 +54,42 @@ class Evaluation:
         self._known: dict[tuple[int, float], tuple[NDArray[np.float64], NDArray[np.float64], float]] = {}
 
     @cached_property
-    def assigned(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
-        """Of each datum the sheet, the value at which the sheet is compared, and at which end: -1, 1, or 0 within."""
+    def _nearest(self) -> tuple[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]], NDArray[np.float64]]:
+        """Sheet, place and side of each datum, and the formulas interpolated there, shape (formula, datum)."""
         x = self.measured.x
-        away, places, sides = [], [], []
+        away, places, sides, interpolated = [], [], [], []
         for sheet in self.sheets:
             low, high = sheet.place(False), sheet.place(True)
             place = np.clip(x, low, high)
-            columns = {formula: sheet.column(formula, place) for formula in self.measured.formulas}
+            columns = np.array([sheet.column(formula, place) for formula in self.measured.formulas])
             total = np.zeros(len(x))
             for channel in self.measured.channels:
-                seen = np.array([columns[formula] for formula in channel.formulas])
+                seen = columns[self._of(channel.formulas)]
                 total += (channel.residual(seen, np.arange(len(x))) ** 2).sum(axis=0)
             beyond = np.where(x < low, -1, np.where(x > high, 1, 0))
             open_end = ((beyond < 0) & (sheet.ends[0] is None)) | ((beyond > 0) & (sheet.ends[1] is None))
             away.append(np.where(open_end | ~np.isfinite(total), np.inf, total))
             places.append(place)
             sides.append(beyond)
+            interpolated.append(columns)
         table = np.array(away)
         lost = ~np.isfinite(table.min(axis=0))
         if lost.any():
             what = f"stable sheet at {self.measured.along} = {x[lost][0]:.6g}"
             raise ConvergenceError(what, math.inf, 0, f"{lost.sum()} of {len(x)} data lie where no sheet is")
         nearest, every = np.argmin(table, axis=0), np.arange(len(x))
-        return nearest, np.array(places)[nearest, every], np.array(sides)[nearest, every]
+        chosen = nearest, np.array(places)[nearest, every], np.array(sides)[nearest, every]
+        return chosen, np.array(interpolated)[nearest, :, every].T
+
+    @property
+    def assigned(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
+        """Of each datum the sheet, the value at which the sheet is compared, and at which end: -1, 1, or 0 within."""
+        return self._nearest[0]
+
+    @cached_property
+    def rough(self) -> NDArray[np.float64]:
+        """Residuals from observables interpolated between the branches' points: no orbit is solved for them."""
+        return self._residuals(self._nearest[1])
 
     def _observed(self, sheet: int, place: float, side: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         """Return the formulas at a place, shape (formulas,), and their derivatives by the varied parameters.
@@ -101,15 +113,22 @@ class Evaluation:
         formulas, along = list(self.measured.formulas), self.branches[0].parameter
         orbit = self.sheets[sheet].orbit(place)
         try:
-            found = orbit.sensitivity(formulas, [*self.names, along])
+            found = orbit.sensitivity(formulas, self._sorted)
         except InputError as error:
             raise ConvergenceError(f"derivative at {along} = {place:.9g}", math.inf, 0, str(error)) from error
-        values = np.array([found[formula].attrs["value"] for formula in formulas])
-        slopes = np.array([found[formula].to_numpy() for formula in formulas])
+        values = np.array([found.variables[formula].attrs["value"] for formula in formulas])
+        order = [self._sorted.index(name) for name in (*self.names, along)]
+        slopes = np.array([found.variables[formula].values[order] for formula in formulas])
         if not np.all(np.isfinite(slopes)):
             notes = [note for formula in formulas if (note := found[formula].attrs.get("note"))]
             raise ConvergenceError(f"derivative at {along} = {place:.9g}", math.inf, 0, "; ".join(notes))
         return values, slopes
+
+    @cached_property
+    def _sorted(self) -> list[str]:
+        """The varied parameters and the branch's, in the order of the system's, in which derivatives cost least."""
+        wanted = {*self.names, self.branches[0].parameter}
+        return [name for name in self.branches[0].system.parameter_names if name in wanted]
 
     @property
     def _keys(self) -> list[tuple[int, float, int]]:
@@ -135,9 +154,12 @@ class Evaluation:
 
         A special point that the model lacks counts with the range of the data.
         """
+        return self._residuals(self.seen)
+
+    def _residuals(self, seen: NDArray[np.float64]) -> NDArray[np.float64]:
         every = np.arange(len(self.measured))
         parts = [
-            channel.residual(self.seen[self._of(channel.formulas)], every).ravel() for channel in self.measured.channels
+            channel.residual(seen[self._of(channel.formulas)], every).ravel() for channel in self.measured.channels
         ]
         span = float(np.ptp(self.measured.x)) or 1.0
         ends = [

@@ -156,6 +156,13 @@ class Measured:
         """The observables of an orbit that all channels ask for."""
         return tuple(dict.fromkeys(formula for channel in self.channels for formula in channel.formulas))
 
+    @property
+    def repeated(self) -> int:
+        """Rows that are the same as one before, in all that is fitted."""
+        columns = [self.x, *(channel.values for channel in self.channels)]
+        rows = set(zip(*(column.tolist() for column in columns), self.direction, strict=True))
+        return len(self) - len(rows)
+
     def with_points(self, points: Sequence[MeasuredPoint]) -> Measured:
         """Return the same data with measured special points."""
         return replace(self, points=tuple(points))
@@ -227,6 +234,8 @@ def read_measured(
     errors = checks.mapping("sigma", sigma, "standard errors by column, as {'max(x)': 0.01}")
     if not errors:
         raise InputError("sigma", sigma, "the standard error of at least one column", "without it nothing is fitted")
+    checks.mapping("observables", observables, "observables by column", known=list(errors))
+    checks.mapping("turns", turns, "angles by column", known=list(errors))
     known = [str(name) for name in table.columns]
     for name in (along, *errors):
         if name not in known:

@@ -3,13 +3,12 @@
 References
 ----------
 Branch, Coleman and Li, SIAM J. Sci. Comput. 21 (1999) 1-23 (reflective trust region within bounds, by
-`scipy.optimize.least_squares`); Triggs et al., LNCS 1883 (2000) 298-372 (robust losses); Venzon and Moolgavkar, Appl.
-Statist. 37 (1988) 87-94 (profile likelihood).
+`scipy.optimize.least_squares`); Triggs et al., LNCS 1883 (2000) 298-372 (robust losses).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -22,17 +21,32 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.fitting.measured import Measured
-    from saltus.fitting.tracing import Trace
+    from saltus.fitting.tracing import Retraced
     from saltus.progress import Reporter
 
-__all__ = ["Objective", "Optimum", "covariance", "degeneracies", "loss_weights", "minimised", "profiled", "total_loss"]
+__all__ = [
+    "FOUND",
+    "INTERRUPTED",
+    "Objective",
+    "Optimum",
+    "covariance",
+    "degeneracies",
+    "loss_weights",
+    "minimised",
+    "total_loss",
+]
+
+FOUND = "the optimum is found"  # why a search ends that converged
+NOTHING = "nothing is varied"  # why it ends at its start
+INTERRUPTED = "interrupted: the best so far"  # why it ends at Ctrl-C
 
 _LOSS = 3.0  # residual in standard errors from which the loss grows more slowly than its square
-_SMALL = 1e-10  # relative change of the loss that ends the search
+_SMALL = 1e-8  # relative change of the loss that ends the search
 _STEP = 1e-9  # relative change of the parameters that ends the search
+_FIRST_STEP = 0.5  # radius of the first trust region, over the sizes of the parameters
+_LEAST_SIZE = 0.02  # size of a parameter, over its range, at least
+_HOPELESS = 2.0  # loss by interpolated observables, over the least, above which no orbit is solved for its data
 _NULL = 1e-6  # singular value over the largest, of relative changes, below which a combination has no effect
-_SECANTS = 6  # steps of the secant method on one side of a profile, at most
-_ONE = 0.02  # distance of a profile's square root from 1 that is taken as 1
 _PART = 1e-2  # share of a parameter in a combination, below which it is left out in words
 
 
@@ -44,7 +58,7 @@ class Objective:
     ----------
     measured : Measured
         The data.
-    trace : callable
+    trace : Retraced
         Returns branches at changed parameters.
     names : tuple of str
         Varied parameters.
@@ -61,7 +75,7 @@ class Objective:
     """
 
     measured: Measured
-    trace: Trace
+    trace: Retraced
     names: tuple[str, ...]
     reporter: Reporter
     best: tuple[float, NDArray[np.float64], Evaluation] | None = None
@@ -72,6 +86,9 @@ class Objective:
     def at(self, values: NDArray[np.float64]) -> Evaluation:
         """Return the data against the model at values of the parameters.
 
+        Branches are retraced from those of the best parameters. Where this leads to far worse a fit, or to fewer
+        sheets, the model is traced anew.
+
         Raises
         ------
         ConvergenceError
@@ -79,19 +96,62 @@ class Objective:
         """
         if self.best is not None and np.array_equal(self.best[1], values):
             return self.best[2]
+        if self.best is not None:
+            self.trace.branches = self.best[2].branches
+        try:
+            found = self._tried(values, anew=False)
+            if self._taken(values, found) or self.trace.whole is None or not self._may_lack_sheets(found):
+                return found
+        except (ConvergenceError, InputError):
+            if self.trace.whole is None:
+                raise
+        return self.anew(values)
+
+    def anew(self, values: NDArray[np.float64]) -> Evaluation:
+        """Return the data against the model, traced without the branches known before; raises what `at` does."""
+        found = self._tried(values, anew=True)
+        self._taken(values, found)
+        return found
+
+    def _may_lack_sheets(self, found: Evaluation) -> bool:
+        return self.is_worse(found) or self.best is None or len(found.sheets) < len(self.best[2].sheets)
+
+    def rough_loss(self, values: NDArray[np.float64]) -> float:
+        """Return the loss by interpolated observables, of the model traced anew; infinite where there is none."""
+        try:
+            found = self._tried(values, anew=True).rough
+        except (ConvergenceError, InputError):
+            return np.inf
+        self._tell(values, found)
+        return total_loss(found)
+
+    def is_worse(self, found: Evaluation) -> bool:
+        """Whether the loss is so much above the least that interpolated observables are enough to tell."""
+        return self.best is not None and not total_loss(found.rough) <= _HOPELESS * self.best[0] + self.measured.count
+
+    def _tried(self, values: NDArray[np.float64], *, anew: bool) -> Evaluation:
         changes = dict(zip(self.names, values.tolist(), strict=True))
-        found = Evaluation(self.measured, tuple(self.trace(changes)), self.names)
+        found = Evaluation(self.measured, (self.trace.anew if anew else self.trace)(changes), self.names)
+        self.evaluations += 1
+        return found
+
+    def _tell(self, values: NDArray[np.float64], residuals: NDArray[np.float64]) -> None:
+        told = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.names, values, strict=True))
+        self.reporter.step(1, f"chi2/n = {float(residuals @ residuals) / residuals.size:.4g}, {told}")
+
+    def _taken(self, values: NDArray[np.float64], found: Evaluation) -> bool:
+        """Keep an evaluation if it is the best so far, and return whether it is."""
+        if self.is_worse(found):
+            self._tell(values, found.rough)
+            return False
+        loss = total_loss(found.residuals)
+        self._tell(values, found.residuals)
         if not np.all(np.isfinite(found.jacobian)):
             raise ConvergenceError("derivatives of the residuals", np.inf, 0, "an end of a sheet has none")
-        loss = total_loss(found.residuals)
-        self.evaluations += 1
-        self.refused = 0
-        if self.best is None or loss < self.best[0]:
-            self.best = loss, values.copy(), found
-        told = ", ".join(f"{name} = {value:.6g}" for name, value in changes.items())
-        chi2 = float(found.residuals @ found.residuals) / max(self.measured.count, 1)
-        self.reporter.step(1, f"chi2/n = {chi2:.4g}, {told}")
-        return found
+        if self.best is not None and not loss < self.best[0]:
+            return False
+        self.best = loss, values.copy(), found
+        return True
 
 
 @dataclass(frozen=True)
@@ -115,6 +175,11 @@ class Optimum:
     loss: float
     stopped: str
 
+    @property
+    def is_interrupted(self) -> bool:
+        """Whether an interrupt ended the search."""
+        return self.stopped == INTERRUPTED
+
 
 def total_loss(residuals: NDArray[np.float64]) -> float:
     """Return the sum of soft-l1 losses, which are the squares of small residuals."""
@@ -132,7 +197,8 @@ def minimised(
     bounds: NDArray[np.float64],
     *,
     fixed: Sequence[int] = (),
-    most: int = 60,
+    most: int,
+    accuracy: float = _SMALL,
 ) -> Optimum:
     """Return the parameters of least loss within bounds; an interrupt keeps the best so far.
 
@@ -146,8 +212,10 @@ def minimised(
         Least and greatest values.
     fixed : sequence of int, optional
         Parameters that keep their values.
-    most : int, optional
+    most : int
         Evaluations at most.
+    accuracy : float, optional
+        Relative change of the loss that ends the search.
 
     Raises
     ------
@@ -171,35 +239,46 @@ def minimised(
                 objective.failures.append(str(error))
                 objective.refused += 1
                 return None
+            objective.refused = 0
             known.clear()
             known[values.tobytes()] = found
         return known[values.tobytes()]
 
-    def residuals(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        found = evaluated(values)
-        return np.full(objective.measured.count, np.nan) if found is None else found.residuals
-
-    def slopes(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        found = evaluated(values)
-        assert found is not None  # derivatives are asked for only where residuals were found
-        return found.jacobian[:, free]
-
     if not free:
         assert objective.best is not None
-        return Optimum(start, objective.best[2], objective.best[0], "nothing is varied")
+        return Optimum(start, objective.best[2], objective.best[0], NOTHING)
     low, high = bounds[:, free]
     inside = np.clip(start[free], low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-    sizes = np.maximum(np.abs(start[free]), 0.1 * (high - low))
+    sizes = np.where(start[free] == 0.0, high - low, np.maximum(np.abs(start[free]), _LEAST_SIZE * (high - low)))
+    # SciPy's first trust region is as large as the variables: these begin at its wanted radius
+    origin = np.full(len(free), _FIRST_STEP / np.sqrt(len(free)))
+
+    def placed(scaled: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.clip(inside + sizes * (scaled - origin), low, high))
+
+    def residuals(scaled: NDArray[np.float64]) -> NDArray[np.float64]:
+        found = evaluated(placed(scaled))
+        if found is None:
+            return np.full(objective.measured.count, np.nan)
+        return found.rough if objective.is_worse(found) else found.residuals
+
+    def slopes(scaled: NDArray[np.float64]) -> NDArray[np.float64]:
+        found = evaluated(placed(scaled))
+        assert found is not None  # derivatives are asked for only where residuals were found
+        return np.asarray(found.jacobian[:, free] * sizes)
+
+    limits = origin + (low - inside) / sizes, origin + (high - inside) / sizes
+    objective.refused = 0
     try:
         found = least_squares(
-            residuals, inside, slopes, (low, high), x_scale=sizes, loss="soft_l1", f_scale=_LOSS,
-            ftol=_SMALL, xtol=_STEP, gtol=None, max_nfev=most,
+            residuals, origin, slopes, limits, loss="soft_l1", f_scale=_LOSS,
+            ftol=accuracy, xtol=_STEP, gtol=None, max_nfev=most,
         )  # fmt: skip
-        stopped = "no more evaluations are allowed" if found.status == 0 else "the optimum is found"
+        stopped = "no more evaluations are allowed" if found.status == 0 else FOUND
         if objective.refused:
             stopped = "the search ended where no further step can be followed: perhaps this is no optimum"
     except KeyboardInterrupt:
-        stopped = "interrupted: the best so far"
+        stopped = INTERRUPTED
     assert objective.best is not None
     loss, values, evaluation = objective.best
     return Optimum(values, evaluation, loss, stopped)
@@ -247,45 +326,3 @@ def _combination(change: NDArray[np.float64], names: Sequence[str]) -> str:
     change = change / change[np.argmax(np.abs(change))]
     parts = [f"{name} {value:+.3g} %" for name, value in zip(names, change, strict=True) if abs(value) > _PART]
     return f"the data do not change along {', '.join(parts)}: only a combination of these is known"
-
-
-_Solve = Callable[[int, float], float]  # loss of the best fit with one parameter held at a value
-
-
-def profiled(
-    solve: _Solve, index: int, value: float, error: float, loss: float, bounds: tuple[float, float]
-) -> tuple[float, float]:
-    """Return where the profile of the loss is 1 above its minimum, below and above the best value.
-
-    Parameters
-    ----------
-    solve : callable
-        Returns the least loss with the parameter of an index held at a value.
-    index : int
-        The parameter.
-    value, error : float
-        Its best value, and its standard error by linear theory.
-    loss : float
-        The least loss.
-    bounds : (float, float)
-        Its bounds; where the profile stays below 1 up to there, the bound is returned.
-    """
-    return _crossing(solve, index, value, -error, loss, bounds[0]), _crossing(
-        solve, index, value, error, loss, bounds[1]
-    )
-
-
-def _crossing(solve: _Solve, index: int, value: float, step: float, loss: float, limit: float) -> float:
-    """Return where the square root of the profile's rise is 1, by the secant method, which is exact for a parabola."""
-    near, root_near, trial = value, 0.0, step
-    for _ in range(_SECANTS):
-        there = max(value + trial, limit) if step < 0.0 else min(value + trial, limit)
-        root = float(np.sqrt(max(solve(index, there) - loss, 0.0)))
-        if there == limit and root < 1.0:
-            return limit
-        if abs(root - 1.0) <= _ONE:
-            return there
-        slope = (root - root_near) / (there - near) if root != root_near else np.sign(step) / abs(step)
-        near, root_near, trial = there, root, there + (1.0 - root) / slope - value
-        trial = np.sign(step) * np.clip(abs(trial), 0.1 * abs(step), 10.0 * abs(step))
-    return near

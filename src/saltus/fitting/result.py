@@ -15,6 +15,8 @@ from saltus.contents import checked_texts
 from saltus.continuation import Branch
 from saltus.continuation.branch_files import RAGGED, branches_of, branches_together
 from saltus.errors import InputError
+from saltus.fitting.optimum import FOUND
+from saltus.fitting.search import largest_chi2
 from saltus.results import Result, frozen
 from saltus.system.plain import held_system
 
@@ -127,6 +129,28 @@ class Fit(Result):
         """Sum of the squared residuals over their number; about 1 where the standard errors are those of the data."""
         return self.chi2 / self.residuals.size
 
+    @property
+    def misfit(self) -> str:
+        """In words, that the data do not fit: chi2/n is far above 1, by five of its standard deviations or more."""
+        limit = largest_chi2(self.residuals.size)
+        if not self.chi2_per_datum > limit:
+            return ""
+        off = f"{self._off} of {self.data.sizes['datum']} data lie more than {_OFF:g} standard errors off the model"
+        return (
+            f"the data do not fit: chi2/n = {self.chi2_per_datum:.3g} is above {limit:.3g}, and {off}; the model or the"
+            " standard errors do not suit them, or the best parameters lie elsewhere"
+        )
+
+    @property
+    def _off(self) -> int:
+        """Data that lie off every sheet."""
+        return int((np.abs(self.data["residual"].to_numpy()) > _OFF).any(axis=1).sum())
+
+    @property
+    def message(self) -> str:
+        """In words, why the search ended, and first whether the data do not fit."""
+        return f"{self.misfit}; {self.stopped}" if self.misfit else self.stopped
+
     def to_dataframe(self) -> pd.DataFrame:
         """Return a table of the varied parameters: value, standard error, profile, start and bounds."""
         import pandas as pd
@@ -167,8 +191,8 @@ class Fit(Result):
         result = MinimizerResult(
             params=parameters, var_names=list(self.names), init_vals=self.start.tolist(),
             init_values=dict(zip(self.names, self.start.tolist(), strict=True)), covar=np.array(self.covariance),
-            residual=self.residuals, nfev=self.evaluations, method="saltus", success="optimum" in self.stopped,
-            errorbars=bool(np.all(np.isfinite(self.covariance))), message=self.stopped, nvarys=len(self.names),
+            residual=self.residuals, nfev=self.evaluations, method="saltus", success=self.message == FOUND,
+            errorbars=bool(np.all(np.isfinite(self.covariance))), message=self.message, nvarys=len(self.names),
             ndata=self.residuals.size, aborted=self.stopped.startswith("interrupted"), scale_covar=False,
         )  # fmt: skip
         result._calculate_statistics()
@@ -242,6 +266,7 @@ class Fit(Result):
             f"Fit of {self.system.name or 'a hybrid system'} along {self.along}: {count} data{more},"
             f" chi2/n = {self.chi2_per_datum:.3f}"
         ]
+        lines += [f"  {self.misfit}"] if self.misfit else []
         wide = max(len(name) for name in self.names)
         for i, name in enumerate(self.names):
             error = self.errors[name]
@@ -268,8 +293,8 @@ class Fit(Result):
         lines = [", ".join(told)]
         if beyond := int((side != 0).sum()):
             lines.append(f"{beyond} data lie beyond the end of their sheet, and are compared with its last orbits")
-        if off := int((np.abs(self.data["residual"].to_numpy()) > _OFF).any(axis=1).sum()):
-            lines.append(f"{off} data lie more than {_OFF:g} standard errors off every stable sheet")
+        if self._off:
+            lines.append(f"{self._off} data lie more than {_OFF:g} standard errors off every stable sheet")
         if missed := int((np.abs(self.data["special_residual"].to_numpy()) > _OFF).sum()):
             lines.append(f"{missed} special points lie more than {_OFF:g} standard errors off those of the model")
         return lines

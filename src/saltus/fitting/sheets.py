@@ -25,7 +25,7 @@ __all__ = ["MOVING", "WITHIN", "Sheet", "Stretch", "sheets_of", "stretches_of"]
 MOVING = ("SN", "PD", "TR", "GR")  # types of special points at which a stable sheet ends and that move with parameters
 WITHIN = 1e-5  # distance from a special point at which a sheet is cut off, over the sheet's length
 _AT_GRAZING = 1e-6  # distance from a grazing, over the branch's range, at which a motion is rounding
-_REACH = 1.5  # distance of an orbit from where interpolation has it, over the distance of its neighbours, at most
+_REACH = 1.5  # distance of an orbit from where interpolation has it, over that of neighbours, two on each side, at most
 _ROUNDING = 1e-6  # the same over the orbit's size, that may be rounding
 
 
@@ -167,7 +167,8 @@ class Sheet:
             share = 1.0 - math.sqrt(max(1.0 - share, 0.0))
         wanted = (1.0 - share) * a.extremes + share * b.extremes
         size = max(float(np.abs(a.extremes).max()), float(np.abs(b.extremes).max()))
-        reach = _REACH * float(np.abs(b.extremes - a.extremes).max()) + _ROUNDING * size
+        around = [node.extremes for node in nodes[max(k - 2, 0) : k + 2]]  # the curve may turn between the nearest two
+        reach = _REACH * float(np.abs(np.diff(around, axis=0)).max(initial=0.0)) + _ROUNDING * size
         p = branch.system.parameter_vector({**branch.parameters, branch.parameter: value})
         for form, unknowns in _guesses(a, b, share):
             try:

@@ -3,44 +3,50 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
-from saltus.continuation import Branch, StepControl, continue_orbit
+from saltus.continuation import Branch
 from saltus.continuation.way import is_interrupted
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit
+from saltus.orbits.orbit import extremes_of
 from saltus.orbits.solve import converge
 
-__all__ = ["Retraced", "Trace"]
+__all__ = ["Follow", "Retraced", "Trace", "is_on", "orbits_at"]
 
-Trace: TypeAlias = Callable[[Mapping[str, float]], Sequence[Branch]]  # branches at parameters that differ
+Trace: TypeAlias = Callable[[Mapping[str, float]], tuple[Branch, ...]]  # branches at parameters that differ
+Follow: TypeAlias = Callable[[PeriodicOrbit, Branch], Branch]  # the branch through an orbit, given that known before
 
 _HALVINGS = 4  # times that the way from one set of parameters to another is halved
+_SAME = 1e-6  # relative difference of extremes up to which two orbits are one
 
 
 @dataclass
 class Retraced:
     """Branches that are traced again at other parameters, each from an orbit of the branch known before.
 
+    Sheets that appear in between are not on these branches. So `anew` traces a curve from its beginning, where the
+    caller doubts what was found.
+
     Attributes
     ----------
     branches : tuple of Branch
         The branches known last.
-    bounds : (float, float)
-        Range of the parameter over which they are traced.
-    steps : StepControl
-        Steps of the branches.
+    follow : callable
+        Returns the branch through an orbit, given the one known before.
+    whole : callable or None
+        Returns all branches at other parameters, found without those known before.
     """
 
     branches: tuple[Branch, ...]
-    bounds: tuple[float, float]
-    steps: StepControl = field(default_factory=StepControl)
+    follow: Follow
+    whole: Trace | None = None
 
-    def __call__(self, changes: Mapping[str, float]) -> Sequence[Branch]:
+    def __call__(self, changes: Mapping[str, float]) -> tuple[Branch, ...]:
         """Return the branches at other parameters.
 
         Raises
@@ -50,23 +56,47 @@ class Retraced:
         KeyboardInterrupt
             An interrupt has ended a branch.
         """
-        found = tuple(self._again(branch, changes) for branch in self.branches)
-        self.branches = found
-        return found
+        found: list[Branch] = []
+        for branch in self.branches:
+            start = _begun(branch, changes)
+            if not any(is_on(other, start) for other in found):
+                found.append(self.follow(start, branch))
+                if is_interrupted(found[-1]):
+                    raise KeyboardInterrupt
+        self.branches = tuple(found)
+        return self.branches
 
-    def _again(self, branch: Branch, changes: Mapping[str, float]) -> Branch:
-        failed: ConvergenceError | None = None
-        for index in _starts(branch):
-            try:
-                start = _moved(branch.orbit(index), changes)
-            except ConvergenceError as error:
-                failed = error
-                continue
-            traced = continue_orbit(start, branch.parameter, self.bounds, steps=self.steps)
-            if is_interrupted(traced):
-                raise KeyboardInterrupt
-            return traced
-        raise failed or ConvergenceError("orbit of a branch", math.inf, 0, "the branch has no stable orbit")
+    def anew(self, changes: Mapping[str, float]) -> tuple[Branch, ...]:
+        """Return all branches at other parameters; raises what `__call__` does."""
+        if self.whole is None:
+            return self(changes)
+        self.branches = self.whole(changes)
+        return self.branches
+
+
+def is_on(branch: Branch, orbit: PeriodicOrbit) -> bool:
+    """Return whether an orbit is one of a branch."""
+    found, wanted = orbits_at(branch, orbit.parameters[branch.parameter]), extremes_of(orbit)
+    return any(np.allclose(extremes_of(other), wanted, rtol=_SAME) for other in found)
+
+
+def orbits_at(branch: Branch, value: float) -> tuple[PeriodicOrbit, ...]:
+    """Return the orbits of a branch at a value; none where one of them is not found, as beside a grazing."""
+    try:
+        return branch.at(value)
+    except (ConvergenceError, InputError):
+        return ()
+
+
+def _begun(branch: Branch, changes: Mapping[str, float]) -> PeriodicOrbit:
+    """Return an orbit of a branch at other parameters."""
+    failed: ConvergenceError | None = None
+    for index in _starts(branch):
+        try:
+            return _moved(branch.orbit(index), changes)
+        except ConvergenceError as error:
+            failed = error
+    raise failed or ConvergenceError("orbit of a branch", math.inf, 0, "the branch has no stable orbit")
 
 
 def _starts(branch: Branch) -> Iterator[int]:

@@ -311,10 +311,11 @@ class PeriodicOrbit(Result):
         names = checks.names("names", names, "observables")
         known = self.system.parameter_names
         wanted = known if parameters is None else checks.names("parameters", parameters, "names of parameters")
-        problem = self.problem([name for name in known if name in wanted] if set(wanted) <= set(known) else wanted)
+        ordered = tuple(name for name in known if name in wanted) if set(wanted) <= set(known) else wanted
+        problem = self.problem(ordered)
         u = np.append(self.unknowns, problem.p[list(problem.active)])
         found = sensitivities(problem, u, names).dataset(problem)
-        return found if parameters is None else found.sel(parameter=list(wanted))
+        return found if wanted == ordered else found.sel(parameter=list(wanted))
 
     def to_xarray(self) -> xr.Dataset:
         """Return segments, multipliers, extremes and a sampled period as a Dataset."""
