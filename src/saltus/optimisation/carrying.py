@@ -1,7 +1,7 @@
-"""An orbit carried to other parameters along its smooth piece: same sequence of events, same sheet, or a reason why not.
+"""An orbit carried to other parameters along its smooth piece: same events, same sheet, or a reason why not.
 
-A step is predicted by the exact derivatives of the unknowns, and corrected by Newton's method. An orbit of another sheet
-may be found that way. So the change of the unknowns must agree with the derivatives at both ends of the step.
+A step is predicted by the exact derivatives of the unknowns, and corrected by Newton's method. An orbit of another
+sheet may be found that way. So the change of the unknowns must agree with the derivatives at both ends of the step.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["Carried", "carried", "carrying"]
 
 _SHORTEST = 2.0**-6  # share of a way below which no step is tried
-_AGREE = 0.2  # most by which a change and its derivatives may differ, over the change
+_AGREE = 0.3  # most by which a change and its derivatives may differ, over the change
 _ROUNDING = 1e-8  # change of an unknown, over its size, that is too small to be judged
 
 

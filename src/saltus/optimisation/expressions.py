@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus.errors import ConvergenceError, InputError
+from saltus.flow.formulas import read_formula
 from saltus.orbits.observed import planned
 from saltus.orbits.sensitivities import MULTIPLIERS, sensitivities
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from saltus.optimisation.carrying import Carried
+    from saltus.orbits.observed import Differentiated
     from saltus.system import HybridSystem
 
-__all__ = ["Expressions", "Found", "read_expression"]
+__all__ = ["Expressions", "Found", "is_parameter", "read_expression"]
 
 
 @dataclass(frozen=True)
@@ -57,11 +61,13 @@ def read_expression(system: HybridSystem, name: object) -> str:
     InputError
         It is none.
     """
+    if isinstance(name, str) and name in (*system.all_states, *system.output_names):
+        raise InputError("observable", name, "one number of an orbit", f"as 'mean({name})' or 'max({name})'")
     try:
-        planned(system, (name,))  # type: ignore[arg-type]
+        planned(system, (name,))
     except InputError as error:
-        if name in system.parameter_names:
-            return str(name)
+        if isinstance(name, str) and name in system.parameter_names:
+            return name
         what, value, allowed, hint = error.args
         raise InputError(what, value, f"a parameter, or {allowed}", hint) from None
     return str(name)
@@ -85,68 +91,73 @@ class Expressions:
     names: tuple[str, ...]
     stable: bool
 
-    def _parts(self) -> tuple[list[str], list[str], list[float]]:
-        """Return observables, phases within formulas, and the turn of each expression; 0 of all but phases."""
-        observed = [name for name in self.names if not self._is_parameter(name)]
-        formulas = planned(self.system, tuple(observed)).formulas
-        phases = [
-            part
-            for formula in formulas.values()
-            if formula.expression is not None
-            for part, one in formula.parts.items()
-            if one.kind == "phase"
-        ]
-        turns = [formulas[name].turn if name in formulas else 0.0 for name in self.names]
-        return observed, list(dict.fromkeys(phases)), turns
+    @cached_property
+    def _observed(self) -> tuple[str, ...]:
+        """The expressions that are no parameters."""
+        return tuple(name for name in self.names if not is_parameter(self.system, name))
 
-    def _is_parameter(self, name: str) -> bool:
-        if name not in self.system.parameter_names:
-            return False
-        try:
-            planned(self.system, (name,))
-        except InputError:
-            return True
-        return False
+    @cached_property
+    def _turns(self) -> NDArray[np.float64]:
+        """Turn of each expression, shape (expressions,); 0 of all but phases."""
+        formulas = planned(self.system, self._observed).formulas
+        return np.array([formulas[name].turn if name in formulas else 0.0 for name in self.names])
+
+    @cached_property
+    def _phases(self) -> dict[str, float]:
+        """Turns of the phases within formulas."""
+        formulas = planned(self.system, self._observed).formulas.values()
+        parts = [part for formula in formulas if formula.expression is not None for part in formula.parts]
+        turns = {part: read_formula(self.system, part).turn for part in parts}
+        return {part: turn for part, turn in turns.items() if turn > 0.0}
 
     def at(self, carried: Carried, near: Found | None = None) -> Found | str:
         """Return values and derivatives of an orbit, or why there are none; near: those of an orbit nearby."""
-        observed, phases, turns = self._parts()
-        wanted = tuple(dict.fromkeys([*observed, *phases]))
         if self.stable and not carried.orbit.stable:
             return "the orbit loses its stability"
+        wanted = tuple(dict.fromkeys((*self._observed, *self._phases)))
         try:
             seen = sensitivities(carried.problem, carried.u, (*wanted, *([MULTIPLIERS] if self.stable else ())))
         except (InputError, ConvergenceError) as error:
             return str(error)
-        found = Found(carried, *self._table(carried, seen.values), np.array([seen.values[name].value for name in phases]),
-                      np.zeros(0, dtype=complex), np.zeros((0, len(carried.names)), dtype=complex))  # fmt: skip
+        for name, one in seen.values.items():
+            if not np.isfinite(one.value) or not np.all(np.isfinite(one.slopes)):
+                return f"{name} has no derivative: {one.note}"
+        values, slopes = self._table(carried, seen.values)
+        phases = np.array([seen.values[name].value for name in self._phases])
         if near is not None:
-            found = _continued(found, near, np.array(turns))
-            widths = np.array([planned(self.system, (name,)).formulas[name].turn for name in phases])
-            if np.any(np.abs(found.phases - near.phases) > 0.5 * widths):
-                return f"{phases[int(np.argmax(np.abs(found.phases - near.phases)))]} within a formula jumps by a turn"
-        for name in wanted:
-            if not np.all(np.isfinite(seen.values[name].slopes)) or not np.isfinite(seen.values[name].value):
-                return f"{name} has no derivative: {seen.values[name].note}"
-        if seen.multipliers is None:
-            return found
-        inner = len(seen.multipliers.values) - (self.system.phase is None)
-        return replace(found, multipliers=seen.multipliers.values[:inner],
-                       multiplier_slopes=seen.multipliers.slopes[:inner])  # fmt: skip
+            values = values + self._turns * _rounds(near.values - values, self._turns)
+            jumps = _rounds(near.phases - phases, np.array([*self._phases.values()]))
+            if np.any(jumps):
+                return f"{[*self._phases][int(np.flatnonzero(jumps)[0])]} within a formula jumps by a turn"
+        inner, by = np.zeros(0, dtype=complex), np.zeros((0, len(carried.names)), dtype=complex)
+        if seen.multipliers is not None:
+            count = len(seen.multipliers.values) - (self.system.phase is None)
+            inner, by = seen.multipliers.values[:count], seen.multipliers.slopes[:count]
+        return Found(carried, values, slopes, phases, inner, by)
 
-    def _table(self, carried: Carried, seen: dict[str, object]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _table(
+        self, carried: Carried, seen: Mapping[str, Differentiated]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return values and derivatives of all expressions, those of parameters among them."""
         values, slopes = np.zeros(len(self.names)), np.zeros((len(self.names), len(carried.names)))
         for i, name in enumerate(self.names):
             if name in seen:
-                values[i], slopes[i] = seen[name].value, seen[name].slopes  # type: ignore[attr-defined]
+                values[i], slopes[i] = seen[name].value, seen[name].slopes
             else:
                 values[i] = carried.orbit.parameters[name]
                 slopes[i] = [float(name == other) for other in carried.names]
         return values, slopes
 
 
-def _continued(found: Found, near: Found, turns: NDArray[np.float64]) -> Found:
-    """Return values in which phases are those next to the phases of an orbit nearby."""
-    rounds = np.round(np.divide(near.values - found.values, turns, out=np.zeros(len(turns)), where=turns > 0.0))
-    return replace(found, values=found.values + turns * rounds)
+def is_parameter(system: HybridSystem, name: str) -> bool:
+    """Return whether an expression is a parameter; one that is called as an observable is none."""
+    try:
+        planned(system, (name,))
+    except InputError:
+        return True
+    return False
+
+
+def _rounds(away: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how many turns lie in differences; 0 of what has no turn."""
+    return np.asarray(np.round(np.divide(away, turns, out=np.zeros(len(turns)), where=turns > 0.0)))

@@ -3,7 +3,8 @@
 References
 ----------
 Lawson and Hanson, Solving Least Squares Problems, Prentice-Hall 1974, ch. 23 (least distance by non-negative least
-squares); Byrd and Omojokun in Nocedal and Wright, Numerical Optimization, Springer 2006, ch. 18.5 (relaxed constraints).
+squares); Byrd and Omojokun in Nocedal and Wright, Numerical Optimization, Springer 2006, ch. 18.5 (relaxed
+constraints).
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ def least_quadratic(
 
     Examples
     --------
-    >>> place, multipliers = least_quadratic(np.eye(2), np.array([-2.0, 0.0]), np.array([[-1.0, 0.0]]), np.array([-1.0]))
+    >>> row, least = np.array([[-1.0, 0.0]]), np.array([-1.0])
+    >>> place, multipliers = least_quadratic(np.eye(2), np.array([-2.0, 0.0]), row, least)
     >>> place.round(9).tolist(), multipliers.round(9).tolist()
     ([1.0, 0.0], [1.0])
     """

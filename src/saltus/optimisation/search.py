@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from saltus import checks
 from saltus.continuation import Branch
 from saltus.errors import InputError
 from saltus.optimisation.carrying import carrying
-from saltus.optimisation.expressions import Expressions, Found, read_expression
+from saltus.optimisation.expressions import Expressions, Found, is_parameter, read_expression
 from saltus.optimisation.optimum import Optimum
 from saltus.optimisation.sequential import Box, Ended, Local, optimality, searched, violation
 from saltus.optimisation.task import Limit, Task, worded
@@ -31,7 +31,9 @@ __all__ = ["OptimumOptions", "optimise"]
 
 _STABLE = "stable"  # key of `subject_to` by which orbits must be stable
 _MOVED = 1e-11  # change of the objective within a unit of a parameter, over its size, that is none
-_PROBE = 0.03  # change of each parameter, in its unit, by which an objective that seems constant is tried
+_PROBES = (3e-2, 1e-3, 1e-5)  # changes of all parameters, in their units, by which the objective's slope is tried
+_AGREES = 0.2  # most by which the slope may differ from a change of the objective, over that change
+_TRIED = 8  # orbits of a branch, the best ones, that may have no derivatives before the search gives up
 _SHORT = 1e-8  # violation, in a constraint's unit, that is met
 
 
@@ -50,7 +52,7 @@ class OptimumOptions:
         Orbits that the search looks at, at most.
     """
 
-    margin: float = 1e-4
+    margin: float = 1e-3
     reach: float = 0.1
     most: int = 200
 
@@ -140,11 +142,9 @@ def optimise(
         for side, limit in zip((-1, 1), ends, strict=True)
         if math.isfinite(limit)
     )
-    orbit = _first(start, expressions, limits, names, ranges, goal)
-    _check_start(orbit, names, ranges, stable=stable)
-    first = expressions.at(carrying(orbit, names))
-    if isinstance(first, str):
-        raise InputError("start", first, "an orbit with derivatives", "start elsewhere")
+    if isinstance(start, PeriodicOrbit):
+        _check_start(start, names, ranges, stable=stable)
+    first = _begun(_orbits(start, expressions, limits, names, ranges, goal), expressions, names)
     with Reporter(progress) as reporter:
 
         def told(found: Found) -> None:
@@ -185,7 +185,7 @@ def _constraints(given: object, system: HybridSystem) -> tuple[dict[str, tuple[f
     found = {}
     for name, ends in wanted.items():
         expression = read_expression(system, name)
-        if expression in system.parameter_names:
+        if is_parameter(system, expression):
             raise InputError("subject_to", name, "observables", f"bounds={{{name!r}: ...}} are those of a parameter")
         found[expression] = _ends(f"subject_to[{name!r}]", ends)
     return found, stable
@@ -216,9 +216,7 @@ def _bounds(given: object, names: tuple[str, ...], system: HybridSystem) -> NDAr
     return found
 
 
-def _check_start(
-    orbit: PeriodicOrbit, names: Sequence[str], bounds: NDArray[np.float64], *, stable: bool
-) -> None:
+def _check_start(orbit: PeriodicOrbit, names: Sequence[str], bounds: NDArray[np.float64], *, stable: bool) -> None:
     """Raise `InputError` where no search can start at an orbit."""
     for name, low, high in zip(names, *bounds, strict=True):
         if not low <= orbit.parameters[name] <= high:
@@ -231,13 +229,14 @@ def _check_start(
         raise InputError("start", f"unstable, |multiplier| {largest:.6g}", "stable, as in `subject_to`")
 
 
-def _first(
+def _orbits(
     start: Branch | PeriodicOrbit, expressions: Expressions, limits: Sequence[Limit], names: Sequence[str],
     bounds: NDArray[np.float64], goal: str,
-) -> PeriodicOrbit:  # fmt: skip
-    """Return the orbit at which the search starts: of a branch the best one that meets the constraints."""
+) -> Iterator[PeriodicOrbit]:  # fmt: skip
+    """Yield the orbits at which the search may start: of a branch those that meet the constraints, the best first."""
     if isinstance(start, PeriodicOrbit):
-        return start
+        yield start
+        return
     usable = start.admissible & (start.stable if expressions.stable else True) & np.isfinite(start.multipliers).all(1)
     for name, low, high in zip(names, *bounds, strict=True):
         known = start.values if name == start.parameter else np.full(len(start), start.parameters[name])
@@ -245,34 +244,61 @@ def _first(
     if not usable.any():
         what = "admissible, stable" if expressions.stable else "admissible"
         raise InputError("start", f"a branch of {len(start)} orbits", f"one with an {what} orbit within `bounds`")
-    parameters = start.system.parameter_names
-    table = np.array([
-        np.full(len(start), start.parameters[name]) if name in parameters and name != start.parameter
-        else start.column(name) for name in expressions.names
-    ])  # fmt: skip
+    table = np.array([_column(start, name) for name in expressions.names])
     sizes = np.maximum(np.abs(table).max(axis=1), 1e-300)
     short = np.zeros(len(start))
     for limit in limits:
         short = np.maximum(short, limit.side * (table[limit.index] - limit.bound) / sizes[limit.index])
-    short = np.where(short <= _SHORT, 0.0, short)
     objective = -table[0] if goal == "maximise" else table[0]
-    order = np.lexsort((objective, short, ~usable))
-    return start.orbit(int(order[0]))
+    order = np.lexsort((objective, np.where(short <= _SHORT, 0.0, short)))
+    yield from (start.orbit(int(i)) for i in order[usable[order]][:_TRIED])
+
+
+def _column(branch: Branch, name: str) -> NDArray[np.float64]:
+    """Return an expression along a branch."""
+    if name != branch.parameter and is_parameter(branch.system, name):
+        return np.full(len(branch), branch.parameters[name])
+    return branch.column(name)
+
+
+def _begun(orbits: Iterator[PeriodicOrbit], expressions: Expressions, names: Sequence[str]) -> Found:
+    """Return what the first orbit with derivatives gives."""
+    told: list[str] = []
+    for orbit in orbits:
+        try:
+            found = expressions.at(carrying(orbit, names))
+        except InputError as error:
+            told.append(str(error))
+            continue
+        if not isinstance(found, str):
+            return found
+        told.append(found)
+    raise InputError("start", told[0], "an orbit with derivatives", "start elsewhere")
 
 
 def _check_moves(task: Task, local: Local, box: Box) -> None:
-    """Raise `InputError` where the parameters do not move the objective, neither at the start nor next to it."""
-    if float(np.abs(local.gradient).max()) > _MOVED:
-        return
-    for side in (1.0, -1.0):
-        place = np.clip(local.place + side * _PROBE, box.low, box.high)
-        there = task.at(place, local)
-        if not isinstance(there, str):
-            moved = max(abs(there.objective - local.objective), float(np.abs(there.gradient).max()))
-            if moved <= _MOVED:
-                hint = "choose others in `over`"
-                raise InputError("over", ", ".join(task.names), f"parameters that move {task.expressions.names[0]}", hint)
+    """Raise `InputError` where the parameters do not move the objective, or by rounding alone.
+
+    A derivative of rounding agrees with no change of the objective, however short the step.
+    """
+    direction = np.sign(local.gradient) if np.any(local.gradient) else np.ones(len(local.place))
+    looked = moved = False
+    for step in _PROBES:
+        place = local.place + step * direction
+        place = np.where((place < box.low) | (place > box.high), local.place - step * direction, place)
+        there = task.at(np.clip(place, box.low, box.high), local)
+        if isinstance(there, str):
+            continue
+        looked, way, change = True, there.place - local.place, there.objective - local.objective
+        slope = 0.5 * (local.gradient + there.gradient)
+        size = float(np.maximum(np.abs(local.gradient), np.abs(there.gradient)) @ np.abs(way))
+        moved = moved or max(abs(change), size) > _MOVED
+        if moved and abs(change - float(slope @ way)) <= _AGREES * size:
             return
+    if looked:
+        what = "but for rounding, it is constant next to the start" if moved else "it is constant"
+        objective = task.expressions.names[0]
+        raise InputError("over", ", ".join(task.names), f"parameters that move {objective}", f"{what}; choose others")
 
 
 def _optimum(task: Task, ended: Ended, box: Box, goal: str) -> Optimum:
@@ -316,7 +342,7 @@ def _worst(task: Task, found: Found, best: Local) -> str:
     """Return in words which constraint is violated most."""
     i = int(np.argmin(best.values))
     if i >= len(task.limits):
-        return "stable: the margin is not kept"
+        return f"stable: |multipliers| <= {task.radius:.6g}, by OptimumOptions.margin"
     limit = task.limits[i]
     sign = ">=" if limit.side < 0 else "<="
     name = task.expressions.names[limit.index]

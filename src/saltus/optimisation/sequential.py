@@ -22,14 +22,15 @@ from saltus.optimisation.quadratic import lagrange_multipliers, least_quadratic,
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["ACTIVE", "Box", "Ended", "Local", "At", "optimality", "searched", "violation"]
+__all__ = ["ACTIVE", "HELD", "At", "Box", "Ended", "Local", "optimality", "searched", "violation"]
 
 ACTIVE = 1e-6  # height of a constraint, in its unit, up to which it is active
+HELD = 1e-9  # multiplier, in units, from which a constraint holds the place
 _MET = 1e-9  # violation, in a constraint's unit, that is rounding
-_FOUND = 1e-9  # what is left of the gradient, in the objective's unit, at an optimum
+_FOUND = 1e-11  # what is left of the gradient, in the objective's unit, at an optimum
 _ROUGH = 1e-5  # the same where rounding ends the search
 _ROUNDING = 1e-12  # change of the merit function, over its size, that is rounding
-_REFUSED = 1e-6  # size of a step at which nothing is found, in units, that ends the search
+_REFUSED = 1e-9  # size of a step at which nothing is found, in units, that ends the search
 _LEAST = 1e-11  # size of any step, in units, that ends the search
 _TAKEN = 1e-4  # share of the expected improvement with which a step is taken
 _GOOD = 0.75  # the same, with which the box grows
@@ -122,13 +123,17 @@ def violation(local: Local) -> float:
 
 
 def optimality(local: Local, box: Box) -> tuple[float, NDArray[np.float64]]:
-    """Return what is left of the gradient beside active constraints, and all multipliers, those of bounds last."""
+    """Return what is left of the gradient beside active constraints, and all multipliers, those of bounds last.
+
+    What is left is at least the largest height of a constraint that holds the place: at an optimum this is 0, too.
+    """
     heights, rows = box.rows(local)
     active = np.flatnonzero(heights <= ACTIVE)
     found, left = lagrange_multipliers(local.gradient, rows[active])
     multipliers = np.zeros(len(heights))
     multipliers[active] = found
-    return float(np.abs(left).max()), multipliers
+    away = np.abs(heights[multipliers > HELD])
+    return max(float(np.abs(left).max()), float(away.max(initial=0.0))), multipliers
 
 
 def searched(at: At, start: Local, box: Box) -> Ended:
@@ -215,9 +220,7 @@ class _Search:
         self.ended.looked += 1
         return self.at(np.clip(place, self.box.low, self.box.high), near)
 
-    def _step(
-        self, here: Local, values: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    def _step(self, here: Local, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """Return the model's best step and the constraints' multipliers; None where no step repairs a violation."""
         low, high = self.box.around(here.place, self.radius)
         share = reachable_share(values, here.jacobian, low, high)

@@ -6,7 +6,7 @@ With multipliers :math:`\mu_i` and a radius r below 1, all stay within the radiu
 
 vanishes on the way from a stable orbit. All three are smooth where two multipliers meet, moduli are not. Next to a
 saddle-node the first one, P(r), is like the square root of the distance. P(r) (2 P(1) - P(r)) has the same zero, and
-there it is like the distance itself.
+there it is like the distance itself. It is divided by the margin 1 - r, to be of the size of P(r).
 
 References
 ----------
@@ -66,10 +66,12 @@ def stability(multipliers: NDArray[np.complex128], slopes: NDArray[np.complex128
     tori = _product(both, radius**2)
     turned = np.array([multipliers[i] * slopes[j] + multipliers[j] * slopes[i] for i, j in pairs])
     turned = turned.reshape(len(pairs), slopes.shape[1])
-    fold = near[0] * (2.0 * at[0] - near[0])
-    by_fold = near[1] @ slopes * (2.0 * at[0] - 2.0 * near[0]) + 2.0 * near[0] * (at[1] @ slopes)
+    margin = 1.0 - radius
+    fold = near[0] * (2.0 * at[0] - near[0]) / margin
+    by_fold = (near[1] @ slopes * (2.0 * at[0] - 2.0 * near[0]) + 2.0 * near[0] * (at[1] @ slopes)) / margin
     rows = np.array([by_fold, far[1] @ slopes, tori[1] @ turned])
-    by_radius = np.array([near[2] * (2.0 * at[0] - 2.0 * near[0]), -far[2], 2.0 * radius * tori[2]])
+    by_fold_radius = (near[2] * (2.0 * at[0] - 2.0 * near[0]) + fold) / margin
+    by_radius = np.array([by_fold_radius, -far[2], 2.0 * radius * tori[2]])
     return Stability(np.array([fold, far[0], tori[0]]).real, rows.real, by_radius.real)
 
 

@@ -66,7 +66,10 @@ class Task:
 
     @cached_property
     def units(self) -> NDArray[np.float64]:
-        """Units of the parameters: the range or, if it is less, ten times the value; else the value or what moves the objective."""
+        """Units of the parameters: the range of the bounds, at most ten times the value; without bounds the value.
+
+        That of a parameter 0 without bounds is the change that moves the objective by its own size.
+        """
         low, high = self.bounds
         size, slopes = np.abs(self.first.carried.values), np.abs(self.first.slopes[0])
         objective = abs(self.first.values[0]) or 1.0
@@ -152,7 +155,9 @@ class Task:
         for side, bounds in ((-1, self.bounds[0]), (1, self.bounds[1])):
             for i in np.flatnonzero(np.isfinite(bounds)).tolist():
                 rate = -side * size * multipliers[done] / self.units[i]
-                rows.append((self.names[i], _SIDES[side], float(found.carried.values[i]), float(bounds[i]), float(rate)))
+                rows.append(
+                    (self.names[i], _SIDES[side], float(found.carried.values[i]), float(bounds[i]), float(rate))
+                )
                 done += 1
         return rows
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.optimisation.sequential import ACTIVE, Box, Local, optimality
+from saltus.optimisation.sequential import ACTIVE, HELD, Box, Local, optimality
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Verified", "verified"]
 
-_STEP = 1e-4  # change of a parameter, in its unit, in differences
+_STEPS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)  # changes of a parameter, in its unit, in differences: the first that agrees
+_AGREES = 1e-6  # difference between derivatives, over the largest, up to which a change agrees
 _WRONG = 1e-4  # difference between exact and approximate derivatives, over the largest, that is none of rounding
 _FALLS = -1e-5  # curvature, in units, below which the place is no optimum
-_HELD = 1e-9  # multiplier, in units, from which a constraint holds the place
 
 
 class Verified(NamedTuple):
@@ -32,7 +32,8 @@ class Verified(NamedTuple):
     Attributes
     ----------
     mismatch : float
-        Largest difference between exact derivatives and those by differences, in units; NaN where none is known.
+        Largest difference between exact derivatives and those by differences, over the largest; NaN where none is
+        known.
     curvature : float
         Least curvature of the Lagrange function along the active constraints, in units; infinite where these leave no
         direction, NaN where it is not known.
@@ -58,32 +59,48 @@ def verified(task: Task, best: Local, box: Box) -> Verified:
         Bounds of the parameters, in their units.
     """
     multipliers = optimality(best, box)[1]
-    rows, curved, notes = [], [], []
     own = multipliers[: len(best.values)]
-    for i, name in enumerate(task.names):
-        ends = [task.local_beyond(best, i, side * _STEP) for side in (1.0, -1.0)]
-        refused = [end for end in ends if isinstance(end, str)]
-        above, below = ends
-        if isinstance(above, str) or isinstance(below, str):
-            notes.append(f"derivatives by {name} are not tested: {refused[0]}")
-            rows.append(np.full(1 + len(own), np.nan))
-            curved.append(np.full(len(task.names), np.nan))
-            continue
-        width = float(above.place[i] - below.place[i])
-        rows.append(np.append(above.objective - below.objective, above.values - below.values) / width)
-        slopes = [end.gradient - end.jacobian.T @ own for end in (above, below)]
-        curved.append((slopes[0] - slopes[1]) / width)
     active = np.append(True, best.values <= ACTIVE)
     exact = np.vstack([best.gradient, best.jacobian])
-    gaps = np.abs(np.array(rows).T - exact)[active]
-    known = gaps[np.isfinite(gaps)]
-    mismatch = float(known.max()) if known.size else np.nan
-    if mismatch > _WRONG * max(1.0, float(np.abs(exact[active]).max())):
-        notes.append(f"exact derivatives and differences disagree by {mismatch:.2g}, in units")
-    curvature = _least_curvature(np.array(curved), box.rows(best)[1][multipliers > _HELD])
+    largest = max(1.0, float(np.abs(exact[active]).max()))
+    gaps, curved, notes = [], [], []
+    for i, name in enumerate(task.names):
+        mismatch, slopes = np.nan, np.full(len(task.names), np.nan)
+        why = ""
+        for step in _STEPS:
+            ends = _ends(task, best, i, step)
+            if isinstance(ends, str):
+                why = why or ends
+                continue
+            above, below = ends
+            width = float(above.place[i] - below.place[i])
+            row = np.append(above.objective - below.objective, above.values - below.values) / width
+            gap = float(np.abs(row - exact[:, i])[active].max())
+            if not gap >= mismatch:
+                mismatch = gap
+                slopes = (above.gradient - below.gradient - (above.jacobian - below.jacobian).T @ own) / width
+            if mismatch <= _AGREES * largest:
+                break
+        if np.isnan(mismatch):
+            notes.append(f"derivatives by {name} are not tested: {why}")
+        gaps.append(mismatch)
+        curved.append(slopes)
+    known = np.array(gaps)[np.isfinite(gaps)]
+    mismatch = float(known.max()) / largest if known.size else np.nan
+    if mismatch > _WRONG:
+        notes.append(f"exact derivatives and differences disagree by {mismatch:.2g} of the largest")
+    curvature = _least_curvature(np.array(curved), box.rows(best)[1][multipliers > HELD])
     if curvature < _FALLS:
         notes.append("no optimum: the objective gets better in a direction in which all first derivatives vanish")
     return Verified(mismatch, curvature, tuple(notes))
+
+
+def _ends(task: Task, best: Local, index: int, step: float) -> tuple[Local, Local] | str:
+    """Return what is known a step along one parameter further and a step back, or why it is not."""
+    above, below = (task.local_beyond(best, index, side * step) for side in (1.0, -1.0))
+    if isinstance(above, str):
+        return above
+    return below if isinstance(below, str) else (above, below)
 
 
 def _least_curvature(hessian: NDArray[np.float64], rows: NDArray[np.float64]) -> float:
