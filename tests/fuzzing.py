@@ -609,6 +609,14 @@ def _of_curves(made: Objects) -> dict[str, Call]:
                 "bounds": {"A": (0.05, 0.2), "e": (0.7, 0.9)}, "stop_at": "CP",
             },
         ),
+        "optimise": Call(
+            Grouped(saltus.optimise, options=saltus.OptimumOptions),
+            {
+                "start": orbit, "maximise": "max(v)", "minimise": "", "over": ["A"], "bounds": {"A": (0.9, 1.05)},
+                "subject_to": {"min_x": (-9.0, None), "stable": False}, "margin": 0.01, "reach": 0.1, "most": 3,
+                "progress": False,
+            },
+        ),
         "switch_branch": Call(saltus.switch_branch, {"point": branch["GR1"]}),
         "grazing_orbits": Call(saltus.grazing_orbits, {"point": branch["GR1"]}),
         "follow_cascade": Call(

@@ -57,9 +57,13 @@ class OptimumOptions:
     most: int = 200
 
     def __post_init__(self) -> None:
-        checks.between("OptimumOptions.margin", self.margin, 1e-8, 0.5)
-        checks.between("OptimumOptions.reach", self.reach, 1e-6, 10.0)
-        checks.count("OptimumOptions.most", self.most)
+        checked = {
+            "margin": checks.between("OptimumOptions.margin", self.margin, 1e-8, 0.5),
+            "reach": checks.between("OptimumOptions.reach", self.reach, 1e-6, 10.0),
+            "most": checks.count("OptimumOptions.most", self.most),
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
 
 
 def optimise(

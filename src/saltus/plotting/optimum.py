@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_optimum"]
 
+_WAY = style.colour_of_mode(0)  # colour of the search
+
 
 @plot.register(Optimum)
 def plot_optimum(
@@ -48,10 +50,9 @@ def plot_optimum(
     x = names[0] if x is None else checks.chosen("quantity", x, known)
     y = names[1] if y is None else checks.chosen("quantity", y, known)
     ax = style.axes(ax)
-    ax.plot(known[x], known[y], "-", color=style.CURVE, linewidth=0.8)
-    ax.plot(known[x], known[y], ".", color=style.CURVE, markersize=3.0)
+    ax.plot(known[x], known[y], ".-", color=_WAY, linewidth=0.8, markersize=5.0)
     _mark(ax, known[x][0], known[y][0], "start", "white")
-    _mark(ax, known[x][-1], known[y][-1], "optimum" if "is found" in optimum.stopped else "end", style.CURVE)
+    _mark(ax, known[x][-1], known[y][-1], "optimum" if "is found" in optimum.stopped else "end", _WAY)
     active = optimum.multipliers != 0.0
     for name, draw in ((x, ax.axvline), (y, ax.axhline)):
         for limit in _limits(optimum, name, active):
@@ -64,7 +65,7 @@ def plot_optimum(
 
 
 def _mark(ax: Axes, x: float, y: float, name: str, face: str) -> None:
-    ax.plot([x], [y], "o", color=style.CURVE, markerfacecolor=face, markersize=6.0, label=name)
+    ax.plot([x], [y], "o", color=_WAY, markerfacecolor=face, markersize=7.0, zorder=4.0, label=name)
 
 
 def _limits(optimum: Optimum, name: str, active: NDArray[np.bool_]) -> list[float]:
