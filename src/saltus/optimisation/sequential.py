@@ -30,6 +30,7 @@ _MET = 1e-9  # violation, in a constraint's unit, that is rounding
 _FOUND = 1e-11  # what is left of the gradient, in the objective's unit, at an optimum
 _ROUGH = 1e-5  # the same where rounding ends the search
 _ROUNDING = 1e-12  # change of the merit function, over its size, that is rounding
+_LESS = 0.9  # share of what is left of the gradient to which a step must reduce it where values are rounding
 _REFUSED = 1e-9  # size of a step at which nothing is found, in units, that ends the search
 _LEAST = 1e-11  # size of any step, in units, that ends the search
 _TAKEN = 1e-4  # share of the expected improvement with which a step is taken
@@ -180,9 +181,9 @@ class _Search:
             return self._end("infeasible")
         d, multipliers = step
         self.weights = np.maximum(self.weights, 2.0 * multipliers)
-        expected = self._merit(here) - self._expected(here, d)
+        expected = self._expected(here, d)
         size = 1.0 + abs(here.objective)
-        if float(np.abs(d).max()) < _LEAST or expected < _ROUNDING * _ROUNDING * size:
+        if float(np.abs(d).max()) < _LEAST or not expected > 0.0:
             return self._end(self._settled(here))
         there = self._look(here.place + d, here)
         if isinstance(there, str):
@@ -193,7 +194,7 @@ class _Search:
             there = self._corrected(here, there, d) or there
             gained = self._merit(here) - self._merit(there)
         if abs(gained) <= _ROUNDING * size or expected <= _ROUNDING * size:
-            if not self._residual(there) < 0.5 * self._residual(here):
+            if not self._residual(there) < _LESS * self._residual(here):
                 return self._end(self._settled(here))
         elif gained < _TAKEN * expected:
             self.radius = 0.25 * float(np.abs(d).max())
@@ -250,9 +251,9 @@ class _Search:
         return local.objective + float(self.weights @ np.maximum(-local.values, 0.0))
 
     def _expected(self, here: Local, d: NDArray[np.float64]) -> float:
-        """Return the merit function that the model expects after a step."""
-        objective = here.objective + float(here.gradient @ d + 0.5 * d @ self.hessian @ d)
-        return objective + float(self.weights @ np.maximum(-(here.values + here.jacobian @ d), 0.0))
+        """Return by how much the model expects the merit function to fall in a step."""
+        falls = np.maximum(-here.values, 0.0) - np.maximum(-(here.values + here.jacobian @ d), 0.0)
+        return float(self.weights @ falls) - float(here.gradient @ d + 0.5 * d @ self.hessian @ d)
 
     def _take(self, here: Local, there: Local, multipliers: NDArray[np.float64]) -> None:
         """Go on from the end of a step, with the curvature that was met on it."""
