@@ -635,6 +635,7 @@ def _of_curves(made: Objects) -> dict[str, Call]:
         "Branch.orbit": Call(branch.orbit, {"index": 1}),
         "Branch.signature": Call(branch.signature, {"index": 1}),
         "Branch.plot": Call(branch.plot, {"x": "A", "y": "max_x", **picture}),
+        "Locus.displacement": Call(locus.displacement, {"of": "A", "parameters": ["w"]}),
         "Locus.point": Call(locus.point, {"index": 0}),
         "Locus.plot": Call(locus.plot, {"x": "A", "y": "e", "z": None, **picture}),
         "family[]": Call(family.__getitem__, {"index": 0}),

@@ -96,6 +96,16 @@ def test_the_slowest_impact_of_an_impact_oscillator(impact_oscillator):
     assert branch["EX1"].value("w") == pytest.approx(best["w"], abs=1e-9)
 
 
+def test_at_a_corner_of_the_quantity_rejected_steps_tell_that_there_is_no_zero(duffing):
+    """The least value at w = 1, where the maximum changes places, is none of a smooth quantity."""
+    name = "max((x - 5*(w - 1))**2)"
+    start = find_orbit(duffing, {**LINEAR, "w": 0.95}, [0.0, 0.0])
+    branch = continue_orbit(start, "w", (0.9, 1.04), events={name: "extremum"})
+    assert branch.values[np.argmin(branch.column(name))] == pytest.approx(1.0, abs=1e-5)
+    assert not len(branch.special_points)
+    assert any("no zero of EX 0" in told for told in branch.rejected)
+
+
 def test_of_equilibria_and_fixed_points_states_and_outputs_have_extrema():
     """Along p the state is x = p and y = x (2 - x), greatest at p = 1; the output y - x/2 is greatest at p = 3/4."""
     outputs = {"low": "y - x/2"}

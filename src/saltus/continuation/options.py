@@ -258,7 +258,7 @@ def read_start(start: SpecialPoint[Any] | PeriodicOrbit | Equilibrium | MapOrbit
         kind = loci.get(start.type, start.locus if start.type == "TP" else None)
     if kind is None:
         allowed = f"a point of type {', '.join(loci)}"
-        known_type = start.type in {*_LOCI, *_EQUILIBRIUM_LOCI, "TP"}
+        known_type = start.type in {*_LOCI, *_EQUILIBRIUM_LOCI, "TP", "EX"}
         hint = "no locus belongs to " + ("this type" if known_type else "a user's event")
         raise InputError("start", start.type, allowed, hint)
     return solution, kind

@@ -75,9 +75,10 @@ class SpecialPoint(Generic[Solution]):
     Attributes
     ----------
     type : str
-        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB``, ``BE``, ``HOM``, ``SNIC`` or the name of a
-        user's event. On a locus ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of another
-        locus that meets it. `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list those of equilibria.
+        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB``, ``BE``, ``HOM``, ``SNIC``, ``EX`` or the
+        name of a user's event. On a locus ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of
+        another locus that meets it. `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list those of
+        equilibria.
     label : str
         The type with its number along the curve, as in ``SN1``.
     solution : PeriodicOrbit, Equilibrium or MapOrbit

@@ -13,7 +13,7 @@ from saltus.continuation import Branch, StepControl
 from saltus.errors import ConvergenceError, InputError
 from saltus.fitting.jumps import read_points
 from saltus.fitting.measured import Channel, Measured, MeasuredPoint, read_measured
-from saltus.fitting.optimum import Objective, Optimum, covariance, degeneracies, minimised, profiled
+from saltus.fitting.optimum import Minimum, Objective, covariance, degeneracies, minimised, profiled
 from saltus.fitting.result import Fit
 from saltus.fitting.tracing import Retraced, Trace
 from saltus.progress import Reporter
@@ -269,7 +269,7 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
 
 
 def _with_profiles(
-    objective: Objective, found: Optimum, spread: NDArray[np.float64], wanted: Task
+    objective: Objective, found: Minimum, spread: NDArray[np.float64], wanted: Task
 ) -> tuple[dict[str, tuple[float, float]], list[str]]:
     """Return the profiles of what is asked for or correlates, and in words what happened on the way."""
     profiles: dict[str, tuple[float, float]] = {}
@@ -316,7 +316,7 @@ def _profiled_names(wanted: Task, spread: NDArray[np.float64]) -> list[str]:
     return [name for name, row in zip(wanted.names, strong, strict=True) if row.any()]
 
 
-def _notes(wanted: Task, found: Optimum, objective: Objective) -> tuple[str, ...]:
+def _notes(wanted: Task, found: Minimum, objective: Objective) -> tuple[str, ...]:
     """Return in words what was found about the data, and what they do not tell."""
     measured, notes = wanted.measured, []
     if measured.dropped:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from saltus.fitting.tracing import Trace
     from saltus.progress import Reporter
 
-__all__ = ["Objective", "Optimum", "covariance", "degeneracies", "loss_weights", "minimised", "profiled", "total_loss"]
+__all__ = ["Minimum", "Objective", "covariance", "degeneracies", "loss_weights", "minimised", "profiled", "total_loss"]
 
 _LOSS = 3.0  # residual in standard errors from which the loss grows more slowly than its square
 _SMALL = 1e-10  # relative change of the loss that ends the search
@@ -95,7 +95,7 @@ class Objective:
 
 
 @dataclass(frozen=True)
-class Optimum:
+class Minimum:
     """Where a search ended.
 
     Attributes
@@ -133,7 +133,7 @@ def minimised(
     *,
     fixed: Sequence[int] = (),
     most: int = 60,
-) -> Optimum:
+) -> Minimum:
     """Return the parameters of least loss within bounds; an interrupt keeps the best so far.
 
     Parameters
@@ -186,7 +186,7 @@ def minimised(
 
     if not free:
         assert objective.best is not None
-        return Optimum(start, objective.best[2], objective.best[0], "nothing is varied")
+        return Minimum(start, objective.best[2], objective.best[0], "nothing is varied")
     low, high = bounds[:, free]
     inside = np.clip(start[free], low + 1e-9 * (high - low), high - 1e-9 * (high - low))
     sizes = np.maximum(np.abs(start[free]), 0.1 * (high - low))
@@ -202,7 +202,7 @@ def minimised(
         stopped = "interrupted: the best so far"
     assert objective.best is not None
     loss, values, evaluation = objective.best
-    return Optimum(values, evaluation, loss, stopped)
+    return Minimum(values, evaluation, loss, stopped)
 
 
 def covariance(jacobian: NDArray[np.float64], residuals: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -69,6 +69,8 @@ def read_expression(system: HybridSystem, name: object) -> str:
         if isinstance(name, str) and name in system.parameter_names:
             return name
         what, value, allowed, hint = error.args
+        if value != name:
+            raise
         raise InputError(what, value, f"a parameter, or {allowed}", hint) from None
     return str(name)
 

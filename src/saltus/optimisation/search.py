@@ -31,8 +31,8 @@ __all__ = ["OptimumOptions", "optimise"]
 
 _STABLE = "stable"  # key of `subject_to` by which orbits must be stable
 _MOVED = 1e-11  # change of the objective within a unit of a parameter, over its size, that is none
-_PROBES = (3e-2, 1e-3, 1e-5)  # changes of all parameters, in their units, by which the objective's slope is tried
-_AGREES = 0.2  # most by which the slope may differ from a change of the objective, over that change
+_PROBES = (3e-2, 1e-3, 1e-5, 1e-7)  # changes of all parameters, in their units, by which the objective's slope is tried
+_AGREES = 0.05  # most by which the slope may differ from a change of the objective, over that change
 _TRIED = 8  # orbits of a branch, the best ones, that may have no derivatives before the search gives up
 _SHORT = 1e-8  # violation, in a constraint's unit, that is met
 
