@@ -609,6 +609,14 @@ def _of_curves(made: Objects) -> dict[str, Call]:
                 "bounds": {"A": (0.05, 0.2), "e": (0.7, 0.9)}, "stop_at": "CP",
             },
         ),
+        "optimise": Call(
+            Grouped(saltus.optimise, options=saltus.OptimumOptions),
+            {
+                "start": orbit, "maximise": "max(v)", "minimise": "", "over": ["A"], "bounds": {"A": (0.9, 1.05)},
+                "subject_to": {"min_x": (-9.0, None), "stable": False}, "margin": 0.01, "reach": 0.1, "most": 3,
+                "progress": False,
+            },
+        ),
         "switch_branch": Call(saltus.switch_branch, {"point": branch["GR1"]}),
         "grazing_orbits": Call(saltus.grazing_orbits, {"point": branch["GR1"]}),
         "follow_cascade": Call(
@@ -627,6 +635,7 @@ def _of_curves(made: Objects) -> dict[str, Call]:
         "Branch.orbit": Call(branch.orbit, {"index": 1}),
         "Branch.signature": Call(branch.signature, {"index": 1}),
         "Branch.plot": Call(branch.plot, {"x": "A", "y": "max_x", **picture}),
+        "Locus.displacement": Call(locus.displacement, {"of": "A", "parameters": ["w"]}),
         "Locus.point": Call(locus.point, {"index": 0}),
         "Locus.plot": Call(locus.plot, {"x": "A", "y": "e", "z": None, **picture}),
         "family[]": Call(family.__getitem__, {"index": 0}),

@@ -72,6 +72,11 @@ from .iteration import (
     Iterates as Iterates,
     iterate as iterate,
 )
+from .optimisation import (
+    Optimum as Optimum,
+    OptimumOptions as OptimumOptions,
+    optimise as optimise,
+)
 from .orbits import (
     PeriodicOrbit as PeriodicOrbit,
     find_orbit as find_orbit,

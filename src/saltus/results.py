@@ -52,6 +52,7 @@ _HOMES = {
     "ErosionProfile": "saltus.basins.measures.erosion",
     "Sweep": "saltus.sweeps.sweep",
     "Fit": "saltus.fitting.result",
+    "Optimum": "saltus.optimisation.optimum",
     "Curve": "saltus.afm.curve",
     "Bistability": "saltus.afm.bistable_region",
     "FrequencyShift": "saltus.afm.shift_curve",

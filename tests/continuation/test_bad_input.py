@@ -78,7 +78,7 @@ def test_an_event_on_an_unknown_quantity(orbit):
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, "high", None])
 def test_an_event_at_no_finite_number(orbit, value):
-    with refuse(f"events['max_x'] = {value!r}: must be a finite number"):
+    with refuse(f"events['max_x'] = {value!r}: must be a finite number, or 'extremum'"):
         continue_orbit(orbit, "a", (2.0, 3.0), events={"max_x": value})
 
 

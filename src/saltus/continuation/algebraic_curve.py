@@ -13,6 +13,7 @@ import numpy as np
 from saltus import checks
 from saltus.contents import Contents
 from saltus.continuation.curve_files import described, ragged_rows, texts_array
+from saltus.continuation.displacement import displaced
 from saltus.continuation.special_points import SpecialPoint, SpecialPoints
 from saltus.cycles.orbit import MapOrbit
 from saltus.equilibria.equilibrium import Equilibrium
@@ -21,6 +22,7 @@ from saltus.results import Result, frozen
 from saltus.system import HybridSystem, Map
 
 if TYPE_CHECKING:
+    import xarray as xr
     from numpy.typing import NDArray
 
 __all__ = [
@@ -277,6 +279,42 @@ class TwoParameters:
     def varied(self) -> tuple[str, ...]:
         """The two parameters."""
         return self.names
+
+    def displacement(self, of: str, parameters: Sequence[str] | None = None) -> xr.Dataset:
+        """Return how the locus moves as parameters change: exact derivatives of one of its two parameters.
+
+        The other one is held at each point, unless it is among `parameters`. docs/theory/sensitivities.md, "Special
+        points", derives them.
+
+        Parameters
+        ----------
+        of : str
+            The parameter of the locus that is displaced.
+        parameters : sequence of str, optional
+            Parameters that change; by default all but `of`. For the locus' other parameter it is the locus' own slope.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``displacement`` along ``point`` and ``parameter``; the locus' parameters and ``note`` along ``point``.
+            Where the locus turns in `of`, as at a cusp, derivatives are NaN, and ``note`` says why.
+
+        Raises
+        ------
+        InputError
+            `of` is no parameter of the locus, or a name is no other parameter.
+
+        Examples
+        --------
+        >>> from saltus import HybridSystem, continue_equilibrium, continue_locus, find_equilibrium
+        >>> fold = HybridSystem.smooth({"x": "r + h*x - a*x**3"}, {"r": 1.0, "h": 3.0, "a": 1.0})
+        >>> branch = continue_equilibrium(find_equilibrium(fold, {}, [2.0]), "r", (-4.0, 4.0))
+        >>> folds = continue_locus(branch["SN1"], ("r", "h"), {"r": (0.5, 4.0), "h": (2.0, 4.0)})
+        >>> moved = folds.displacement("r", ["a"])["displacement"].sel(parameter="a")
+        >>> bool(abs(moved + folds.values[:, 0] / 2.0).max() < 1e-9)
+        True
+        """
+        return displaced(self, of, parameters)
 
     @classmethod
     def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from saltus.continuation.faint import faint_step, resolved
 from saltus.continuation.monitor import Monitor
+from saltus.continuation.watching import slope
 from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.equilibria.find import responses, state_sizes
 
@@ -152,9 +154,9 @@ class AlgebraicZeroProblem(ABC):
         data = self.data(u, point.J)
         monitors = {name: self.monitor(name, point) for name in (_LOW, _HIGH, _SN, _BP)}
         monitors |= self.own_monitors(point, data.values)
-        monitors |= {
-            name: self.monitor(name, point) for name in (Monitor("event", i) for i in range(len(self.interest.events)))
-        }
+        for i, (_, _, value) in enumerate(self.interest.events):
+            name = Monitor("EX" if value is None else "event", i)
+            monitors[name] = self.monitor(name, point)
         monitors = resolved(monitors, self.faint, before)
         if self._origin is None:
             self._origin = u[: self.n].copy()
@@ -179,9 +181,12 @@ class AlgebraicZeroProblem(ABC):
         if kind == "BP":
             self._log = point.log if self._log is None else self._log
             return point.sign * math.exp(min(max(point.log - self._log, -600.0), 600.0))
+        if kind == "EX":
+            return slope(lambda u: self.observed(name.segment, replace(point, u=u)), point.u, point.tangent)
         if kind != "event":
             return self.own_monitor(name, point)
         _, what, value = self.interest.events[name.segment]
+        assert value is not None  # an extremum has a monitor function of its own
         if what == "parameter":
             return point.parameter * self.interest.scale - value
         return self.observed(name.segment, point) - value

@@ -12,6 +12,7 @@ import numpy as np
 
 from saltus.continuation.algebraic_problem import AlgebraicZeroProblem, closes
 from saltus.continuation.arclength import StepControl, follow
+from saltus.continuation.options import read_value
 from saltus.continuation.run import Going, OneParameterRun
 from saltus.continuation.two_sided import BothSides, Found, OneSide, join, traced, turned
 from saltus.continuation.zero_problem import Event, Point, start_point
@@ -43,18 +44,21 @@ _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its
 
 
 def read_point_events(
-    solution: Equilibrium | MapOrbit, parameter: str, events: Mapping[str, float]
-) -> tuple[tuple[str, str, float], ...]:
-    """Return (name, kind, value) for each user's event; kind is ``parameter``, ``state`` or ``output``."""
-    from saltus import checks
+    solution: Equilibrium | MapOrbit, parameter: str, events: Mapping[str, float | str]
+) -> tuple[tuple[str, str, float | None], ...]:
+    """Return (name, kind, value) for each user's event; kind is ``parameter``, ``state`` or ``output``.
 
+    The value is None where an extremum is asked for.
+    """
     system, found = solution.system, []
     kinds = dict.fromkeys(system.output_names, "output") | dict.fromkeys(system.states, "state")
     kinds |= {parameter: "parameter"}
     for name, given in events.items():
-        value = checks.number(f"events[{name!r}]", given)
+        value = read_value(name, given)
         if name not in kinds:
             raise InputError("events", name, f"one of {', '.join(kinds)}", nearest(name, kinds))
+        if value is None and name == parameter:
+            raise InputError("events", name, "a state or an output", "where the branch turns in it is an SN")
         found.append((name, kinds[name], value))
     return tuple(found)
 
@@ -222,7 +226,11 @@ class AlgebraicRun(OneParameterRun):
         if (end := self.ended(branch, point, kind)) is not None:
             half.points.append((branch, point))
             return f"{self.place(point)}: {end}"
-        name = self.interest.events[event.name.segment][0] if kind == "event" else kind
+        if kind in ("event", "EX"):
+            name, of, stop = self.asked(event.name)
+            half.specials.append(replace(self.found(name, branch, event, half), of=of))
+            return self.end_at(half, branch, point, stop)
+        name = kind
         if kind in ("SN", "BP"):
             solve = solve_branch_point if kind == "BP" else solve_saddle_node
             u = solve(branch.problem, point.u, branch.sizes)

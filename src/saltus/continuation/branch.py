@@ -37,7 +37,7 @@ class Branch(OrbitCurve):
     ----------
     parameter : str
         The parameter that varies, or a quantity, as ``max_x``. Its values along the branch are in `values`, shape
-        (point,). Types of `special_points` are SN, PD, TR, BP, GR, HB, BE, HOM, SNIC, TP and users' events.
+        (point,). Types of `special_points` are SN, PD, TR, BP, GR, HB, BE, HOM, SNIC, TP, EX and users' events.
         `OrbitCurve` lists the other attributes.
     fixed : Fixed or None
         Along a quantity: its name and its value at the start, and the parameter that is free.

@@ -133,6 +133,9 @@ class BranchRun(OneParameterRun):
             branch = self.zero_problem(problem, u)
             point = start_point(branch, u)
         found = branch.examine(point, None)
+        for name, value in found.monitors.items():
+            if name.kind == "EX" and math.isnan(value):
+                raise InputError("events", self.interest.events[name.segment][0], "of orbits that have its derivative")
         # a start at a grazing counts as on its admissible side, whatever the rounding
         monitors = {
             name: _TOUCHING if at_grazing(name) and abs(value) < SAME * SAME else value
@@ -217,12 +220,11 @@ class BranchRun(OneParameterRun):
         point = event.point
         if kind in ("low", "high"):
             return self.at_bound(half, branch, point, kind)
-        if kind == "event":
-            name = self.interest.events[event.name.segment][0]
-        elif at_grazing(event.name):
-            name = "GR"
-        else:
-            name = kind
+        if kind in ("event", "EX"):
+            name, of, stop = self.asked(event.name)
+            half.specials.append(replace(self._found(name, branch, event, half), of=of))
+            return self.end_at(half, branch, point, stop)
+        name = "GR" if at_grazing(event.name) else kind
         if name == "BP" and (birth := self.halved(branch, point)) is not None:
             half.specials.append(self._found(name, branch, replace(event, point=birth), half))
             half.points.append((branch, birth))

@@ -14,7 +14,7 @@ from saltus.continuation.arclength import StepControl
 from saltus.continuation.border import TOGETHER, beyond_border
 from saltus.continuation.cycle_problem import CYCLE_POINTS, CycleZeroProblem, in_lockstep
 from saltus.continuation.map_curve import MapBranch
-from saltus.continuation.options import checked_interval, read_stops, unit_of
+from saltus.continuation.options import asked_types, checked_interval, read_stops, unit_of
 from saltus.continuation.orbit_problem import Interest
 from saltus.cycles.orbit import MapOrbit, cycle_at, itinerary_of
 from saltus.cycles.problem import CycleProblem
@@ -41,7 +41,7 @@ def continue_cycle(
     *,
     steps: StepControl | None = None,
     directions: str = "both",
-    events: Mapping[str, float] | None = None,
+    events: Mapping[str, float | str] | None = None,
     stop_at: str | Iterable[str] = (),
     progress: bool | Report = False,
 ) -> MapBranch:
@@ -50,10 +50,11 @@ def continue_cycle(
     reporter = Reporter(progress)
     system = orbit.system
     low, high = checked_interval(system, orbit.parameters, parameter, bounds, directions)
-    events = checks.mapping("events", events, "names to values, as {'x': 0.5}")
+    events = checks.mapping("events", events, "names to values, as {'x': 0.5}, or to 'extremum'")
     scale = unit_of(low, high, orbit.parameters[parameter])
     interest = Interest(low / scale, high / scale, scale, read_point_events(orbit, parameter, events))
-    run = _CycleRun(orbit, parameter, interest, control, read_stops(stop_at, [*CYCLE_POINTS, *events]), reporter)
+    stops = read_stops(stop_at, [*CYCLE_POINTS, *asked_types(events)])
+    run = _CycleRun(orbit, parameter, interest, control, stops, reporter)
     joined = run.joined(directions)
     return MapBranch(
         system=system,

@@ -16,7 +16,7 @@ from saltus.continuation.boundary import beyond_boundary
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.equilibrium_problem import CRITICAL, EquilibriumZeroProblem
 from saltus.continuation.monitor import Monitor
-from saltus.continuation.options import checked_interval, read_stops, unit_of
+from saltus.continuation.options import asked_types, checked_interval, read_stops, unit_of
 from saltus.continuation.orbit_problem import Interest
 from saltus.continuation.two_sided import OneSide
 from saltus.continuation.zero_problem import Event
@@ -47,7 +47,7 @@ def continue_equilibrium(
     *,
     steps: StepControl | None = None,
     directions: str = "both",
-    events: Mapping[str, float] | None = None,
+    events: Mapping[str, float | str] | None = None,
     stop_at: str | Iterable[str] = (),
     progress: bool | Report = False,
 ) -> EquilibriumBranch:
@@ -70,8 +70,9 @@ def continue_equilibrium(
         equilibria virtual.
     directions : {"both", "up", "down"}
         Which way the parameter goes at the start.
-    events : mapping of str to float, optional
-        Users' events: ``{"x": 0.5}`` records where a state, an output or the parameter passes the value.
+    events : mapping of str to float or "extremum", optional
+        Users' events: ``{"x": 0.5}`` records where a state, an output or the parameter passes the value. ``{"x":
+        "extremum"}`` records where the state or output has an extremum along the branch, of type ``EX``.
     stop_at : str or iterable of str, optional
         Types of special points, as ``"HB"`` or a key of `events`; the branch ends at the first.
     progress : bool or callable
@@ -103,11 +104,11 @@ def continue_equilibrium(
     system = equilibrium.system
     check_autonomous(system)
     low, high = checked_interval(system, equilibrium.parameters, parameter, bounds, directions)
-    events = checks.mapping("events", events, "names to values, as {'x': 0.5}")
+    events = checks.mapping("events", events, "names to values, as {'x': 0.5}, or to 'extremum'")
     scale = unit_of(low, high, equilibrium.parameters[parameter])
     interest = Interest(low / scale, high / scale, scale, read_point_events(equilibrium, parameter, events))
     run = _EquilibriumRun(
-        equilibrium, parameter, interest, control, read_stops(stop_at, [*CRITICAL, *events]), reporter
+        equilibrium, parameter, interest, control, read_stops(stop_at, [*CRITICAL, *asked_types(events)]), reporter
     )
     joined = run.joined(directions)
     return EquilibriumBranch(

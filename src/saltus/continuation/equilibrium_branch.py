@@ -22,8 +22,8 @@ __all__ = ["EquilibriumBranch"]
 class EquilibriumBranch(OneParameter, EquilibriumCurve):
     """Equilibria along one parameter.
 
-    Types of `special_points` are ``SN``, ``BP``, ``HB``, ``BE`` (boundary equilibrium) and users' events.
-    `SpecialPoint.kind` of a BE is ``persistence`` where the equilibrium goes on in the neighbouring mode. It is
+    Types of `special_points` are ``SN``, ``BP``, ``HB``, ``BE`` (boundary equilibrium), ``EX`` (extremum) and users'
+    events. `SpecialPoint.kind` of a BE is ``persistence`` where the equilibrium goes on in the neighbouring mode. It is
     ``nonsmooth fold`` where both lie on the same side of the parameter. `OneParameter` and `EquilibriumCurve` list the
     attributes.
     """

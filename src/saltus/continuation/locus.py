@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.continuation.displacement import displaced
 from saltus.continuation.orbit_curve import OrbitCurve
 from saltus.continuation.special_points import SpecialPoint
 from saltus.results import frozen
@@ -79,6 +81,32 @@ class Locus(OrbitCurve):
         orbit = self.orbit(index)
         at = range(len(self))[index]
         return SpecialPoint(self.type, f"{self.type} point {at}", orbit, 0.0, at, float(self.arclength[at]), self.names)
+
+    def displacement(self, of: str, parameters: Sequence[str] | None = None) -> xr.Dataset:
+        """Return how the locus moves as parameters change: exact derivatives of one of its two parameters.
+
+        The other one is held at each point, unless it is among `parameters`. docs/theory/sensitivities.md, "Special
+        points", derives them.
+
+        Parameters
+        ----------
+        of : str
+            The parameter of the locus that is displaced.
+        parameters : sequence of str, optional
+            Parameters that change; by default all but `of`. For the locus' other parameter it is the locus' own slope.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``displacement`` along ``point`` and ``parameter``; the locus' parameters and ``note`` along ``point``.
+            Where the locus turns in `of`, as at a cusp, derivatives are NaN, and ``note`` says why.
+
+        Raises
+        ------
+        InputError
+            `of` is no parameter of the locus, or a name is no other parameter.
+        """
+        return displaced(self, of, parameters)
 
     def _own_columns(self) -> dict[str, NDArray[np.float64]]:
         return {"angle": self.angle, "coefficient": self.coefficient}

@@ -197,10 +197,10 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
 class MapBranch(OneParameter, MapCurve):
     """Fixed points or cycles of a map along one parameter.
 
-    Types of `special_points` are ``SN``, ``PD``, ``TR`` (Neimark-Sacker), ``BP``, ``BC`` (border collision) and users'
-    events. `SpecialPoint.kind` of a BC is ``persistence`` where the cycle goes on in the neighbouring itinerary. It is
-    ``nonsmooth fold`` where both lie on the same side of the parameter. `OneParameter` and `MapCurve` list the
-    attributes.
+    Types of `special_points` are ``SN``, ``PD``, ``TR`` (Neimark-Sacker), ``BP``, ``BC`` (border collision), ``EX``
+    (extremum) and users' events. `SpecialPoint.kind` of a BC is ``persistence`` where the cycle goes on in the
+    neighbouring itinerary. It is ``nonsmooth fold`` where both lie on the same side of the parameter. `OneParameter`
+    and `MapCurve` list the attributes.
     """
 
     def at(self, value: float) -> tuple[MapOrbit, ...]:

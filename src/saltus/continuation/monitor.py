@@ -17,13 +17,13 @@ class Monitor(NamedTuple):
     Attributes
     ----------
     kind : str
-        The type of special point at its zeros, ``low`` or ``high`` for a bound, ``event`` for a user's event. At a
-        grazing ``margin`` (least distance of a segment from a surface) or ``side`` (distance of a segment that is
-        equally far throughout). Also ``duration`` (of a segment that starts on its own event) or ``rate`` (velocity at
-        the event that ends a segment).
+        The type of special point at its zeros, ``low`` or ``high`` for a bound, ``event`` for a user's event that asks
+        for a value. At a grazing ``margin`` (least distance of a segment from a surface) or ``side`` (distance of a
+        segment that is equally far throughout). Also ``duration`` (of a segment that starts on its own event) or
+        ``rate`` (velocity at the event that ends a segment).
     segment : int
-        Index of the segment; for a bound or TP of the parameter, for TR of the multiplier, for a user's event of the
-        event; -1 for none.
+        Index of the segment; for a bound or TP of the parameter, for TR of the multiplier, for a user's event (EX
+        among them) of the event; -1 for none.
     transition : int
         Index of the transition whose surface is meant; -1 for none.
     side : str

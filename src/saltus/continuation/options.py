@@ -11,6 +11,7 @@ from saltus import checks
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.monitor import BIFURCATIONS
 from saltus.continuation.special_points import SpecialPoint
+from saltus.continuation.watching import EXTREMUM
 from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError, nearest
@@ -21,6 +22,7 @@ from saltus.system import HybridSystem, Map
 __all__ = [
     "ROUNDING",
     "BranchOptions",
+    "asked_types",
     "check_along_parameter",
     "checked_interval",
     "read_events",
@@ -30,6 +32,7 @@ __all__ = [
     "read_start",
     "read_steps",
     "read_stops",
+    "read_value",
     "read_varied",
     "unit_of",
 ]
@@ -70,7 +73,7 @@ class BranchOptions:
         Sizes of steps and their limits. Its `at_grazing` also holds while the orbit is continued to each member.
     directions : {"both", "up", "down"}
         Which way the parameter goes at each start.
-    events : mapping of str to float
+    events : mapping of str to float or "extremum"
         Users' events, recorded along each branch, as `continue_orbit` takes them.
     stop_at : str or iterable of str
         Types of special points; each branch ends at the first. Kept as a tuple. With ``"GR"`` the way to each member
@@ -89,7 +92,7 @@ class BranchOptions:
 
     steps: StepControl = field(default_factory=StepControl)
     directions: str = "both"
-    events: Mapping[str, float] = field(default_factory=dict)
+    events: Mapping[str, float | str] = field(default_factory=dict)
     stop_at: str | Iterable[str] = ()
 
     def __post_init__(self) -> None:
@@ -105,6 +108,11 @@ def read_stops(stop_at: object, known: Sequence[str]) -> set[str]:
     """Return the types of special points at which a curve ends, checked."""
     given = [stop_at] if isinstance(stop_at, str) else stop_at
     return {checks.chosen("stop_at", name, known) for name in checks.names("stop_at", given, _TYPES)}
+
+
+def asked_types(events: Mapping[str, object]) -> list[str]:
+    """Return what `stop_at` may name of users' events: their keys, and EX where an extremum is asked for."""
+    return [*events, *(["EX"] if any(isinstance(value, str) for value in events.values()) else [])]
 
 
 def read_steps(steps: object, what: str) -> StepControl:
@@ -174,16 +182,28 @@ def unit_of(low: float, high: float, value: float) -> float:
     return abs(value) or 1.0
 
 
+def read_value(name: str, given: object) -> float | None:
+    """Return the value that a user's event asks for; None for an extremum."""
+    if isinstance(given, str) and given == EXTREMUM:
+        return None
+    return checks.number(f"events[{name!r}]", given, f"a finite number, or {EXTREMUM!r}")
+
+
 def read_events(
-    orbit: PeriodicOrbit, parameter: str, events: Mapping[str, float]
-) -> tuple[tuple[str, str, float], ...]:
-    """Return (name, kind, value) for each user's event; kind is ``parameter``, ``observable`` or as ``min_gap``."""
-    found: list[tuple[str, str, float]] = []
+    orbit: PeriodicOrbit, parameter: str, events: Mapping[str, float | str]
+) -> tuple[tuple[str, str, float | None], ...]:
+    """Return (name, kind, value) for each user's event; kind is ``parameter``, ``observable`` or as ``min_gap``.
+
+    The value is None where an extremum is asked for.
+    """
+    found: list[tuple[str, str, float | None]] = []
     quantities, free = [*orbit.min], ""
     if orbit.fixed is not None and not orbit.fixed.family and parameter not in orbit.system.parameter_names:
         free = orbit.fixed.free
     for name, given in events.items():
-        value = checks.number(f"events[{name!r}]", given)
+        value = read_value(name, given)
+        if value is None and name in (parameter, free):
+            raise InputError("events", name, "another quantity", "where the branch turns in it is an SN, or a TP")
         if name == parameter:
             found.append((name, "parameter", value))
         elif name == free:
@@ -238,7 +258,7 @@ def read_start(start: SpecialPoint[Any] | PeriodicOrbit | Equilibrium | MapOrbit
         kind = loci.get(start.type, start.locus if start.type == "TP" else None)
     if kind is None:
         allowed = f"a point of type {', '.join(loci)}"
-        known_type = start.type in {*_LOCI, *_EQUILIBRIUM_LOCI, "TP"}
+        known_type = start.type in {*_LOCI, *_EQUILIBRIUM_LOCI, "TP", "EX"}
         hint = "no locus belongs to " + ("this type" if known_type else "a user's event")
         raise InputError("start", start.type, allowed, hint)
     return solution, kind

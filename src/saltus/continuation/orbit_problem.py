@@ -32,6 +32,7 @@ from saltus.orbits.floquet import (
 )
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.quantities import read_quantity
+from saltus.orbits.sensitivities import slope_along
 from saltus.orbits.signature import CUT_END, MEAN_END, Survey
 
 if TYPE_CHECKING:
@@ -66,13 +67,13 @@ class Interest:
         Unit of the parameter among the unknowns.
     events : tuple of (name, kind, value)
         Users' events. `kind` is ``parameter``, ``freed`` (the freed parameter), ``observable``, or ``min_`` or ``max_``
-        and a state or output.
+        and a state or output. The value is None where an extremum is asked for.
     """
 
     low: float
     high: float
     scale: float
-    events: tuple[tuple[str, str, float], ...] = ()
+    events: tuple[tuple[str, str, float | None], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -148,8 +149,11 @@ class OrbitZeroProblem:
         self._surveyed = grazing_monitors(problem)
         names = (*problem.system.all_states, *problem.system.output_names)
         self._observables: dict[Monitor, Watched] = {}
+        self._turning: dict[Monitor, str] = {}
         for i, (name, kind, value) in enumerate(interest.events):
-            if kind == "observable":
+            if value is None:
+                self._turning[Monitor("EX", i)] = name if kind == "observable" else kind
+            elif kind == "observable":
                 self._observables[Monitor("event", i)] = Watched(read_quantity(problem.system, name), value)
             elif kind == "freed":
                 continue
@@ -226,6 +230,7 @@ class OrbitZeroProblem:
         if before is not None and (fault := residual_fault(problem, survey, point.u)) is not None:
             return Examined({}, fault)
         watched = {name: watch.distance(problem, point.u) for name, watch in self._observables.items()}
+        watched |= {name: slope_along(problem, point.u, point.tangent, of) for name, of in self._turning.items()}
         problem.prepare(point.u)
         problem.rescale(survey)
         self._adjust(point.u)
@@ -308,6 +313,8 @@ class OrbitZeroProblem:
             return self._simple[name](point)
         if name in self._observables:
             return self._observables[name].distance(self.problem, point.u)
+        if name in self._turning:
+            return slope_along(self.problem, point.u, point.tangent, self._turning[name])
         if name.kind == "TR":
             way = self._follow(point, None, multipliers(self.problem, point.u, self.own(point.J)))
             value = way.followed[name.segment]

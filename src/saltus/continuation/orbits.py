@@ -14,7 +14,15 @@ from saltus.continuation.branch_run import BranchRun
 from saltus.continuation.cycles import continue_cycle
 from saltus.continuation.map_curve import MapBranch
 from saltus.continuation.monitor import BIFURCATIONS
-from saltus.continuation.options import read_events, read_interval, read_range, read_stops, read_varied, unit_of
+from saltus.continuation.options import (
+    asked_types,
+    read_events,
+    read_interval,
+    read_range,
+    read_stops,
+    read_varied,
+    unit_of,
+)
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.quantity_run import QuantityRun
 from saltus.continuation.two_sided import OneSide, join, traced
@@ -34,7 +42,7 @@ def continue_orbit(
     *,
     steps: StepControl | None = None,
     directions: str = "both",
-    events: Mapping[str, float] | None = None,
+    events: Mapping[str, float | str] | None = None,
     stop_at: str | Iterable[str] = (),
     progress: bool | Report = False,
 ) -> Branch: ...
@@ -46,7 +54,7 @@ def continue_orbit(
     *,
     steps: StepControl | None = None,
     directions: str = "both",
-    events: Mapping[str, float] | None = None,
+    events: Mapping[str, float | str] | None = None,
     stop_at: str | Iterable[str] = (),
     progress: bool | Report = False,
 ) -> MapBranch: ...
@@ -57,7 +65,7 @@ def continue_orbit(
     *,
     steps: StepControl | None = None,
     directions: str = "both",
-    events: Mapping[str, float] | None = None,
+    events: Mapping[str, float | str] | None = None,
     stop_at: str | Iterable[str] = (),
     progress: bool | Report = False,
 ) -> Branch | MapBranch:
@@ -85,10 +93,11 @@ def continue_orbit(
         Sizes of steps and their limits, and how the branch goes on at a grazing.
     directions : {"both", "up", "down"}
         Which way the parameter goes at the start.
-    events : mapping of str to float, optional
+    events : mapping of str to float or "extremum", optional
         Users' events. ``{"gap": 0.02}`` records where an extreme of that output or state passes the value. With
         ``"min_gap"`` or ``"max_gap"`` only one extreme counts. A key may also be the parameter, ``"period"`` or an
         observable, as ``"mean(gap)"``. Of a map a state or an output at the cycle's first point passes the value.
+        ``{"amplitude(x, 1)": "extremum"}`` records where the quantity has an extremum along the branch, of type ``EX``.
     stop_at : str or iterable of str, optional
         Types of special points, as ``"SN"`` or a key of `events`; the branch ends at the first. Along a quantity
         ``"TP"`` is where the quantity turns.
@@ -141,9 +150,9 @@ def continue_orbit(
     else:
         value = varied.value(orbit.problem(), orbit.unknowns)
         low, high = read_range(parameter, value, bounds, directions)
-    events = checks.mapping("events", events, "names to values, as {'gap': 0.02}")
+    events = checks.mapping("events", events, "names to values, as {'gap': 0.02}, or to 'extremum'")
     wanted = read_events(orbit, parameter, events)
-    stops = read_stops(stop_at, [*BIFURCATIONS, *([] if varied is None else ["TP"]), *events])
+    stops = read_stops(stop_at, [*BIFURCATIONS, *([] if varied is None else ["TP"]), *asked_types(events)])
     scale = unit_of(low, high, value)
     interest = Interest(low / scale, high / scale, scale, wanted)
     kind = BranchRun if varied is None else QuantityRun

@@ -66,7 +66,7 @@ class QuantityZeroProblem(OrbitZeroProblem):
             self._simple[_SN] = lambda point: float(point.tangent[size])
 
         for i, (_, kind, value) in enumerate(interest.events):
-            if kind == "freed":
+            if kind == "freed" and value is not None:
                 self._simple[Monitor("event", i)] = self._freed_less(value)
 
     def _freed_less(self, value: float) -> Callable[[Point], float]:

@@ -54,9 +54,9 @@ class _Run:
             self.reporter.step(1, self.told(point))
         return f"{self.place(point)}: {self.control.most} points" if len(half.points) >= self.control.most else None
 
-    def options(self, bounds: Any, directions: str, events: Mapping[str, float] | None = None) -> dict[str, Any]:
+    def options(self, bounds: Any, directions: str, events: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the arguments of the continuation, as a curve holds them."""
-        own = {} if events is None else {"events": {name: float(value) for name, value in events.items()}}
+        own = {} if events is None else {"events": {name: _plain(value) for name, value in events.items()}}
         kept = {"bounds": bounds, "steps": asdict(self.control), "directions": directions}
         return kept | own | {"stop_at": sorted(self.stops)}
 
@@ -160,12 +160,25 @@ class OneParameterRun(_Run, ABC):
         half.points.append((branch, point))
         return f"{self.place(point)}: bound reached"
 
+    def asked(self, name: Monitor) -> tuple[str, str, str]:
+        """Return type and quantity of a special point that a user asks for, and its name in `stop_at`."""
+        key, kind, _ = self.interest.events[name.segment]
+        if name.kind == "event":
+            return key, "", key
+        of = kind if kind.startswith(("min_", "max_")) else key
+        return "EX", of, key if key in self.stops else "EX"
+
     def end_at(self, half: OneSide, branch: Any, point: Point, name: str) -> str | None:
         """End a branch at a special point where `stop_at` has its type."""
         if name not in self.stops:
             return None
         half.points.append((branch, point))
         return f"{self.place(point)}: {name}"
+
+
+def _plain(value: Any) -> float | str:
+    """Return what a user's event asks for as a curve holds it."""
+    return str(value) if isinstance(value, str) else float(value)
 
 
 class TwoParameterRun(_Run, ABC):

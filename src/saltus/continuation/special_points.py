@@ -62,6 +62,7 @@ _MEANING = {
     "ZH": "zero-Hopf",
     "HH": "double Hopf",
     "TP": "turning point of a parameter",
+    "EX": "extremum",
 }
 
 
@@ -74,9 +75,10 @@ class SpecialPoint(Generic[Solution]):
     Attributes
     ----------
     type : str
-        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB``, ``BE``, ``HOM``, ``SNIC`` or the name of a
-        user's event. On a locus ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of another
-        locus that meets it. `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list those of equilibria.
+        On a branch of orbits ``SN``, ``PD``, ``TR``, ``BP``, ``GR``, ``HB``, ``BE``, ``HOM``, ``SNIC``, ``EX`` or the
+        name of a user's event. On a locus ``CP``, ``GPD``, ``CH``, ``R1`` to ``R4``, ``FF`` or ``TP``, or the type of
+        another locus that meets it. `Locus` explains them; `EquilibriumBranch` and `EquilibriumLocus` list those of
+        equilibria.
     label : str
         The type with its number along the curve, as in ``SN1``.
     solution : PeriodicOrbit, Equilibrium or MapOrbit
@@ -96,6 +98,7 @@ class SpecialPoint(Generic[Solution]):
         - BT, GH, ZH, HH: what docs/theory/equilibria.md, "Loci", lists.
         - CP, GPD, CH: the coefficient of the normal form, over its size nearby.
         - R1 to R4: cosine of the multipliers' angle less that of the resonance.
+        - EX: the derivative of the quantity by arclength.
         - Users' events: the quantity less the wanted value.
     position : float
         Place among the curve's points: 3.5 lies between points 3 and 4.
@@ -104,8 +107,8 @@ class SpecialPoint(Generic[Solution]):
     varied : tuple of str
         The parameters that vary along the curve.
     of : str
-        Of a TP the parameter that turns. Where a GR locus meets another, the side of the grazing (``smaller`` or
-        ``larger`` signature).
+        Of a TP the parameter that turns, of an EX the quantity. Where a GR locus meets another, the side of the
+        grazing (``smaller`` or ``larger`` signature).
     locus : str
         The type of the locus that the point belongs to; empty on a branch.
     tangent : ndarray, shape (unknowns + 1,), or None

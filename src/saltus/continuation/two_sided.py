@@ -151,10 +151,14 @@ def traced(trace: Callable[[float], OneSide], directions: str) -> list[OneSide]:
 
 
 def turned(point: Point, sign: float, odd: Collection[Monitor]) -> Point:
-    """Return a point; where `sign` < 0, its tangent and the monitor functions named in `odd` are reversed."""
+    """Return a point; where `sign` < 0, its tangent and the monitor functions named in `odd` are reversed.
+
+    So are those of extrema, which are derivatives along the tangent.
+    """
     if sign >= 0.0:
         return point
-    monitors = {name: -value if name in odd else value for name, value in point.examined.monitors.items()}
+    known = point.examined.monitors.items()
+    monitors = {name: -value if name in odd or name.kind == "EX" else value for name, value in known}
     examined = Examined(monitors, point.examined.fault, point.examined.data)
     return replace(point, tangent=-point.tangent, sign=-point.sign, examined=examined)
 

@@ -1,8 +1,9 @@
-"""A quantity of the orbits along a curve that is to pass a value: its monitor function."""
+"""Quantities along a curve that are to pass a value or have an extremum: their monitor functions."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,10 @@ if TYPE_CHECKING:
     from saltus.orbits.problem import OrbitProblem
     from saltus.orbits.quantities import Quantity
 
-__all__ = ["Watched"]
+__all__ = ["EXTREMUM", "Watched", "slope"]
+
+EXTREMUM = "extremum"  # what a user's event asks for in place of a value
+_STEP = 1e-3  # arclength of a step by which a quantity of a point is differentiated
 
 
 @dataclass(frozen=True)
@@ -48,3 +52,21 @@ class Watched:
 
     def _angle(self, value: float) -> float:
         return 2.0 * math.pi / self.quantity.turn * self.quantity.beyond(value, self.value)
+
+
+def slope(
+    quantity: Callable[[NDArray[np.float64]], float], u: NDArray[np.float64], tangent: NDArray[np.float64]
+) -> float:
+    """Return the derivative of a quantity of the unknowns along a curve, by differences of order 4.
+
+    Parameters
+    ----------
+    quantity : callable
+        Returns the quantity at unknowns.
+    u, tangent : ndarray
+        Unknowns, and the tangent of length 1.
+    """
+    far, near = (
+        (quantity(u + step * tangent) - quantity(u - step * tangent)) / (2.0 * step) for step in (_STEP, 0.5 * _STEP)
+    )
+    return near + (near - far) / 3.0

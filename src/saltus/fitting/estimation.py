@@ -14,7 +14,7 @@ from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.errors import ConvergenceError, InputError
 from saltus.fitting.jumps import read_points
 from saltus.fitting.measured import Channel, Measured, MeasuredPoint, read_measured
-from saltus.fitting.optimum import Objective, Optimum, covariance, degeneracies, minimised
+from saltus.fitting.optimum import Minimum, Objective, covariance, degeneracies, minimised
 from saltus.fitting.profiles import Profiles
 from saltus.fitting.result import Fit
 from saltus.fitting.search import searched
@@ -304,7 +304,7 @@ def _profiled_names(wanted: Task, spread: NDArray[np.float64]) -> list[str]:
     return [name for name, row in zip(wanted.names, strong, strict=True) if row.any()]
 
 
-def _notes(wanted: Task, found: Optimum, objective: Objective) -> tuple[str, ...]:
+def _notes(wanted: Task, found: Minimum, objective: Objective) -> tuple[str, ...]:
     """Return in words what was found about the data, and what they do not tell."""
     measured, notes = wanted.measured, []
     if measured.dropped:

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 __all__ = [
     "FOUND",
     "INTERRUPTED",
+    "Minimum",
     "Objective",
-    "Optimum",
     "covariance",
     "degeneracies",
     "loss_weights",
@@ -155,7 +155,7 @@ class Objective:
 
 
 @dataclass(frozen=True)
-class Optimum:
+class Minimum:
     """Where a search ended.
 
     Attributes
@@ -199,7 +199,7 @@ def minimised(
     fixed: Sequence[int] = (),
     most: int,
     accuracy: float = _SMALL,
-) -> Optimum:
+) -> Minimum:
     """Return the parameters of least loss within bounds; an interrupt keeps the best so far.
 
     Parameters
@@ -246,7 +246,7 @@ def minimised(
 
     if not free:
         assert objective.best is not None
-        return Optimum(start, objective.best[2], objective.best[0], NOTHING)
+        return Minimum(start, objective.best[2], objective.best[0], NOTHING)
     low, high = bounds[:, free]
     inside = np.clip(start[free], low + 1e-9 * (high - low), high - 1e-9 * (high - low))
     sizes = np.where(start[free] == 0.0, high - low, np.maximum(np.abs(start[free]), _LEAST_SIZE * (high - low)))
@@ -281,7 +281,7 @@ def minimised(
         stopped = INTERRUPTED
     assert objective.best is not None
     loss, values, evaluation = objective.best
-    return Optimum(values, evaluation, loss, stopped)
+    return Minimum(values, evaluation, loss, stopped)
 
 
 def covariance(jacobian: NDArray[np.float64], residuals: NDArray[np.float64]) -> NDArray[np.float64]:

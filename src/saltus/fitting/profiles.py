@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import ConvergenceError
-from saltus.fitting.optimum import FOUND, NOTHING, Objective, Optimum, minimised
+from saltus.fitting.optimum import FOUND, NOTHING, Minimum, Objective, minimised
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,7 +36,7 @@ class Profiles:
     ----------
     objective : Objective
         The residuals.
-    found : Optimum
+    found : Minimum
         Where the loss is least.
     spread : ndarray, shape (parameters, parameters)
         Covariance by linear theory.
@@ -46,17 +46,17 @@ class Profiles:
         The intervals found, by parameter.
     notes : list of str
         In words, which parameters have none.
-    better : Optimum or None
+    better : Minimum or None
         A better fit, if one was found on the way: the intervals are void then.
     """
 
     objective: Objective
-    found: Optimum
+    found: Minimum
     spread: NDArray[np.float64]
     bounds: NDArray[np.float64]
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    better: Optimum | None = None
+    better: Minimum | None = None
 
     def compute(self, names: Sequence[str]) -> None:
         """Find the intervals of parameters."""
@@ -108,7 +108,7 @@ class Profiles:
             trial = sign * float(np.clip(abs(trial), 0.1 * error, 10.0 * error))
         raise ConvergenceError("end of a profile", abs(root_near - 1.0), _SECANTS)
 
-    def _fitted(self, index: int, value: float, change: NDArray[np.float64]) -> Optimum:
+    def _fitted(self, index: int, value: float, change: NDArray[np.float64]) -> Minimum:
         """Return the best fit with one parameter held at a value, sought from a change of the optimum."""
         start = np.clip(self.found.values + change, *self.bounds)
         start[index] = value

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import ConvergenceError, InputError
-from saltus.fitting.optimum import INTERRUPTED, Objective, Optimum, minimised
+from saltus.fitting.optimum import INTERRUPTED, Minimum, Objective, minimised
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,7 +45,7 @@ def largest_chi2(count: int) -> float:
     return 1.0 + _FAR * math.sqrt(2.0 / max(count, 1))
 
 
-def searched(objective: Objective, start: NDArray[np.float64], bounds: NDArray[np.float64], most: int) -> Optimum:
+def searched(objective: Objective, start: NDArray[np.float64], bounds: NDArray[np.float64], most: int) -> Minimum:
     """Return the best fit, sought from a start; from further ones as long as the data do not fit, but a few wild ones.
 
     Parameters
@@ -79,23 +79,23 @@ def searched(objective: Objective, start: NDArray[np.float64], bounds: NDArray[n
             if found.loss < best.loss - _ALIKE:
                 best, agreeing = found, 0
             if found.is_interrupted:
-                return Optimum(best.values, best.evaluation, best.loss, found.stopped)
+                return Minimum(best.values, best.evaluation, best.loss, found.stopped)
             if _fits(best) or agreeing == _AGREEING:
                 break
     except KeyboardInterrupt:
-        return Optimum(best.values, best.evaluation, best.loss, INTERRUPTED)
+        return Minimum(best.values, best.evaluation, best.loss, INTERRUPTED)
     stopped = best.stopped if _fits(best) else f"no better fit is found from {searches} starts"
-    return Optimum(best.values, best.evaluation, best.loss, stopped)
+    return Minimum(best.values, best.evaluation, best.loss, stopped)
 
 
-def _fits(found: Optimum) -> bool:
+def _fits(found: Minimum) -> bool:
     """Whether all data fit but a few wild ones, which no other start would mend."""
     residuals, rows = found.evaluation.residuals, found.evaluation.measured.rows
     kept = np.sort(np.abs(residuals))[: residuals.size - max(rows, int(_WILD * residuals.size))]
     return float(kept @ kept) <= largest_chi2(residuals.size) * kept.size
 
 
-def _from(objective: Objective, start: NDArray[np.float64], bounds: NDArray[np.float64], most: int) -> Optimum:
+def _from(objective: Objective, start: NDArray[np.float64], bounds: NDArray[np.float64], most: int) -> Minimum:
     """Return where a search ends; it goes on where the model traced anew has sheets that fit better."""
     if objective.best is None or not np.array_equal(objective.best[1], start):
         objective.best = None

@@ -26,18 +26,20 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.orbits.critical import scaling, touched
 from saltus.orbits.multiplier_slopes import MultiplierSlopes, multipliers_by_parameters
 from saltus.orbits.observed import Differentiated, Plan, Sums, planned
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.quantities import gradient_of, read_quantity
 from saltus.orbits.records import Seen
 
 if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from saltus.orbits.problem import OrbitProblem
-
-__all__ = ["Sensitivities", "sensitivities", "unknowns_by_parameters"]
+__all__ = ["Sensitivities", "sensitivities", "slope_along", "unknowns_by_parameters"]
 
 MULTIPLIERS = "multipliers"  # what the multipliers are asked for by
 SEGMENTS = "segments"  # what the segments' starts and durations are asked for by
+_MOVES = 1e-5  # change of a parameter, in its unit, per unit of arclength, from which on it moves along a branch
+_LARGE = 1e8  # multiple of a tangent beside which a change of the parameter by its unit is small
 _SINGULAR = 1e-9  # least singular value of the equations, over the largest, at which parameters determine no orbit
 
 
@@ -156,6 +158,45 @@ def sensitivities(problem: OrbitProblem, u: NDArray[np.float64], names: Sequence
     found = multipliers_by_parameters(problem, u, J, du) if MULTIPLIERS in names else None
     parameters = tuple(problem.system.parameter_names[i] for i in chosen)
     return Sensitivities(parameters, du, values, found, SEGMENTS in names)
+
+
+def slope_along(problem: OrbitProblem, u: NDArray[np.float64], tangent: NDArray[np.float64], name: str) -> float:
+    """Return the derivative of an observable in the direction of a branch; NaN where it has none.
+
+    What variations of the unknowns add to the derivative by a parameter is linear in them. Where the parameter moves
+    along the branch, the variations are those of the branch by the parameter. Where it rests, as at a fold, two large
+    opposite multiples of the tangent take the part of the parameter out.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations.
+    u : ndarray, shape (size + active,) or longer
+        The orbit.
+    tangent : ndarray, shape of `u`
+        The direction.
+    name : str
+        The observable, as `sensitivities` takes it.
+    """
+    p, size, index, unit, share = problem.parameters_at(u), problem.size, 0, 1.0, 0.0
+    if not p.size:  # no parameter by which to differentiate: the quantity's differences by the unknowns
+        return float(gradient_of(read_quantity(problem.system, name), problem, u)[:size] @ tangent[:size])
+    if len(problem.active):
+        index, unit, share = int(problem.active[0]), float(problem.scales[0]), float(tangent[size])
+    multiples = np.array([1.0 / share if abs(share) > _MOVES else _LARGE])
+    if abs(share) <= _MOVES:
+        multiples = np.append(multiples, -_LARGE)
+    count = len(multiples)
+    own = OrbitProblem(problem.system, problem.signature, p, [index] * count, np.ones(count), problem.tol)
+    here = np.append(u[:size], [p[index]] * count)
+    if own.start(here) is not None:
+        return math.nan
+    plan = planned(problem.system, (name,))
+    variations = np.outer(tangent[:size], multiples / unit)
+    slopes = plan.values(_followed(own, here, variations, plan), p, own.active)[name].slopes * unit
+    if count == 1:
+        return float(slopes[0] * share)
+    return float((slopes[0] - slopes[1]) / (2.0 * _LARGE) + 0.5 * share * (slopes[0] + slopes[1]))
 
 
 def _followed(problem: OrbitProblem, u: NDArray[np.float64], du: NDArray[np.float64], plan: Plan) -> Sums:

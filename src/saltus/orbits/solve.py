@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from saltus.orbits.unfolding import UnfoldedEquations
 
-__all__ = ["check_tol", "converge", "in_pieces", "settle_signature", "solve_orbit", "solve_unknowns"]
+__all__ = ["check_fields", "check_tol", "converge", "in_pieces", "settle_signature", "solve_orbit", "solve_unknowns"]
 
 _MOST_UNKNOWNS = 4000  # unknowns of an orbit's equations, whose Jacobian is dense: 128 MB
 _ITERATIONS = 40  # Newton steps, at most
@@ -195,7 +195,7 @@ def converge(
             raise ConvergenceError("isolated periodic orbit", error.residual, error.iterations, _FAMILY) from None
         raise
     orbit = orbit_at(problem, u, J)
-    _check_fields(problem)
+    check_fields(problem)
     inner = nontrivial(orbit.multipliers, autonomous=system.phase is None)
     if np.any(np.abs(inner - 1.0) < _PERHAPS_ONE) and of_a_family(first, given):
         raise ConvergenceError("isolated periodic orbit", orbit.residual, 0, _FAMILY)
@@ -221,7 +221,7 @@ def _converge_fixed(
     check_family(equations, unknowns, J, wish)
     problem, own, fixed = within_family(equations, unknowns, p, wish)
     orbit = orbit_at(problem, own, problem.resolve(own)[1], fixed=fixed)
-    _check_fields(problem)
+    check_fields(problem)
     return orbit
 
 
@@ -232,7 +232,7 @@ def _check_size(system: HybridSystem, signature: Signature) -> None:
         raise InputError("segments of the orbit", len(signature), f"at most {most}", "its equations would be too large")
 
 
-def _check_fields(problem: OrbitProblem) -> None:
+def check_fields(problem: OrbitProblem) -> None:
     """Raise `DefinitionError` where the orbit last surveyed passes a jump of a field."""
     _, ends, nodes, _ = problem.dense()
     for i, mode in enumerate(problem.signature.modes):

@@ -36,6 +36,7 @@ _HOMES = {
     "saltus.sweeps.lyapunov.LyapunovSpectrum": "saltus.plotting.lyapunov",
     "saltus.basins.map.basins.Basins": "saltus.plotting.basin",
     "saltus.fitting.result.Fit": "saltus.plotting.fit",
+    "saltus.optimisation.optimum.Optimum": "saltus.plotting.optimum",
     "saltus.afm.curve.Curve": "saltus.afm.curve_picture",
     "saltus.afm.bistable_region.Bistability": "saltus.afm.bistable_picture",
     "saltus.afm.shift_curve.FrequencyShift": "saltus.afm.shift_picture",

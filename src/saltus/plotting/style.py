@@ -110,6 +110,7 @@ SPECIAL: Mapping[str, Marker] = MappingProxyType(
         "ZH": Marker("zero-Hopf", "p", "#1b1b1e", filled=False, size=6.0),
         "HH": Marker("double Hopf", "h", "#1b1b1e", filled=False, size=6.0),
         "TP": Marker("turning point", "o", "#5c5c66", filled=False, size=4.0),
+        "EX": Marker("extremum", "^", "#8a6d00", filled=False, size=5.0),
     }
 )
 
