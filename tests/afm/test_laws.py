@@ -260,9 +260,7 @@ def test_a_pole_where_surfaces_touch_is_told(contact):
     for law in (pole, afm.LennardJones(H_aJ=0.1, sigma_nm=0.34)):
         with pytest.raises(InputError, match="touch at separation 0; its force is infinite there"):
             (contact + law).force_nN(1.0, R_nm=10.0)
-    with pytest.raises(
-        InputError, match="law = 'DampedPole': .* its force is infinite there; DMT\\(a0_nm=...\\) touches"
-    ):
+    with pytest.raises(InputError, match="'DampedPole': .* its force is infinite there; DMT\\(a0_nm=...\\) touches"):
         (contact + DampedPole(F_nN=1.0)).force_nN(1.0, R_nm=10.0)
     assert list((contact + afm.Hydration(F_nN=1.0, l_nm=0.3)).regions) == ["far", "contact"]
 
