@@ -1,6 +1,7 @@
 """Files of instruments: true files, written here byte by byte or by the maker, and what is told of broken ones."""
 
 import struct
+import sys
 from pathlib import Path
 
 import h5py
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from saltus import InputError, afm
+from saltus.afm.instrument_files import READERS
 from saltus.afm.unit_conversion import factor_between
 
 SWEEP = {"f_kHz": "x", "amplitude_nm": "Amp", "lag_deg": "Phase"}
@@ -94,7 +96,6 @@ def frames(along=(300e3, 200.0, "Frequency", "Hz")):
 
 @pytest.fixture
 def tune(tmp_path):
-    pytest.importorskip("NSFopen")
     return written(tmp_path / "tune.nid", nid(frames()))
 
 
@@ -156,7 +157,6 @@ def test_a_frequency_sweep_of_a_nid_file_is_read_to_the_step_of_its_integers(tun
 
 
 def test_curves_of_a_map_have_numbers_lengths_and_distances_of_their_own(tmp_path):
-    pytest.importorskip("NSFopen")
     z = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
     lines = {"LineDim0Min": 0, "LineDim0Range": 1e-6, "LineDim0Points": 3, "LineDim1Min": 1e-6, "LineDim1Range": 2e-6,
              "LineDim1Points": 2}  # fmt: skip
@@ -189,6 +189,25 @@ def test_the_makers_thermal_tune_has_its_peak_where_its_header_tells():
     assert np.diff(table["f_Hz"]) == pytest.approx(38.147, abs=5e-4)
 
 
+def test_the_makers_map_is_what_the_makers_own_reader_has():
+    """All curves of a map, of which some ended early; Dim0 grows towards the sample on both ways."""
+    reading = pytest.importorskip("NSFopen.read")
+    maker = Path(reading.__file__).parents[1] / "example" / "Force_Spectroscopy" / "spectroscopy.nid"
+    wanted = reading.nid_read(str(maker), dataframe=False).data["Spec"]
+    found = {column.name: column for column in READERS[".nid"](maker)}
+    assert list(found) == [
+        f"Spec {way}: {name}" for way in ("forward", "backward") for name in ("Dim0", "Deflection", "Z-Axis Sensor")
+    ]
+    for way in ("Forward", "Backward"):
+        for name, unit in (("Deflection", "N"), ("Z-Axis Sensor", "m")):
+            column = found[f"Spec {way.lower()}: {name}"]
+            assert column.unit == unit
+            assert all(np.array_equal(*pair) for pair in zip(column.lines, wanted[way][name], strict=True))
+    assert {len(line) for line in found["Spec forward: Deflection"].lines} > {980, 1024}
+    along, sensor = (found[f"Spec backward: {name}"].lines[0] for name in ("Dim0", "Z-Axis Sensor"))
+    assert np.corrcoef(along, sensor)[0, 1] > 0.99
+
+
 def test_a_nhf_file_is_read_by_its_calibration_and_what_is_missing_is_nan(tmp_path):
     path = nhf(tmp_path / "spec.nhf")
     table = afm.read_curve(path, {"Zc_nm": "Approach: Position Z #1", "amplitude_nm": "Amplitude #1"})
@@ -206,7 +225,6 @@ def test_a_nhf_file_of_another_kind_is_refused(tmp_path, changes, told):
 
 
 def test_a_part_of_a_file_is_refused_wherever_it_ends(tmp_path, sweep, tune):
-    """NSFopen reads a shortened file without a word, with its header as numbers."""
     whole = nhf(tmp_path / "spec.nhf")
     wanted = {".ibw": SWEEP, ".nid": {"f_kHz": "Dim0", "amplitude_nm": "Amplitude"},
               ".nhf": {"Zc_nm": "Position Z #1", "amplitude_nm": "Amplitude #1"}}  # fmt: skip
@@ -224,30 +242,33 @@ def test_a_part_of_a_file_is_refused_wherever_it_ends(tmp_path, sweep, tune):
 )
 def test_a_foreign_file_is_refused(tmp_path, suffix, content):
     pytest.importorskip("igor2")
-    pytest.importorskip("NSFopen")
     with pytest.raises(InputError, match="it is another file, or a part is missing"):
         afm.read_curve(written(tmp_path / f"curve{suffix}", content), SWEEP)
 
 
+def test_a_curve_of_a_nid_file_that_is_longer_than_its_room_is_refused(tmp_path):
+    lines = {"LineDim0Min": 0, "LineDim0Range": 1e-6, "LineDim0Points": 4}
+    content = nid([("Spec forward", [("Amplitude", "m", [1.0, 2.0, 3.0])], (0, 1e-6, "Z-Axis", "m"), lines)])
+    with pytest.raises(InputError, match="a curve of 4 points has room for 3"):
+        afm.read_curve(written(tmp_path / "spec.nid", content), {"Zc_nm": "Dim0", "amplitude_nm": "Amplitude"})
+
+
 def test_numbers_behind_the_end_of_a_nid_file_are_refused(tune):
     tune.write_bytes(tune.read_bytes() + b"\0\0\0\0")
-    with pytest.raises(InputError, match="header describes 24 bytes of numbers, and the file does not have them"):
+    with pytest.raises(InputError, match="header describes 24 bytes of numbers, and the file has 28"):
         afm.read_curve(tune, {"f_kHz": "Dim0", "amplitude_nm": "Amplitude"})
 
 
 def test_unsigned_numbers_of_a_nid_file_are_refused(tune):
     tune.write_bytes(tune.read_bytes().replace(b"SaveSign=Signed", b"SaveSign=Unsigned"))
-    with pytest.raises(InputError, match="not as signed ones"):
+    with pytest.raises(InputError, match="saved as Binary Unsigned Intel"):
         afm.read_curve(tune, {"f_kHz": "Dim0", "amplitude_nm": "Amplitude"})
 
 
-@pytest.mark.parametrize(("package", "suffix"), [("igor2", ".ibw"), ("NSFopen", ".nid")])
-def test_a_missing_package_is_told_with_the_line_that_installs_it(tmp_path, monkeypatch, package, suffix):
-    for name in (package, f"{package}.read"):
-        monkeypatch.setitem(__import__("sys").modules, name, None)
-    path = written(tmp_path / f"curve{suffix}", b"")
-    with pytest.raises(InputError, match=rf"read where {package} is installed; pip install 'saltus\[files\]'"):
-        afm.read_curve(path, SWEEP)
+def test_a_missing_package_is_told_with_the_line_that_installs_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "igor2", None)
+    with pytest.raises(InputError, match=r"read where igor2 is installed; pip install 'saltus\[files\]'"):
+        afm.read_curve(written(tmp_path / "curve.ibw", b""), SWEEP)
 
 
 def test_a_missing_file_is_told_for_each_kind(tmp_path):

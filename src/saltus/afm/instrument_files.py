@@ -17,7 +17,7 @@ __all__ = ["READERS", "FileColumn"]
 
 _INSTALL = "pip install 'saltus[files]'"
 _ONE_DIMENSION = (1, 2, 3)  # versions of Igor's format whose waves have one dimension
-_END_OF_HEADER = b"#!"  # what a .nid file has between its header and its numbers
+_END_OF_HEADER = b"\r\n#!"  # what a .nid file has between its header and its numbers
 _NHF_VERSION = 2  # version of the .nhf format that is read
 _NHF_TYPES = {
     "int16": (-(2.0**15) + 1.0, 2.0**15 - 1.0),
@@ -29,16 +29,16 @@ _NHF_TYPES = {
     "uint64": (0.0, 2.0**64 - 2.0),
     "double": (0.0, 1.0),
 }  # stored numbers that stand for the least and the greatest value, by the type of a .nhf file's elements
-_FRAMES = {
-    "Spec forward": ("Spec", "Forward"),
-    "Spec backward": ("Spec", "Backward"),
-    "Spec fwd pause": ("Spec", "Pause Forward"),
-    "Spec bwd pause": ("Spec", "Pause Backward"),
-    "Frequency sweep": ("Sweep", "Sweep"),
-    "Frequency sweep SHO": ("Sweep", "SHO"),
-    "Spectrum FFT": ("Sweep", "FFT"),
-    "Spectrum Fit": ("Sweep", "Fit"),
-}  # frames of a .nid file that are curves, and where NSFopen puts them
+_FRAMES = (
+    "Spec forward",
+    "Spec backward",
+    "Spec fwd pause",
+    "Spec bwd pause",
+    "Frequency sweep",
+    "Frequency sweep SHO",
+    "Spectrum FFT",
+    "Spectrum Fit",
+)  # frames of a .nid file that are curves; all others are images
 
 
 class FileColumn(NamedTuple):
@@ -92,49 +92,48 @@ def _igor_columns(path: Path) -> list[FileColumn]:
 
 def _nid_columns(path: Path) -> list[FileColumn]:
     """Return the curves of a Nanosurf .nid file: one column a channel of a frame, and ``Dim0``, along which they go."""
-    try:
-        from NSFopen.read import nid_read
-    except ImportError as missing:
-        raise InputError("path", str(path), "read where NSFopen is installed", _INSTALL) from missing
-    kind = "a .nid file of Nanosurf"
-    found = _parsed(path, kind, lambda stream: nid_read(stream, dataframe=False))
-    columns: list[FileColumn] = _parsed(
-        path, kind, lambda _: list(_nid_frames(found.param["HeaderDump"], found.data, path))
-    )
+    columns: list[FileColumn] = _parsed(path, "a .nid file of Nanosurf", lambda name: list(_nid_frames(Path(name))))
     if not columns:
         raise InputError("path", str(path), f"a file with curves: {', '.join(_FRAMES)}")
     return columns
 
 
-def _nid_frames(header: Mapping[str, Mapping[str, str]], data: Any, path: Path) -> Iterator[FileColumn]:
-    _check_nid_numbers(header, path)
-    told = set[str]()
-    for one in _nid_sets(header):
-        frame, channel = one["Frame"], one["Dim2Name"]
-        if frame not in _FRAMES:
+def _nid_frames(path: Path) -> Iterator[FileColumn]:
+    text, mark, content = path.read_bytes().partition(_END_OF_HEADER)
+    if not mark:
+        raise ValueError("its header has no end")
+    sets = _nid_sets(_nid_header(text))
+    sizes = [int(one["Points"]) * int(one["Lines"]) * int(one["SaveBits"]) // 8 for one in sets]
+    if sum(sizes) != len(content):
+        raise ValueError(f"its header describes {sum(sizes)} bytes of numbers, and the file has {len(content)}")
+    told: list[str] = []
+    for one, size, end in zip(sets, sizes, np.cumsum(sizes).tolist(), strict=True):
+        if one["Frame"] not in _FRAMES:
             continue
-        if (along := f"{frame}: Dim0") not in told:
-            told.add(along)
-            yield FileColumn(along, _utf8(one["Dim0Unit"]) or None, _nid_along(one))
-        if f"{frame}: {channel}" in told:
-            channel += "2"  # as NSFopen calls it
-        if f"{frame}: {channel}" in told:
-            raise ValueError(f"{frame} has three channels of the name {one['Dim2Name']}")
-        told.add(f"{frame}: {channel}")
-        group, part = _FRAMES[frame]
-        lines = tuple(np.array(line, dtype=float) for line in data[group][part][channel])
-        yield FileColumn(f"{frame}: {_utf8(channel)}", _utf8(one["Dim2Unit"]) or None, lines)
+        along, name = f"{one['Frame']}: Dim0", f"{one['Frame']}: {one['Dim2Name']}"
+        if along not in told:
+            told.append(along)
+            yield FileColumn(along, one.get("Dim0Unit"), _nid_along(one))
+        told.append(name)
+        name = name if told.count(name) == 1 else f"{name} ({told.count(name)})"
+        yield FileColumn(name, one.get("Dim2Unit"), _nid_numbers(one, content[end - size : end]))
 
 
-def _nid_along(one: Mapping[str, str]) -> tuple[NDArray[np.float64], ...]:
-    """Return what the curves of a channel go along: from the least value over the range, both ends included."""
-    count, points = int(one["Lines"]), one["Points"]
-    own = "LineDim0Min" in one
-    found = []
-    for start in [f"LineDim{i}" if own else "Dim0" for i in range(count)]:
-        steps = np.linspace(0.0, 1.0, int(one.get(f"{start}Points", points)))
-        found.append(float(one[f"{start}Min"]) + float(one[f"{start}Range"]) * steps)
-    return tuple(found)
+def _nid_header(text: bytes) -> dict[str, dict[str, str]]:
+    """Return the sections of a .nid file's header with their entries."""
+    try:
+        lines = text.decode("utf-8").splitlines()
+    except UnicodeDecodeError:
+        lines = text.decode("latin-1").splitlines()
+    sections: dict[str, dict[str, str]] = {}
+    entries: dict[str, str] = {}
+    for line in lines:
+        if line.startswith("[") and line.endswith("]"):
+            entries = sections.setdefault(line[1:-1], {})
+        else:
+            key, _, value = line.partition("=")
+            entries[key] = value.strip()
+    return sections
 
 
 def _nid_sets(header: Mapping[str, Mapping[str, str]]) -> list[Mapping[str, str]]:
@@ -148,20 +147,33 @@ def _nid_sets(header: Mapping[str, Mapping[str, str]]) -> list[Mapping[str, str]
     return [header[top[key]] for key in keys if key in top]
 
 
-def _check_nid_numbers(header: Mapping[str, Mapping[str, str]], path: Path) -> None:
-    """Raise where the numbers of a .nid file are not those that its header describes.
+def _nid_counts(one: Mapping[str, str]) -> list[int]:
+    """Return how many points each curve of a channel has: fewer than there is room for where it ended early."""
+    room = int(one["Points"])
+    counts = [int(one.get(f"LineDim{i}Points", room)) for i in range(int(one["Lines"]))]
+    if any(not 0 <= count <= room for count in counts):
+        raise ValueError(f"a curve of {max(counts)} points has room for {room}")
+    return counts
 
-    NSFopen takes as many bytes from the end of the file as the header wants, whatever they are.
-    """
-    sets = _nid_sets(header)
-    forms = {(one["SaveMode"], one["SaveBits"], one["SaveSign"], one["SaveOrder"]) for one in sets}
-    if forms - {("Binary", bits, "Signed", "Intel") for bits in ("16", "32")} or len(forms) != 1:
-        raise ValueError(f"numbers are saved as {sorted(forms)}, not as signed ones of 16 or 32 bits")
-    size = sum(int(one["Points"]) * int(one["Lines"]) * int(one["SaveBits"]) // 8 for one in sets)
-    content = path.read_bytes()
-    start = len(content) - size
-    if size <= 0 or start < len(_END_OF_HEADER) or content[:start].find(_END_OF_HEADER) != start - len(_END_OF_HEADER):
-        raise ValueError(f"its header describes {size} bytes of numbers, and the file does not have them")
+
+def _nid_along(one: Mapping[str, str]) -> tuple[NDArray[np.float64], ...]:
+    """Return what the curves of a channel go along: from the least value over the range, both ends included."""
+    names = [f"LineDim{i}" if f"LineDim{i}Min" in one else "Dim0" for i in range(int(one["Lines"]))]
+    return tuple(
+        float(one[f"{name}Min"]) + float(one[f"{name}Range"]) * np.linspace(0.0, 1.0, count)
+        for name, count in zip(names, _nid_counts(one), strict=True)
+    )
+
+
+def _nid_numbers(one: Mapping[str, str], content: bytes) -> tuple[NDArray[np.float64], ...]:
+    """Return the curves of a channel: integers whose whole range is the channel's."""
+    form = one["SaveMode"], one["SaveSign"], one["SaveOrder"]
+    if form != ("Binary", "Signed", "Intel"):
+        raise ValueError(f"numbers are saved as {' '.join(form)}, not as Binary Signed Intel")
+    bits = int(one["SaveBits"])
+    stored = np.frombuffer(content, dtype=f"<i{bits // 8}").reshape(int(one["Lines"]), int(one["Points"]))
+    values = (stored.astype(float) + 2.0 ** (bits - 1)) / 2.0**bits * float(one["Dim2Range"]) + float(one["Dim2Min"])
+    return tuple(line[:count] for line, count in zip(values, _nid_counts(one), strict=True))
 
 
 def _nhf_columns(path: Path) -> list[FileColumn]:
@@ -231,14 +243,6 @@ def _text(value: Any) -> str:
         return text.decode("utf-8").strip()
     except UnicodeDecodeError:
         return text.decode("latin-1").strip()
-
-
-def _utf8(text: str) -> str:
-    """Return a text of a .nid file, which NSFopen decodes byte by byte, as what the file has."""
-    try:
-        return text.encode("latin-1").decode("utf-8")
-    except UnicodeDecodeError:
-        return text
 
 
 READERS: dict[str, Callable[[Path], list[FileColumn]]] = {

@@ -44,7 +44,7 @@ def read_curve(
     A CSV file with these names in its header needs no `columns`. Lines that begin with ``#`` are comments.
     `DataFrame.to_csv` with ``index=False`` writes such a file. Other headers have units in brackets.
 
-    Files of instruments are Igor binary waves (``.ibw``), and ``.nid`` and ``.nhf`` of Nanosurf; the first two need
+    Files of instruments are ``.nid`` and ``.nhf`` of Nanosurf, and Igor binary waves (``.ibw``), which need
     ``saltus[files]``. An error lists the columns that the file has. Names are those of channels, with their frame or
     segment where there are several: ``"Spec forward: Amplitude"``. ``"Amplitude #2"`` is the second of several curves.
     ``"x"`` are the scaled rows of a wave. ``"Frequency sweep: Dim0"`` is what a frame of a ``.nid`` file goes along.
