@@ -149,6 +149,11 @@ def test_a_file_of_an_instrument_needs_names_of_columns_and_lists_them(sweep, tu
         afm.read_curve(tune)
 
 
+def test_a_file_of_an_instrument_has_no_column_of_directions(sweep):
+    with pytest.raises(InputError, match="without 'direction', which only text files have; table.assign"):
+        afm.read_curve(sweep, {"f_kHz": "x", "amplitude_nm": "Amp", "direction": "x"})
+
+
 def test_a_frequency_sweep_of_a_nid_file_is_read_to_the_step_of_its_integers(tune):
     table = afm.read_curve(tune, {"f_kHz": "Dim0", "amplitude_nm": "Amplitude", "lag_deg": "Frequency sweep: Phase"})
     assert table["f_kHz"].tolist() == pytest.approx([300.0, 300.1, 300.2], rel=1e-15)
@@ -277,15 +282,15 @@ def test_a_missing_file_is_told_for_each_kind(tmp_path):
             afm.read_curve(tmp_path / f"nowhere{suffix}", SWEEP)
 
 
-def test_complex_numbers_are_refused(tmp_path):
+def test_a_wave_of_other_things_than_columns_of_numbers_is_refused(tmp_path):
     pytest.importorskip("igor2")
     content = ibw([1.0, 2.0])
-    place = (
-        content.index(struct.pack("<ihh", 2, 4, 0)) + 4
-    )  # type 4 is a real number of 64 bits, type 3 a complex of 2 x 32
-    path = written(tmp_path / "complex.ibw", content[:place] + struct.pack("<h", 3) + content[place + 2 :])
-    with pytest.raises(InputError, match="a wave of real numbers.*complex64"):
-        afm.read_curve(path, SWEEP)
+    place = content.index(struct.pack("<ihh", 2, 4, 0)) + 4  # of the type: 4 is float64, 3 is complex64
+    changed = content[:place] + struct.pack("<h", 3) + content[place + 2 :]
+    wrong = {"complex64 in 1": changed, "0 elements": ibw(np.zeros(0)), "in 3": ibw(np.zeros((2, 2, 2)))}
+    for told, one in wrong.items():
+        with pytest.raises(InputError, match=f"a wave of real numbers in one column or several; it has.* {told}"):
+            afm.read_curve(written(tmp_path / "other.ibw", one), SWEEP)
 
 
 @pytest.mark.parametrize(

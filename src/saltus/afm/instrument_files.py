@@ -51,12 +51,12 @@ class FileColumn(NamedTuple):
     unit : str or None
         Its unit as the file has it; None where the file has none.
     lines : tuple of ndarray
-        Its numbers, one array a curve.
+        Its numbers, one array a curve; of a text file its cells.
     """
 
     name: str
     unit: str | None
-    lines: tuple[NDArray[np.float64], ...]
+    lines: tuple[NDArray[Any], ...]
 
 
 def _igor_columns(path: Path) -> list[FileColumn]:
@@ -69,9 +69,9 @@ def _igor_columns(path: Path) -> list[FileColumn]:
     loaded = _parsed(path, "an Igor binary wave (.ibw)", binarywave.load)
     wave, flat = loaded["wave"], loaded["version"] in _ONE_DIMENSION
     values, header = np.asarray(wave["wData"]), wave["wave_header"]
-    if values.dtype.kind not in "fiu" or not 1 <= values.ndim <= 2:
-        told = f"{values.ndim} dimensions of {'numbers' if values.dtype.kind in 'fiu' else values.dtype.name}"
-        raise InputError("path", str(path), "a wave of real numbers in one column or several", f"it has {told}")
+    if values.dtype.kind not in "fiu" or not 1 <= values.ndim <= 2 or not values.size:
+        told = f"it has {values.size} elements of type {values.dtype.name} in {values.ndim} dimensions"
+        raise InputError("path", str(path), "a wave of real numbers in one column or several", told)
     rows = np.arange(len(values))
     if flat:
         x = FileColumn("x", _text(header["xUnits"]) or None, (header["hsA"] * rows + header["hsB"],))

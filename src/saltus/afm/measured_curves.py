@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -102,11 +102,14 @@ def read_curve(
     told: dict[str, list[str] | NDArray[np.float64]] = {}
     for name, source in wanted.items():
         checks.text(f"columns[{name!r}]", source, "the name of a column of the file")
-        if name == _DIRECTION and reader is None and source in table:
-            told[name] = _ways(table[source])
-            continue
+        if name == _DIRECTION and reader is not None:
+            hint = "table.assign(direction='approach') adds it"
+            raise InputError("columns", list(wanted), "without 'direction', which only text files have", hint)
         column, line = _picked(source, found)
-        told[name] = _factor(name, column, factors, found) * line
+        if name == _DIRECTION:
+            told[name] = _ways(line.tolist())
+            continue
+        told[name] = _factor(name, column, factors, found) * _numbers(column.name, line)
     sizes = {name: len(values) for name, values in told.items()}
     if len(set(sizes.values())) > 1:
         raise InputError("columns", sizes, "columns of one length", "they belong to different curves")
@@ -137,8 +140,7 @@ def _named(table: pd.DataFrame) -> pd.DataFrame:
         if name == _DIRECTION:
             table[name] = _ways(table[name])
         else:
-            numbers = [_number(name, row, cell) for row, cell in enumerate(table[name], 1)]
-            table[name] = pd.Series(numbers, dtype=float)
+            table[name] = pd.Series(_numbers(name, table[name].to_numpy(dtype=object)))
     return table
 
 
@@ -157,8 +159,8 @@ def _ways(cells: Sequence[str]) -> list[str]:
     return list(cells)
 
 
-def _picked(source: str, found: Sequence[FileColumn]) -> tuple[FileColumn, NDArray[np.float64]]:
-    """Return the column of a name, and its numbers: those of one curve."""
+def _picked(source: str, found: Sequence[FileColumn]) -> tuple[FileColumn, NDArray[Any]]:
+    """Return the column of a name, and what it has of one curve."""
     numbered, number = _LINE.fullmatch(source), None
     same = _called(source, found)
     if not same and numbered:
@@ -171,10 +173,7 @@ def _picked(source: str, found: Sequence[FileColumn]) -> tuple[FileColumn, NDArr
         raise InputError("column", source, f"one of {count} curves", f"name it with its number, as '{source} #1'")
     if number is not None and not 1 <= number <= count:
         raise InputError("column", source, f"one of the curves 1 to {count}")
-    line = column.lines[(number or 1) - 1]
-    if line.dtype == object:
-        line = np.array([_number(column.name, row, cell) for row, cell in enumerate(line.tolist(), 1)], dtype=float)
-    return column, line
+    return column, column.lines[(number or 1) - 1]
 
 
 def _called(name: str, found: Sequence[FileColumn]) -> list[FileColumn]:
@@ -211,6 +210,13 @@ def _listed(columns: Sequence[FileColumn]) -> str:
         + (f" #1 to #{len(one.lines)}" if len(one.lines) > 1 else "")
         for one in columns
     )
+
+
+def _numbers(name: str, cells: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the numbers of a column; of a text file, those in its cells."""
+    if cells.dtype == float:
+        return cells
+    return np.array([_number(name, row, cell) for row, cell in enumerate(cells.tolist(), 1)], dtype=float)
 
 
 def _number(name: str, row: int, cell: str) -> float:
