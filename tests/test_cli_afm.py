@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import re
+import signal
 import subprocess
 import sys
 import tomllib
@@ -375,18 +378,78 @@ def test_a_command_that_computes_nothing_imports_nothing_heavy(args):
 # fit
 
 
-def test_a_measured_curve_is_fitted_by_the_command(tmp_path, capsys):
-    data, config, out = tmp_path / "apd.csv", tmp_path / "lever.toml", tmp_path / "fit.nc"
+FIT = "[fit]\nvary = {H_aJ = [0.01, 1.0]}\nsigma = {amplitude_nm = 0.03, lag_deg = 0.3}\nstart = {H_aJ = 0.15}\n"
+
+
+@pytest.fixture(scope="module")
+def readings():
+    """An approach over lever S without a jump."""
     probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
     law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
     curve = afm.distance_curve(afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=14.0), (12.0, 14.0))
-    curve.path("approach")[["amplitude_nm", "lag_deg"]].to_dataframe().to_csv(data, index=False)
-    fitted = "[fit]\nvary = {H_aJ = [0.01, 1.0]}\nsigma = {amplitude_nm = 0.03, lag_deg = 0.3}\nstart = {H_aJ = 0.15}\n"
-    config.write_text(LEVER + fitted)
-    with pytest.raises(SystemExit) as left:
-        cli.main(["afm", "fit", str(data), str(config), "-o", str(out), "--plot", str(tmp_path / "fit.png")])
-    assert not left.value.code
-    said = capsys.readouterr().out
-    assert saltus.load(out)["H_aJ"] == pytest.approx(0.12, rel=1e-6)
-    assert said.splitlines()[-2:] == [f"written  {out}", f"written  {tmp_path / 'fit.png'}"]
+    return curve.path("approach")[["amplitude_nm", "lag_deg"]].to_dataframe()
+
+
+@pytest.fixture
+def measured(lever, readings):
+    """Arguments of the command that fits these readings."""
+    readings.to_csv(lever.with_name("apd.csv"), index=False)
+    lever.write_text(LEVER + FIT)
+    return ["afm", "fit", str(lever.with_name("apd.csv")), str(lever), "-o", str(lever.with_name("fit.nc"))]
+
+
+def test_a_measured_curve_is_fitted_by_the_command_with_columns_of_other_names(measured, lever, readings, capsys):
+    readings.rename(columns={"amplitude_nm": "Amp"}).to_csv(lever.with_name("apd.csv"), index=False)
+    names = 'columns = {Zc_nm = "Zc_nm", amplitude_nm = "Amp", lag_deg = "lag_deg"}\n'
+    lever.write_text(LEVER + FIT + names)
+    wanted = "saltus: column = 'Amp': must be one with a unit, or give a factor, as scale={'amplitude_nm': 1.0}; "
+    code, _, told = _run(capsys, *measured)
+    assert (code, told[: len(wanted)]) == (2, wanted)
+    lever.write_text(LEVER + FIT + names + "scale = {amplitude_nm = 1.0}\n")
+    picture = lever.with_name("fit.png")
+    code, said, _ = _run(capsys, *measured, "--plot", str(picture))
+    assert code == 0
+    assert saltus.load(lever.with_name("fit.nc"))["H_aJ"] == pytest.approx(0.12, rel=1e-6)
+    assert said.splitlines()[-2:] == [f"written  {lever.with_name('fit.nc')}", f"written  {picture}"]
     assert "chi2/n" in said
+
+
+def test_an_interrupt_of_a_fit_keeps_the_best_so_far(measured, lever, capsys, monkeypatch):
+    seen = []
+
+    def stop(progress):
+        seen.append(progress.text)
+        if len(seen) == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    @contextmanager
+    def interrupting(first):
+        yield stop
+
+    monkeypatch.setattr(cli.afm, "bar", interrupting)
+    code, said, told = _run(capsys, *measured)
+    assert (code, told) == (130, "saltus: interrupted; kept the best so far\n")
+    assert "interrupted: the best so far, after 3 evaluations" in said
+    kept = saltus.load(lever.with_name("fit.nc"))
+    assert seen[0].endswith("H_aJ = 0.15")
+    assert any(text.endswith(f"H_aJ = {kept['H_aJ']:.6g}") for text in seen[1:])
+    assert abs(kept["H_aJ"] - 0.12) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("vary", "vray", r"key = 'vray': must be one of vary, .*, columns, scale in \[fit\]; did you mean 'vary'\?"),
+        ("vary = {H_aJ", "vary = {H_aj", r"vary = 'H_aj': must be .*; did you mean 'H_aJ'\?"),
+        ("start = {H_aJ = 0.15}", "start = {E_GPa = 1.0}", "start = 'E_GPa': must be one of H_aJ"),
+        ("[0.01, 1.0]", "[1.0, 0.01]", r"fit.vary.H_aJ = \[1.0, 0.01\]: must be two finite numbers, the lower first"),
+        ("start = {H_aJ = 0.15}", "jumps = 1", "fit.jumps = 1: must be True or False"),
+    ],
+)  # fmt: skip
+def test_what_the_table_fit_has_wrong_is_told(measured, lever, capsys, old, new, told):
+    lever.write_text(LEVER + FIT.replace(old, new))
+    code, out, err = _run(capsys, *measured)
+    assert (code, out) == (2, "")
+    assert err.startswith("saltus: ")
+    assert re.search(told, err)
+    assert not lever.with_name("fit.nc").exists()

@@ -1,12 +1,15 @@
 """Distance and frequency curves of a model in nanometres: numbers, ways of an experiment, files, pictures, messages."""
 
+import json
 import math
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import saltus
 from saltus import InputError, afm
+from saltus.afm.model_parts import parts_of
 
 # Lever S of the design: jumps, grazing and readings found by an independent event-exact code as well.
 PROBE = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
@@ -92,6 +95,43 @@ def test_a_curve_is_saved_and_read_back_equal(curve, tmp_path):
     assert dataset["lag_deg"].attrs["units"] == "degrees"
     assert dataset.attrs["phase_convention"] == "lag90"
     assert "approach" in repr(curve)
+
+
+def test_a_dataset_tells_the_regime_of_each_point_and_what_the_model_is_made_of(curve, tmp_path):
+    told = curve.to_xarray()
+    for i in (0, 17, 60, len(curve) - 1):
+        assert told["regime"].values[i] == afm.observables(curve.branches[0].orbit(i))["regime"]
+    assert set(told["regime"].values) == {"attractive", "repulsive"}
+    with xr.open_dataset(curve.save(tmp_path / "curve.nc"), engine="h5netcdf") as held:
+        assert held["regime"].values.tolist() == told["regime"].values.tolist()
+        probe, law, drive = (json.loads(held.attrs[name]) for name in ("probe", "law", "drive"))
+    assert probe == {"k_N_m": [26.0], "f0_kHz": [300.0], "Q": [400.0], "R_nm": 12.0}
+    assert law["parameters"] == {"H_aJ": 0.12, "a0_nm": 0.3, "E_GPa": 1.5}
+    assert law["force_nN"] == curve.system.outputs["force_nN"]
+    assert drive == [{"A0_nm": 12.0}]
+
+
+def test_what_a_model_is_made_of_has_the_values_that_are_held_and_all_modes_and_drives():
+    probe = afm.Probe(k_N_m=(2.0, 78.5), f0_kHz=(70.0, 438.7), Q=(150.0, 450.0), R_nm=10.0)
+    drive = afm.Drive(A0_nm=20.0) + afm.Drive(A0_nm=1.0, mode=2, ratio="19/3", phase_deg=30.0)
+    system = afm.model(probe, afm.Hertz(E_GPa=1.0), drive, Zc_nm=40.0)
+    held = {name: value for name, value in system.parameters.items() if name != "E_GPa"}
+    told = parts_of(system, held | {"Q_2": 500.0})
+    assert told["probe"] == {"k_N_m": [2.0, 78.5], "f0_kHz": [70.0, 438.7], "Q": [150.0, 500.0], "R_nm": 10.0}
+    assert told["law"]["parameters"] == {"E_GPa": None}
+    assert told["drive"] == [{"A0_nm": 20.0}, {"A0_nm": 1.0, "ratio": pytest.approx(19 / 3), "phase_deg": 30.0}]
+
+
+@pytest.mark.parametrize("way", ["approach", "retract"])
+def test_a_way_that_is_written_as_a_text_file_is_read_back_the_same(curve, tmp_path, way):
+    table = curve.path(way)[["amplitude_nm", "lag_deg", "E_ts_eV"]].to_dataframe().assign(direction=way)
+    table.to_csv(tmp_path / "apd.csv", index=False)
+    read = afm.read_curve(tmp_path / "apd.csv")
+    assert all(np.array_equal(read[name], table[name]) for name in table)
+    renamed = table.rename(columns={"Zc_nm": "Z (nm)", "amplitude_nm": "A (nm)"})
+    renamed.to_csv(tmp_path / "other.csv", index=False)
+    picked = afm.read_curve(tmp_path / "other.csv", {"Zc_nm": "Z (nm)", "amplitude_nm": "A (nm)", "lag_deg": "lag_deg"})
+    assert all(np.array_equal(picked[name], table[name]) for name in picked)
 
 
 def test_the_static_pull_in_ends_a_curve_with_that_reason():

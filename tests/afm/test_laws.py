@@ -245,13 +245,32 @@ def test_a_force_does_not_count_twice():
         (jkr + attraction + afm.DMT(E_GPa=1.0)).force_nN(1.0, R_nm=10.0)
 
 
+@dataclass(frozen=True, kw_only=True)
+class DampedPole(afm.Law):
+    F_nN: float
+
+    @property
+    def regions(self):
+        return {"everywhere": afm.Region("-F_nN/separation_nm**2*(1 + V_nm_us) + F_nN*D_nm")}
+
+
 @pytest.mark.parametrize("contact", [afm.Hertz(E_GPa=1.0), afm.JKR(E_GPa=1.0, w_N_m=0.05)])
 def test_a_pole_where_surfaces_touch_is_told(contact):
     pole = afm.DLVO(tip_mC_m2=-20.0, sample_mC_m2=-30.0, debye_nm=3.0, H_aJ=0.01)
     for law in (pole, afm.LennardJones(H_aJ=0.1, sigma_nm=0.34)):
         with pytest.raises(InputError, match="touch at separation 0; its force is infinite there"):
             (contact + law).force_nN(1.0, R_nm=10.0)
+    with pytest.raises(InputError, match="'DampedPole': .* its force is infinite there; DMT\\(a0_nm=...\\) touches"):
+        (contact + DampedPole(F_nN=1.0)).force_nN(1.0, R_nm=10.0)
     assert list((contact + afm.Hydration(F_nN=1.0, l_nm=0.3)).regions) == ["far", "contact"]
+
+
+def test_a_law_with_a_pole_has_in_contact_the_force_of_the_separation_that_remains():
+    pole = afm.DLVO(tip_mC_m2=-20.0, sample_mC_m2=-30.0, debye_nm=3.0, H_aJ=0.01)
+    law = pole + afm.DMT(E_GPa=1.0, a0_nm=0.3)
+    elastic = 4.0 / 3.0 * math.sqrt(10.0) * np.array([0.0, 1.3]) ** 1.5
+    found = law.force_nN([0.3, -1.0], R_nm=10.0)
+    np.testing.assert_allclose(found, float(pole.force_nN(0.3, R_nm=10.0)) + elastic, rtol=1e-13)
 
 
 def test_attraction_and_a_solid_whose_surface_moves_have_crossings_with_names_of_their_own():

@@ -1,5 +1,7 @@
 """Measured curves in CSV files: units in the header, and errors that say what is wanted."""
 
+import math
+
 import pandas as pd
 import pytest
 
@@ -19,6 +21,46 @@ def test_comments_and_spaces_are_no_data(tmp_path):
     path = tmp_path / "apd.csv"
     path.write_text("# lever S\nZc_nm, amplitude_nm\n10.0, 9.9\n")
     assert afm.read_curve(path).to_dict("list") == {"Zc_nm": [10.0], "amplitude_nm": [9.9]}
+
+
+OTHER = "Freq [MHz],Amp (pm),Phase (rad),Way\n0.3,7250,1.5,up\n0.301,,0.5,down\n"
+
+
+def test_other_headers_are_read_by_names_and_their_units_converted(tmp_path):
+    path = tmp_path / "tune.txt"
+    path.write_text(OTHER)
+    names = {"f_kHz": "Freq [MHz]", "amplitude_nm": "Amp (pm)", "lag_deg": "Phase (rad)", "direction": "Way"}
+    table = afm.read_curve(path, names)
+    assert table["f_kHz"].tolist() == [300.0, 301.0]
+    assert table["amplitude_nm"].iloc[0] == 7.25
+    assert pd.isna(table["amplitude_nm"].iloc[1])
+    assert table["lag_deg"].tolist() == pytest.approx([1.5 * 180.0 / math.pi, 0.5 * 180.0 / math.pi], rel=1e-15)
+    assert table["direction"].tolist() == ["up", "down"]
+    scaled = afm.read_curve(path, names, scale={"amplitude_nm": -0.5})
+    assert scaled["amplitude_nm"].iloc[0] == -3625.0
+
+
+@pytest.mark.parametrize(
+    ("columns", "scale", "told"),
+    [
+        ({"f_kHz": "Freq", "lag_deg": "Phase (rad)"}, {}, r"column = 'Freq': .*Freq \[MHz\] \(MHz\).*did you mean"),
+        ({"f_kHz": "Freq [MHz]", "lag_deg": "Way"}, {}, "column = 'Way': must be one with a unit"),
+        ({"f_kHz": "Freq [MHz]", "lag_deg": "Way"}, {"lag_deg": 1.0}, "column 'Way', row 1 = 'up': must be a number"),
+        ({"f_kHz": "Freq [MHz]", "lag_deg": "Amp (pm)"}, {}, "unit of 'Amp \\(pm\\)' = 'pm': must be .* in degrees"),
+        ({"f_kHz": "Freq [MHz]", "lag_deg": "Amp (pm)"}, {"lag_deg": 0.0}, "another factor than 0"),
+        ({"f_kHz": "Freq [MHz]", "lag_deg": "Phase (rad)"}, {"lag_dg": 1.0}, "scale = 'lag_dg'.*mean 'lag_deg'"),
+        ({"f_kHz": "Freq [MHz]", "direction": "Way"}, {}, "at least one reading"),
+        ({"f_kHz": 1, "lag_deg": "Phase (rad)"}, {}, r"columns\['f_kHz'\] = 1: must be the name of a column"),
+        (["f_kHz"], {}, "columns = .*: must be a mapping"),
+        (None, {"lag_deg": 2.0}, "columns = None: must be given"),
+        ({"f_kHz": "Freq [MHz]", "lag_deg": "Phase (rad)", "direction": "Amp (pm)"}, {}, "direction = '7250'"),
+    ],
+)
+def test_names_and_factors_that_do_not_fit_are_told(tmp_path, columns, scale, told):
+    path = tmp_path / "tune.csv"
+    path.write_text(OTHER)
+    with pytest.raises(InputError, match=told):
+        afm.read_curve(path, columns, scale=scale)
 
 
 BAD = {

@@ -163,9 +163,7 @@ class Experiment:
             raise InputError(
                 "fit", None, "given: a table with vary = {H_aJ = [0.01, 1.0]}, sigma = {amplitude_nm = 0.03}"
             )
-        table = read_curve(data)
-        gap = float(table["Zc_nm"].max()) if "Zc_nm" in table else None
-        found: Fit = called(partial(_fit, self.model(gap), table, progress), self.fit, "fit")
+        found: Fit = called(partial(_fit, self, data, progress), self.fit, "fit")
         return found
 
 
@@ -336,19 +334,24 @@ def _curve(
 
 
 def _fit(
-    system: HybridSystem,
-    data: object,
+    experiment: Experiment,
+    data: Path,
     progress: bool | Report,
     vary: object,
     sigma: object,
     jumps: bool = True,
     start: object = None,
     profile: Sequence[str] | None = None,
+    columns: Mapping[str, str] | None = None,
+    scale: Mapping[str, float] | None = None,
 ) -> Fit:
+    table = read_curve(data, columns, scale=scale)
+    gap = float(table["Zc_nm"].max()) if "Zc_nm" in table else None
     bounds = {
         name: checks.interval(f"fit.vary.{name}", limits, finite=True)
         for name, limits in _table("fit.vary", vary).items()
     }
     options = FitOptions(start={} if start is None else _table("fit.start", start), profile=profile)
     errors = _table("fit.sigma", sigma)
-    return fit(data, system, bounds, errors, jumps=checks.flag("fit.jumps", jumps), options=options, progress=progress)
+    system = experiment.model(gap)
+    return fit(table, system, bounds, errors, jumps=checks.flag("fit.jumps", jumps), options=options, progress=progress)

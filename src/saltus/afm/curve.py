@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus import checks
-from saltus.afm.readings import CONVENTIONS, check_model, formulas, readings_of, shown_phase, turns_of
+from saltus.afm.model_parts import parts_of
+from saltus.afm.readings import CONVENTIONS, check_model, formulas, readings_of, regime, shown_phase, turns_of
 from saltus.afm.routes import Landing, Way, way_along
 from saltus.contents import Contents
 from saltus.continuation import Branch
@@ -390,6 +391,8 @@ class Curve(Result):
         Returns
         -------
         xarray.Dataset
+            ``regime`` has the regimes by the sign of the virial. The attributes ``probe``, ``law`` and ``drive`` have
+            what the model is made of, as JSON.
 
         Raises
         ------
@@ -399,21 +402,18 @@ class Curve(Result):
         import xarray as xr
 
         data, coords = branches_together(self.branches, "sheet")
-        told_of = (self.along, *self._formulas)
-        data |= {name: ("point", self.column(name), self._attributes(name)) for name in told_of}
+        data |= {name: ("point", self.column(name), self._attributes(name)) for name in (self.along, *self._formulas)}
         if len(harmonics):
             rows = np.array([self.harmonic_nm(order) for order in harmonics])
             data["harmonic_nm"] = (("harmonic", "point"), rows, self._attributes("harmonic_nm"))
             coords["harmonic"] = ("harmonic", np.array(harmonics))
-        attrs = {
-            "along": self.along,
-            "low": self.bounds[0],
-            "high": self.bounds[1],
-            "of": json.dumps(self.of),
-            "definition": json.dumps(self.system.definition()),
-            "phase_convention": self.phase_convention,
+        data["regime"] = ("point", [regime(virial) for virial in self.column("virial_eV")], {"long_name": "regime"})
+        held = {name: value for name, value in self.branches[0].parameters.items() if name != self.along}
+        attrs = {name: json.dumps(part) for name, part in parts_of(self.system, held).items()} | {
+            "along": self.along, "low": self.bounds[0], "high": self.bounds[1], "of": json.dumps(self.of),
+            "definition": json.dumps(self.system.definition()), "phase_convention": self.phase_convention,
             "ragged": RAGGED,
-        }
+        }  # fmt: skip
         return xr.Dataset(data, coords=coords, attrs=attrs)
 
     @classmethod

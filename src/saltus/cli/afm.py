@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from saltus.cli.console import (
+    INTERRUPTED,
     add_row,
     bar,
     checked_picture,
@@ -61,7 +62,8 @@ def curve(
 @group.command(no_args_is_help=True)
 def fit(
     data: Annotated[
-        Path, typer.Argument(metavar="DATA.csv", help="A measured curve; its header names quantities with units.")
+        Path,
+        typer.Argument(metavar="DATA", help="A measured curve: .csv with units, .ibw, .nid or .nhf."),
     ],
     config: Annotated[Path, _CONFIG],
     out: Annotated[
@@ -69,7 +71,11 @@ def fit(
     ] = None,
     plot: Annotated[Path | None, _PLOT] = None,
 ) -> None:
-    """Find the parameters with which a measured curve fits; the table [fit] has vary and sigma."""
+    """Find the parameters with which a measured curve fits; the table [fit] has vary and sigma.
+
+    Its columns name those of DATA, as columns = {f_kHz = "Dim0", amplitude_nm = "Amplitude"}. An interrupt (Ctrl-C)
+    keeps the best so far.
+    """
     out = _checked_out(out, plot)
     with interruptible():
         from saltus.afm.configuration import read_experiment
@@ -77,6 +83,9 @@ def fit(
         with bar("the first curve") as progress:
             found = read_experiment(config).fitted(data, progress)
         _write(found, out, plot)
+    if any(told.startswith("interrupted") for told in (found.stopped, *found.notes)):
+        typer.echo("saltus: interrupted; kept the best so far", err=True)
+        raise SystemExit(INTERRUPTED)
 
 
 def _write(found: Curve | Fit, out: Path, plot: Path | None) -> None:

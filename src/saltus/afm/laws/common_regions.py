@@ -24,6 +24,7 @@ __all__ = ["Product", "in_brackets", "named", "product", "shared_parameters", "s
 
 _NAME = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
 _ELASTIC = "E_GPa"  # parameter of laws of elastic contact, of which a sum has one
+_ANY_VALUE = 0.7310585786300049  # of a gap, a rate or a state, at which no formula has a pole by chance
 _Place: TypeAlias = tuple[str, ...]  # the region of each law
 
 
@@ -266,13 +267,11 @@ class _Making:
 
     def check_touching(self, regions: list[Region]) -> None:
         """Raise `InputError` where a law's force has a pole at separation 0, at which others of the sum touch."""
+        touching = dict.fromkeys((*self.states, "V_nm_us"), _ANY_VALUE) | {"D_nm": -_ANY_VALUE, "separation_nm": 0.0}
         for part, region in zip(self.parts, regions, strict=True):
-            used = set(_NAME.findall(region.force))
-            if "separation_nm" not in used or used & {"D_nm", "V_nm_us", *self.states}:
-                continue
-            at_0 = named(region.force, {"separation_nm": "touching_nm"})
-            if not math.isfinite(value_of(at_0, self.values | {"touching_nm": 0.0})):
-                hint = "its force is infinite there; VanDerWaals with DMT touches at a0_nm"
+            uses_separation = "separation_nm" in _NAME.findall(region.force)
+            if uses_separation and not math.isfinite(value_of(region.force, self.values | touching)):
+                hint = "its force is infinite there; DMT(a0_nm=...) touches at a0_nm"
                 allowed = "a law that can be added to one whose surfaces touch at separation 0"
                 raise InputError("law", type(part).__name__, allowed, hint)
 
