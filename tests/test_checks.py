@@ -250,7 +250,7 @@ def test_arguments_of_wrong_kinds_are_told_in_one_line(listed, monkeypatch, tmp_
     matplotlib.use("Agg")
     monkeypatch.chdir(tmp_path)
     bad = []
-    for drawn in fuzzing.drawn(listed, 400, 14):
+    for drawn in fuzzing.drawn(listed, 250, 14):
         if not (found := fuzzing.tried(*drawn)).good:
             bad.append(found)
         pyplot.close("all")

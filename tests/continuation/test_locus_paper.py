@@ -109,7 +109,7 @@ def test_every_locus_of_the_response_is_critical_all_along(branches, locus_of, m
         assert len(locus) > 5, locus
         # on a grazing itself the others are not determined
         met = [p.position for p in locus.special_points.of_type("GR") if start.type != "GR"]
-        for i in range(0, len(locus), 4):
+        for i in range(0, len(locus), 8):
             if min((abs(i - where) for where in met), default=9.0) < 1.0:
                 continue
             orbit = locus.orbit(i)
