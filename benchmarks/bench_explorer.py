@@ -56,6 +56,14 @@ def one_round(started, folder: Path, found: dict[str, list[float]]) -> None:
         page.click(".continue")
         page.wait_for_function(_drawn("diagram", "points", 100, "x"))
         note("from the button to the branch of Fig. 3 (500)", begun)
+        page.locator(".bk-tab", has_text="Basins").click()
+        begun = time.perf_counter()
+        page.click(".map-basins")
+        page.wait_for_function(_drawn("basins", "image", 1, "image"))
+        note("from the button to the first picture of a basin (1000)", begun)
+        screen.until("basin-legend", "100 x 100")
+        note("from the button to 100 x 100 cells", begun)
+        page.locator(".bk-tab", has_text="Orbit").click()
         page.wait_for_timeout(500)  # the axes have moved
         x, y = (screen.column("diagram", "points", axis) for axis in "xy")
         for index in (5, 45, 80, 110):
@@ -65,13 +73,12 @@ def one_round(started, folder: Path, found: dict[str, list[float]]) -> None:
             screen.click_at("diagram", x[index], y[index])
             page.wait_for_function(_other("portrait", "curves", before), polling=5)
             note("from a click on the branch to the drawn orbit (150)", begun)
-        page.click("text=Basins")
+        page.locator(".bk-tab", has_text="Basins").click()
+        left = screen.column("basins", "image", "x")[0]
         begun = time.perf_counter()
         page.click(".map-basins")
-        page.wait_for_function(_drawn("basins", "image", 1, "image"))
-        note("from the button to the first picture of a basin (1000)", begun)
-        screen.until("basin-legend", "100 x 100")
-        note("from the button to 100 x 100 cells", begun)
+        page.wait_for_function(f"() => {_SOURCE}('basins-figure', 'image').data['x'][0] != {left!r}", polling=5)
+        note("the same of a slowly attracting orbit, next to a fold", begun)
         frames(screen, found)
         page.close()
 

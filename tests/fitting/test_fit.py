@@ -248,13 +248,14 @@ def test_restitution_and_damping_of_an_impact_oscillator(impacting):
     assert one.values == pytest.approx([0.8, 0.1], rel=1e-5)
 
 
-def test_a_measured_grazing_tells_the_gap(impacting):
+@pytest.mark.parametrize("direction", ["", "up"])
+def test_a_measured_grazing_tells_the_gap(impacting, direction):
     """The free amplitude is d at the grazing, which the closed form has."""
     start = find_orbit(impacting, {"A": 0.05, "w": 0.9}, [0.0, 0.0])
     free = np.hypot(1.0 - 0.9**2, 0.09)  # d over A at the grazing
     branch = continue_orbit(start, "A", (0.02, 1.0))
     data = {"A": [0.05, 0.1], "max(x)": [0.05 / free, 0.1 / free]}
-    point = MeasuredPoint("GR", 1.4 * free, 1e-3)
+    point = MeasuredPoint("GR", 1.4 * free, 1e-3, direction)
     one = fit(data, branch, {"d": (0.5, 2.0), "k": (0.9, 1.1)}, {"max(x)": 1e-3}, jumps=[point])
     assert one["d"] == pytest.approx(1.4, rel=1e-6)
     assert one["k"] == pytest.approx(1.0, rel=1e-6)

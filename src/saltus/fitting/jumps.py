@@ -109,7 +109,8 @@ def read_points(given: object, measured: Measured, bounds: tuple[float, float]) 
 def point_near(point: MeasuredPoint, sheets: Sequence[Sheet], branches: Sequence[Branch]) -> SpecialPoint | None:
     """Return the model's special point that a measured one belongs to: the nearest of its type.
 
-    A jump belongs to an end of a stable sheet: an upper end where the parameter grows, a lower one where it falls.
+    A jump belongs to an end of a stable sheet: an upper end where the parameter grows, a lower one where it falls. A
+    grazing may leave the motion stable, so that it need not be an end.
 
     Parameters
     ----------
@@ -120,7 +121,7 @@ def point_near(point: MeasuredPoint, sheets: Sequence[Sheet], branches: Sequence
     branches : sequence of Branch
         Their branches, for points on no end of a sheet.
     """
-    if point.direction:
+    if point.direction and point.type != "GR":
         ends = [sheet.ends[point.direction == UP] for sheet in sheets]
         found = [end for end in ends if end is not None and end.type != "GR"]
     else:
