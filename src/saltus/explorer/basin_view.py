@@ -54,7 +54,7 @@ class BasinView:
         self._pair = [self._select("to the right", states, 0), self._select("upwards", states, min(1, len(states) - 1))]
         self._ends = [widgets.number(title, 0.0, 92) for title in ("from", "to", "from", "to")]
         self._cells = widgets.choice("cells", _FINE, 100, 96)
-        go = widgets.button("Map basins", "map-basins", kind="primary", tip="of the plane through the selected orbit")
+        go = widgets.button("Map basins", "map-basins", kind="primary")
         widgets.on_click(go, self._go)
         self.figure = look.figure_of("basins", height=330, sizing_mode="stretch_width")
         self._image = ColumnDataSource({"image": [], "x": [], "y": [], "dw": [], "dh": []})

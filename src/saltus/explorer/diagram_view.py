@@ -178,7 +178,7 @@ class DiagramView:
                 groups.append([i])
         for group in groups:
             told = [*dict.fromkeys(marks["told"][i] for i in group)]
-            shown = " ".join(told) if len(told) <= _MOST_TOGETHER else f"{' '.join(told[:2])} … {len(told)} points"
+            shown = " ".join(told) if len(told) <= _MOST_TOGETHER else f"{told[0]} + {len(told) - 1}"
             marks["label"][group[0]] = shown
 
     def colour(self, number: int) -> str:
