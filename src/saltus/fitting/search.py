@@ -11,6 +11,7 @@ Roberts, "The unreasonable effectiveness of quasirandom sequences" (2018), extre
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -79,13 +80,12 @@ def searched(objective: Objective, start: NDArray[np.float64], bounds: NDArray[n
             if found.loss < best.loss - _ALIKE:
                 best, agreeing = found, 0
             if found.is_interrupted:
-                return Minimum(best.values, best.evaluation, best.loss, found.stopped)
+                return replace(best, stopped=found.stopped)
             if _fits(best) or agreeing == _AGREEING:
                 break
     except KeyboardInterrupt:
-        return Minimum(best.values, best.evaluation, best.loss, INTERRUPTED)
-    stopped = best.stopped if _fits(best) else f"no better fit is found from {searches} starts"
-    return Minimum(best.values, best.evaluation, best.loss, stopped)
+        return replace(best, stopped=INTERRUPTED)
+    return best if _fits(best) else replace(best, stopped=f"no better fit is found from {searches} starts")
 
 
 def _fits(found: Minimum) -> bool:
