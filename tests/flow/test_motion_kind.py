@@ -228,3 +228,20 @@ def test_a_long_period_locked_on_a_closed_curve_is_quasi_periodic(period, places
     radius = 1.0 + 0.1 * np.cos(angle)
     kind = classify(np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]), -0.01, 0.001)
     assert (kind.label, kind.period) == ("quasi-periodic", period)
+
+
+@pytest.mark.parametrize("rotation", [0.13681, 0.381966, 0.0731])
+def test_a_circle_that_a_reset_has_cut_is_quasi_periodic(rotation):
+    """Where its exponent leaves chaos open; the circle x is seen through an increasing function."""
+    turns = (rotation * np.arange(400) + 0.3) % 1.0
+    kind = classify(np.column_stack([turns**3 + turns]), 0.01, 0.03)
+    assert (kind.label, kind.curves) == ("quasi-periodic", 1)
+    assert kind.rotation == pytest.approx(rotation, abs=1e-3)
+
+
+@pytest.mark.parametrize("height", [3.6, 3.8, 4.0])
+def test_points_of_a_map_that_folds_are_chaotic_though_the_exponent_leaves_it_open(height):
+    x = [0.3]
+    for _ in range(400):
+        x.append(height * x[-1] * (1.0 - x[-1]))
+    assert classify(np.array(x)[1:, None], 0.01, 0.03).label == "chaotic"

@@ -10,6 +10,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import saltus
 import systems
@@ -259,7 +260,7 @@ def test_a_chattering_value_is_a_row_with_its_reason(ball):
         x0=[1.0, 0.0],
         options=SweepOptions(section="impact", discard=10, keep=30, follow="restart"),
     )
-    assert sweep.labels.tolist() == [["diverged", "period-1"]]
+    assert sweep.labels.tolist() == [["chattering", "period-1"]]
     assert sweep.reasons[0, 0].startswith("chattering: ")
 
 
@@ -554,3 +555,30 @@ def test_labels_of_figure_7b_are_the_paper_s(afm2):
 def test_labels_of_figures_7c_to_7e_are_the_paper_s_from_rest(afm2):
     sweep = run_sweep(afm2, "Omega", list(PAPER), options=SweepOptions(discard=600, keep=100, follow="restart"))
     assert dict(zip(PAPER, sweep.labels[0].tolist(), strict=True)) == PAPER
+
+
+def firing_rotation(current: float, amplitude: float, count: int = 4000) -> float:
+    """Spikes per period of V' = I - V + A cos(2 pi t) with the reset V = 1 to 0, by its closed form between spikes."""
+    w = 2.0 * math.pi
+
+    def forced(t: float) -> float:
+        return current + amplitude * (math.cos(w * t) + w * math.sin(w * t)) / (1.0 + w * w)
+
+    t = 0.0
+    for _ in range(count):
+        start = forced(t)
+        t += brentq(lambda s, t=t, start=start: forced(t + s) - start * math.exp(-s) - 1.0, 1e-3, 50.0, xtol=1e-13)
+    return count / t
+
+
+def test_a_quasi_periodic_firing_pattern_is_no_chaos_and_has_its_rotation_number():
+    """The firing map is an invertible circle map: its exponent is 0 at most."""
+    spike = Transition("rest", "rest", "V - 1", 1, {"V": "0"}, name="spike")
+    modes = {"rest": Mode({"V": "I - V + A*cos(th)"})}
+    neuron = HybridSystem(("V",), {"I": 1.45, "A": 0.3}, modes, [spike], phase=("th", "2*pi"))
+    values = [1.45, 1.5, 1.51, 1.52]
+    sweep = run_sweep(neuron, "I", values, x0=[0.1])
+    assert sweep.labels.tolist() == [["quasi-periodic"] * 4]
+    for current, rotation in zip(values, sweep.rotations[0], strict=True):
+        turns = firing_rotation(current, 0.3) % 1.0
+        assert rotation == pytest.approx(min(turns, 1.0 - turns), abs=2e-3)

@@ -78,7 +78,7 @@ def settled(
         return f"the motion is lost: {error}"
     if not motion.period:
         lost = f"the motion is lost: {motion.reason}"
-        return lost if motion.label == "diverged" else f"the motion is {motion.label}"
+        return lost if motion.reason else f"the motion is {motion.label}"
     try:
         return find_orbit(system, parameters, motion.state, motion.mode, settle=1.0)
     except SaltusError:

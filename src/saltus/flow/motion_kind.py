@@ -2,7 +2,8 @@
 
 In this order, thresholds being those of `Criteria`:
 
-1. ``diverged``: the motion leaves every bound or the domain of its mode, or chatters.
+1. ``diverged``: the motion leaves every bound or the domain of its mode. ``chattering``: its events accumulate, or a
+   field that jumps holds it.
 2. ``no return``: it stays away from the section, a transition that no longer happens.
 3. ``period-N``: it recurs after N returns, the fewest that do. The second half of the returns looked at decides: no
    state there differs from the one N returns later by more than `recurrence` of its size, or than `noise`. Or it is on
@@ -17,6 +18,9 @@ In this order, thresholds being those of `Criteria`:
    windows of a parameter, which no experiment resolves. A motion that recurs is therefore named so, too, if its points
    lie round a closed curve and are more than `longest`. Points in pairs, as after a period doubling, are excepted. The
    period is recorded all the same.
+
+A circle on the section may be cut by a reset, as that of a neuron's firing is. It then lies along one state. Its points
+are recognised where the map keeps their order along this state, but for whole turns.
 
 Points on a closed curve are recognised from their middle, in the plane in which they spread most. No gap between
 neighbours is wider than `gap`. The map keeps their order round the curve, but for a part `disorder` of the way that
@@ -36,15 +40,18 @@ from saltus import checks
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["CHAOTIC", "DIVERGED", "NO_RETURN", "QUASI_PERIODIC", "Criteria", "Kind", "classify", "rotation_number"]
+__all__ = ["CHAOTIC", "CHATTERING", "DIVERGED", "NO_RETURN", "QUASI_PERIODIC", "Criteria", "Kind", "classify",
+           "rotation_number"]  # fmt: skip
 
 CHAOTIC = "chaotic"
+CHATTERING = "chattering"
 DIVERGED = "diverged"
 NO_RETURN = "no return"
 QUASI_PERIODIC = "quasi-periodic"
 _SMALLEST = 1e-3  # size of a state, over the largest one's, below which the state is nearly zero throughout
 _ENOUGH = 16  # fewest points whose order round a curve is looked at: fewer lie too far apart, unless they recur
 _SHRUNK = 0.9  # ratio of differences in the later half of the returns to the earlier, up to which they shrink
+_BACKWARDS = 0.01  # most disorder of points on a circle that is cut: the firing maps of neurons have none
 _FRACTION = 1e-4  # distance of a rotation number from a fraction below which points may lie on several curves
 
 
@@ -183,11 +190,14 @@ def classify(
     rotation, curves = math.nan, 0
     if not period or _base(cloud, period, limits) > limits.longest:
         rotation, curves = rotation_number(cloud, limits, period)
-    if not period and not curves and exponent <= limits.exponent:
-        period = apart.near(limits)
+    sure = abs(exponent - limits.exponent) > error
+    if not period and not curves:
+        period = apart.near(limits) if exponent <= limits.exponent else 0
+        if (not period or period > limits.longest) and not (sure and exponent > limits.exponent):
+            rotation, curves = _cut_circle(cloud)
+            period = 0 if curves else period
     if period and not curves:
         return Kind(f"period-{period}", period, math.nan, 0)
-    sure = abs(exponent - limits.exponent) > error
     if not period and (exponent > limits.exponent if sure else not curves):
         return Kind(CHAOTIC, 0, math.nan, 0)
     return Kind(QUASI_PERIODIC, period, rotation, curves)
@@ -321,6 +331,22 @@ def _turns(points: NDArray[np.float64], limits: Criteria, distinct: int) -> floa
     increments = mean + (increments - mean + 0.5) % 1.0 - 0.5
     turns = _weighted_mean(increments) % 1.0
     return float(min(turns, 1.0 - turns))
+
+
+def _cut_circle(cloud: NDArray[np.float64]) -> tuple[float, int]:
+    """Rotation number, and 1, where the points lie on a circle that a reset has cut; NaN and 0 where they do not.
+
+    The circle then lies along one of the states, its ends being one place. A map that keeps the order of the points
+    round it is invertible there, and not chaotic.
+    """
+    if len(cloud) < _ENOUGH:
+        return math.nan, 0
+    for column in cloud.T[np.ptp(cloud, axis=0) > 0.0]:
+        angles = np.argsort(np.argsort(column, kind="stable"), kind="stable") / column.size
+        if _disorder(angles) <= _BACKWARDS:
+            turns = _weighted_mean(np.diff(angles) % 1.0) % 1.0
+            return min(turns, 1.0 - turns), 1
+    return math.nan, 0
 
 
 def _disorder(angles: NDArray[np.float64]) -> float:

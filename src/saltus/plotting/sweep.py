@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import InputError
-from saltus.flow.motion_kind import CHAOTIC, DIVERGED, NO_RETURN, QUASI_PERIODIC
+from saltus.flow.motion_kind import CHAOTIC, CHATTERING, DIVERGED, NO_RETURN, QUASI_PERIODIC
 from saltus.plotting import plot, style
 from saltus.sweeps.sweep import Sweep
 
@@ -34,6 +34,7 @@ _KINDS = {
     CHAOTIC: "#b8101f",
     NO_RETURN: "#dddddd",
     DIVERGED: "#555555",
+    CHATTERING: "#7a5c3e",
 }
 
 _STRIP = 0.16  # height of a pass in the strip, in inches

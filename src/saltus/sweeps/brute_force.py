@@ -4,8 +4,9 @@ Rules
 -----
 * At each value the motion starts from the end of the motion at the value before. If its mode has ended at the new
   value, it starts in the mode that the state allows. If there was no motion at the value before, it starts at `x0`.
-* The label ``diverged`` comes with a reason: the motion leaves every bound, chatters, sticks where a field jumps, takes
-  more than 5000 steps a return, or cannot start. The next value then starts from `x0`.
+* The label ``diverged`` comes with a reason: the motion leaves every bound, takes more than 5000 steps a return, or
+  cannot start. So does ``chattering``: events accumulate, or the motion sticks where a field jumps. The next value then
+  starts from `x0`.
 * The label of a motion follows from `Criteria.looked_at` returns, of which the last are kept.
 * A motion that recurs with a positive leading exponent is on an unstable orbit. It is pushed by `Criteria.push` of its
   size, and settles once more.

@@ -42,7 +42,7 @@ class Returns(Protocol):
     Attributes
     ----------
     faults : tuple of exception types
-        Errors of a motion that give it the label ``diverged``.
+        Errors of a motion that give it the label ``diverged`` or, where events accumulate, ``chattering``.
     """
 
     faults: ClassVar[tuple[type[Exception], ...]]

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus import checks
-from saltus.flow.motion_kind import DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
+from saltus.errors import ChatteringError
+from saltus.flow.motion_kind import CHATTERING, DIVERGED, NO_RETURN, QUASI_PERIODIC, Criteria, Kind, classify
 from saltus.flow.poincare import PoincareReturns
 from saltus.flow.variational import Growth
 from saltus.sweeps.map_returns import MapReturns
@@ -131,7 +132,7 @@ class Task:
         try:
             return self._found(parameters, p, *self.motions.start(p, end))
         except self.motions.faults as error:
-            return Row(DIVERGED, str(error))
+            return Row(CHATTERING if isinstance(error, ChatteringError) else DIVERGED, str(error))
 
     def _found(self, parameters: Mapping[str, float], p: NDArray[np.float64], x: NDArray[np.float64], mode: int) -> Row:
         seen = self._seen(p, x, mode)
