@@ -119,13 +119,21 @@ class ChatteringError(_MotionError):
         State there.
     mode : str
         Mode there.
+    transition : str, optional
+        The last event.
     """
+
+    @property
+    def transition(self) -> str:
+        """The last event; empty where none is known."""
+        return str(self.args[3]) if len(self.args) > 3 else ""
 
     def __str__(self) -> str:
         state = shortened(str(list(self.state)), _LONGEST_STATE)
+        last = f", last event {shortened(self.transition, _LONGEST_NAME)!r}" if self.transition else ""
         return (
             f"chattering: events accumulate at t = {self.time:.12g} in mode {self.mode!r}, "
-            f"state {state}; the motion slides or rests there: add a mode for it"
+            f"state {state}{last}; the motion slides or rests there: add a mode for it"
         )
 
 
@@ -146,6 +154,11 @@ class StickingError(ChatteringError):
 
     def __init__(self, time: float, state: Iterable[float], mode: str, surface: str) -> None:
         super().__init__(time, state, mode, surface)
+
+    @property
+    def transition(self) -> str:
+        """Nothing: no event happens."""
+        return ""
 
     @property
     def surface(self) -> str:

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 __all__ = ["LaneWriter"]
 
+_CLEAR = 1e-12  # rate of an event function, over its terms, above which its sign is no rounding
+_CLOSE = 1e-6  # event function at a landing, over its size, at most
+
 _HEAD = """
 from saltus.ensemble._kernels import FAST, SCALAR, circular_cos, circular_sin, grown, halley, ld, polynomial
 from saltus.ensemble._kernels import products, rises_again, root, short_cos, short_sin, st
@@ -128,7 +131,12 @@ class LaneWriter(LaneText):
                 else:
                     lines.append(f"        {self.store(self.on(j), '1.0')}")
                     if not direction:
-                        lines.append(f"        {self.store(self.side(j), f'math.copysign(1.0, {rate})')}")
+                        # a side that rounding decides is the event-driven flow's to tell
+                        lines += [
+                            f"        if not abs({rate}) > {_CLEAR!r}*({self._size_of_terms(s.rate[k], names)}):",
+                            f"            return {HARD}",
+                            f"        {self.store(self.side(j), f'math.copysign(1.0, {rate})')}",
+                        ]
                 lines += ["    else:", f"        value = {value}"]
                 if direction:
                     lines.append(f"        value = {-float(direction)!r}*value")
@@ -141,6 +149,12 @@ class LaneWriter(LaneText):
             lines.append(f"    return {mode}")
             texts.append("\n".join(lines) + "\n")
         return "".join(texts)
+
+    def _size_of_terms(self, expression: sympy.Expr, names: dict[sympy.Expr, str]) -> str:
+        """Text of the size of the terms that an expression sums up, from its slopes."""
+        slopes = [(sympy.diff(expression, symbol), symbol) for symbol in self.system.x]
+        terms = [f"abs(({self.text_of(slope, names)})*{names[symbol]})" for slope, symbol in slopes if slope != 0]
+        return " + ".join(terms) or "0.0"
 
     def _begin(self) -> str:
         """The pool of a motion at phase 0: its mode's, by default the first that its state allows.
@@ -195,6 +209,13 @@ class LaneWriter(LaneText):
             lines += [f"if flag == {CHANGES!r}:", *(f"    {line}" for line in self._to_modal(k))]
         for j, transition in enumerate(self.events[pool.mode]):
             lines.append(f"if flag == {EVENT + j!r}:")
+            if s.event[transition].has(sympy.atan2, sympy.sign):
+                # series go on past a jump of the function, to a zero that it does not have
+                value = self.text_of(s.event[transition], names)
+                lines += [
+                    f"    if not abs({value})*{self.place(f'escale{transition}')} < {_CLOSE!r}:",
+                    f"        return {HARD}",
+                ]
             if s.when[transition] != 1:
                 lines += [f"    if not {self.text_of(s.when[transition], names)} > 0.0:", f"        return {HARD}"]
             resets = [

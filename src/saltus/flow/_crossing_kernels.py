@@ -2,7 +2,8 @@
 
 Each function is fitted by a Bernstein polynomial of degree 8 on pieces of the step. A piece is halved until the
 polynomial agrees with the function at two more points. Sign variations isolate the zeros, so that two crossings inside
-a step are both seen. Where a segment starts on a surface, this zero is divided out. The side to which the motion leaves
+a step are both seen. Where no polynomial agrees on the shortest pieces, changes of sign from node to node are halved: a
+function that does not go to zero there jumps or has a pole, which is no event. Where a segment starts on a surface, this zero is divided out. The side to which the motion leaves
 follows from the rate there, or from the second derivative where the rate vanishes. See docs/theory/flow.md.
 """
 
@@ -17,7 +18,7 @@ from numba import int64
 
 from saltus.flow._kernels import INNER, PART, call, dense_value, outlined, pointer
 from saltus.flow._polynomial_kernels import ROOTS, bernstein_roots, bernstein_value, variations
-from saltus.flow._state_kernels import AGAIN, DONE, EVENT_NOT_FINITE, FIRED, MODE_BEFORE, PASSES
+from saltus.flow._state_kernels import AGAIN, DONE, EVENT_NOT_FINITE, FIRED, MODE_BEFORE, PASSES, TWO_PI
 from saltus.flow._step_kernels import ROUNDING, size_of_terms
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
@@ -45,6 +46,8 @@ def _bernstein_fit():
 
 
 FIT_NODES, FIT = _bernstein_fit()
+HALVINGS = 40  # of the place where an event function changes its sign without being smooth
+SHRINKS = 1e-3  # part of its size to which a function shrinks that is zero there
 CHECKS = np.array([0.2213, 0.7841])  # fractions of a piece, between the nodes, at which its polynomial is compared
 
 
@@ -61,8 +64,8 @@ class Surface(NamedTuple):
         The step starts on its surface, so that this zero is divided out.
     rounding : float
         Rounding of the function. A step that stays within it of the surface shows only the function's rate.
-    rate_h : float
-        Its rate at the start, times the step.
+    rate_h, rate_end : float
+        Its rates at the ends, times the step.
     rate_counts : bool
         Whether `rate_h` is more than rounding.
     consumed : bool
@@ -79,6 +82,7 @@ class Surface(NamedTuple):
     on: bool
     rounding: float
     rate_h: float
+    rate_end: float
     rate_counts: bool
     consumed: bool
     side: int
@@ -92,6 +96,14 @@ class Fit(NamedTuple):
     b: Any
     work: Any
     pieces: Any
+
+
+class Piece(NamedTuple):
+    """A piece of a step: where it begins, its width, and how far values of a function in it are from each other at least."""
+
+    a: float
+    width: float
+    tolerance: float
 
 
 class Ends(NamedTuple):
@@ -111,7 +123,7 @@ def _event_at(addresses, k, n, p, x, dense, s, y, event):
 
 
 @njit(**INNER)
-def _leaving_side(q, degree, rate_counts):
+def _leaving_side(q, degree, rate_counts, rounding):
     """Side to which a motion leaves a surface: the sign of h / s near 0, with the coefficients q of h / s; 0: stays."""
     if rate_counts and q[0] != 0.0:
         return 1 if q[0] > 0.0 else -1
@@ -120,7 +132,7 @@ def _leaving_side(q, degree, rate_counts):
         largest = max(largest, abs(q[i]))
     if largest > 0.0:
         for i in range(1, degree + 1):
-            if abs(q[i]) > 1e-8 * largest:
+            if abs(q[i]) > max(1e-8 * largest, rounding):
                 return 1 if q[i] > 0.0 else -1
     return 0
 
@@ -160,6 +172,58 @@ def _fits(system, surface, x, dense, a, width, origin, tolerance, y, event, fit)
     return True
 
 
+@njit(**INNER)
+def _rough(system, surface, x, dense, piece, y, event, values, found, count, now, jumps):
+    """Changes of sign in a piece of the step where no polynomial fits, from node to node.
+
+    The function goes to zero there, as at a kink, or not, as at a jump or a pole: then its bit is set in `jumps`.
+    Returns the count of changes so far (-1: too many), the side behind the piece, and `jumps`.
+    """
+    outlined()
+    for i in range(DEGREE + 1):
+        side = 1 if values[i] > 0.0 else (-1 if values[i] < 0.0 else 0)
+        if side == 0 or side == now:
+            continue
+        if now != 0:
+            if count == ROOTS:
+                return int64(-1), now, jumps
+            found[count], is_zero = piece.a, True
+            if i > 0:
+                low, high = FIT_NODES[i - 1], FIT_NODES[i]
+                found[count], is_zero = _halved(
+                    system, surface, x, dense, piece, low, high, values[i - 1], values[i], y, event
+                )
+            if not is_zero:
+                jumps |= int64(1) << count
+            count += 1
+        now = side
+    return count, now, jumps
+
+
+@njit(**INNER)
+def _halved(system, surface, x, dense, piece, low, high, before, behind, y, event):
+    """Where an event function changes its sign between two fractions of a piece, and whether it is zero there."""
+    outlined()
+    apart = abs(before) + abs(behind)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        value = _event_at(
+            system.addresses, surface.k, system.n, system.p, x, dense, piece.a + piece.width * middle, y, event
+        )
+        if value * behind > 0.0:
+            high, behind = middle, value
+        else:
+            low, before = middle, value
+    n, rounding = system.n, 0.0
+    # next to a pole the slopes say nothing of the rounding
+    call(system.addresses[EVENT_X], surface.k, 0, x, 0, system.p, event, 0)
+    for e in range(n):
+        size = TWO_PI if system.phase > 0.0 and e == n - 1 else max(abs(x[e]), abs(y[e]))
+        rounding += ROUNDING * abs(event[2 + e]) * size
+    shrinks = abs(behind - before) <= max(SHRINKS * apart, max(piece.tolerance, rounding))
+    return piece.a + piece.width * high, shrinks or not rounding < math.inf
+
+
 @njit(**PART)
 def _crosses(surface, leaves):
     """Whether a motion that starts on the surface and leaves it to a side has an event there."""
@@ -183,11 +247,11 @@ def _stays_on(surface, values):
 def _scan(system, surface, x, dense, tolerances, y, event, fit, found):
     """All zeros of an event function in the step, in order.
 
-    Returns the count of zeros (-1: too many for one step), the side before the first of them (0: not known yet), and
-    whether the motion ends on the surface.
+    Returns the count of zeros (-1: too many for one step), the side before the first of them (0: not known yet),
+    whether the motion ends on the surface, and the bits of those that are jumps or poles.
     """
     outlined()
-    count = 0
+    count, jumps = 0, int64(0)
     full = int64(DEGREE)  # one type for whatever degree, so that what follows is compiled once
     before = now = surface.side
     a, width = 0.0, 1.0
@@ -200,16 +264,30 @@ def _scan(system, surface, x, dense, tolerances, y, event, fit, found):
         origin = values[0] if on_here else 0.0
         if on_here and end >= 1.0 and _stays_on(surface, values):
             if not surface.rate_counts:
-                return 0, surface.side, True
+                return 0, surface.side, True, jumps
             leaves = 1 if surface.rate_h > 0.0 else -1
             if _crosses(surface, leaves):
                 found[0] = 0.0
-                return 1, -leaves, True
-            return 0, leaves, True
-        tolerance = max(0.1 * (tolerances.atol + tolerances.rtol * largest), 1e-12 * largest)
+                return 1, -leaves, True, jumps
+            if surface.rate_end * leaves < 0.0 and 2.0 * surface.rate_h / (surface.rate_h - surface.rate_end) < 1.0:
+                # a hop lower than rounding is a parabola
+                found[0] = 2.0 * surface.rate_h / (surface.rate_h - surface.rate_end)
+                return 1, leaves, True, jumps
+            return 0, leaves, True, jumps
+        tolerance = max(0.1 * (tolerances.atol + tolerances.rtol * largest), max(1e-12 * largest, surface.rounding))
         fits = _fits(system, surface, x, dense, a, width, origin, tolerance, y, event, fit)
         if not fits and width > 1.0 / 512.0:
             width *= 0.5
+            continue
+        if not fits and not on_here:
+            piece = Piece(a, width, tolerance)
+            count, now, jumps = _rough(system, surface, x, dense, piece, y, event, values, found, count, now, jumps)
+            if count < 0:
+                return -1, before, False, jumps
+            before = now if before == 0 else before
+            at_a = values[DEGREE]
+            a = end
+            width = min(2.0 * width, 1.0 - a)
             continue
         degree = full
         if on_here:
@@ -218,9 +296,11 @@ def _scan(system, surface, x, dense, tolerances, y, event, fit, found):
             for i in range(DEGREE):
                 b[i] = b[i + 1] * DEGREE / (i + 1.0)
             b[0] = surface.rate_h * width if surface.rate_counts else 0.0
-            leaves = _leaving_side(b, degree, surface.rate_counts)
+            leaves = _leaving_side(b, degree, surface.rate_counts, surface.rounding)
+            if leaves == 0 and abs(values[DEGREE] - origin) > surface.rounding:
+                leaves = 1 if values[DEGREE] > origin else -1
             if leaves == 0:
-                return 0, PASSES if surface.side == PASSES else 0, True
+                return 0, surface.side, True, jumps
             before = now = leaves
             if _crosses(surface, leaves):
                 before = -leaves
@@ -232,20 +312,20 @@ def _scan(system, surface, x, dense, tolerances, y, event, fit, found):
                 before = now = first
             if first != 0 and first != now:
                 if count == ROOTS:
-                    return -1, before, False
+                    return -1, before, False, jumps
                 found[count] = a
                 count += 1
                 now = first
         earlier = count
         count = bernstein_roots(b, degree, 1e-13 * largest, a, width, fit.pieces, fit.work, found, count)
         if count < 0:
-            return -1, before, False
+            return -1, before, False, jumps
         if (count - earlier) % 2 == 1:
             now = -now
         at_a = values[DEGREE]
         a = end
         width = min(2.0 * width, 1.0 - a)
-    return count, before, False
+    return count, before, False, jumps
 
 
 @njit(**INNER)
@@ -281,7 +361,7 @@ def seek(system, tolerances, state, mode, h, x_end, dense, crossings, ends, fit,
     addresses, n, p, x = system.addresses, system.n, system.p, state.x
     status = DONE
     for k in range(system.n_transitions):
-        crossings.n_found[k] = crossings.passed[k] = ends.stays[k] = 0
+        crossings.n_found[k] = crossings.passed[k] = crossings.jumps[k] = ends.stays[k] = 0
         if system.transitions[3 * k] != mode:
             continue
         on = state.on[k] == 1
@@ -306,9 +386,9 @@ def seek(system, tolerances, state, mode, h, x_end, dense, crossings, ends, fit,
         consumed = k == state.counts[FIRED] and state.counts[MODE_BEFORE] == mode
         direction = system.transitions[3 * k + 2]
         surface = Surface(
-            k, start, ends.value[k], on, rounding, rate_h, rate_counts, consumed, side, direction
+            k, start, ends.value[k], on, rounding, rate_h, event[1] * h, rate_counts, consumed, side, direction
         )  # fmt: skip
-        crossings.n_found[k], crossings.before[k], still_on = _scan(
+        crossings.n_found[k], crossings.before[k], still_on, crossings.jumps[k] = _scan(
             system, surface, x, dense, tolerances, y, event, fit, pointer(crossings.found, ROOTS * k)
         )
         ends.stays[k] = 1 if still_on else 0

@@ -16,6 +16,7 @@ from saltus.flow._kernels import INNER, PART, call, error_norm, outlined, pointe
 from saltus.flow._landing_kernels import Room, first_event
 from saltus.flow._order_kernels import NEVER
 from saltus.flow._polynomial_kernels import DEPTH, ROOTS
+from saltus.flow._side_kernels import EventEnds, SideRoom, side_after
 from saltus.flow._state_kernels import (
     AGAIN,
     AT_WRAP,
@@ -36,7 +37,6 @@ from saltus.flow._state_kernels import (
     MODE_BEFORE,
     N_EVENTS,
     N_STEPS,
-    PASSES,
     RATE_AFTER,
     RESET_NOT_FINITE,
     RESIDUAL,
@@ -48,7 +48,6 @@ from saltus.flow._state_kernels import (
     TRIES,
     TWO_PI,
     UNBOUNDED,
-    UNCHANGED,
     WRAPS,
     Crossings,
     T,
@@ -94,7 +93,8 @@ class Stride(NamedTuple):
 def _begin(system, tolerances, state, mode, room):
     """Begin a segment: its first slope and step, and on which side of every event it starts; a status.
 
-    Where a motion begins on the surface of an event, `side` holds what is known of its side; see `EventDrivenMotion`.
+    Where a motion begins on the surface of an event, `side` holds what is known of its side; see `EventDrivenMotion`
+    and `side_after`.
     """
     outlined()
     addresses, n, p, x, event = system.addresses, system.n, system.p, state.x, room.event
@@ -132,8 +132,6 @@ def _begin(system, tolerances, state, mode, room):
         state.on[k] = 1 if abs(event[0]) <= reach else 0
         if state.on[k] == 0:
             side[k] = 1 if event[0] > 0.0 else -1
-        elif k == counts[FIRED]:
-            side[k] = PASSES if counts[UNCHANGED] == 1 else 0
         elif counts[FIRED] >= 0 and counts[MODE_BEFORE] != mode:
             side[k] = 0
     counts[STARTING] = 0
@@ -284,14 +282,14 @@ def _happen(system, state, mode, fired, events, room):
     record_event(events, state, n, fired, rate, landing, after, mode, target)
     if numbers[DURATION] > 0.0:
         state.first_steps[mode] = min(numbers[FIRST_STEP], 2.0 * numbers[DURATION])
-    counts[UNCHANGED] = 1 if target == mode else 0
     for e in range(n):
-        if after[e] != landing[e]:
-            counts[UNCHANGED] = 0
         state.x[e] = after[e]
         state.size[e] = max(room.landing_size[e], abs(after[e]))
         if not abs(after[e]) < math.inf:
             return RESET_NOT_FINITE
+    if target == mode:
+        ends, scratch = EventEnds(landing, after, state.size), SideRoom(room.y, room.x_end, event)
+        state.side[fired] = side_after(system, fired, state.side[fired], rate, ends, scratch)
     counts[MODE] = target
     counts[MODE_BEFORE] = mode
     counts[FIRED] = fired
@@ -375,7 +373,8 @@ def _laid_out(block, integers, n, n_transitions):
     values = pointer(found, ROOTS * n_transitions)
     fit = Fit(values, pointer(values, DEGREE + 1), pointer(values, 2 * (DEGREE + 1)), pointer(values, 3 * (DEGREE + 1)))
     crossings = Crossings(
-        found, integers, pointer(integers, 2 * n_transitions), pointer(integers, n_transitions)
+        found, integers, pointer(integers, 2 * n_transitions), pointer(integers, n_transitions),
+        pointer(integers, 4 * n_transitions),
     )  # fmt: skip
     ends = Ends(value, pointer(integers, 3 * n_transitions))
     return room, pointer(block, 21 * n), crossings, ends, fit
@@ -388,7 +387,7 @@ def run_kernel(system, tolerances, goal, state, steps, events):
     system, state = system_pointers(system), state_pointers(state)
     steps, events = step_pointers(steps), event_pointers(events)
     block = stack(float64, 30 * n + 3 + n_transitions * (ROOTS + 1) + 3 * (DEGREE + 1) + DEPTH * PIECE)
-    integers = stack(int64, 4 * n_transitions)
+    integers = stack(int64, 5 * n_transitions)
     work = _laid_out(block, integers, n, n_transitions)
     counts, numbers = state.counts, state.numbers
     counts[N_STEPS] = counts[N_EVENTS] = 0

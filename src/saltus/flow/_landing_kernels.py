@@ -17,6 +17,7 @@ from saltus.system.machine_code import njit
 
 EVENT_X = FUNCTIONS.index("event_x")
 GUARD = FUNCTIONS.index("guard")
+ALIKE = 1e-3  # correction of a landing, over its time, beyond which rounding of the event function has made it
 AT_ONCE = 1e-6  # fraction of a step within which two events may be at the same time
 
 
@@ -61,8 +62,9 @@ def _land(system, k, mode, h, bracket, x, slopes, room):
     """Step from x that ends on event k: (dt, relative residual).
 
     Newton's method in the step. A correction below 1e-9 h is applied along the field, which is exact to rounding. Where
-    no step lands (a dip lost in the tolerance), the best one is taken. Leaves the slopes in `trial`, with that at the
-    end, and the event with its gradient in `event`. The state is in `landing`, the sizes of its components in
+    no step lands (a dip lost in the tolerance), the best one is taken. A hop lower than rounding ends where its
+    polynomial does, at the first step on the surface that moves through it. Leaves the slopes in `trial`, with that at
+    the end, and the event with its gradient in `event`. The state is in `landing`, the sizes of its components in
     `landing_size`.
     """
     outlined()
@@ -79,6 +81,7 @@ def _land(system, k, mode, h, bracket, x, slopes, room):
         for e in range(n):
             size[e] = max(abs(x[e]), abs(x_end[e]), dt * abs(trial[e]))
         value, rate = event[0], event[1]
+        on = abs(value) <= ROUNDING * size_of_terms(pointer(event, 2), n, size)
         if abs(value) < best_value:
             best, best_value = dt, abs(value)
         if value * before > 0.0:
@@ -93,9 +96,12 @@ def _land(system, k, mode, h, bracket, x, slopes, room):
             dt += correction
             landed = True
             break
+        if on and rate * before < 0.0 and not abs(correction) <= ALIKE * dt:
+            best = dt
+            break
         if low < dt + correction < high:
             dt += correction
-        elif abs(value) <= ROUNDING * size_of_terms(pointer(event, 2), n, size) or high - low <= 4.0 * EPSILON * high:
+        elif on or high - low <= 4.0 * EPSILON * high:
             break
         else:
             dt = 0.5 * (low + high)
@@ -117,6 +123,21 @@ def _bracket(crossings, k, index):
     low = 0.0 if index == 0 else 0.5 * (found[index - 1] + found[index])
     high = 1.0 if index + 1 == n_found else 0.5 * (found[index] + found[index + 1])
     return Bracket(low, found[index], high, before if index % 2 == 0 else -before)
+
+
+@njit(**INNER)
+def _goes_back(system, state, k, index, crossings, event):
+    """Whether a step starts within rounding beyond a surface and goes back to the side that it counts as being on.
+
+    Writes the residual of a landing there.
+    """
+    outlined()
+    before = crossings.before[k] if index % 2 == 0 else -crossings.before[k]
+    call(system.addresses[EVENT_X], k, 0, state.x, 0, system.p, event, 0)
+    rounding = ROUNDING * size_of_terms(pointer(event, 2 + system.n), system.n, state.size)
+    size = size_of_terms(pointer(event, 2), system.n, state.size)
+    state.numbers[RESIDUAL] = abs(event[0]) / size if size > 0.0 else 0.0
+    return abs(event[0]) <= ROUNDING * size and event[1] * before > rounding
 
 
 @njit(**PART)
@@ -143,8 +164,10 @@ def first_event(system, state, mode, h, crossings, room):
         if first < 0:
             return none, h, fraction
         if fraction == 0.0:
+            if _goes_back(system, state, first, index, crossings, room.event):
+                crossings.passed[first] = index + (2 if system.transitions[3 * first + 2] == 0 else 1)
+                continue
             dt = 0.0
-            state.numbers[RESIDUAL] = 0.0
             for e in range(system.n):
                 room.landing[e] = state.x[e]
                 room.landing_size[e] = state.size[e]

@@ -17,7 +17,7 @@ def next_crossing(system, crossings, k):
     direction, before, n_found = system.transitions[3 * k + 2], crossings.before[k], crossings.n_found[k]
     for j in range(crossings.passed[k], n_found):
         goes = -before if j % 2 == 0 else before
-        if direction == 0 or direction == goes:
+        if (direction == 0 or direction == goes) and (crossings.jumps[k] >> j) & 1 == 0:
             return j
     return n_found
 

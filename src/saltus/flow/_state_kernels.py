@@ -58,13 +58,14 @@ HOP_RUN = 9  # hops in a row that are lower than rounding
 N_STEPS = 10  # steps in the buffer
 N_EVENTS = 11  # events in the buffer
 TRIES = 12  # steps tried so far
-UNCHANGED = 13  # 1 where the last event changed neither state nor mode
-N_COUNTS = 14
+N_COUNTS = 13
 
 PASSES = 2  # a side besides -1, 0 (unknown) and 1: a start on the surface is no event, whichever way the motion leaves
 AT_WRAP = 1e-9  # radians before the phase's wrap within which an event comes after it, so that the strobe precedes it
 CHATTERING_RUN = 50  # events in a row, each after a short time, that are not yet chattering
 CHATTERING_DURATION = 1e-10  # such a short time, as a part of the time scale
+NOTHING = 1e-30  # a time, as a part of the time scale, from which hops go on to shrink until their heights underflow
+NOTHING_RUN = 3  # such hops that are chattering, if each is shorter than the last but one
 BOUND = 1e12  # size of a state, in its unit, beyond which it has diverged
 
 EPSILON = 2.220446049250313e-16  # spacing of floats at 1
@@ -207,12 +208,15 @@ class Crossings(NamedTuple):
         Side of the function before the first.
     passed : ndarray of int64, shape (transition,)
         How many of them do not count, their conditions having failed.
+    jumps : ndarray of int64, shape (transition,)
+        Bits of those at which the function is not zero: it jumps, or has a pole.
     """
 
     found: Floats
     n_found: Integers
     before: Integers
     passed: Integers
+    jumps: Integers
 
 
 @njit(**PART)
@@ -304,7 +308,8 @@ def chatters(counts, numbers, phase):
     counts[SMALL_RUN] = counts[SMALL_RUN] + 1 if small else 0
     counts[SHRINKING_RUN] = counts[SHRINKING_RUN] + 1 if shrinking else 0
     counts[STILL_RUN] = counts[STILL_RUN] + 1 if still else 0
-    if min(counts[SMALL_RUN], counts[SHRINKING_RUN]) > CHATTERING_RUN or counts[STILL_RUN] > CHATTERING_RUN:
+    vanishing = 0.0 < duration <= NOTHING * max(scale, numbers[T]) and counts[SHRINKING_RUN] > NOTHING_RUN
+    if min(counts[SMALL_RUN], counts[SHRINKING_RUN]) > CHATTERING_RUN or counts[STILL_RUN] > CHATTERING_RUN or vanishing:
         # the rest of the geometric series, two events at a time so that two modes may take turns
         if 0.0 < duration < numbers[LAST_BUT_ONE]:
             ratio = duration / numbers[LAST_BUT_ONE]

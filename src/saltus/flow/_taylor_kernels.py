@@ -18,6 +18,7 @@ import numpy as np
 from saltus.flow._column_kernels import Columns, evaluate, reached
 from saltus.flow._kernels import INNER, PART, call, keep, outlined, pointer
 from saltus.flow._polynomial_kernels import DEPTH, ROOTS
+from saltus.flow._side_kernels import EventEnds, SideRoom, side_after
 from saltus.flow._state_kernels import BOUND, DURATION, PASSES, T_LOW, TWO_PI, Crossings, T, advance, system_pointers
 from saltus.flow._step_kernels import ROUNDING
 from saltus.flow._taylor_step_kernels import (
@@ -36,6 +37,7 @@ from saltus.flow._taylor_step_kernels import (
     RETURNS,
     SHORTER,
     SHORTER_MOST,
+    SHORTEST,
     SIGMA_STEP,
     SIGMA_STEPS,
     SMALL_DURATION,
@@ -93,15 +95,15 @@ def _begin(system, forms, motion, mode, residual, dt, event):
         known = side[k]
         side[k] = 1 if event[0] > 0.0 else -1
         if on[k] == 1:
-            side[k] = 0
-            if counts[FIRED] < 0 or (k != counts[FIRED] and counts[MODE_BEFORE] == mode):
-                side[k] = known
+            same = counts[MODE_BEFORE] == mode
+            side[k] = known if counts[FIRED] < 0 or same else 0
             if side[k] == PASSES:
-                side[k] = 0
                 continue
             leaves = 1 if event[1] > 0.0 else -1
-            consumed = k == counts[FIRED] and counts[MODE_BEFORE] == mode
+            consumed = k == counts[FIRED] and same
             if side[k] == 0 and transitions[3 * k + 2] == leaves and not consumed:
+                return False
+            if side[k] == -leaves:
                 return False
         if k == forms[2 * mode] and on[k] == 0:
             x[n] = math.sqrt(max(forms[2 * mode + 1] * event[0], 0.0))
@@ -163,12 +165,25 @@ def _go_on(system, motion, mode, w, crossings, after):
     return True
 
 
+@njit(**INNER)
+def _side(system, motion, fired, rate, room):
+    """Side on which an event leaves a motion that goes to the other one, or stays; see `side_after`."""
+    outlined()
+    x, after, size = motion.x, room.after, room.size
+    for e in range(system.n):
+        size[e] = max(abs(x[e]), abs(after[e]))
+    if system.phase > 0.0:
+        size[system.n - 1] = TWO_PI
+    ends, scratch = EventEnds(x, after, size), SideRoom(room.y, room.other, room.event)
+    return side_after(system, fired, motion.side[fired], rate, ends, scratch)
+
+
 @njit(**PART)
 def _happen(system, forms, returns, motion, mode, landing, residual, crossings, room):
     """Let an event happen: onto its surface to rounding, then the reset; whether what follows is plain."""
     n, x, fired, after, event = system.n, motion.x, landing.fired, room.after, room.event
     numbers, counts = motion.numbers, motion.counts
-    correction = -event[0] / event[1]
+    rate, correction = event[1], -event[0] / event[1]
     if abs(correction) <= 1e-4 * landing.dt:
         call(system.addresses[FIELD], mode, 0, x, 0, system.p, after, 0)
         for e in range(n):
@@ -194,6 +209,11 @@ def _happen(system, forms, returns, motion, mode, landing, residual, crossings, 
     for e in range(n):
         if not abs(after[e]) < math.inf:
             return False
+    if system.transitions[3 * fired + 1] == mode:
+        call(system.addresses[EVENT_X], fired, 0, after, 0, system.p, event, 0)
+        if not event[1] * motion.side[fired] > 0.0:
+            motion.side[fired] = _side(system, motion, fired, rate, room)
+    for e in range(n):
         x[e] = after[e]
     counts[MODE] = system.transitions[3 * fired + 1]
     counts[MODE_BEFORE] = mode
@@ -215,7 +235,8 @@ def _one_step(system, series, tolerances, returns, motion, columns, crossings, r
     if counts[STARTING] == 1 and not _begin(system, series.forms, motion, mode, 0.0, 0.0, room.event):
         return HELP
     h, in_sigma = expanded(system, series, tolerances, motion, mode, columns, room)
-    if not h > 0.0 or not crossed(system, motion, mode, h, columns, crossings):
+    scale = period(phase) if phase > 0.0 else numbers[T]
+    if not h > (0.0 if in_sigma else SHORTEST * scale) or not crossed(system, motion, mode, h, columns, crossings):
         return HELP
     if in_sigma and crossings.n_found[form] > 0 and system.transitions[3 * form + 2] == crossings.before[form]:
         return HELP
@@ -269,8 +290,8 @@ def _one_step(system, series, tolerances, returns, motion, columns, crossings, r
 def follow_kernel(system, series, tolerances, returns, budget, motion):
     """Follow a motion from return to return to a section; keep those after the first ones; a status."""
     n, n_transitions, order, stride = system.n, system.n_transitions, series.order, series.stride
-    block = np.empty((order + 1) * (stride + 2) + DEPTH * (order + 3) + n_transitions * ROOTS + 6 * n + 12)
-    integers = np.empty(3 * n_transitions, np.int64)
+    block = np.empty((order + 1) * (stride + 2) + DEPTH * (order + 3) + n_transitions * ROOTS + 8 * n + 12)
+    integers = np.zeros(4 * n_transitions, np.int64)
     system = system_pointers(system)
     series = Series(
         series.address, order, stride, pointer(series.forms, 0), pointer(series.binomials, 0), pointer(series.p, 0)
@@ -287,10 +308,11 @@ def follow_kernel(system, series, tolerances, returns, budget, motion):
     )  # fmt: skip
     found = pointer(columns.pieces, DEPTH * (order + 3))
     crossings = Crossings(
-        found, pointer(integers, 0), pointer(integers, n_transitions), pointer(integers, 2 * n_transitions)
-    )
+        found, pointer(integers, 0), pointer(integers, n_transitions), pointer(integers, 2 * n_transitions),
+        pointer(integers, 3 * n_transitions),
+    )  # fmt: skip
     y = pointer(found, n_transitions * ROOTS)
-    room = Room(y, pointer(y, n + 4), pointer(y, 2 * n + 5))
+    room = Room(y, pointer(y, n + 4), pointer(y, 2 * n + 5), pointer(y, 6 * n + 12), pointer(y, 7 * n + 12))
     last = returns.skip + returns.room
     status = GOES_ON
     while status == GOES_ON:

@@ -11,7 +11,7 @@ from saltus.flow._column_kernels import column_value, evaluate, roots, step_leng
 from saltus.flow._kernels import INNER, PART, call, outlined, pointer
 from saltus.flow._order_kernels import first_crossing
 from saltus.flow._polynomial_kernels import ROOTS
-from saltus.flow._state_kernels import DURATION, TWO_PI
+from saltus.flow._state_kernels import DURATION, PASSES, TWO_PI
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
@@ -55,6 +55,9 @@ SMALL_RUN_MOST = 5  # most events in a row after short times, before HELP is ask
 CROWD = 1e-3  # time without an event, in periods, after which help ends
 FROM_SURFACE = 3e-5  # least part of w left by a step without an event: a start within rounding would lie on the surface
 TIME_WORTH = 0.75  # length of a step in time, over the last one in sigma, from which the cheaper one in time is taken
+SHORTEST = (
+    1e-12  # length of a step, in periods or over the time, below which a pole of an event function stops the series
+)
 PAUSE = 2  # steps in sigma between two trials of series in time
 SHORTER_MOST = 40  # most halvings in a row of a step in sigma at whose end time runs back
 LANDING = 1e3  # event function at its landing, in tolerances, beyond which HELP is asked for
@@ -133,11 +136,13 @@ class Motion(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room for the end of a step, for what is behind it, and for an event function: pointers."""
+    """Room for the end of a step, for what is behind it, for an event function, sizes and another state: pointers."""
 
     y: Any
     after: Any
     event: Any
+    size: Any
+    other: Any
 
 
 class Landing(NamedTuple):
@@ -248,7 +253,7 @@ def crossed(system, motion, mode, h, columns, crossings):
             continue
         place += 1
         crossings.n_found[k], crossings.before[k] = roots(
-            columns, place, h, motion.on[k] == 1, motion.side[k], system.transitions[3 * k + 2],
+            columns, place, h, motion.on[k] == 1, motion.side[k] if motion.side[k] != PASSES else 0, system.transitions[3 * k + 2],
             pointer(crossings.found, ROOTS * k),
         )  # fmt: skip
         if crossings.n_found[k] < 0:

@@ -279,7 +279,8 @@ class EventDrivenMotion:
         kernels = self.kernels
         t, mode = self.time, self.system.mode_names[self.mode]
         if status == kernels.CHATTERING:
-            return ChatteringError(t, self.x, mode)
+            last = int(self.counts[kernels.FIRED])
+            return ChatteringError(t, self.x, mode, self.system.transitions[last].name)
         if status == kernels.STEP_UNDERFLOW and (surface := self._sticks_on()) is not None:
             return StickingError(t, self.x, mode, surface)
         if status == kernels.EVENT_NOT_FINITE:

@@ -13,10 +13,14 @@ Rules
   does not happen a second time at the same place, tangentially or not.
 * Events at phase 0 of functions of the phase alone happen at once in a motion that starts at phase 0, in either
   direction.
-* A `ChatteringError` is raised in three cases. More than 50 events in a row each follow after less than 1e-10 of the
+* A `ChatteringError` is raised in four cases. More than 50 events in a row each follow after less than 1e-10 of the
   time scale, and these times shrink. Time stands still for 50 events. The motion hops from an event to the same event,
-  by less than rounding, four times in a row. The time scale is the period of the phase; without a phase it is the
+  by less than rounding, four times in a row. Four events in a row each follow after less than 1e-30 of the time scale,
+  at shrinking intervals. The time scale is the period of the phase; without a phase it is the
   longest time between events so far.
+* After an event that stays in its mode, a motion is on the side of the surface from which it came. If it leaves to the
+  other side, the event happens once more, unless the motion passes a threshold: docs/theory/flow.md.
+* A change of sign of an event function at which it is not zero, a jump or a pole, is no event.
 * A transition may land beyond an event of its target mode. `RuntimeWarning` and `Trajectory.landings_beyond` report it,
   and the motion goes on in the target mode.
 * A field that jumps, as ``sign(v)`` at v = 0, may be passed. Where it would hold the motion, a `StickingError` names

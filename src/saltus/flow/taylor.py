@@ -130,9 +130,7 @@ class TaylorRun:
         left = max(self._most - int(counts[kernels.STEPS]) - self._helped, 1)
         run = EventDrivenMotion(self.system, self.p, self.x[:-1].copy(), self.mode, *self.tolerances, most_steps=left)
         run.counts[[run.kernels.FIRED, run.kernels.MODE_BEFORE]] = counts[[kernels.FIRED, kernels.MODE_BEFORE]]
-        if (fired := int(counts[kernels.FIRED])) >= 0:
-            last = self.system.transitions[fired]
-            run.counts[run.kernels.UNCHANGED] = last.source == last.target and not last.reset
+        run.side[:] = self.side
         run.numbers[[run.kernels.T, run.kernels.T_LOW]] = numbers[[self.times.T, self.times.T_LOW]]
         run.offset = 0.0
         wanted = discard + kept[2].size

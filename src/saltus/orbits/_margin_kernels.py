@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from numba import int64
 
+from saltus.flow._crossing_kernels import SHRINKS
 from saltus.flow._kernels import INNER, call, outlined, pointer
 from saltus.flow._segment_kernels import EVENT_X
 from saltus.orbits._curve_kernels import FINE, GUARD, fine, held, lowest, sample, turning
@@ -105,8 +106,9 @@ def _touches(view, curve, surface, ends, begins, room, found):
         # an event that has just happened does not happen again as the motion passes on through its surface
         starts = j == 1 and abs(height[0]) <= small and curve.duration > 0.0 and not begins
         if 0 < j < total and height[j] < -small and (armed or starts):
-            bad |= _crossed(view, curve, surface, j, armed, room)
-            armed = False
+            early, jumps = _crossed(view, curve, surface, j, armed, room)
+            bad |= early
+            armed, seen = False, seen and not jumps
         if j == total and not ends and armed and height[j] < -small:
             bad |= EARLY
         if height[j] > small:
@@ -158,17 +160,25 @@ def _noted(view, surface, least, place, room, found):
 
 @njit(**INNER)
 def _crossed(view, curve, surface, j, armed, room):
-    """Return EARLY where the condition holds as the surface is passed, before the fine sample `j`."""
+    """Return EARLY where the condition holds as the surface is passed, before the fine sample `j`; and whether it is not.
+
+    A function that jumps, or has a pole, changes its sign without being zero: that is no event.
+    """
+    above, below = surface.height[j - 1], surface.height[j]
+    apart = abs(above) + abs(below)
     low, high, what = fine(curve, j - 1), fine(curve, j), view.n + view.outputs + surface.transition
     for _ in range(50 if armed else 0):
         place = 0.5 * (low + high)
-        if sample(view, curve, what, surface.sign, place, room.x, room.out) < 0.0:
-            high = place
+        value = sample(view, curve, what, surface.sign, place, room.x, room.out)
+        if value < 0.0:
+            high, below = place, value
         else:
-            low = place
+            low, above = place, value
+    if armed and abs(above - below) > max(SHRINKS * apart, surface.small):
+        return 0, True
     sample(view, curve, int64(0), 1.0, low, room.x, room.out)
     call(view.functions[GUARD], view.modes + surface.transition, 0, room.x, 0, view.p, room.one, 0)
-    return EARLY if room.one[0] > 0.0 else 0
+    return EARLY if room.one[0] > 0.0 else 0, False
 
 
 @njit(**INNER)
