@@ -247,8 +247,8 @@ def _stays_on(surface, values):
 def _scan(system, surface, x, dense, tolerances, y, event, fit, found):
     """All zeros of an event function in the step, in order.
 
-    Returns the count of zeros (-1: too many for one step), the side before the first of them (0: not known yet),
-    whether the motion ends on the surface, and the bits of those that are jumps or poles.
+    Returns the count of zeros (-1: too many for one step) and the side before the first of them (0: not known yet).
+    Then whether the motion ends on the surface, and the bits of those that are jumps or poles.
     """
     outlined()
     count, jumps = 0, int64(0)

@@ -309,7 +309,11 @@ def chatters(counts, numbers, phase):
     counts[SHRINKING_RUN] = counts[SHRINKING_RUN] + 1 if shrinking else 0
     counts[STILL_RUN] = counts[STILL_RUN] + 1 if still else 0
     vanishing = 0.0 < duration <= NOTHING * max(scale, numbers[T]) and counts[SHRINKING_RUN] > NOTHING_RUN
-    if min(counts[SMALL_RUN], counts[SHRINKING_RUN]) > CHATTERING_RUN or counts[STILL_RUN] > CHATTERING_RUN or vanishing:
+    if (
+        min(counts[SMALL_RUN], counts[SHRINKING_RUN]) > CHATTERING_RUN
+        or counts[STILL_RUN] > CHATTERING_RUN
+        or vanishing
+    ):
         # the rest of the geometric series, two events at a time so that two modes may take turns
         if 0.0 < duration < numbers[LAST_BUT_ONE]:
             ratio = duration / numbers[LAST_BUT_ONE]
