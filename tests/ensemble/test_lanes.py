@@ -120,3 +120,18 @@ def test_motions_of_other_parameters_differ():
     ends = [Ensemble(hertz(), {"k": k}).strobe(points)[0] for k in (1.0, 20.0, 20.0)]
     assert np.abs(ends[0] - ends[1]).max() > 1e-3
     np.testing.assert_array_equal(ends[1], ends[2])
+
+
+@pytest.mark.parametrize("direction", [-1, 0])
+def test_no_lane_passes_a_table_on_which_balls_come_to_rest(direction):
+    """Impacts accumulate within the first periods: such motions have no state, and none is below the table."""
+    reset = {"v": "-e*v + (1 + e)*a*w*cos(s)"}
+    impact = Transition("flight", "flight", "z - a*sin(s)", direction, reset, name="impact")
+    modes = {"flight": Mode({"z": "v", "v": "-1"})}
+    table = HybridSystem(("z", "v"), {"e": 0.3, "a": 0.5, "w": 1.0}, modes, [impact], phase=("s", "w"))
+    starts = np.random.default_rng(3).uniform([0.01, -1.0], [3.0, 1.0], (24, 2))
+    for a, all_rest in ((0.5, True), (2.5, False)):
+        ends, _ = Ensemble(table, {"a": a}, tolerance=1e-10).strobe(starts, count=6)
+        rest = np.isnan(ends[:, 0])
+        assert rest.all() == all_rest
+        assert np.all(ends[~rest, 0] > -1e-9)
