@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -15,6 +16,7 @@ from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.options import check_along_parameter
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
+from saltus.continuation.sizes import other_than, upwards
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.zero_problem import correct
 from saltus.cycles import MapOrbit
@@ -24,6 +26,7 @@ from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.normal_forms import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.resting import RESTING
 from saltus.orbits.signature import CLOSED_END, CUT_END, DIRECTION, DURATION, MEAN_END, PHASE_END, WHOLE, Signature
 
 if TYPE_CHECKING:
@@ -34,6 +37,7 @@ __all__ = ["doubled_orbit", "grazing_orbits", "switch_branch"]
 _AMPLITUDES = tuple(1e-3 * 0.25**k for k in range(8))  # steps onto the other branch, in the orbit's sizes, in turn
 _TOUCHING = 1e-6  # distance or duration, over the orbit's size or period, up to which it vanishes
 _PERHAPS_ZERO = 1e-6  # value of a parameter, in its own unit, up to which it may be rounding of 0
+_ALONE = 1e-6  # change of the motion, over its size, up to which it is the same without some states
 _ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the same direction
 
 
@@ -152,8 +156,30 @@ def doubled_orbit(point: SpecialPoint, level: int = 0) -> PeriodicOrbit:
             again[n - 1 :: n + 1] += 2.0 * math.pi * form.turns
         start, direction = np.concatenate([u, again]), np.concatenate([q, -q])
     index, scale = _parameter(point)
-    return _step_off(orbit, signature, np.append(start, orbit_value(orbit, index) / scale), np.append(direction, 0.0),
-                     index, scale, "doubled orbit", 0.5**level)  # fmt: skip
+    start, direction = np.append(start, orbit_value(orbit, index) / scale), np.append(direction, 0.0)
+
+    def step(sizes: NDArray[np.float64] | None) -> tuple[PeriodicOrbit, float, float]:
+        return _step_off(orbit, signature, start, direction, index, scale, "doubled orbit", 0.5**level, sizes)
+
+    return other_than(*_known_sizes(point), step, "doubled orbit")
+
+
+def _known_sizes(point: SpecialPoint) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the states' sizes on the point's orbit and in the tangent of its branch, and which states rest at 0.
+
+    States at rest are small, and without them the others' motion is the same.
+    """
+    orbit = point.orbit
+    sizes = np.array([max(abs(orbit.min[name]), abs(orbit.max[name])) for name in orbit.system.states])
+    sizes = sizes if point.sizes is None else np.maximum(sizes, point.sizes)
+    small = sizes < RESTING * float(sizes.max())
+    if np.any(small):
+        problem, u = orbit.problem(), orbit.unknowns.copy()
+        blocks = u.reshape(problem.segments, problem.n + 1)
+        blocks[:, np.flatnonzero(small)] = 0.0
+        gaps = np.abs(problem.evaluate(u)[0]).reshape(blocks.shape)[:, : small.size].max(axis=0)
+        small &= bool(np.all(gaps[~small] <= _ALONE * sizes[~small]))
+    return sizes, small
 
 
 def orbit_value(orbit: PeriodicOrbit, index: int) -> float:
@@ -162,12 +188,23 @@ def orbit_value(orbit: PeriodicOrbit, index: int) -> float:
 
 
 def _other(point: SpecialPoint) -> PeriodicOrbit:
-    orbit = point.orbit
+    known, resting = _known_sizes(point)
+    return other_than(known, resting, partial(_beside, point, resting), "other branch")
+
+
+def _beside(
+    point: SpecialPoint, resting: NDArray[np.bool_], sizes: NDArray[np.float64] | None
+) -> tuple[PeriodicOrbit, float, float]:
+    """Return an orbit of the other branch at a BP, and how far its parameter and states are from the point's.
+
+    sizes: (states,), if they are not those of the point's own branch.
+    """
+    orbit, sizes = point.orbit, point.sizes if sizes is None else sizes
     index, scale = _parameter(point)
     p = orbit.system.parameter_vector(orbit.parameters)
     problem = OrbitProblem(orbit.system, orbit.form, p, [index], np.array([scale]), orbit.tolerance)
     u = np.append(orbit.unknowns, orbit_value(orbit, index) / scale)
-    problem.start(u, point.sizes)
+    problem.start(u, sizes)
     J = problem.resolve(u)[1]
     condition = Branching(problem, 0, u, J)
     condition.evaluate(u, np.zeros(1), J)
@@ -190,7 +227,9 @@ def _other(point: SpecialPoint) -> PeriodicOrbit:
         hint = "to second order both branches leave in the same direction"
         raise ConvergenceError("other branch", abs(root), 0, hint)
     chosen = directions[int(np.argmin(likeness))]
-    return _step_off(orbit, orbit.form, u, chosen, index, scale, "other branch", sizes=point.sizes)
+    if np.any(resting):
+        chosen = upwards(chosen, chosen[: resting.size] / problem.state_scale[: resting.size] * resting)
+    return _step_off(orbit, orbit.form, u, chosen, index, scale, "other branch", sizes=sizes)
 
 
 def _step_off(
@@ -203,8 +242,11 @@ def _step_off(
     what: str,
     size: float = 1.0,
     sizes: NDArray[np.float64] | None = None,
-) -> PeriodicOrbit:
-    """Return an orbit a step from `u` along a direction, corrected normally to it with the parameter free."""
+) -> tuple[PeriodicOrbit, float, float]:
+    """Return an orbit a step from `u` along a direction, corrected normally to it with the parameter free.
+
+    How far its parameter, in units of `scale`, and its states at the segments' starts are from those of `u` comes too.
+    """
     p = orbit.system.parameter_vector(orbit.parameters)
     reason = ""
     for amplitude in (size * step for step in _AMPLITUDES):
@@ -223,7 +265,8 @@ def _step_off(
             continue
         found = orbit_at(problem, point.u, problem.evaluate(point.u)[1])
         if found.admissible or not orbit.admissible:
-            return found
+            states = np.abs(point.u - u)[:-1].reshape(problem.segments, problem.n + 1)[:, : len(orbit.system.states)]
+            return found, abs(float(point.u[-1] - u[-1])), float(states.max())
         reason = "; ".join(found.reasons)
     raise ConvergenceError(what, _AMPLITUDES[-1], len(_AMPLITUDES), reason)
 
