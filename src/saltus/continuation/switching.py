@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.births import cycle_born, equilibrium_of_cycle, other_equilibrium
-from saltus.continuation.cycle_switching import other_cycle
+from saltus.continuation.births import cycle_born, equilibrium_of_cycle, other_equilibria
+from saltus.continuation.cycle_switching import other_cycles
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.options import check_along_parameter
@@ -32,7 +32,7 @@ from saltus.orbits.signature import CLOSED_END, CUT_END, DIRECTION, DURATION, ME
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["doubled_orbit", "grazing_orbits", "switch_branch"]
+__all__ = ["doubled_orbit", "grazing_orbits", "other_solutions", "switch_branch"]
 
 _AMPLITUDES = tuple(1e-3 * 0.25**k for k in range(8))  # steps onto the other branch, in the orbit's sizes, in turn
 _TOUCHING = 1e-6  # distance or duration, over the orbit's size or period, up to which it vanishes
@@ -42,10 +42,12 @@ _ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the
 
 
 @overload
-def switch_branch(point: SpecialPoint[MapOrbit]) -> MapOrbit: ...
+def switch_branch(point: SpecialPoint[MapOrbit], which: int = 0) -> MapOrbit: ...
 @overload
-def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]) -> Any: ...
-def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium] | SpecialPoint[MapOrbit]) -> Any:
+def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium], which: int = 0) -> Any: ...
+def switch_branch(
+    point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium] | SpecialPoint[MapOrbit], which: int = 0
+) -> Any:
     """Return a solution of the other branch that meets the point's own branch at a special point.
 
     docs/theory/loci.md, "Other branches", derives the directions for orbits, docs/theory/equilibria.md those for
@@ -56,6 +58,9 @@ def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]
     point : SpecialPoint
         Of orbits: a PD, BP, GR or HB of a branch, or a PD or GR of a locus. Of equilibria: an HB or BP of a branch. Of
         cycles of a map: a PD or BP of a branch, or a PD of a locus.
+    which : int
+        Which of the other branches, from 0 on. There are several where several directions cross at once, as by
+        symmetry: at a BP of equilibria, and at a BP or PD of a map.
 
     Returns
     -------
@@ -69,7 +74,7 @@ def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]
     Raises
     ------
     InputError
-        A point of another type.
+        A point of another type, or fewer other branches than `which` asks for.
     ConvergenceError
         No orbit of the other branch was found.
 
@@ -90,33 +95,43 @@ def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]
     (2, True, True)
     """
     checks.instance("point", point, SpecialPoint)
+    chosen, found = checks.count("which", which, 0), other_solutions(point)
+    if chosen >= len(found):
+        raise InputError("which", which, f"less than {len(found)}", f"so many other branches meet at {point.label}")
+    return found[chosen]
+
+
+def other_solutions(point: SpecialPoint[Any]) -> list[Any]:
+    """Return a solution of each other branch at a special point; see `switch_branch`."""
     if isinstance(point.solution, MapOrbit):
-        return other_cycle(point)
+        return list(other_cycles(point))
     if isinstance(point.solution, Equilibrium):
         return _from_equilibrium(point, point.solution)
     if point.type == "HB":
-        return equilibrium_of_cycle(point.solution)
+        return [equilibrium_of_cycle(point.solution)]
     check_along_parameter("point", point)
     if point.type == "GR":
         _, *others = grazing_orbits(point)
         if not others:
             raise ConvergenceError("neighbouring signature", 0.0, 0, "none has the grazing orbit as well")
-        return others[0]
+        return others[:1]
     if point.type == "PD":
-        return doubled_orbit(point)
+        return [doubled_orbit(point)]
     if point.type == "BP":
-        return _other(point)
+        return [_other(point)]
     raise InputError("point", point.type, "of type PD, BP, GR or HB", "no other branch meets there")
 
 
-def _from_equilibrium(point: SpecialPoint[Equilibrium], equilibrium: Equilibrium) -> PeriodicOrbit | Equilibrium:
-    """Return the other solution at a special point of equilibria."""
+def _from_equilibrium(
+    point: SpecialPoint[Equilibrium], equilibrium: Equilibrium
+) -> list[PeriodicOrbit] | list[Equilibrium]:
+    """Return the other solutions at a special point of equilibria."""
     parameter = point.varied[0]
     sizes = np.ones(equilibrium.state.size) if point.scale is None else np.maximum(point.scale, 1e-300)
     if point.type == "HB":
-        return cycle_born(equilibrium, parameter, sizes)
+        return [cycle_born(equilibrium, parameter, sizes)]
     if point.type == "BP":
-        return other_equilibrium(equilibrium, parameter, point.tangent, sizes)
+        return other_equilibria(equilibrium, parameter, point.tangent, sizes)
     raise InputError("point", point.type, "of type HB or BP", "no other branch meets there")
 
 
