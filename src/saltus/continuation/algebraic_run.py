@@ -38,7 +38,9 @@ _TURNING = 1e-5  # arclength from a branch point within which the parameter turn
 _RESTS = 1e-5  # change of the parameter per unit of arclength, below which a branch may grow without bound
 _GROWN = 1e3  # size of a state, over that at the start, from which on it may
 _FAR = 10.0  # the same, from which on a parameter that rests need not turn
-_DOUBLED = 2.0  # growth of a size while the parameter rests, with which it does
+_DOUBLED = 2.0  # growth of a size while the parameter rests, after which the parameter's way is compared
+_MARKS = 3  # points of comparison: two such growths
+_ROUNDED = 1e-15  # change of the parameter that is its rounding
 _MOST_GROWN = 1e100  # size of a state, over that at the start, up to which a branch is followed
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
@@ -83,7 +85,7 @@ class AlgebraicRun(OneParameterRun):
         super().__init__(*options)
         self.solution = solution
         self.first_sizes: NDArray[np.float64] = np.empty(0)
-        self._resting: NDArray[np.float64] | None = None  # sizes where the parameter came to rest
+        self._marks: list[tuple[NDArray[np.float64], float]] = []  # sizes and parameter since it rests, at doublings
 
     @abstractmethod
     def equations(self, form: Any, u: NDArray[np.float64], sizes: NDArray[np.float64] | None) -> AlgebraicZeroProblem:
@@ -123,20 +125,30 @@ class AlgebraicRun(OneParameterRun):
 
     def restart(self, branch: Any, origin: Point) -> None:
         """See `OneParameterRun.restart`: the sizes may have grown along the other direction."""
-        branch.sizes, self._resting = self.first_sizes.copy(), None
+        branch.sizes, self._marks = self.first_sizes.copy(), []
 
     def unbounded(self, point: Point) -> str | None:
         """Return why a branch ends at a point from which it grows without bound; None where it does not.
 
-        At a saddle-node the parameter rests as well, but the states do not grow meanwhile.
+        At a saddle-node the parameter rests as well, but the states do not grow meanwhile. At the vertex of a pitchfork
+        they grow from 0, but the parameter moves the more the larger they are; on the way to infinity it does the less.
         """
         sizes, grown = 1.0 / np.sqrt(point.weights[:-1]), self._grown(point)
         if abs(float(point.tangent[-1])) >= _RESTS:
-            self._resting = None
-        elif self._resting is None:
-            self._resting = sizes
-        doubled = self._resting is not None and float(np.max(sizes / self._resting)) > _DOUBLED
-        return f"the {self.what} grows without bound" if (grown > _GROWN and doubled) or grown > _MOST_GROWN else None
+            self._marks = []
+        elif not self._marks or float(np.max(sizes / self._marks[-1][0])) > _DOUBLED:
+            self._marks = [*self._marks[-2:], (sizes, point.parameter)]
+        runs = grown > _GROWN and len(self._marks) == _MARKS and self._comes_to_rest()
+        return f"the {self.what} grows without bound" if runs or grown > _MOST_GROWN else None
+
+    def _comes_to_rest(self) -> bool:
+        """Return whether the parameter moves less in the last doubling of the states than in the one before."""
+        (first, p), (middle, q), (last, r) = self._marks
+        before, now = (
+            abs(end - start) / math.log(float(np.max(larger / smaller)))
+            for start, end, smaller, larger in ((p, q, first, middle), (q, r, middle, last))
+        )
+        return now <= before or now < _ROUNDED * max(abs(r), 1.0)
 
     def _grown(self, point: Point) -> float:
         """Return the largest ratio of a state's size at a point to its size at the start."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.branching import other_branch, parameter_scale
+from saltus.continuation.branching import other_branches, parameter_scale
 from saltus.continuation.equilibrium_problem import EquilibriumZeroProblem
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
 from saltus.continuation.zero_problem import correct
@@ -27,7 +27,7 @@ from saltus.orbits.signature import CLOSED_END, Signature
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["cycle_born", "equilibrium_of_cycle", "other_equilibrium"]
+__all__ = ["cycle_born", "equilibrium_of_cycle", "other_equilibria"]
 
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 3e-2)  # amplitudes of a first cycle, over that at which other terms matter
 _ROOM = 0.3  # share of the distance from a surface that a first cycle may take
@@ -66,6 +66,12 @@ def cycle_born(equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float
         raise InputError("point", f"eigenvalues {values}", "an equilibrium with an imaginary pair, as every HB has")
     w = float(pairs[np.argmin(np.abs(pairs.real))].imag)
     check_no_zero(values, w)
+    alike = int(np.sum(np.abs(pairs - 1j * w) < _CRITICAL * w))
+    if alike > 1:
+        hint = (
+            f"{alike} equal pairs cross at once, as by symmetry, and many branches of cycles meet; find_orbit beside it"
+        )
+        raise ConvergenceError("cycle at the Hopf point", 0.0, 0, hint)
     terms = hopf_terms(problem, u, A, w)
     tangent = np.append(-np.linalg.solve(A, J[:, n]), 1.0)
     speed = complex(terms.p.conj() @ (problem.second(u, tangent)[:, :n] @ terms.q)).real
@@ -143,13 +149,13 @@ def equilibrium_of_cycle(orbit: PeriodicOrbit) -> Equilibrium:
     return found
 
 
-def other_equilibrium(
+def other_equilibria(
     equilibrium: Equilibrium,
     parameter: str,
     tangent: NDArray[np.float64] | None,
     known: NDArray[np.float64],
-) -> Equilibrium:
-    """Return an equilibrium of the other branch at a branch point, a short step from the point.
+) -> list[Equilibrium]:
+    """Return an equilibrium of each other branch at a branch point, a short step from the point.
 
     Parameters
     ----------
@@ -171,6 +177,7 @@ def other_equilibrium(
     """
     problem = equilibrium.problem(parameter)
     u = np.append(equilibrium.state, equilibrium.parameters[parameter])
-    u, sizes = other_branch(problem, u, tangent, EquilibriumZeroProblem, known)
-    u = without_rounding(problem, u, sizes)
-    return equilibrium_at(problem, u, sizes)
+    return [
+        equilibrium_at(problem, without_rounding(problem, found, sizes), sizes)
+        for found, sizes in other_branches(problem, u, tangent, EquilibriumZeroProblem, known)
+    ]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.continuation.multiple import branches_at, crossing
 from saltus.continuation.orbit_problem import Interest
 from saltus.continuation.zero_problem import Point, correct
 from saltus.equilibria.find import state_sizes, without_rounding
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from saltus.continuation.algebraic_problem import AlgebraicZeroProblem
     from saltus.equilibria.algebraic import AlgebraicProblem
 
-__all__ = ["everywhere", "other_branch", "parameter_scale", "stepped"]
+__all__ = ["everywhere", "other_branches", "parameter_scale", "stepped"]
 
 _SHIFTS = (1e-3, 1e-4, 1e-5, 1e-2)  # changes of the parameter by a first step, over the one that alters the Jacobian
 _ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the same direction
@@ -56,14 +57,14 @@ def parameter_scale(
     return own / by_parameter if own > 0.0 and by_parameter > 0.0 else value or 1.0
 
 
-def other_branch(
+def other_branches(
     problem: AlgebraicProblem,
     u: NDArray[np.float64],
     tangent: NDArray[np.float64] | None,
     zero_problem: type[AlgebraicZeroProblem],
     known: NDArray[np.float64] | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a solution of the other branch at a branch point, a short step from the point, and sizes, (n,).
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return a solution of each other branch at a branch point, a short step from the point, and sizes, (n,).
 
     Parameters
     ----------
@@ -93,7 +94,11 @@ def other_branch(
     sizes = np.append(state_sizes(problem, u, J) if known is None else known, 1.0)
     terms = np.abs(J * sizes).max(axis=1)
     rows = 1.0 / np.where(terms > _FAINT * terms.max(), terms, terms.max() or 1.0)
-    left, _, right = np.linalg.svd(J * sizes * rows[:, None])
+    left, values, right = np.linalg.svd(J * sizes * rows[:, None])
+    if crossing(values) > 1:
+        own = np.append(tangent[:n], tangent[n] / scale)
+        several = branches_at(problem.evaluate, u, sizes, own, "other branch")
+        return [(found, np.maximum(sizes[:n], np.abs(found[:n]))) for found in several]
     w = left[:, -1] * rows
     first, second = right[-1] * sizes, right[-2] * sizes
     bend = [w @ problem.second(u, v) for v in (first, second)]
@@ -119,7 +124,7 @@ def other_branch(
         found = stepped(zero_problem(problem, sizes[:n], everywhere(scale)), u, min(steps) * chosen, sizes[:n])
         if not isinstance(found, str):
             found = without_rounding(problem, found, sizes[:n])
-            return found, np.maximum(sizes[:n], np.abs(found[:n]))
+            return [(found, np.maximum(sizes[:n], np.abs(found[:n])))]
         reason = found
     raise ConvergenceError("other branch", _SHIFTS[0], len(_SHIFTS), reason)
 

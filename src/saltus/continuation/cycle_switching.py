@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from saltus.continuation.branching import everywhere, other_branch, parameter_scale, stepped
+from saltus.continuation.branching import everywhere, other_branches, parameter_scale, stepped
 from saltus.continuation.cycle_problem import CycleZeroProblem
+from saltus.continuation.multiple import branches_at, crossing
 from saltus.continuation.special_points import SpecialPoint
 from saltus.cycles.normal_forms import null_vectors
 from saltus.cycles.orbit import MapOrbit, cycle_at
 from saltus.cycles.solve import sizes_of
 from saltus.errors import ConvergenceError, InputError
 
-__all__ = ["doubled_cycle", "other_cycle"]
+__all__ = ["doubled_cycle", "other_cycles"]
 
 _AMPLITUDES = tuple(1e-3 * 0.25**k for k in range(8))  # steps onto the doubled branch, in sizes of the states, in turn
 
 
-def other_cycle(point: SpecialPoint[MapOrbit]) -> MapOrbit:
-    """Return a cycle of another branch that meets the point's own one.
+def other_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
+    """Return a cycle of each other branch that meets the point's own one.
 
     Raises
     ------
@@ -28,7 +29,7 @@ def other_cycle(point: SpecialPoint[MapOrbit]) -> MapOrbit:
         No cycle of the other branch was found.
     """
     if point.type == "PD":
-        return doubled_cycle(point)
+        return doubled_cycles(point)
     if point.type != "BP":
         raise InputError("point", point.type, "of type PD or BP", "no other branch meets there")
     orbit, name = point.cycle, point.varied[-1]
@@ -37,8 +38,10 @@ def other_cycle(point: SpecialPoint[MapOrbit]) -> MapOrbit:
     if problem.period % 2 == 0 and point.tangent is not None:
         half = problem.n // 2
         if np.allclose(u[:half], u[half:-1], rtol=0.0, atol=1e-5 * float(np.abs(u[:-1]).max())):
-            return _single(orbit)
-    return cycle_at(problem, *other_branch(problem, u, point.tangent, CycleZeroProblem, point.scale))
+            return [_single(orbit)]
+    return [
+        cycle_at(problem, *found) for found in other_branches(problem, u, point.tangent, CycleZeroProblem, point.scale)
+    ]
 
 
 def _single(orbit: MapOrbit) -> MapOrbit:
@@ -52,6 +55,28 @@ def _single(orbit: MapOrbit) -> MapOrbit:
         F, J = problem.evaluate(u)
         u = u - np.linalg.solve(J, F)
     return cycle_at(problem, u, sizes_of(problem, u))
+
+
+def doubled_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
+    """Return the cycles of doubled period beside a period doubling: several where several multipliers are -1."""
+    orbit, name = point.cycle, point.varied[-1]
+    single = orbit.problem(name)
+    u = np.append(orbit.points.ravel(), orbit.parameters[name])
+    doubled = single.along(single.itinerary * 2)
+    start = np.concatenate([u[:-1], u[:-1], u[-1:]])
+    known = sizes_of(doubled, start) if point.scale is None else np.tile(point.scale, 2)
+    J, scale = doubled.evaluate(start)[1], parameter_scale(single, u, point.scale)
+    scaled = J[:, :-1] * known
+    scaled /= np.abs(scaled).max(axis=1, keepdims=True)
+    if crossing(np.linalg.svd(scaled, compute_uv=False)) < 2:
+        return [doubled_cycle(point)]
+    doubled.scales[0], start[-1] = scale, start[-1] / scale
+    A = single.evaluate(u)[1]
+    own = -np.linalg.solve(A[:, :-1], A[:, -1]) * scale
+    found = branches_at(
+        doubled.evaluate, start, np.append(known, 1.0), np.concatenate([own, own, [1.0]]), "doubled cycle"
+    )
+    return [cycle_at(doubled, v, known) for v in found]
 
 
 def doubled_cycle(point: SpecialPoint[MapOrbit], level: int = 0) -> MapOrbit:

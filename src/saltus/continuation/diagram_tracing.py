@@ -15,7 +15,7 @@ from saltus.continuation.equilibria import continue_equilibrium
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.map_curve import MapBranch
 from saltus.continuation.orbits import continue_orbit
-from saltus.continuation.switching import switch_branch
+from saltus.continuation.switching import other_solutions
 from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium, find_equilibrium
 from saltus.equilibria.problem import check_autonomous
@@ -192,26 +192,32 @@ class _Run:
                     return f"{self.options.most} branches: {len(self._waiting)} special points are left"
                 parent, point = self._waiting.pop(0)
                 origin = Origin(parent, point.label, self.origins[parent].depth + 1)
-                other = self._other(parent, point)
-                if other is not None and (end := self._follow(other, origin)):
-                    return end
+                for other in self._others(parent, point):
+                    if len(self.branches) >= self.options.most:
+                        return f"{self.options.most} branches: others meet at {point.label} of branch {parent}"
+                    if end := self._follow(other, origin):
+                        return end
         except KeyboardInterrupt:
             return _INTERRUPTED
         return f"all branches to depth {self.options.depth}"
 
-    def _other(self, parent: int, point: SpecialPoint[Any]) -> Equilibrium | PeriodicOrbit | MapOrbit | None:
-        """Return a solution of the other branch at a special point; None where there is none within the bounds."""
+    def _others(self, parent: int, point: SpecialPoint[Any]) -> list[Equilibrium | PeriodicOrbit | MapOrbit]:
+        """Return a solution of each other branch at a special point, of those that begin within the bounds."""
         told = f"{point.label} of branch {parent}"
         try:
-            found: Equilibrium | PeriodicOrbit | MapOrbit = switch_branch(point)
+            found = other_solutions(point)
         except SaltusError as error:
             self.failures.append(f"{told}: {error}")
-            return None
-        value = found.parameters[self.parameter]
-        if not self.bounds[0] <= value <= self.bounds[1]:
-            self.failures.append(f"{told}: the other branch begins out of bounds, at {self.parameter} = {value:.9g}")
-            return None
-        return found
+            return []
+        kept = []
+        for solution in found:
+            value = solution.parameters[self.parameter]
+            if self.bounds[0] <= value <= self.bounds[1]:
+                kept.append(solution)
+            else:
+                text = f"the other branch begins out of bounds, at {self.parameter} = {value:.9g}"
+                self.failures.append(f"{told}: {text}")
+        return kept
 
     def _follow(self, start: Equilibrium | PeriodicOrbit | MapOrbit, origin: Origin) -> str:
         """Follow the branch through a solution; return why the search must end, or an empty text."""

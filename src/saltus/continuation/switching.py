@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.births import cycle_born, equilibrium_of_cycle, other_equilibrium
-from saltus.continuation.cycle_switching import other_cycle
+from saltus.continuation.births import cycle_born, equilibrium_of_cycle, other_equilibria
+from saltus.continuation.cycle_switching import other_cycles
 from saltus.continuation.grazing import Neighbour, neighbour, sides_met
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.options import check_along_parameter
 from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
+from saltus.continuation.sizes import other_than, upwards
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.zero_problem import correct
 from saltus.cycles import MapOrbit
@@ -24,24 +26,28 @@ from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.normal_forms import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.resting import RESTING
 from saltus.orbits.signature import CLOSED_END, CUT_END, DIRECTION, DURATION, MEAN_END, PHASE_END, WHOLE, Signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["doubled_orbit", "grazing_orbits", "switch_branch"]
+__all__ = ["doubled_orbit", "grazing_orbits", "other_solutions", "switch_branch"]
 
 _AMPLITUDES = tuple(1e-3 * 0.25**k for k in range(8))  # steps onto the other branch, in the orbit's sizes, in turn
 _TOUCHING = 1e-6  # distance or duration, over the orbit's size or period, up to which it vanishes
 _PERHAPS_ZERO = 1e-6  # value of a parameter, in its own unit, up to which it may be rounding of 0
+_ALONE = 1e-6  # change of the motion, over its size, up to which it is the same without some states
 _ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the same direction
 
 
 @overload
-def switch_branch(point: SpecialPoint[MapOrbit]) -> MapOrbit: ...
+def switch_branch(point: SpecialPoint[MapOrbit], which: int = 0) -> MapOrbit: ...
 @overload
-def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]) -> Any: ...
-def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium] | SpecialPoint[MapOrbit]) -> Any:
+def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium], which: int = 0) -> Any: ...
+def switch_branch(
+    point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium] | SpecialPoint[MapOrbit], which: int = 0
+) -> Any:
     """Return a solution of the other branch that meets the point's own branch at a special point.
 
     docs/theory/loci.md, "Other branches", derives the directions for orbits, docs/theory/equilibria.md those for
@@ -52,6 +58,9 @@ def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]
     point : SpecialPoint
         Of orbits: a PD, BP, GR or HB of a branch, or a PD or GR of a locus. Of equilibria: an HB or BP of a branch. Of
         cycles of a map: a PD or BP of a branch, or a PD of a locus.
+    which : int
+        Which of the other branches, from 0 on. There are several where several directions cross at once, as by
+        symmetry: at a BP of equilibria, and at a BP or PD of a map.
 
     Returns
     -------
@@ -65,7 +74,7 @@ def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]
     Raises
     ------
     InputError
-        A point of another type.
+        A point of another type, or fewer other branches than `which` asks for.
     ConvergenceError
         No orbit of the other branch was found.
 
@@ -86,33 +95,43 @@ def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium]
     (2, True, True)
     """
     checks.instance("point", point, SpecialPoint)
+    chosen, found = checks.count("which", which, 0), other_solutions(point)
+    if chosen >= len(found):
+        raise InputError("which", which, f"less than {len(found)}", f"so many other branches meet at {point.label}")
+    return found[chosen]
+
+
+def other_solutions(point: SpecialPoint[Any]) -> list[Any]:
+    """Return a solution of each other branch at a special point; see `switch_branch`."""
     if isinstance(point.solution, MapOrbit):
-        return other_cycle(point)
+        return list(other_cycles(point))
     if isinstance(point.solution, Equilibrium):
         return _from_equilibrium(point, point.solution)
     if point.type == "HB":
-        return equilibrium_of_cycle(point.solution)
+        return [equilibrium_of_cycle(point.solution)]
     check_along_parameter("point", point)
     if point.type == "GR":
         _, *others = grazing_orbits(point)
         if not others:
             raise ConvergenceError("neighbouring signature", 0.0, 0, "none has the grazing orbit as well")
-        return others[0]
+        return others[:1]
     if point.type == "PD":
-        return doubled_orbit(point)
+        return [doubled_orbit(point)]
     if point.type == "BP":
-        return _other(point)
+        return [_other(point)]
     raise InputError("point", point.type, "of type PD, BP, GR or HB", "no other branch meets there")
 
 
-def _from_equilibrium(point: SpecialPoint[Equilibrium], equilibrium: Equilibrium) -> PeriodicOrbit | Equilibrium:
-    """Return the other solution at a special point of equilibria."""
+def _from_equilibrium(
+    point: SpecialPoint[Equilibrium], equilibrium: Equilibrium
+) -> list[PeriodicOrbit] | list[Equilibrium]:
+    """Return the other solutions at a special point of equilibria."""
     parameter = point.varied[0]
     sizes = np.ones(equilibrium.state.size) if point.scale is None else np.maximum(point.scale, 1e-300)
     if point.type == "HB":
-        return cycle_born(equilibrium, parameter, sizes)
+        return [cycle_born(equilibrium, parameter, sizes)]
     if point.type == "BP":
-        return other_equilibrium(equilibrium, parameter, point.tangent, sizes)
+        return other_equilibria(equilibrium, parameter, point.tangent, sizes)
     raise InputError("point", point.type, "of type HB or BP", "no other branch meets there")
 
 
@@ -152,8 +171,30 @@ def doubled_orbit(point: SpecialPoint, level: int = 0) -> PeriodicOrbit:
             again[n - 1 :: n + 1] += 2.0 * math.pi * form.turns
         start, direction = np.concatenate([u, again]), np.concatenate([q, -q])
     index, scale = _parameter(point)
-    return _step_off(orbit, signature, np.append(start, orbit_value(orbit, index) / scale), np.append(direction, 0.0),
-                     index, scale, "doubled orbit", 0.5**level)  # fmt: skip
+    start, direction = np.append(start, orbit_value(orbit, index) / scale), np.append(direction, 0.0)
+
+    def step(sizes: NDArray[np.float64] | None) -> tuple[PeriodicOrbit, float, float]:
+        return _step_off(orbit, signature, start, direction, index, scale, "doubled orbit", 0.5**level, sizes)
+
+    return other_than(*_known_sizes(point), step, "doubled orbit")
+
+
+def _known_sizes(point: SpecialPoint) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the states' sizes on the point's orbit and in the tangent of its branch, and which states rest at 0.
+
+    States at rest are small, and without them the others' motion is the same.
+    """
+    orbit = point.orbit
+    sizes = np.array([max(abs(orbit.min[name]), abs(orbit.max[name])) for name in orbit.system.states])
+    sizes = sizes if point.sizes is None else np.maximum(sizes, point.sizes)
+    small = sizes < RESTING * float(sizes.max())
+    if np.any(small):
+        problem, u = orbit.problem(), orbit.unknowns.copy()
+        blocks = u.reshape(problem.segments, problem.n + 1)
+        blocks[:, np.flatnonzero(small)] = 0.0
+        gaps = np.abs(problem.evaluate(u)[0]).reshape(blocks.shape)[:, : small.size].max(axis=0)
+        small &= bool(np.all(gaps[~small] <= _ALONE * sizes[~small]))
+    return sizes, small
 
 
 def orbit_value(orbit: PeriodicOrbit, index: int) -> float:
@@ -162,12 +203,23 @@ def orbit_value(orbit: PeriodicOrbit, index: int) -> float:
 
 
 def _other(point: SpecialPoint) -> PeriodicOrbit:
-    orbit = point.orbit
+    known, resting = _known_sizes(point)
+    return other_than(known, resting, partial(_beside, point, resting), "other branch")
+
+
+def _beside(
+    point: SpecialPoint, resting: NDArray[np.bool_], sizes: NDArray[np.float64] | None
+) -> tuple[PeriodicOrbit, float, float]:
+    """Return an orbit of the other branch at a BP, and how far its parameter and states are from the point's.
+
+    sizes: (states,), if they are not those of the point's own branch.
+    """
+    orbit, sizes = point.orbit, point.sizes if sizes is None else sizes
     index, scale = _parameter(point)
     p = orbit.system.parameter_vector(orbit.parameters)
     problem = OrbitProblem(orbit.system, orbit.form, p, [index], np.array([scale]), orbit.tolerance)
     u = np.append(orbit.unknowns, orbit_value(orbit, index) / scale)
-    problem.start(u, point.sizes)
+    problem.start(u, sizes)
     J = problem.resolve(u)[1]
     condition = Branching(problem, 0, u, J)
     condition.evaluate(u, np.zeros(1), J)
@@ -190,7 +242,9 @@ def _other(point: SpecialPoint) -> PeriodicOrbit:
         hint = "to second order both branches leave in the same direction"
         raise ConvergenceError("other branch", abs(root), 0, hint)
     chosen = directions[int(np.argmin(likeness))]
-    return _step_off(orbit, orbit.form, u, chosen, index, scale, "other branch", sizes=point.sizes)
+    if np.any(resting):
+        chosen = upwards(chosen, chosen[: resting.size] / problem.state_scale[: resting.size] * resting)
+    return _step_off(orbit, orbit.form, u, chosen, index, scale, "other branch", sizes=sizes)
 
 
 def _step_off(
@@ -203,8 +257,11 @@ def _step_off(
     what: str,
     size: float = 1.0,
     sizes: NDArray[np.float64] | None = None,
-) -> PeriodicOrbit:
-    """Return an orbit a step from `u` along a direction, corrected normally to it with the parameter free."""
+) -> tuple[PeriodicOrbit, float, float]:
+    """Return an orbit a step from `u` along a direction, corrected normally to it with the parameter free.
+
+    How far its parameter, in units of `scale`, and its states at the segments' starts are from those of `u` comes too.
+    """
     p = orbit.system.parameter_vector(orbit.parameters)
     reason = ""
     for amplitude in (size * step for step in _AMPLITUDES):
@@ -223,7 +280,8 @@ def _step_off(
             continue
         found = orbit_at(problem, point.u, problem.evaluate(point.u)[1])
         if found.admissible or not orbit.admissible:
-            return found
+            states = np.abs(point.u - u)[:-1].reshape(problem.segments, problem.n + 1)[:, : len(orbit.system.states)]
+            return found, abs(float(point.u[-1] - u[-1])), float(states.max())
         reason = "; ".join(found.reasons)
     raise ConvergenceError(what, _AMPLITUDES[-1], len(_AMPLITUDES), reason)
 
