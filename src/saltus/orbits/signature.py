@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BEYOND", "BOUNDARY", "CLOSED_END", "COARSE", "CUT_END", "DIRECTION", "DOMAIN", "DURATION", "EARLY", "EVENT_END",
-    "FAULTS", "MEAN_END", "PHASE_END", "SECTION", "STOP", "TOUCH_END", "VALUE", "WHEN", "WHOLE", "Segment", "Signature",
-    "Survey", "path_of", "signature_from",
+    "FAULTS", "MEAN_END", "PHASE_END", "SECTION", "SPEED", "STOP", "TOUCH_END", "VALUE", "WHEN", "WHOLE", "Segment",
+    "Signature", "Survey", "path_of", "signature_from",
 ]  # fmt: skip
 
 # Ways in which a segment ends: docs/theory/orbits.md.
@@ -44,6 +44,7 @@ DOMAIN = 16
 VALUE = 32
 COARSE = 64  # a step of the mesh passed over something
 BEYOND = 128
+SPEED = 256
 
 # What an event does to motions that meet its surface.
 BOUNDARY = 0  # leads to another mode, so that the mode's motions are on one side
@@ -60,6 +61,7 @@ FAULTS = (
     (DOMAIN, "a mode's domain is left"),
     (VALUE, "the state is not finite"),
     (BEYOND, "a segment lies wholly beyond an event of its mode"),
+    (SPEED, "an event is met without speed, so that a multiplier is infinite"),
 )
 
 
