@@ -154,10 +154,6 @@ class BranchRun(OneParameterRun):
         family = self.orbit.fixed is not None and self.orbit.fixed.family
         return "the orbit is one of a family: vary a quantity, as 'period'" if family else ""
 
-    def restart(self, branch: OrbitZeroProblem, origin: Point) -> None:
-        """Make meshes for the start: they are still those of the other direction's end."""
-        branch.problem.start(origin.u)
-
     def piece(
         self,
         half: OneSide,
