@@ -9,7 +9,8 @@ from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit
 from saltus.continuation.unbounded import levels_off
 
 CLOCK = HybridSystem(
-    ("x", "v"), {"F": 0.05, "W": 0.6, "u": 1.0}, {"p": Mode({"x": "v", "v": "-x - F*u"}), "n": Mode({"x": "v", "v": "-x + F*u"})},
+    ("x", "v"), {"F": 0.05, "W": 0.6, "u": 1.0},
+    {"p": Mode({"x": "v", "v": "-x - F*u"}), "n": Mode({"x": "v", "v": "-x + F*u"})},
     [
         Transition("p", "n", "v", -1, name="top"),
         Transition("n", "p", "v", 1, name="bottom"),

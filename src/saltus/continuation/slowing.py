@@ -1,7 +1,7 @@
 """The grazing at which an event is met ever more slowly, sought directly where steps along the branch fail.
 
-Where a segment's end loses its speed its duration moves by far more than any state, so that the arclength, which is
-that of the states, runs out just before. The grazing itself is a regular point of the equations and of the speed.
+Where a segment's end loses its speed, its duration moves by far more than any state. The arclength, which is that of
+the states, runs out just before. The grazing itself is a regular point of the equations and of the speed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Ends of branches whose period grows without bound, whose cycles shrink to nothing, or whose flow needs too many steps.
+"""Ends of branches that grow without bound, in period or in size, shrink to nothing, or need too many steps.
 
 docs/theory/continuation.md, "How a branch ends", lists the cases.
 """
@@ -67,8 +67,8 @@ def levels_off(values: NDArray[np.float64], periods: NDArray[np.float64]) -> boo
     """Return whether a period that grows ever faster with the parameter goes to an end of its own.
 
     Next to a homoclinic orbit, where the period is like the logarithm of the distance or grows faster, it gains at
-    least as much in each decade of its slope. Next to a fold or a grazing, where it is like a constant less the root of
-    the distance, it gains a tenth of what it gained in the decade before.
+    least as much in each decade of its slope. Next to a fold or a grazing it is like a constant less the root of the
+    distance, and gains a tenth of what it gained in the decade before.
 
     Parameters
     ----------
