@@ -66,9 +66,9 @@ def grows_at_last(points: list[Row]) -> str | None:
 def levels_off(values: NDArray[np.float64], periods: NDArray[np.float64]) -> bool:
     """Return whether a period that grows ever faster with the parameter goes to an end of its own.
 
-    Next to a homoclinic orbit, where the period is like the logarithm of the distance or grows faster, it gains at
-    least as much in each decade of its slope. Next to a fold or a grazing it is like a constant less the root of the
-    distance, and gains a tenth of what it gained in the decade before.
+    Next to a homoclinic orbit the period is like the logarithm of the distance, or grows faster. It gains at least as
+    much in each decade of its slope as in the one before. Next to a fold or a grazing it is like a constant less the
+    root of the distance. There it gains a tenth of that.
 
     Parameters
     ----------
