@@ -234,6 +234,8 @@ class BranchRun(OneParameterRun):
         kind = event.name.kind
         point = event.point
         if kind in ("low", "high"):
+            if (swollen := swells_at_last(half.points)) is not None:
+                return f"{self.place(half.points[-1][1])}: {swollen}"
             return self.at_bound(half, branch, point, kind)
         if kind in ("event", "EX"):
             name, of, stop = self.asked(event.name)
