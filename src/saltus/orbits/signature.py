@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -183,7 +184,7 @@ class Survey:
     coarse : bool
         Whether a step of the mesh passed over something, so that the orbit is to be solved again on a new mesh.
     lows, highs : ndarray, shape (states + outputs,)
-        Extremes over the period.
+        Extremes over the period; NaN for an output that has no value on part of it.
     margins, places : ndarray, shape (segments, transitions)
         Least interior minimum of each event function in its firing direction, and the clustered time of it. Where a
         whole segment is equally far from the surface, as at rest or on a circle round it, the distance and `WHOLE`: it
@@ -206,6 +207,10 @@ class Survey:
     rates: NDArray[np.float64]
     x0: NDArray[np.float64]
     moments: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        undefined = np.isnan(self.moments[:, 0])
+        self.lows[undefined] = self.highs[undefined] = math.nan
 
     @property
     def means(self) -> NDArray[np.float64]:
