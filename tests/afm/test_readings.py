@@ -188,6 +188,8 @@ def test_harmonics_along_a_curve_are_those_of_its_orbits(curve):
     assert "harmonic_nm" not in curve.to_xarray()
     with pytest.raises(InputError, match="order = 0"):
         curve.to_xarray(harmonics=(0,))
+    with pytest.raises(InputError, match="harmonics = 2: must be"):
+        curve.to_xarray(harmonics=2)
 
 
 def test_a_self_excited_model_has_no_lag_and_says_so(lever):

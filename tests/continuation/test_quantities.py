@@ -316,3 +316,23 @@ def test_what_follows_parameters_refuses_points_along_quantities(response, swing
     with pytest.raises(InputError, match="isolated at its parameters"):
         continue_locus(swinging, ("a", "b"), {}, type="SN")
     assert point.normal_form.type == "SN"
+
+
+def test_a_family_whose_orbits_are_cut_in_pieces_goes_on():
+    """Beyond 1/6 the orbit round which these go twice is so unstable that two rounds are cut."""
+    system = HybridSystem.smooth(
+        {"x": "u", "y": "v", "u": "-x - 2*x*y", "v": "-y - x**2 + y**2"},
+        outputs={"energy": "(u**2 + v**2 + x**2 + y**2)/2 + x**2*y - y**3/3"},
+    )
+    start = [0.0002004, 0.326403, 0.46545, -9.46628e-05]
+    twice = solve_orbit(system, x0=start, period=12.086, fix={"energy": 0.15})
+    branch = continue_orbit(twice, "energy", (0.14, 1.0), directions="up")
+    assert branch.stopped[1].endswith("bound reached")
+    assert {len(form) for form in branch.forms} == {1, 2}
+    start, period = branch.orbit(len(branch) - 1).states[0], branch.period[-1]
+    ends = solve_ivp(
+        lambda t, z: [z[2], z[3], -z[0] - 2 * z[0] * z[1], -z[1] - z[0] ** 2 + z[1] ** 2],
+        (0.0, period), start, method="DOP853", rtol=1e-13, atol=1e-13,
+    ).y[:, -1]  # fmt: skip
+    assert np.abs(ends - start).max() < 1e-6
+    assert branch.lows[-1, 4] == pytest.approx(1.0, rel=1e-9) == branch.highs[-1, 4]

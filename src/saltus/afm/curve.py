@@ -403,10 +403,10 @@ class Curve(Result):
 
         data, coords = branches_together(self.branches, "sheet")
         data |= {name: ("point", self.column(name), self._attributes(name)) for name in (self.along, *self._formulas)}
-        if len(harmonics):
-            rows = np.array([self.harmonic_nm(order) for order in harmonics])
+        if orders := checks.listed("harmonics", harmonics, "orders of harmonics, as (2, 6)"):
+            rows = np.array([self.harmonic_nm(order) for order in orders])
             data["harmonic_nm"] = (("harmonic", "point"), rows, self._attributes("harmonic_nm"))
-            coords["harmonic"] = ("harmonic", np.array(harmonics))
+            coords["harmonic"] = ("harmonic", np.array(orders))
         data["regime"] = ("point", [regime(virial) for virial in self.column("virial_eV")], {"long_name": "regime"})
         held = {name: value for name, value in self.branches[0].parameters.items() if name != self.along}
         attrs = {name: json.dumps(part) for name, part in parts_of(self.system, held).items()} | {

@@ -81,6 +81,7 @@ _SHOWN = "shown_phase_deg"  # reading of conventions other than lag90
 
 def check_model(system: HybridSystem, argument: str) -> None:
     """Raise `InputError` where a system is none of `saltus.afm.model`."""
+    checks.instance(argument, system, HybridSystem)
     if not set(system.output_names) >= _NEEDED:
         raise InputError(argument, system.name or "a hybrid system", "one of saltus.afm.model")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 
@@ -55,9 +55,10 @@ def instance(name: str, value: object, kind: type[Kind], hint: str = "") -> Kind
     """
     if isinstance(value, kind):
         return value
-    article = "an" if kind.__name__[0] in "AEIO" else "a"
-    hint = hint or (f"it is the class, not {article} {kind.__name__}" if value is kind else "")
-    raise InputError(name, value, f"{article} {kind.__name__}", hint or _WHERE_FROM.get(kind.__name__, ""))
+    kinds = get_args(kind) or (kind,)  # those of a union
+    wanted = " or ".join(f"{'an' if one.__name__[0] in 'AEIO' else 'a'} {one.__name__}" for one in kinds)
+    hint = hint or (f"it is the class, not {wanted}" if any(value is one for one in kinds) else "")
+    raise InputError(name, value, wanted, hint or _WHERE_FROM.get(kinds[0].__name__, ""))
 
 
 def function(name: str, value: object, what: str) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -91,9 +92,10 @@ class AlgebraicLocusRun(TwoParameterRun):
 
     def joined(self, order: tuple[str, ...], directions: str) -> BothSides:
         """Return the locus in both directions, its parameters in the order that the user gave."""
-        origin = self.begin(self.names.index(order[1]))
+        begin = partial(self.begin, self.names.index(order[1]))
+        origin = begin()
         with self.reporter:
-            halves = traced(lambda sign: self.trace(origin, sign), directions)
+            halves = traced(origin, begin, self.trace, directions)
         return self.with_start(join((self.branch, origin), halves, "locus"), self._at_start(origin))
 
     def begin(self, towards: int) -> Point:
@@ -128,15 +130,6 @@ class AlgebraicLocusRun(TwoParameterRun):
         monitors = {name: math.nan if name.kind == own else value for name, value in examined.monitors.items()}
         point.examined = replace(examined, monitors=monitors)
         return turned(point, float(point.tangent[towards - 2]), self.odd)
-
-    def restarted(self, origin: Point) -> Point:
-        """See `TwoParameterRun.restarted`: sizes and borders of a condition are those of the other direction's end."""
-        self.branch.sizes = self.first_sizes.copy()
-        if hasattr(self.branch.condition, "restart"):
-            at = slice(self.branch.n, -2)
-            J = self.branch.problem.evaluate(self.branch.unknowns(origin.u))[1]
-            self.branch.condition.restart(J, origin.u[at])
-        return replace(origin, u=origin.u.copy())
 
     def followed(self, half: OneSide, point: Point, origin: Point) -> str:
         """See `TwoParameterRun.followed`."""

@@ -123,10 +123,6 @@ class AlgebraicRun(OneParameterRun):
         """Return why a branch ends at a branch point; None where it does not."""
         return None
 
-    def restart(self, branch: Any, origin: Point) -> None:
-        """See `OneParameterRun.restart`: the sizes may have grown along the other direction."""
-        branch.sizes, self._marks = self.first_sizes.copy(), []
-
     def unbounded(self, point: Point) -> str | None:
         """Return why a branch ends at a point from which it grows without bound; None where it does not.
 
@@ -162,7 +158,7 @@ class AlgebraicRun(OneParameterRun):
         """Return the branch in both directions."""
         start = self.begin(directions)
         with self.reporter:
-            halves = traced(lambda sign: self.trace(start, sign), directions)
+            halves = traced(start, lambda: self.begin(directions), self.trace, directions)
         joined = join(start, halves, "branch")
         if (own := self.at_start(*start, halves)) is not None:
             joined.specials = sorted([*joined.specials, (own, float(joined.offset), 0.0)], key=lambda item: item[2])
@@ -170,6 +166,7 @@ class AlgebraicRun(OneParameterRun):
 
     def begin(self, directions: str) -> tuple[AlgebraicZeroProblem, Point]:
         """Return the equations and the first point, its tangent towards growing parameter."""
+        self._marks = []
         form, x = self.given()
         u = np.append(x, self.start_value(self.solution.parameters))
         branch = self.equations(form, u, None)

@@ -20,9 +20,10 @@ from saltus.equilibria.find import solve_equilibrium, without_rounding
 from saltus.equilibria.normal_forms import HopfTerms, check_no_zero, hopf_terms
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import ConvergenceError, InputError
-from saltus.orbits.orbit import PeriodicOrbit, orbit_at
+from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, Signature
+from saltus.orbits.soundness import sound_orbit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -128,7 +129,7 @@ def _corrected(
         return point
     if math.sqrt(float(weights[:n] @ (point.u - guess)[:n] ** 2)) > 0.5 * length:
         return "the cycle bends too sharply"
-    return orbit_at(orbits, point.u, orbits.evaluate(point.u)[1])
+    return sound_orbit(orbits, point.u, orbits.evaluate(point.u)[1])
 
 
 def equilibrium_of_cycle(orbit: PeriodicOrbit) -> Equilibrium:

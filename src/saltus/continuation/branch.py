@@ -14,8 +14,9 @@ from saltus.continuation.crossings import solutions_at
 from saltus.continuation.orbit_curve import OrbitCurve
 from saltus.orbits import PeriodicOrbit, solve_orbit
 from saltus.orbits.orbit import extremes_of
+from saltus.orbits.pieces import in_pieces
 from saltus.orbits.signature import Signature
-from saltus.orbits.solve import converge, in_pieces
+from saltus.orbits.solve import converge
 from saltus.orbits.unfolding import Fixed, read_fixed
 from saltus.results import frozen
 from saltus.system.plain import held_system

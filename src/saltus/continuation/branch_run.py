@@ -16,9 +16,17 @@ from saltus.continuation.orbit_problem import OrbitData, OrbitZeroProblem
 from saltus.continuation.period_halving import halved
 from saltus.continuation.run import OneParameterRun
 from saltus.continuation.shrinking import equilibrium_ahead
+from saltus.continuation.slowing import grazing_ahead
 from saltus.continuation.to_homoclinic import end_unbounded
 from saltus.continuation.two_sided import SAME, Found, OneSide, turned
-from saltus.continuation.unbounded import grows_at_last, grows_for_ever, swells_at_last, too_stiff
+from saltus.continuation.unbounded import (
+    grows_at_last,
+    grows_for_ever,
+    swells_at_last,
+    swells_for_ever,
+    too_stiff,
+    vanishes_at_last,
+)
 from saltus.continuation.zero_problem import Event, Examined, Point, start_point
 from saltus.errors import InputError
 from saltus.orbits.critical import solve_branch_point
@@ -154,10 +162,6 @@ class BranchRun(OneParameterRun):
         family = self.orbit.fixed is not None and self.orbit.fixed.family
         return "the orbit is one of a family: vary a quantity, as 'period'" if family else ""
 
-    def restart(self, branch: OrbitZeroProblem, origin: Point) -> None:
-        """Make meshes for the start: they are still those of the other direction's end."""
-        branch.problem.start(origin.u)
-
     def piece(
         self,
         half: OneSide,
@@ -170,9 +174,13 @@ class BranchRun(OneParameterRun):
         last = point
         for item in follow(branch, point, self.control, log=self.log, first_step=first):
             if isinstance(item, str):
+                if (slowed := grazing_ahead(half.points)) is not None and (
+                    end := self._event(half, branch, slowed)
+                ) is not None:
+                    return end
                 if (grown := grows_at_last(half.points)) is not None:
                     return self._unbounded(half, grown)
-                return f"{self.place(last)}: {too_stiff(branch.problem) or swells_at_last(half.points) or item}"
+                return f"{self.place(last)}: {self._why(branch, half, item)}"
             if isinstance(item, Event):
                 end = self._event(half, branch, item)
                 if end is not None:
@@ -193,9 +201,16 @@ class BranchRun(OneParameterRun):
             last = item
             if (grown := grows_for_ever(half.points)) is not None:
                 return self._unbounded(half, grown)
+            if (swollen := swells_for_ever(half.points)) is not None:
+                return f"{self.place(item)}: {swollen}"
             if (finer := self._cut(half, branch, item)) is not None:
                 return finer
         raise AssertionError("follow ends with a reason")
+
+    def _why(self, branch: OrbitZeroProblem, half: OneSide, item: str) -> str:
+        """Return why no step succeeds behind the last point; `item` if nothing better is known."""
+        points = half.points
+        return too_stiff(branch.problem) or swells_at_last(points) or vanishes_at_last(points) or item
 
     def _unbounded(self, half: OneSide, grown: str) -> str:
         """End a branch whose period grows without bound: at the homoclinic orbit, where one is located."""
@@ -219,6 +234,8 @@ class BranchRun(OneParameterRun):
         kind = event.name.kind
         point = event.point
         if kind in ("low", "high"):
+            if (swollen := swells_at_last(half.points)) is not None:
+                return f"{self.place(half.points[-1][1])}: {swollen}"
             return self.at_bound(half, branch, point, kind)
         if kind in ("event", "EX"):
             name, of, stop = self.asked(event.name)

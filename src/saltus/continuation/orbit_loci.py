@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,9 +59,10 @@ class OrbitLocusRun(TwoParameterRun):
             )
             wanted = "an orbit whose field has second derivatives where its segments begin"
             raise InputError("start", self.kind, wanted, f'{hint}, as form="impulse" of a law does')
-        origin = self.begin(self.names.index(order[1]))
+        begin = partial(self.begin, self.names.index(order[1]))
+        origin = begin()
         with self.reporter:
-            halves = traced(lambda sign: self.trace(origin, sign), directions)
+            halves = traced(origin, begin, self.trace, directions)
         joined = self.with_start(join((self.branch, origin), halves, "locus"), self._at_start(origin))
         return Locus(
             system=self.orbit.system,
@@ -106,8 +108,8 @@ class OrbitLocusRun(TwoParameterRun):
         point.examined = self.branch.examine(point, None)
         return turned(point, float(point.tangent[towards - 2]), self.odd)
 
-    def restarted(self, origin: Point) -> Point:
-        """See `TwoParameterRun.restarted`: meshes and null vectors' signs are those of the other direction's end."""
+    def ready(self, origin: Point) -> Point:
+        """See `TwoParameterRun.ready`: the meshes are made for the located point, not for the guess of it."""
         branch, start = self.branch, replace(origin, u=origin.u.copy(), tangent=origin.tangent.copy())
         branch.problem.start(branch.orbit(start.u))
         branch.evaluate(start.u)

@@ -272,7 +272,7 @@ class OrbitZeroProblem:
         from saltus.flow._linear_kernels import bordered
 
         row = point.weights * point.tangent
-        F, J = self.problem.evaluate(point.u)
+        F, J = self.evaluate(point.u)
         steps, sign, log, size, residual = bordered(J, F, row, point.u, point.u, self._scale)
         if size < _SHARPER:
             point.u, point.J, point.residual = point.u + steps[:, 0], J, residual

@@ -159,7 +159,7 @@ def continue_orbit(
     run = kind(orbit, parameter, interest, control, stops, reporter)
     start = run.begin()
     with reporter:
-        halves = traced(lambda sign: run.trace(start, sign), directions)
+        halves = traced(start, run.begin, run.trace, directions)
     options = run.options([low, high], directions, events)
     return _assemble(orbit, parameter, scale, start, halves, run, options)
 

@@ -119,7 +119,6 @@ class OneParameterRun(_Run, ABC):
         """Return one direction of the branch, followed to its end."""
         half = OneSide()
         branch, origin = start
-        self.restart(branch, origin)
         point = turned(origin, sign, self.odd)
         outwards = math.copysign(1.0, float(point.tangent[-1]))
         if outwards * (point.parameter - (self.interest.high if outwards > 0.0 else self.interest.low)) > -ROUNDING:
@@ -144,9 +143,6 @@ class OneParameterRun(_Run, ABC):
         met = {name: 0.0 for name, bound in ends.items() if abs(point.parameter - bound) < ROUNDING}
         if met:
             point.examined = replace(point.examined, monitors={**point.examined.monitors, **met})
-
-    def restart(self, branch: Any, origin: Point) -> None:
-        """Make the equations ready for the start again, after the other direction."""
 
     @abstractmethod
     def piece(
@@ -240,7 +236,7 @@ class TwoParameterRun(_Run, ABC):
     def trace(self, origin: Point, sign: float) -> OneSide:
         """Return one direction of the locus, followed to its end."""
         half = OneSide()
-        point = turned(self.restarted(origin), sign, self.odd)
+        point = turned(self.ready(origin), sign, self.odd)
         for i, (low, high) in enumerate(self.bounds):
             along = float(point.tangent[i - 2])
             beyond = math.copysign(1.0, along) * (float(point.u[i - 2]) - (high if along > 0.0 else low))
@@ -253,9 +249,9 @@ class TwoParameterRun(_Run, ABC):
             half.stopped, half.interrupted = "interrupted", True
         return half
 
-    @abstractmethod
-    def restarted(self, origin: Point) -> Point:
-        """Return the start again, the equations as they were there."""
+    def ready(self, origin: Point) -> Point:
+        """Return the start, ready to be followed."""
+        return replace(origin, u=origin.u.copy())
 
     @abstractmethod
     def followed(self, half: OneSide, point: Point, origin: Point) -> str:

@@ -91,8 +91,8 @@ class _Extrapolated(NamedTuple):
 
 def _extrapolated(problem: OrbitProblem, before: Point, point: Point) -> _Extrapolated | None:
     """Return where the cycles of the last two points would come to rest; None if not within a few steps."""
-    if problem.system.phase is not None or len(set(problem.signature.modes)) > 1:
-        return None
+    if problem.system.phase is not None or problem.n < 2 or len(set(problem.signature.modes)) > 1:
+        return None  # one state alone has no pair of eigenvalues
     far, near = _amplitude(problem, before), _amplitude(problem, point)
     if not 0.0 < near < _AFAR * (far - near):
         return None

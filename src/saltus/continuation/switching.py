@@ -28,6 +28,7 @@ from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.resting import RESTING
 from saltus.orbits.signature import CLOSED_END, CUT_END, DIRECTION, DURATION, MEAN_END, PHASE_END, WHOLE, Signature
+from saltus.orbits.soundness import sound_orbit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -278,7 +279,7 @@ def _step_off(
         if math.sqrt(float(weights @ moved**2)) > 0.5 * amplitude:
             reason = "it bends too sharply"
             continue
-        found = orbit_at(problem, point.u, problem.evaluate(point.u)[1])
+        found = sound_orbit(problem, point.u, problem.evaluate(point.u)[1])
         if found.admissible or not orbit.admissible:
             states = np.abs(point.u - u)[:-1].reshape(problem.segments, problem.n + 1)[:, : len(orbit.system.states)]
             return found, abs(float(point.u[-1] - u[-1])), float(states.max())

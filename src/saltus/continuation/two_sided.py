@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from saltus.orbits.orbit import PeriodicOrbit
 
 __all__ = ["SAME", "BothSides", "Found", "OneSide", "join", "traced", "turned"]
+
+Start = TypeVar("Start")
 
 SAME = 1e-6  # distance in arclength up to which two points of a curve are the same
 
@@ -132,13 +134,22 @@ class BothSides:
         }
 
 
-def traced(trace: Callable[[float], OneSide], directions: str) -> list[OneSide]:
+def traced(
+    start: Start, again: Callable[[], Start], trace: Callable[[Start, float], OneSide], directions: str
+) -> list[OneSide]:
     """Return the wanted directions of a curve; the second is left out if the first is closed or interrupted.
+
+    The second direction begins anew, from the same data as the first: meshes, sizes and units that equations and
+    points have at the end of one direction are none of the other's.
 
     Parameters
     ----------
+    start : Start
+        Where the first direction starts.
+    again : callable
+        Makes the start anew.
     trace : callable
-        Follows the curve in one direction, given the sign of the start's tangent.
+        Follows the curve in one direction, given its start and the sign of the start's tangent.
     directions : {"both", "up", "down"}
         The wanted directions.
     """
@@ -146,7 +157,7 @@ def traced(trace: Callable[[float], OneSide], directions: str) -> list[OneSide]:
     for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
         if halves and (halves[0].closed or halves[0].interrupted):
             break
-        halves.append(trace(sign))
+        halves.append(trace(again() if halves else start, sign))
     return halves
 
 
@@ -175,8 +186,9 @@ def join(start: Any, halves: list[OneSide], what: str) -> BothSides:
         specials = [(found, offset - found.after - 0.5, -found.arc) for found in reversed(back.specials)]
     ahead = halves[-1]
     rows += ahead.points
-    travelled = ahead.points[-2][1].arc if ahead.closed and len(ahead.points) > 1 else 0.0
-    arcs += [point.arc if point is not start[1] else travelled for _, point in ahead.points]
+    arcs += [point.arc for _, point in ahead.points]
+    if ahead.closed:
+        arcs[-1] = arcs[-2]  # the last point is the start again
     specials += [(found, offset + found.after + 0.5, found.arc) for found in ahead.specials]
     reasons = [half.stopped for half in halves]
     stopped = (reasons[0], reasons[1]) if len(reasons) == 2 else ("the start", reasons[0])

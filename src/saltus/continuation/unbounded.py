@@ -1,10 +1,11 @@
-"""Ends of branches whose period grows without bound, or whose flow needs too many steps.
+"""Ends of branches that grow without bound, in period or in size, shrink to nothing, or need too many steps.
 
 docs/theory/continuation.md, "How a branch ends", lists the cases.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,17 +13,35 @@ import numpy as np
 from saltus.orbits.signature import CUT_END
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from saltus.continuation.orbit_problem import OrbitZeroProblem
     from saltus.continuation.zero_problem import Point
     from saltus.orbits.problem import OrbitProblem
 
     Row = tuple[OrbitZeroProblem, Point]
 
-__all__ = ["LONGEST", "grows_at_last", "grows_for_ever", "period_of", "swells_at_last", "told", "too_stiff"]
+__all__ = [
+    "LONGEST",
+    "grows_at_last",
+    "grows_for_ever",
+    "levels_off",
+    "period_of",
+    "swells_at_last",
+    "swells_for_ever",
+    "told",
+    "too_stiff",
+    "vanishes_at_last",
+]
 
 _GROWN = 1.2  # least ratio of an unbounded period to its least value on the branch
 _RESTS = 1e-3  # change of the parameter, over its interval and the period's relative growth, up to which it rests
+_DECADES = 2.0 * math.log(10.0)  # logarithm of the ratio of slopes over which the growth of the period is judged
+_LEVEL = 0.25  # logarithm of the ratio of two growths, over that of slopes, below which the period levels off
+_FEWEST = 4  # steps over which it can be
 _SWOLLEN = 1e4  # least ratio of a state's unbounded range to its least on the branch
+_ENDLESS = 5e6  # ratio of a state's range to that of the first point at which a branch is ended
+_VANISHED = 1e-4  # ranges of states and period, over the largest on the branch, up to which an orbit vanishes
 LONGEST = 1e3  # ratio of the period to that of the first point at which a branch is ended
 _LATE = 1.5  # ratio by which the period of an orbit in pieces must grow while the parameter rests
 _RESTING = 3e-6  # change of the parameter, over its range on the branch, up to which it rests during that growth
@@ -37,9 +56,41 @@ def grows_at_last(points: list[Row]) -> str | None:
         return None
     periods = [period_of(*row) for row in points]
     before, last = periods[-2:]
-    moved = abs(points[-1][1].parameter - points[-2][1].parameter)
+    values = [point.parameter for _, point in points]
+    moved = abs(values[-1] - values[-2])
     growing = periods[-4] < periods[-3] < before < last and last > _GROWN * min(periods)
-    return told(last) if growing and moved < _RESTS * (last / before - 1.0) else None
+    rests = growing and moved < _RESTS * (last / before - 1.0)
+    return told(last) if rests and not levels_off(np.array(values), np.array(periods)) else None
+
+
+def levels_off(values: NDArray[np.float64], periods: NDArray[np.float64]) -> bool:
+    """Return whether a period that grows ever faster with the parameter goes to an end of its own.
+
+    Next to a homoclinic orbit the period is like the logarithm of the distance, or grows faster. It gains at least as
+    much in each decade of its slope as in the one before. Next to a fold or a grazing it is like a constant less the
+    root of the distance. There it gains a tenth of that.
+
+    Parameters
+    ----------
+    values, periods : ndarray, shape (points,)
+        Parameter and period along the branch.
+
+    Examples
+    --------
+    >>> distance = 0.5 ** np.arange(40)
+    >>> levels_off(-distance, -np.log(distance)), levels_off(-distance, 7.0 - np.sqrt(distance))
+    (False, True)
+    """
+    gained, moved = np.diff(periods), np.abs(np.diff(values))
+    with np.errstate(divide="ignore"):
+        steep = np.log(np.abs(gained)) - np.log(moved)
+    falls = np.flatnonzero((gained <= 0.0) | ~np.isfinite(steep))
+    first = int(falls[-1]) + 1 if falls.size else 0
+    heights, steep = 0.5 * (periods[first:-1] + periods[first + 1 :]), np.maximum.accumulate(steep[first:])
+    if steep.size < _FEWEST or (span := min(float(steep[-1] - steep[0]), _DECADES)) < 0.5 * _DECADES:
+        return False
+    early, middle = np.interp([steep[-1] - span, steep[-1] - 0.5 * span], steep, heights)
+    return bool((heights[-1] - middle) < math.exp(-_LEVEL * span) * (middle - early))
 
 
 def swells_at_last(points: list[Row]) -> str | None:
@@ -59,6 +110,36 @@ def swells_at_last(points: list[Row]) -> str | None:
     largest = int(np.argmax(ranges[-1] / ranges.min(axis=0)))
     name = points[-1][0].problem.system.states[largest]
     return f"the orbit grows without bound ({name} ranges over {ranges[-1][largest]:.3g})"
+
+
+def swells_for_ever(points: list[Row]) -> str | None:
+    """Return the reason, after a successful step, that the orbit grows without bound; None if it does not.
+
+    A state's range is many times that of the first point. Beyond, the flow's tolerance moves the parameter by more than
+    the branch does.
+    """
+    n = len(points[-1][0].problem.system.states)
+    first, last = (point.examined.data.survey for _, point in (points[0], points[-1]))
+    if not np.any((last.highs - last.lows)[:n] > _ENDLESS * (first.highs - first.lows)[:n]):
+        return None
+    return swells_at_last(points)
+
+
+def vanishes_at_last(points: list[Row]) -> str | None:
+    """Return the reason, after a failed step, that the orbit shrinks to nothing; None if it does not.
+
+    Over the last four points the period and all ranges of states fell, to a small share of the largest on the branch.
+    """
+    if len(points) < 4 or (system := points[-1][0].problem.system).phase is not None:
+        return None
+    n = len(system.states)
+    surveys = [point.examined.data.survey for _, point in points]
+    sizes = np.array([survey.highs[:n] - survey.lows[:n] for survey in surveys])
+    sizes = np.column_stack([sizes, [period_of(*row) for row in points]])
+    falling = np.all(np.diff(sizes[-4:], axis=0) <= 0.0)
+    if not (falling and np.all(sizes[-1] <= _VANISHED * sizes.max(axis=0))):
+        return None
+    return f"the cycle shrinks to nothing (T = {sizes[-1, -1]:.3g})"
 
 
 def grows_for_ever(points: list[Row]) -> str | None:

@@ -79,15 +79,6 @@ class Rotation:
     def adjust(self) -> None:
         """Do nothing: `turned` takes the borders anew."""
 
-    def restart(self, J: NDArray[np.float64], extra: NDArray[np.float64]) -> None:
-        """Take the borders from the null vector of a point that keeps its further unknowns."""
-        v = extra[: self.n]
-        V, _ = self._null_space(J, float(extra[-1]))
-        self._first = v / float(v @ v)
-        beside = V - np.outer(V @ v, v) / float(v @ v)
-        chosen = beside[int(np.argmax(np.linalg.norm(beside, axis=1)))]
-        self._second = chosen / np.linalg.norm(chosen)
-
     def turned(self, J: NDArray[np.float64], extra: NDArray[np.float64]) -> NDArray[np.float64]:
         """Take the borders anew from the null space at a point; return the further unknowns by these."""
         V, W = self._null_space(J, float(extra[-1]))

@@ -27,6 +27,7 @@ _RESIDUAL = 1e-10  # most residual, over the sizes of its terms, of a cycle
 _SAME = 1e-8  # distance of two points, over the states' sizes, up to which they are one
 _ROUNDS = 8  # most changes of the itinerary to that of the cycle found
 _LONGEST = 256  # period of the longest cycle that is looked for
+_NEUTRAL = 1e-6  # distance of all multipliers from the unit circle up to which a cycle neither attracts nor repels
 _NEAR = 1e-3  # distance of two returns, over the motion's size, within which it recurs
 _FIRST = 1000  # iterations before a motion is first looked at
 _SETTLE = 200_000  # iterations after which a search is given up
@@ -174,4 +175,9 @@ def _recurring(
         near = np.abs(orbit.points[:, None] - points[None]).max(axis=2).min() <= _FAR * float(size.max())
         if orbit.stable and orbit.regular and near:
             return orbit, nearest
+        if near and np.all(np.abs(np.abs(orbit.multipliers) - 1.0) <= _NEUTRAL):
+            hint = f"the motion stays at a cycle of period {orbit.period} that is neutral"
+            raise ConvergenceError(
+                "stable cycle", away, len(states), f"{hint}: solve_orbit(..., period={orbit.period}) gives it"
+            )
     return None, nearest

@@ -165,15 +165,6 @@ class Hopf:
     def adjust(self) -> None:
         """Do nothing: `turned` takes the borders anew."""
 
-    def restart(self, J: NDArray[np.float64], extra: NDArray[np.float64]) -> None:
-        """Take the borders from the null vector of a point that keeps its further unknowns."""
-        A = self._scaled(J[:, : self.n])
-        basis = np.linalg.svd(A @ A / self.unit + float(extra[self.n]) * np.eye(self.n))[2][-2:]
-        v = extra[: self.n]
-        shares = basis @ v / np.linalg.norm(basis @ v)
-        self._first = v / float(v @ v)
-        self._second = np.array([-shares[1], shares[0]]) @ basis
-
     def turned(self, J: NDArray[np.float64], extra: NDArray[np.float64]) -> NDArray[np.float64]:
         """Take the borders anew from the null space at a point; return the further unknowns by these."""
         A = self._scaled(J[:, : self.n])

@@ -93,10 +93,10 @@ def _touches(view, curve, surface, ends, begins, room, found):
     """
     outlined()
     height, small, total, bad = surface.height, surface.small, curve.count * FINE, 0
-    armed = seen = False
+    armed = seen = unmet = False
     last = _told_up_to(curve, surface) if ends else total
     for j in range(total + 1):
-        if 2 <= j <= last and height[j - 1] < height[j - 2] and height[j - 1] <= height[j] and seen:
+        if 2 <= j <= last and height[j - 1] < height[j - 2] and height[j - 1] <= height[j] and seen and not unmet:
             bad |= _touch(view, curve, surface, 1.0, j - 1, room, found)
         # from beyond the surface the motion may come back through it for a moment, and meet the event then
         if 2 <= j and not armed and height[j - 2] < height[j - 1] >= height[j] and height[j - 1] <= small:
@@ -106,13 +106,16 @@ def _touches(view, curve, surface, ends, begins, room, found):
         # an event that has just happened does not happen again as the motion passes on through its surface
         starts = j == 1 and abs(height[0]) <= small and curve.duration > 0.0 and not begins
         if 0 < j < total and height[j] < -small and (armed or starts):
+            # one who has passed while the condition did not hold is beyond, and meets the event no more
             early, jumps = _crossed(view, curve, surface, j, armed, room)
             bad |= early
+            unmet = early == 0 and not jumps
             armed, seen = False, seen and not jumps
         if j == total and not ends and armed and height[j] < -small:
             bad |= EARLY
         if height[j] > small:
             armed = seen = True
+            unmet = False
     return bad, seen
 
 

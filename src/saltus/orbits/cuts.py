@@ -18,17 +18,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.errors import ConvergenceError
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END, Signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["clustered", "cut", "in_shares", "piece_maps", "stretched", "whole"]
+__all__ = ["check_measured", "clustered", "cut", "held", "in_shares", "piece_maps", "stretched", "whole"]
 
 STRETCHED = 1e3  # growth of a sensitivity over a piece, in the states' units, at which an orbit is cut
 TAUT = 30.0  # growth above which a piece is cut again once any is
 _SLACK = 1e-4  # contraction below which a piece is cut again once any is
+_FOLLOWED = 1e6  # growth over a piece up to which Newton's method leads from such a guess to the orbit
 MOST_PIECES = 128  # pieces of an orbit, beyond which its equations would be larger than they are worth
 
 
@@ -46,7 +48,15 @@ def piece_maps(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.floa
     maps = np.stack([J[i * wide : i * wide + n, i * wide : i * wide + n] for i in range(problem.segments)])
     if problem.segments == 1:
         maps = maps + np.eye(n)  # the start of the next period is that of this one
-    return np.asarray(maps * scale / scale[:, None])
+    with np.errstate(over="ignore"):
+        return np.asarray(maps * scale / scale[:, None])
+
+
+def check_measured(maps: NDArray[np.float64]) -> None:
+    """Raise `ConvergenceError` where the derivatives of pieces are beyond all numbers."""
+    if not np.all(np.isfinite(maps)):
+        hint = "a change of its start grows beyond all numbers; start from a nearer guess"
+        raise ConvergenceError("periodic orbit", math.inf, 0, hint)
 
 
 def _growth(problem: OrbitProblem, J: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -80,6 +90,7 @@ def cut(
     n = problem.n
     while problem.segments < MOST_PIECES:
         maps = piece_maps(problem, J)
+        check_measured(maps)
         least = np.linalg.svd(maps, compute_uv=False)[:, -1]
         # what contracts by more than that beside what grows would be lost in the rounding of a piece
         growth = np.maximum(np.abs(maps).max(axis=(1, 2)), TAUT * _SLACK / np.maximum(least, 1e-300))
@@ -104,6 +115,37 @@ def cut(
         problem, u = finer, moved
         J = problem.evaluate(u)[1]
     return problem, u
+
+
+def held(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]] | None:
+    """Return the equations of a forced smooth orbit in pieces that all start at the guess's own state, and a guess.
+
+    Where the flow from the guess leaves it at once, no later place on it is a guess of anything. The pieces are so
+    short that each can be followed. None where that takes too many, or where two are short enough.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations in one piece.
+    u : ndarray, shape (size + active,)
+        The guess.
+    """
+    n, form, count = problem.n, problem.signature, 1
+    while (count := 2 * count) <= MOST_PIECES:
+        row = u[: n + 1].copy()
+        row[n] /= count
+        rows = np.tile(row, (count, 1))
+        rows[:, n - 1] += 2.0 * math.pi * form.turns * np.arange(count) / count
+        kinds = (form.kinds[0],) + (CUT_END,) * (count - 1)
+        finer = _alike(problem, u, Signature(form.modes * count, form.transitions * count, kinds, form.turns))
+        guess = np.concatenate([rows.ravel(), u[problem.size :]])
+        if finer.start(guess) is None:
+            growth = float(_growth(finer, finer.evaluate(guess)[1]).max())
+            if count == 2 and growth <= TAUT:
+                break
+            if growth <= TAUT or (count == MOST_PIECES and growth < _FOLLOWED):
+                return finer, guess
+    return None
 
 
 def whole(problem: OrbitProblem, u: NDArray[np.float64]) -> tuple[OrbitProblem, NDArray[np.float64]]:

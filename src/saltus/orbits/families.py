@@ -6,20 +6,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.errors import ConvergenceError
 from saltus.orbits.critical import scaling
+from saltus.orbits.signature import CLOSED_END
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["of_a_family"]
+__all__ = ["ISOLATED", "check_moves", "of_a_family", "why_a_family"]
+
+ISOLATED = "isolated periodic orbit"  # what is sought where one of a family is found
 
 _SINGULAR = 0.3  # least singular value, over the next one, above which an orbit near a guess is isolated
 _OPEN = 1e-9  # singular value, over the largest, along whose direction the equations tell nothing
 _AWAY = 1e-2  # distance between the two orbits that are compared, in units of the states
 _FORCED = 1e-8  # forcing of the equations, in their units, up to which an orbit solves them
 _CONVERGED = 1e-9  # largest relative Newton step of a converged orbit
+_RESTS = 1e-9  # motion of a state over the period, over its size, up to which it rests
+_ROUNDING = 1e-15  # rate of a state, over its terms, that is rounding of 0
 _ITERATIONS = 10  # Newton steps to an orbit, at most
 
 
@@ -64,6 +70,62 @@ def of_a_family(problem: OrbitProblem, u: NDArray[np.float64]) -> bool:
         return False
     left, values, right = np.linalg.svd(rows[:, None] * J * columns)
     return _forcing_beside(problem, z, columns, rows, right[-1], left[:, -1]) < _FORCED
+
+
+def check_moves(problem: OrbitProblem, u: NDArray[np.float64]) -> None:
+    """Raise `ConvergenceError` where the guess of an autonomous smooth orbit is an equilibrium but for rounding."""
+    if problem.signature.kinds != (CLOSED_END,):
+        return
+    count = problem.n
+    mode, x = int(problem.modes[0]), np.ascontiguousarray(u[:count])
+    rates, J = problem.system.compiled.linearised(mode, x, problem.extended)
+    if np.all(np.abs(rates) <= _ROUNDING * (np.abs(J) @ np.abs(x))):
+        raise ConvergenceError(ISOLATED, 0.0, 0, _at_rest(problem, u))
+
+
+def _at_rest(problem: OrbitProblem, u: NDArray[np.float64]) -> str:
+    states = problem.system.states
+    where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(states, u[: len(states)].tolist(), strict=True))
+    return f"{where} is an equilibrium, at rest for any period: find_equilibrium(...) describes it"
+
+
+def why_a_family(problem: OrbitProblem, u: NDArray[np.float64]) -> str:
+    """Return in words why orbits form a family near a guess: a rest, parts of which each has a phase, or a constant.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations, without active parameters.
+    u : ndarray, shape (size,)
+        The guess, near which `of_a_family` holds.
+    """
+    problem.start(u)
+    survey, states = problem.survey(u), problem.system.states
+    count = len(states)
+    moved = (survey.highs - survey.lows)[:count]
+    if problem.system.phase is None and np.all(moved <= _RESTS * problem.state_scale[:count]):
+        return _at_rest(problem, u)
+    if len(parts := _parts(problem)) > 1:
+        named = " and ".join("(" + ", ".join(states[i] for i in part) + ")" for part in parts)
+        return f"the system falls into parts that do not act on each other, {named}: their phases are free, solve each"
+    return (
+        "orbits form a family there at fixed parameters, as in a conservative system: "
+        "solve_orbit(..., fix={'period': ...}) picks one"
+    )
+
+
+def _parts(problem: OrbitProblem) -> list[list[int]]:
+    """Return the groups of states of an autonomous smooth orbit, last surveyed, none of which moves another."""
+    system, count = problem.system, len(problem.system.states)
+    if system.phase is not None or system.transitions:
+        return [list(range(count))]
+    acts = np.eye(count, dtype=bool)
+    for x in problem.dense()[2]:
+        acts |= system.compiled.linearised(int(problem.modes[0]), np.ascontiguousarray(x), problem.extended)[1] != 0.0
+    acts |= acts.T
+    for _ in range(count):
+        acts = acts @ acts
+    return [np.flatnonzero(row).tolist() for row in np.unique(acts, axis=0)[::-1]]
 
 
 def _forcing_beside(

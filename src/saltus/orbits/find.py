@@ -15,10 +15,11 @@ from saltus.errors import ConvergenceError, DefinitionError, InputError, SaltusE
 from saltus.flow.landings import warn_of
 from saltus.flow.sizes import ATOL, RTOL, STEPS_KEPT, sizes_along, sizes_on_the_way
 from saltus.orbits.orbit import PeriodicOrbit
+from saltus.orbits.pieces import in_pieces
 from saltus.orbits.rounds import divided, rounds_of
 from saltus.orbits.settling import Stretch, event_log, follow, rest_of, sizes_of
 from saltus.orbits.signature import CLOSED_END, EVENT_END, PHASE_END, Signature
-from saltus.orbits.solve import check_tol, converge, in_pieces
+from saltus.orbits.solve import check_tol, converge
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 

@@ -19,7 +19,7 @@ from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Motion, observe
 from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.rounds import rounds_of
+from saltus.orbits.rounds import repeats_of, rounds_of
 from saltus.orbits.sampling import motion_of, sample_orbit
 from saltus.orbits.sensitivities import sensitivities
 from saltus.orbits.signature import CUT_END, FAULTS, Segment, Signature, Survey, path_of, signature_from
@@ -144,16 +144,18 @@ class PeriodicOrbit(Result):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the orbit is not admissible.
-
-        docs/theory/orbits.md, "Admissibility", lists the conditions.
-        """
+        """Why the orbit is not admissible; docs/theory/orbits.md, "Admissibility", lists the conditions."""
         return tuple(text for bit, text in FAULTS if self.faults & bit)
 
     @cached_property
     def rounds(self) -> int:
         """How many times the orbit repeats a shorter one; 1 for an orbit that `find_orbit` returns."""
         return rounds_of(self.problem(), self.unknowns)
+
+    @cached_property
+    def repeats(self) -> int:
+        """How many times the states repeat themselves while the phase turns once, as driven by ``cos(2*s)``."""
+        return repeats_of(self.problem(), self.unknowns)
 
     @cached_property
     def landings_beyond(self) -> tuple[Landing, ...]:
@@ -184,8 +186,8 @@ class PeriodicOrbit(Result):
 
     def _extremes(self, values: NDArray[np.float64]) -> dict[str, float]:
         names = (*self.system.all_states, *self.system.output_names)
-        skip = None if self.system.phase is None else self.system.phase[0]
-        return {name: float(value) for name, value in zip(names, values, strict=True) if name != skip}
+        return {name: float(value) for name, value in zip(names, values, strict=True)
+                if self.system.phase is None or name != self.system.phase[0]}  # fmt: skip
 
     @property
     def unknowns(self) -> NDArray[np.float64]:
@@ -384,12 +386,15 @@ class PeriodicOrbit(Result):
         path = path_of(self.signature)
         turns = f" = {self.form.turns} forcing period{'s' if self.form.turns > 1 else ''}" if self.form.turns else ""
         rounds = f", {self.rounds} times round an orbit of a shorter one" if self.rounds > 1 else ""
+        faster = (
+            f", in which the motion repeats itself {self.repeats} times, as its drive does" if self.repeats > 1 else ""
+        )
         shown = ", ".join(f"{value:.6g}" for value in self.x0)
         sizes = ", ".join(f"{abs(value):.6g}" for value in self.multipliers)
         fixed = "" if self.fixed is None else f"  fixed       {self.fixed}\n"
         return (
             f"PeriodicOrbit of {self.system.name or 'a hybrid system'}: {kind}\n"
-            f"  period      {self.period:.12g}{turns}{rounds}\n"
+            f"  period      {self.period:.12g}{turns}{faster}{rounds}\n"
             f"  signature   {path}\n{fixed}"
             f"  x0          [{shown}]\n"
             f"  |multipliers| {sizes}\n"

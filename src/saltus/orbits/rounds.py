@@ -15,10 +15,12 @@ if TYPE_CHECKING:
 
     from saltus.orbits.problem import OrbitProblem
 
-__all__ = ["divided", "rounds_of"]
+__all__ = ["divided", "repeats_of", "rounds_of"]
 
 _ALIKE = 1e-6  # difference between two rounds, over the range of a state, up to which they are the same
 _ROUNDING = 1e-12  # difference between two rounds, over the size of a state, that is rounding
+_LOOKS = 8  # places in each part of a period at which states are compared
+_LIKELY = 4  # primes by which a phase may be faster than its drive
 _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)  # factors of a count of rounds
 
 
@@ -33,6 +35,44 @@ def rounds_of(problem: OrbitProblem, u: NDArray[np.float64]) -> int:
         while divided(problem, u, count * prime) is not None:
             count *= prime
     return count
+
+
+def repeats_of(problem: OrbitProblem, u: NDArray[np.float64]) -> int:
+    """Return how many times the states of a forced orbit repeat themselves while the phase turns once.
+
+    It is more than 1 where the phase runs through several periods of the drive, as in ``cos(2*s)``. Of an orbit that
+    takes several turns, or rests, it is 1.
+    """
+    problem, u = whole(problem, u)
+    signature, n = problem.signature, problem.n
+    if signature.turns != 1:
+        return 1
+    survey, states = problem.survey(u), len(problem.system.states)
+    ranges = (survey.highs - survey.lows)[:states]
+    if np.all(ranges <= _ROUNDING * problem.state_scale[:states]):
+        return 1
+    known = _ALIKE * ranges + _ROUNDING * problem.state_scale[:states]
+    blocks, count = u[: problem.size].reshape(problem.segments, n + 1), 1
+    for prime in _PRIMES[:_LIKELY]:
+        while _repeats(problem, blocks, count * prime, known):
+            count *= prime
+    return count
+
+
+def _repeats(problem: OrbitProblem, blocks: NDArray[np.float64], count: int, known: NDArray[np.float64]) -> bool:
+    """Return whether the states after a part of the period are the same, up to `known`, all along an orbit."""
+    states, signature = known.size, problem.signature
+    if signature.kinds[0] == PHASE_END:
+        times = np.arange(_LOOKS * count) / (_LOOKS * count)
+        seen = np.array([problem.state_on(0, clustered(share))[:states] for share in times.tolist()])
+        return bool(np.all(np.abs(np.roll(seen, -_LOOKS, axis=0) - seen) <= known))
+    part, rest = divmod(problem.segments, count)
+    shifted = np.roll(blocks, -part, axis=0)
+    same = not rest and all(
+        np.array_equal(np.roll(one, -part), one) for one in (signature.modes, signature.transitions)
+    )
+    alike = np.all(np.abs(shifted[:, :states] - blocks[:, :states]) <= known)
+    return bool(same and alike and np.all(np.abs(shifted[:, -1] - blocks[:, -1]) <= _ALIKE * blocks[:, -1].sum()))
 
 
 def divided(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BEYOND", "BOUNDARY", "CLOSED_END", "COARSE", "CUT_END", "DIRECTION", "DOMAIN", "DURATION", "EARLY", "EVENT_END",
-    "FAULTS", "MEAN_END", "PHASE_END", "SECTION", "STOP", "TOUCH_END", "VALUE", "WHEN", "WHOLE", "Segment", "Signature",
-    "Survey", "path_of", "signature_from",
+    "FAULTS", "MEAN_END", "PHASE_END", "SECTION", "SPEED", "STOP", "TOUCH_END", "VALUE", "WHEN", "WHOLE", "Segment",
+    "Signature", "Survey", "path_of", "signature_from",
 ]  # fmt: skip
 
 # Ways in which a segment ends: docs/theory/orbits.md.
@@ -44,6 +45,7 @@ DOMAIN = 16
 VALUE = 32
 COARSE = 64  # a step of the mesh passed over something
 BEYOND = 128
+SPEED = 256
 
 # What an event does to motions that meet its surface.
 BOUNDARY = 0  # leads to another mode, so that the mode's motions are on one side
@@ -60,6 +62,7 @@ FAULTS = (
     (DOMAIN, "a mode's domain is left"),
     (VALUE, "the state is not finite"),
     (BEYOND, "a segment lies wholly beyond an event of its mode"),
+    (SPEED, "an event is met without speed, so that a multiplier is infinite"),
 )
 
 
@@ -181,7 +184,7 @@ class Survey:
     coarse : bool
         Whether a step of the mesh passed over something, so that the orbit is to be solved again on a new mesh.
     lows, highs : ndarray, shape (states + outputs,)
-        Extremes over the period.
+        Extremes over the period; NaN for an output that has no value on part of it.
     margins, places : ndarray, shape (segments, transitions)
         Least interior minimum of each event function in its firing direction, and the clustered time of it. Where a
         whole segment is equally far from the surface, as at rest or on a circle round it, the distance and `WHOLE`: it
@@ -204,6 +207,10 @@ class Survey:
     rates: NDArray[np.float64]
     x0: NDArray[np.float64]
     moments: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        undefined = np.isnan(self.moments[:, 0])
+        self.lows[undefined] = self.highs[undefined] = math.nan
 
     @property
     def means(self) -> NDArray[np.float64]:

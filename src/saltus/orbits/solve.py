@@ -13,15 +13,17 @@ from saltus.cycles import MapOrbit
 from saltus.cycles.solve import solve_cycle
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.sticking import check_continuous
-from saltus.orbits.cuts import cut, stretched
-from saltus.orbits.families import of_a_family
+from saltus.orbits.cuts import check_measured, cut, held, piece_maps, stretched
+from saltus.orbits.families import ISOLATED, check_moves, of_a_family, why_a_family
 from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family
 from saltus.orbits.floquet import nontrivial
 from saltus.orbits.guesses import read_guess
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
+from saltus.orbits.pieces import in_pieces, solved_in_pieces
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.quantities import sizes_of_unknowns
 from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, Signature
+from saltus.orbits.soundness import sound_orbit
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 
     from saltus.orbits.unfolding import UnfoldedEquations
 
-__all__ = ["check_fields", "check_tol", "converge", "in_pieces", "settle_signature", "solve_orbit", "solve_unknowns"]
+__all__ = ["check_fields", "check_tol", "converge", "settle_signature", "solve_orbit", "solve_unknowns"]
 
 _MOST_UNKNOWNS = 4000  # unknowns of an orbit's equations, whose Jacobian is dense: 128 MB
 _ITERATIONS = 40  # Newton steps, at most
@@ -41,10 +43,6 @@ _VANISHED = 1e-3  # share of the guess's period below which an orbit has vanishe
 _RESIDUAL_LEAST = 1e-11  # residual, over the largest state's size, that no nearer guess makes smaller
 _REMESHED = 12  # most times that the meshes of one orbit are moved
 _PERHAPS_ONE = 1e-2  # distance of a multiplier from 1 below which an orbit may be one of a family
-_FAMILY = (
-    "orbits form a family there at fixed parameters, as in a conservative system: "
-    "solve_orbit(..., fix={'period': ...}) picks one"
-)
 
 
 @overload
@@ -169,7 +167,16 @@ def solve_orbit(
     signature, u = read_guess(system, p, segments, x0, period)
     if wish is not None:
         return _converge_fixed(system, signature, u, p, tol, wish)
-    return in_pieces(converge(system, signature, u, p, tol))
+    problem = OrbitProblem(system, signature, p, tol=tol)
+    check_moves(problem, u)
+    try:
+        return in_pieces(converge(system, signature, u, p, tol))
+    except ConvergenceError as error:
+        if signature.kinds != (PHASE_END,) or error.args[0] == ISOLATED:
+            raise
+        if (guess := held(problem, u)) is None:
+            raise
+    return solved_in_pieces(*guess)
 
 
 def check_tol(tol: object) -> float:
@@ -192,13 +199,18 @@ def converge(
             u, J = solve_unknowns(problem, turned)
     except ConvergenceError as error:
         if of_a_family(first, given):
-            raise ConvergenceError("isolated periodic orbit", error.residual, error.iterations, _FAMILY) from None
+            why = why_a_family(first, given)
+            raise ConvergenceError(ISOLATED, error.residual, error.iterations, why) from None
         raise
-    orbit = orbit_at(problem, u, J)
+    if stretched(problem, J):  # what is left of its equations is judged in pieces
+        check_measured(piece_maps(problem, J))
+        orbit = orbit_at(problem, u, J)
+    else:
+        orbit = sound_orbit(problem, u, J)
     check_fields(problem)
     inner = nontrivial(orbit.multipliers, autonomous=system.phase is None)
     if np.any(np.abs(inner - 1.0) < _PERHAPS_ONE) and of_a_family(first, given):
-        raise ConvergenceError("isolated periodic orbit", orbit.residual, 0, _FAMILY)
+        raise ConvergenceError(ISOLATED, orbit.residual, 0, why_a_family(first, given))
     return orbit
 
 
@@ -220,7 +232,7 @@ def _converge_fixed(
         equations, unknowns, J = solve_fixed(equations, guess, wish, solve_unknowns)
     check_family(equations, unknowns, J, wish)
     problem, own, fixed = within_family(equations, unknowns, p, wish)
-    orbit = orbit_at(problem, own, problem.resolve(own)[1], fixed=fixed)
+    orbit = sound_orbit(problem, own, problem.resolve(own)[1], fixed)
     check_fields(problem)
     return orbit
 
@@ -238,26 +250,6 @@ def check_fields(problem: OrbitProblem) -> None:
     for i, mode in enumerate(problem.signature.modes):
         states = nodes[ends[i] : ends[i + 1]]
         check_continuous(problem.system, np.full(len(states), mode), states, problem.extended)
-
-
-def in_pieces(orbit: PeriodicOrbit) -> PeriodicOrbit:
-    """Return a smooth orbit cut where its sensitivities grow, solved again; the orbit itself where they do not."""
-    if orbit.form.kinds[0] not in (PHASE_END, CLOSED_END):
-        return orbit
-    problem, u = orbit.problem(), orbit.unknowns
-    J = problem.evaluate(u)[1]
-    if not stretched(problem, J):
-        return orbit
-    problem, u = cut(problem, u, J)
-    period = float(u[problem.n :: problem.n + 1].sum())
-    scale = np.tile(np.append(problem.state_scale, period), problem.segments)
-    for _ in range(_ITERATIONS):
-        F, J = problem.evaluate(u)
-        step = np.linalg.solve(J, -F)
-        u = u + step
-        if np.max(np.abs(step) / scale) < _STEP_ACCEPTED and problem.refine():
-            return orbit_at(problem, u, problem.evaluate(u)[1])
-    raise ConvergenceError("periodic orbit in pieces", float(np.abs(F).max()), _ITERATIONS, "start from a nearer guess")
 
 
 def solve_unknowns(

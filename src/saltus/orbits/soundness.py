@@ -1,0 +1,111 @@
+"""The last look at an orbit before it is handed out: whether it solves its equations.
+
+What Newton's method says of its own steps is not asked. Where there is doubt, the orbit's meshes and sizes are made
+anew: a wrong size would hide what is left of the equations.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.errors import ConvergenceError
+from saltus.orbits.orbit import PeriodicOrbit, orbit_at
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.resting import RESTING
+from saltus.orbits.signature import CUT_END, EVENT_END, MEAN_END, SPEED, Survey
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.orbits.unfolding import Fixed
+
+__all__ = ["check_solved", "sound_orbit"]
+
+_CLEAR = 1e-9  # residual, over the smallest state's size, up to which no further look is needed
+_LEFT = 1e-6  # largest residual of a solution, over the sizes of what is subtracted in it
+_ROUNDED = 1e-8  # size of a state, over that of the guess, below which what is left may be rounding of the guess
+_LOOSE = 100.0  # the same in relative tolerances of the flow, where that is more
+_INFINITE = 1e10  # modulus from which on a multiplier is that of an event met without speed
+_SPEEDLESS = 1e-6  # rate of an event over a period, over its size, up to which it is met without speed
+
+
+def sound_orbit(
+    problem: OrbitProblem, u: NDArray[np.float64], J: NDArray[np.float64], fixed: Fixed | None = None
+) -> PeriodicOrbit:
+    """Return the orbit that solves `problem` at `u`; raise `ConvergenceError` where it does not.
+
+    Where an event is met without speed, so that a multiplier is infinite, the orbit is not admissible.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations.
+    u : ndarray, shape (size + active,)
+        The orbit.
+    J : ndarray, shape (size, size) or wider
+        Jacobian there.
+    fixed : Fixed, optional
+        The quantity that was fixed.
+    """
+    survey = problem.survey(u)
+    check_solved(problem, u, survey)
+    orbit = orbit_at(problem, u, J, survey, fixed=fixed)
+    if orbit.admissible and _speedless(problem, u, survey, orbit.multipliers):
+        return replace(orbit, faults=orbit.faults | SPEED)
+    return orbit
+
+
+def check_solved(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) -> None:
+    """Raise `ConvergenceError` where an orbit's states are not finite or do not solve its equations.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations.
+    u : ndarray, shape (size + active,)
+        The orbit.
+    survey : Survey
+        A dense look at it.
+    """
+    count, what = len(problem.system.states), "periodic orbit"
+    sizes = np.maximum(np.abs(survey.lows[:count]), np.abs(survey.highs[:count]))
+    if not (np.all(np.isfinite(u)) and np.all(np.isfinite(sizes))):
+        raise ConvergenceError(what, math.inf, 0, "the states are not finite; start from a nearer guess")
+    if survey.residual <= _CLEAR * float(sizes.min()):
+        return
+    left = _left(problem, u)
+    if not left <= max(_LEFT, _LOOSE * problem.tol):
+        hint = "of the orbit's own size is left of its equations: it is too unstable to be held in so few pieces"
+        raise ConvergenceError(what, left, 0, f"{left:.1e} {hint}, or the guess is too far")
+
+
+def _left(problem: OrbitProblem, u: NDArray[np.float64]) -> float:
+    """Return what is left of the equations, each over the size of its terms, on meshes made for the orbit."""
+    own = u[: problem.size]
+    fresh = OrbitProblem(problem.system, problem.signature, problem.parameters_at(u), tol=problem.tol)
+    if fresh.start(own) is not None:
+        return math.inf
+    n, rows = fresh.n, fresh.resolve(own)[0].reshape(fresh.segments, fresh.n + 1)
+    count = len(fresh.system.states)
+    known = np.maximum(fresh.state_scale, _ROUNDED * problem.state_scale)
+    known[:count] = np.maximum(known[:count], RESTING * float(known[:count].max()))
+    left = float(np.max(np.abs(rows[:, :n]) / known))
+    sizes = fresh.event_sizes(own)
+    for kind, row, size in zip(fresh.kinds.tolist(), rows[:, n].tolist(), sizes.tolist(), strict=True):
+        if kind == EVENT_END and abs(row) > 0.0:
+            left = max(left, abs(row) / size if size > 0.0 else math.inf)
+    return left if math.isfinite(left) else math.inf
+
+
+def _speedless(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey, values: NDArray[np.complex128]) -> bool:
+    """Return whether an event at a segment's end is met without speed, so that a multiplier is infinite."""
+    kinds = problem.signature.kinds
+    if CUT_END in kinds or not np.any(np.abs(values) >= _INFINITE):
+        return False
+    met = np.isin(kinds, (EVENT_END, MEAN_END))
+    period = float(u[problem.n : problem.size : problem.n + 1].sum())
+    return bool(np.any(met & (np.abs(survey.rates[:, 0]) * period < _SPEEDLESS * problem.event_sizes(u))))

@@ -1,0 +1,74 @@
+"""Whether a period that grows ever faster goes to infinity, or to a grazing at which it is finite."""
+
+import math
+
+import numpy as np
+import pytest
+
+from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit
+from saltus.continuation.unbounded import levels_off
+
+CLOCK = HybridSystem(
+    ("x", "v"), {"F": 0.05, "W": 0.6, "u": 1.0},
+    {"p": Mode({"x": "v", "v": "-x - F*u"}), "n": Mode({"x": "v", "v": "-x + F*u"})},
+    [
+        Transition("p", "n", "v", -1, name="top"),
+        Transition("n", "p", "v", 1, name="bottom"),
+        Transition("p", "p", "x", 1, {"v": "sqrt(v**2 + W*u**2)"}, name="kick"),
+    ],
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("law", "finite"),
+    [
+        (lambda d: -np.log(d), False),
+        (lambda d: 3.0 - 0.1 * np.log(d), False),
+        (lambda d: 5.0 + d**-0.5, False),
+        (lambda d: 1.0 / d, False),
+        (lambda d: 7.0 - np.sqrt(d), True),
+        (lambda d: 7.0 - d**0.75, True),
+    ],
+)
+@pytest.mark.parametrize("share", [0.1, 0.4, 0.7])
+@pytest.mark.parametrize("missed", [0.0, 1e-9])
+def test_growth_of_a_period_is_told_from_its_steps(law, finite, share, missed):
+    distance = share ** np.arange(int(-17.0 / math.log(share))) + missed
+    assert levels_off(3.0 - distance, law(distance)) is finite
+    assert levels_off(3.0 + 1e6 * distance, 1e-3 * law(distance)) is finite
+
+
+@pytest.mark.parametrize(
+    ("start", "bounds", "unit"),
+    [
+        (0.05, (0.01, 0.3), 1.0),
+        (0.05, (0.01, 0.3), 1e-9),
+        (0.05 * (1.0 + 1e-13), (0.01, 0.3), 1.0),
+        (0.1, (0.01, 0.3), 1.0),
+        (0.1, (0.01, 0.3), 1e6),
+        (0.15, (0.01, 2.0), 1.0),
+        (0.12, (0.1, 0.17), 1.0),
+        (0.05, (0.0, 1.0), 1.0),
+    ],
+)
+def test_a_clock_ends_at_the_grazing_at_which_its_swing_no_longer_passes_the_middle(start, bounds, unit):
+    """The amplitude is W/(8 F) + F; the swing passes x = 0 again until it is 4 F, at F = sqrt(W/24)."""
+    orbit = find_orbit(CLOCK, {"F": start, "u": unit}, x0=[0.0, unit], mode="p")
+    branch = continue_orbit(orbit, "F", bounds)
+    assert branch["GR1"].parameters["F"] == pytest.approx(math.sqrt(0.6 / 24.0), rel=1e-10)
+    usual = branch.values > 1e-3
+    F = branch.values[usual]
+    assert branch.highs[usual, 0] == pytest.approx(unit * (0.6 / (8.0 * F) + F), rel=1e-6)
+    # half a turn about F, half a turn about -F, then from x = 0 to the top at 4 F: acos(1/5)
+    assert branch["GR1"].orbit.period == pytest.approx(2.0 * math.pi + math.acos(0.2), rel=1e-8)
+    assert "grazing" in branch.stopped[1]
+    assert not any("period grows without bound" in end for end in branch.stopped)
+
+
+def test_a_clock_without_friction_swings_without_bound():
+    """Its amplitude W/(8 F) + F goes to infinity at F = 0, long before the bound is reached by rounding."""
+    for bound in (0.0, -1.0, 1e-9):
+        branch = continue_orbit(find_orbit(CLOCK, x0=[0.0, 1.0], mode="p"), "F", (bound, 1.0), directions="down")
+        assert "the orbit grows without bound" in branch.stopped[1]
+        beyond = branch.highs[:, 0] - branch.values
+        assert branch.values == pytest.approx(0.6 / (8.0 * beyond), rel=1e-6, abs=1e-6)
