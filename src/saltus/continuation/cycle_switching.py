@@ -11,6 +11,7 @@ from saltus.cycles.normal_forms import null_vectors
 from saltus.cycles.orbit import MapOrbit, cycle_at
 from saltus.cycles.solve import sizes_of
 from saltus.errors import ConvergenceError, InputError
+from saltus.system.angles import wrapped
 
 __all__ = ["doubled_cycle", "other_cycle"]
 
@@ -36,7 +37,12 @@ def other_cycle(point: SpecialPoint[MapOrbit]) -> MapOrbit:
     u = np.append(orbit.points.ravel(), orbit.parameters[name])
     if problem.period % 2 == 0 and point.tangent is not None:
         half = problem.n // 2
-        if np.allclose(u[:half], u[half:-1], rtol=0.0, atol=1e-5 * float(np.abs(u[:-1]).max())):
+        if np.allclose(
+            wrapped(u[:half] - u[half:-1], problem.circles[problem.circles < half]),
+            0.0,
+            rtol=0.0,
+            atol=1e-5 * float(np.abs(u[:-1]).max()),
+        ):
             return _single(orbit)
     return cycle_at(problem, *other_branch(problem, u, point.tangent, CycleZeroProblem, point.scale))
 
@@ -44,7 +50,8 @@ def other_cycle(point: SpecialPoint[MapOrbit]) -> MapOrbit:
 def _single(orbit: MapOrbit) -> MapOrbit:
     """Return the cycle of half the period at the point to which a doubled one has shrunk."""
     half = orbit.period // 2
-    points = 0.5 * (orbit.points[:half] + orbit.points[half:])
+    apart = wrapped(orbit.points[half:] - orbit.points[:half], orbit.system.angle_places)
+    points = orbit.points[:half] + 0.5 * apart
     names = orbit.system.piece_names
     problem = orbit.problem().along(tuple(names.index(name) for name in orbit.itinerary[:half]))
     u = points.ravel()

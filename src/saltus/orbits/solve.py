@@ -22,6 +22,7 @@ from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.quantities import sizes_of_unknowns
 from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, Signature
+from saltus.orbits.winding import unwrapped
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 
@@ -194,7 +195,7 @@ def converge(
         if of_a_family(first, given):
             raise ConvergenceError("isolated periodic orbit", error.residual, error.iterations, _FAMILY) from None
         raise
-    orbit = orbit_at(problem, u, J)
+    orbit = orbit_at(problem, unwrapped(problem, u), J)
     check_fields(problem)
     inner = nontrivial(orbit.multipliers, autonomous=system.phase is None)
     if np.any(np.abs(inner - 1.0) < _PERHAPS_ONE) and of_a_family(first, given):
@@ -220,6 +221,7 @@ def _converge_fixed(
         equations, unknowns, J = solve_fixed(equations, guess, wish, solve_unknowns)
     check_family(equations, unknowns, J, wish)
     problem, own, fixed = within_family(equations, unknowns, p, wish)
+    own = unwrapped(problem, own)
     orbit = orbit_at(problem, own, problem.resolve(own)[1], fixed=fixed)
     check_fields(problem)
     return orbit
