@@ -115,7 +115,8 @@ def _on_plane(problem: OrbitProblem, u: NDArray[np.float64], active: slice) -> N
             middle = 0.5 * (low + high)
             height = wrapped(problem.state_on(0, middle) - point, circles) @ normal
             low, high = (middle, high) if height < 0.0 else (low, middle)
-        x = point + wrapped(problem.state_on(0, high) - point, circles)
+        x = problem.state_on(0, high)
+        x[circles] += (wrapped(x - point, circles) - (x - point))[circles]
         away = float(np.linalg.norm((x - point) / problem.state_scale))
         if best is None or away < best[0]:
             best = away, x

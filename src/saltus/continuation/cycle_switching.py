@@ -50,8 +50,10 @@ def other_cycle(point: SpecialPoint[MapOrbit]) -> MapOrbit:
 def _single(orbit: MapOrbit) -> MapOrbit:
     """Return the cycle of half the period at the point to which a doubled one has shrunk."""
     half = orbit.period // 2
-    apart = wrapped(orbit.points[half:] - orbit.points[:half], orbit.system.angle_places)
-    points = orbit.points[:half] + 0.5 * apart
+    first, places = orbit.points[:half], orbit.system.angle_places
+    again = orbit.points[half:].copy()
+    again[:, places] = (first + wrapped(again - first, places))[:, places]
+    points = 0.5 * (first + again)
     names = orbit.system.piece_names
     problem = orbit.problem().along(tuple(names.index(name) for name in orbit.itinerary[:half]))
     u = points.ravel()

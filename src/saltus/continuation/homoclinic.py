@@ -238,7 +238,8 @@ def _first_arc(cycle: _Cycle, saddle: Saddle) -> tuple[Arc, float] | str:
     times = cycle.times[order]
     durations = np.diff(times) % cycle.period
     blocks = np.column_stack([cycle.states[order[:-1]], durations])
-    blocks[0, :-1] = saddle.state + away[order[0]]
+    turned = cycle.rest.circles  # the arc begins whole turns away from the cycle's table, next to its saddle
+    blocks[0, turned] = saddle.state[turned] + away[order[0], turned]
     u = np.append(blocks.ravel(), cycle.parameter)
     made = divided_up(cycle.problem, u)
     if isinstance(made, str):
