@@ -144,8 +144,8 @@ class AlgebraicLocusRun(TwoParameterRun):
                 continue
             if (passed := self.passed(item)) is not None:
                 return f"{self.place(last)}: {passed}"
-            if closes(origin, last, item, self.control):
-                half.points.append((self.branch, origin))
+            if (same := closes(origin, last, item, self.control, self.branch.problem.circles)) is not None:
+                half.points.append((self.branch, same))
                 half.closed = True
                 return "the locus is closed"
             if (end := self.keep(half, self.branch, item)) is not None:

@@ -19,6 +19,7 @@ from saltus.continuation.monitor import Monitor
 from saltus.continuation.watching import slope
 from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.equilibria.find import responses, state_sizes
+from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -247,16 +248,21 @@ class AlgebraicZeroProblem(ABC):
         return None
 
 
-def closes(origin: Point, last: Point, new: Point, control: StepControl) -> bool:
-    """Return whether the step from `last` to `new` passes the start of a curve of solutions."""
+def closes(origin: Point, last: Point, new: Point, control: StepControl, circles: NDArray[np.int64]) -> Point | None:
+    """Return the start of a curve of solutions where the step from `last` to `new` passes it, else None.
+
+    circles: angles among the unknowns; the start that is returned lies whole turns from the one given, next to `last`.
+    """
     if new.arc < _CLOSING * control.initial:
-        return False
+        return None
     if abs(origin.parameter - last.parameter) > 2.0 * abs(new.parameter - last.parameter) + control.initial:
-        return False
-    w, chord, away = last.weights, new.u - last.u, origin.u - last.u
+        return None
+    w, chord, away = last.weights, new.u - last.u, wrapped(origin.u - last.u, circles)
     length = float(w @ chord**2)
     share = float(w @ (away * chord)) / length
     if not 0.0 < share <= 1.0:
-        return False
+        return None
     aside = math.sqrt(float(w @ (away - share * chord) ** 2))
-    return aside < 20.0 * control.deviation and aside < 0.5 * math.sqrt(length)
+    if not (aside < 20.0 * control.deviation and aside < 0.5 * math.sqrt(length)):
+        return None
+    return replace(origin, u=last.u + away) if circles.size else origin

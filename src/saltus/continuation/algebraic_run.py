@@ -150,6 +150,10 @@ class AlgebraicRun(OneParameterRun):
         """Return the largest ratio of a state's size at a point to its size at the start."""
         return float(np.max(1.0 / np.sqrt(point.weights[:-1]) / self.first_sizes))
 
+    def starts(self, branch: Any, origin: Point) -> list[Point]:
+        """Return the start of a branch in all forms in which the branch may come back to it."""
+        return [origin]
+
     def at_start(self, branch: Any, origin: Point, halves: list[OneSide]) -> Found | None:
         """Return the special point at which the branch starts; None where there is none, or where it was located."""
         return None
@@ -217,8 +221,10 @@ class AlgebraicRun(OneParameterRun):
                 if (end := self._event(half, branch, item)) is not None:
                     return end
                 continue
-            if branch is start[0] and closes(start[1], last, item, self.control):
-                half.points.append(start)
+            starts = self.starts(*start) if branch is start[0] else []
+            met = (closes(origin, last, item, self.control, branch.problem.circles) for origin in starts)
+            if (same := next((origin for origin in met if origin is not None), None)) is not None:
+                half.points.append((branch, same))
                 half.closed = True
                 return "the branch is closed"
             if (end := self.keep(half, branch, item)) is not None:

@@ -14,6 +14,7 @@ from saltus.continuation.two_sided import SAME
 from saltus.continuation.zero_problem import Point, ZeroProblem, correct
 from saltus.orbits.cuts import clustered
 from saltus.orbits.signature import PHASE_END
+from saltus.system.angles import TURN, wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,11 +27,17 @@ _SAMPLES = 400  # times over a period between which an orbit's crossings of a pl
 
 
 def alongside(problem: OrbitProblem, u: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a copy of the unknowns `u`, its phase shifted by whole turns to start next to the phase of `other`."""
+    """Return a copy of the unknowns `u`, its phase shifted by whole turns to start next to the phase of `other`.
+
+    Angles are moved next to those of `other`, each segment's by itself.
+    """
     moved, n = u.copy(), problem.n
     if problem.system.phase is not None:
         shift = 2.0 * math.pi * round(float(u[n - 1] - other[n - 1]) / (2.0 * math.pi))
         moved[n - 1 : problem.size : n + 1] -= shift
+    for place in problem.system.angle_places:
+        at = slice(place, problem.size, n + 1)
+        moved[at] -= TURN * np.round((moved[at] - other[at]) / TURN)
     return moved
 
 
@@ -98,15 +105,18 @@ def _on_plane(problem: OrbitProblem, u: NDArray[np.float64], active: slice) -> N
     point, normal = problem.phase_plane[:n], problem.phase_plane[n:]
     problem.survey(np.append(u[:size], u[active]))
     places = np.linspace(0.0, 1.0, _SAMPLES + 1)
-    heights = np.array([(problem.state_on(0, place) - point) @ normal for place in places])
+    circles = problem.system.angle_places
+    heights = np.array([wrapped(problem.state_on(0, place) - point, circles) @ normal for place in places])
     heights[-1] = heights[0]  # the same point, but for rounding
     best: tuple[float, NDArray[np.float64]] | None = None
     for i in np.flatnonzero((heights[:-1] < 0.0) & (heights[1:] >= 0.0)):
         low, high = places[i], places[i + 1]
         for _ in range(50):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if (problem.state_on(0, middle) - point) @ normal < 0.0 else (low, middle)
+            height = wrapped(problem.state_on(0, middle) - point, circles) @ normal
+            low, high = (middle, high) if height < 0.0 else (low, middle)
         x = problem.state_on(0, high)
+        x[circles] += (wrapped(x - point, circles) - (x - point))[circles]
         away = float(np.linalg.norm((x - point) / problem.state_scale))
         if best is None or away < best[0]:
             best = away, x

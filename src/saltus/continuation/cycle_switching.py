@@ -12,6 +12,7 @@ from saltus.cycles.normal_forms import null_vectors
 from saltus.cycles.orbit import MapOrbit, cycle_at
 from saltus.cycles.solve import sizes_of
 from saltus.errors import ConvergenceError, InputError
+from saltus.system.angles import wrapped
 
 __all__ = ["doubled_cycle", "other_cycles"]
 
@@ -37,7 +38,8 @@ def other_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
     u = np.append(orbit.points.ravel(), orbit.parameters[name])
     if problem.period % 2 == 0 and point.tangent is not None:
         half = problem.n // 2
-        if np.allclose(u[:half], u[half:-1], rtol=0.0, atol=1e-5 * float(np.abs(u[:-1]).max())):
+        apart = wrapped(u[:half] - u[half:-1], problem.circles[problem.circles < half])
+        if np.allclose(apart, 0.0, rtol=0.0, atol=1e-5 * float(np.abs(u[:-1]).max())):
             return [_single(orbit)]
     return [
         cycle_at(problem, *found) for found in other_branches(problem, u, point.tangent, CycleZeroProblem, point.scale)
@@ -47,7 +49,10 @@ def other_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
 def _single(orbit: MapOrbit) -> MapOrbit:
     """Return the cycle of half the period at the point to which a doubled one has shrunk."""
     half = orbit.period // 2
-    points = 0.5 * (orbit.points[:half] + orbit.points[half:])
+    first, places = orbit.points[:half], orbit.system.angle_places
+    again = orbit.points[half:].copy()
+    again[:, places] = (first + wrapped(again - first, places))[:, places]
+    points = 0.5 * (first + again)
     names = orbit.system.piece_names
     problem = orbit.problem().along(tuple(names.index(name) for name in orbit.itinerary[:half]))
     u = points.ravel()

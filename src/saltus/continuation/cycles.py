@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from saltus.continuation.orbit_problem import Interest
 from saltus.cycles.orbit import MapOrbit, cycle_at, itinerary_of
 from saltus.cycles.problem import CycleProblem
 from saltus.progress import Report, Reporter
+from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -131,7 +133,7 @@ class _CycleRun(AlgebraicRun):
             near = abs(old.parameters[self.name] - self.value(point)) <= _RETURNED * self.scale
             for k in range(here.period if near else 0):
                 turned = (*old.itinerary[k:], *old.itinerary[:k])
-                away = np.abs(np.roll(old.points, -k, axis=0) - here.points)
+                away = np.abs(wrapped(np.roll(old.points, -k, axis=0) - here.points, here.system.angle_places))
                 if turned == here.itinerary and np.all(away <= _RETURNED * sizes):
                     return True
         return False
@@ -146,6 +148,18 @@ class _CycleRun(AlgebraicRun):
                 return "several points meet borders at once, and move to different sides of them"
         return None
 
+    def starts(self, branch: CycleZeroProblem, origin: Point) -> list[Point]:
+        """See `AlgebraicRun.starts`: gone round a circle, another of a cycle's points may be the first one."""
+        problem = branch.problem
+        if not problem.circles.size:
+            return [origin]
+        itinerary, found = problem.itinerary, []
+        for k in range(problem.period):
+            if itinerary[k:] + itinerary[:k] == itinerary:
+                points = np.roll(problem.points(origin.u), -k, axis=0)
+                found.append(replace(origin, u=np.append(points.ravel(), origin.u[problem.n :])))
+        return found
+
     def closed_up(self, branch: CycleZeroProblem, point: Point) -> str | None:
         """See `AlgebraicRun.closed_up`: where the second half of a cycle meets the first one, its period halves."""
         problem = branch.problem
@@ -153,5 +167,6 @@ class _CycleRun(AlgebraicRun):
         if odd or problem.itinerary[:half] != problem.itinerary[half:]:
             return None
         points, sizes = problem.points(point.u), branch.sizes[: problem.states]
-        apart = float(np.max(np.abs(points[:half] - points[half:]) / sizes))
+        gaps = wrapped(points[:half] - points[half:], problem.system.angle_places)
+        apart = float(np.max(np.abs(gaps) / sizes))
         return "the period halves" if apart < _HALVED else None

@@ -23,6 +23,7 @@ from saltus.errors import InputError, SaltusError
 from saltus.orbits import PeriodicOrbit, solve_orbit
 from saltus.progress import Progress, Report, Reporter
 from saltus.system import HybridSystem, Map
+from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -278,6 +279,8 @@ class _Run:
                 share = (value - first) / (last - first) if last != first else 0.0
                 there = states[i] + share * (states[i + 1] - states[i])
                 reach = np.abs(states[i + 1] - states[i]) + 1e-6 * np.ptp(states, axis=0)
-                if np.all(np.abs(state - there) <= np.maximum(reach, 1e-9 * np.abs(state))):
+                if np.all(
+                    np.abs(wrapped(state - there, self.system.angle_places)) <= np.maximum(reach, 1e-9 * np.abs(state))
+                ):
                     return True
         return False

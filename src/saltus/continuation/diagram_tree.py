@@ -21,6 +21,7 @@ from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 from saltus.results import Result
 from saltus.system import HybridSystem, Map
+from saltus.system.angles import wrapped
 from saltus.system.plain import held_any
 
 if TYPE_CHECKING:
@@ -65,24 +66,27 @@ class Place:
     value: float
     lows: NDArray[np.float64]
     highs: NDArray[np.float64]
+    circles: NDArray[np.int64]
 
     def is_same(self, other: Place, width: float, ranges: NDArray[np.float64]) -> bool:
         """Return whether both are one point, to the accuracy with which branches are located."""
         if abs(self.value - other.value) > _SAME_VALUE * width:
             return False
-        away = np.maximum(np.abs(self.lows - other.lows), np.abs(self.highs - other.highs))
+        lows, highs = self.lows - other.lows, self.highs - other.highs
+        away = np.maximum(np.abs(wrapped(lows, self.circles)), np.abs(wrapped(highs, self.circles)))
         return bool(np.all(away <= _SAME_STATE * ranges))
 
 
 def place_of(point: SpecialPoint[Any], parameter: str) -> Place:
     """Return where a special point of orbits, of equilibria or of cycles of a map lies."""
     solution, value = point.solution, point.parameters[parameter]
+    circles = solution.system.angle_places
     if isinstance(solution, MapOrbit):
-        return Place(value, solution.points.min(axis=0), solution.points.max(axis=0))
+        return Place(value, solution.points.min(axis=0), solution.points.max(axis=0), circles)
     if isinstance(solution, Equilibrium):
-        return Place(value, solution.state, solution.state)
+        return Place(value, solution.state, solution.state, circles)
     n = len(solution.system.states)
-    return Place(value, solution.lows[:n], solution.highs[:n])
+    return Place(value, solution.lows[:n], solution.highs[:n], circles)
 
 
 def kind_of(branch: DiagramBranch) -> str:

@@ -27,6 +27,7 @@ from saltus.continuation.unbounded import period_of
 from saltus.equilibria.equilibrium import equilibrium_at
 from saltus.equilibria.spectrum import NEUTRAL
 from saltus.orbits.signature import CLOSED_END, CUT_END
+from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -94,7 +95,8 @@ class _Cycle:
 
     def distances(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return each state's distance from a given one, in typical sizes."""
-        return np.asarray(np.abs((self.states - state) / self.sizes).max(axis=1))
+        away = wrapped(self.states - state, self.rest.circles)
+        return np.asarray(np.abs(away / self.sizes).max(axis=1))
 
 
 def located(points: list[Row], low: float, high: float) -> Located | str:
@@ -165,7 +167,9 @@ def _slow_places(cycle: _Cycle) -> list[NDArray[np.float64]]:
     found: list[tuple[float, NDArray[np.float64]]] = []
     for i in np.flatnonzero(least):
         state = saddle_near(cycle.rest, cycle.states[i], cycle.parameter, cycle.sizes)
-        if state is None or any(np.abs((state - other) / cycle.sizes).max() < NEUTRAL**0.5 for _, other in found):
+        if state is None or any(
+            np.abs(wrapped(state - other, cycle.rest.circles) / cycle.sizes).max() < NEUTRAL**0.5 for _, other in found
+        ):
             continue
         found.append((float(cycle.distances(state).min()), state))
     found.sort(key=lambda item: item[0])
@@ -217,7 +221,7 @@ def _arc(cycle: _Cycle, state: NDArray[np.float64]) -> tuple[Arc, float] | str:
 
 def _first_arc(cycle: _Cycle, saddle: Saddle) -> tuple[Arc, float] | str:
     """Return a cycle without its stay at a saddle, as a guess of the arc, and the time of the stay."""
-    away = cycle.states - saddle.state
+    away = wrapped(cycle.states - saddle.state, cycle.rest.circles)
     out, into = (np.linalg.norm(away @ W.T, axis=1) for W in saddle.coordinates)
     nearest, count = int(np.argmin(out + into)), len(out)
     factor, least, most = _FIRST
@@ -234,6 +238,8 @@ def _first_arc(cycle: _Cycle, saddle: Saddle) -> tuple[Arc, float] | str:
     times = cycle.times[order]
     durations = np.diff(times) % cycle.period
     blocks = np.column_stack([cycle.states[order[:-1]], durations])
+    turned = cycle.rest.circles  # the arc begins whole turns away from the cycle's table, next to its saddle
+    blocks[0, turned] = saddle.state[turned] + away[order[0], turned]
     u = np.append(blocks.ravel(), cycle.parameter)
     made = divided_up(cycle.problem, u)
     if isinstance(made, str):
@@ -249,6 +255,7 @@ def _looks_like(cycle: _Cycle, arc: Arc) -> bool:
     survey, n = arc.problem.survey(arc.u), arc.problem.n
     lows, highs = cycle.states.min(axis=0), cycle.states.max(axis=0)
     apart = np.maximum(np.abs(survey.lows[:n] - lows), np.abs(survey.highs[:n] - highs))
+    apart[cycle.rest.circles] = 0.0  # the pieces of an arc may lie whole turns apart
     return bool(np.max(apart / cycle.sizes) < _ALIKE)
 
 

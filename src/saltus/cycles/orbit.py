@@ -15,6 +15,7 @@ from saltus.cycles.problem import CycleProblem
 from saltus.cycles.spectrum import NEUTRAL, multipliers_of
 from saltus.errors import InputError
 from saltus.results import Result, frozen
+from saltus.system.angles import TURN
 from saltus.system.evaluate import evaluate
 from saltus.system.maps import Map
 from saltus.system.plain import held_map, held_parameters
@@ -82,6 +83,16 @@ class MapOrbit(Result):
     def regular(self) -> bool:
         """Whether each point lies where its piece holds; a virtual cycle is none of the map."""
         return not self.reasons
+
+    @property
+    def winding(self) -> Mapping[str, int]:
+        """How many turns each of the system's angles makes along the cycle; over `period` its rotation number."""
+        problem = self.problem()
+        gaps = (problem.slopes(self.points.ravel())[0] - np.roll(self.points, -1, axis=0))[
+            :, problem.system.angle_places
+        ]
+        turns = np.rint(gaps / TURN).astype(np.int64).sum(axis=0).tolist()
+        return dict(zip((s for s in self.system.states if s in self.system.angles), turns, strict=True))
 
     def problem(self, *active: str) -> CycleProblem:
         """Return the equations, with some parameters among the unknowns.

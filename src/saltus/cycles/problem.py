@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.system.angles import wrapped
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -60,6 +62,7 @@ class CycleProblem:
     def __post_init__(self) -> None:
         self.states, self.period = len(self.system.states), len(self.itinerary)
         self.n = self.states * self.period
+        self.circles = np.add.outer(self.states * np.arange(self.period), self.system.angle_places).ravel()
         self.p = self.p.copy()
         self._active = np.array(self.active, dtype=np.int64)
         self.scales = np.array(self.scales, dtype=np.float64)
@@ -107,6 +110,8 @@ class CycleProblem:
         """Return the images less the next points, shape (n,), and their derivatives, shape (n, n + active)."""
         images, slopes, forcing = self.slopes(u)
         F = (images - np.roll(self.points(u), -1, axis=0)).ravel()
+        if self.circles.size:
+            F = wrapped(F, self.circles)
         J = np.zeros((self.n, u.size))
         self._spread(J, slopes)
         rows, s = np.arange(self.n), self.states

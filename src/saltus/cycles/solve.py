@@ -14,6 +14,7 @@ from saltus.equilibria.find import solve_zero, state_sizes
 from saltus.errors import ConvergenceError, DefinitionError, InputError
 from saltus.iteration.code import code_of
 from saltus.iteration.iterates import path_from
+from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -96,7 +97,8 @@ def _converged(problem: CycleProblem, points: NDArray[np.float64]) -> MapOrbit:
     if not np.all(np.isfinite(points)):
         raise InputError("x0", points[0].tolist(), "a state whose images are finite")
     none = f"there may be no cycle of period {problem.period} there"
-    u, _, iterations = solve_zero(problem, points.ravel(), "cycle", none)
+    u, _, iterations = solve_zero(problem, wrapped(points.ravel(), problem.circles), "cycle", none)
+    u = wrapped(u, problem.circles)
     sizes = sizes_of(problem, u)
     problem, u = _least(problem, u, sizes)
     found = cycle_at(problem, u, sizes[: problem.n])
@@ -111,8 +113,9 @@ def _least(
     """Return the equations and the unknowns of a cycle's first round."""
     points, k, scale = problem.points(u), problem.period, sizes[: problem.states]
     for d in range(1, k):
+        apart = np.abs(wrapped(points - np.roll(points, d, axis=0), problem.system.angle_places))
         same = k % d == 0 and problem.itinerary == problem.itinerary[:d] * (k // d)
-        if same and np.all(np.abs(points - np.roll(points, d, axis=0)) <= _SAME * scale):
+        if same and np.all(apart <= _SAME * scale):
             return problem.along(problem.itinerary[:d]), points[:d].ravel().copy()
     return problem, u
 
@@ -142,7 +145,7 @@ def find_cycle(
         stretch = min(stretch, most - made)
         kept = min(2 * _LONGEST, stretch + 1)
         states, pieces = path_from(system, p, code, x, stretch + 1 - kept, kept)
-        made, x = made + stretch, states[-1]
+        made, x = made + stretch, wrapped(states[-1], system.angle_places)
         found, nearest = _recurring(system, p, states, pieces)
         if found is not None:
             return found
@@ -157,11 +160,12 @@ def _recurring(
     system: Map, p: NDArray[np.float64], states: NDArray[np.float64], pieces: NDArray[np.int64]
 ) -> tuple[MapOrbit | None, float]:
     """Return the stable cycle near the end of a motion, None where there is none, and how near the motion recurs."""
-    size = np.abs(states).max(axis=0)
+    places = system.angle_places
+    size = np.abs(wrapped(states, places)).max(axis=0)
     size = np.where(size > 0.0, size, 1.0)
     nearest = np.inf
     for d in range(1, min(_LONGEST, (len(states) - 1) // 2) + 1):
-        away = float(np.max(np.abs(states[-d - 1 :] - states[-2 * d - 1 : -d]) / size))
+        away = float(np.max(np.abs(wrapped(states[-d - 1 :] - states[-2 * d - 1 : -d], places)) / size))
         nearest = min(nearest, away)
         if away > _NEAR:
             continue
@@ -172,7 +176,9 @@ def _recurring(
             )
         except (ConvergenceError, DefinitionError):
             continue
-        near = np.abs(orbit.points[:, None] - points[None]).max(axis=2).min() <= _FAR * float(size.max())
+        near = np.abs(wrapped(orbit.points[:, None] - points[None], places)).max(axis=2).min() <= _FAR * float(
+            size.max()
+        )
         if orbit.stable and orbit.regular and near:
             return orbit, nearest
         if near and np.all(np.abs(np.abs(orbit.multipliers) - 1.0) <= _NEUTRAL):

@@ -20,6 +20,7 @@ from saltus.errors import InputError
 from saltus.flow.event_logs import events_after
 from saltus.flow.motion import jumps_at_phase_zero, starting_mode
 from saltus.flow.variational import Average, Growth, growth_along
+from saltus.system.angles import refuse
 from saltus.work import processors, starting
 
 if TYPE_CHECKING:
@@ -99,6 +100,7 @@ class Ensemble:
         scale: ArrayLike | None = None,
         threads: int | None = None,
     ) -> None:
+        refuse(system.angles, "an ensemble")
         if (interval is None) == (system.phase is None):
             raise InputError("interval", interval, "given for a system without a phase, and for no other")
         tolerance = checks.between("tolerance", tolerance, 1e-14, 1e-2)

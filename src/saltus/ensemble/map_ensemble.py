@@ -19,6 +19,7 @@ from saltus.iteration._map_kernels import DONE, images
 from saltus.iteration.code import MapCode, code_of
 from saltus.iteration.growth import growth_of_map
 from saltus.iteration.iterates import path_from
+from saltus.system.angles import refuse
 from saltus.system.tiling import pieces_error
 from saltus.work import processors
 
@@ -99,6 +100,7 @@ class MapEnsemble:
         scale: ArrayLike | None = None,
         threads: int | None = None,
     ) -> None:
+        refuse(system.angles, "an ensemble")
         self.system, self.parameters = system, checks.mapping("parameters", parameters, "names to numbers, or None")
         self.p = system.parameter_vector(self.parameters)
         self.n = len(system.states)

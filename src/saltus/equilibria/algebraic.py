@@ -25,12 +25,15 @@ class AlgebraicProblem(Protocol):
         Parameters among the unknowns, growing.
     scales : ndarray, shape (active,)
         Units of the active parameters.
+    circles : ndarray of int
+        Places of the angles among the unknowns.
     """
 
     n: int
     p: NDArray[np.float64]
     active: Sequence[int]
     scales: NDArray[np.float64]
+    circles: NDArray[np.int64]
 
     def parameters_at(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return all parameters, shape (parameters,), where the unknowns are `u`."""

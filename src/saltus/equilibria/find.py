@@ -12,6 +12,7 @@ from saltus.equilibria.problem import EquilibriumProblem, check_autonomous
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.motion import starting_mode
 from saltus.system import HybridSystem
+from saltus.system.angles import wrapped
 from saltus.system.maps import flowing
 
 if TYPE_CHECKING:
@@ -149,6 +150,8 @@ def _balanced(A: NDArray[np.float64], x: NDArray[np.float64], small: NDArray[np.
 def solve_equilibrium(problem: EquilibriumProblem, x: NDArray[np.float64]) -> Equilibrium:
     """Return the equilibrium near the state `x` at fixed parameters; see `find_equilibrium`."""
     u, sizes, iteration = solve_zero(problem, x, "equilibrium", "there may be no equilibrium in this mode")
+    if problem.circles.size:
+        u, sizes, iteration = solve_zero(problem, -wrapped(-u, problem.circles), "equilibrium", "")
     found = equilibrium_at(problem, u, np.maximum(sizes, np.abs(u)))
     if not found.residual <= _RESIDUAL:
         raise ConvergenceError("equilibrium", found.residual, iteration, _why(problem.evaluate(u)[1]))

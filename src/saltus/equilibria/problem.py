@@ -51,6 +51,7 @@ class EquilibriumProblem:
 
     def __post_init__(self) -> None:
         self.n = len(self.system.states)
+        self.circles = self.system.angle_places
         self.p = self.p.copy()
         self._active = np.array(self.active, dtype=np.int64)
         self.scales = np.array(self.scales, dtype=np.float64)

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from saltus.errors import InputError, nearest
 from saltus.system.evaluate import check_expression, read_expression
+from saltus.system.periodicity import is_periodic
 
 if TYPE_CHECKING:
     from saltus.system.definition import Definition
     from saltus.system.evaluate import Expression
 
-__all__ = ["Formula", "Observable", "check_observables", "read_formula", "read_observable"]
+__all__ = ["Formula", "Observable", "check_observables", "check_rotating", "read_formula", "read_observable"]
 
 _FORMS = {
     "max": "max(expression)",
@@ -217,3 +218,14 @@ def _balanced(text: str) -> bool:
         if depth < 0:
             return False
     return depth == 0
+
+
+def check_rotating(system: Definition, rotating: Sequence[str], parts: Mapping[str, Observable]) -> None:
+    """Raise `InputError` where an observable of a periodic motion is not periodic: it grows with a rotating angle."""
+    for angle in rotating:
+        for text, part in parts.items():
+            if part.of in (*system.mode_names, *system.transition_names):
+                continue
+            if not is_periodic(system, part.of, angle):
+                hint = f"write cos({angle}), sin({angle}) or a rate"
+                raise InputError("observable", text, f"of period 2 pi in {angle!r}, which rotates on this orbit", hint)

@@ -39,7 +39,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from saltus.errors import InputError
-from saltus.flow.formulas import Observable, read_formula
+from saltus.flow.formulas import Observable, check_rotating, read_formula
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -85,6 +85,8 @@ class Motion:
         The phase at time 0, and its rate; it runs on beyond 2 pi.
     turns : int, optional
         Periods of the angle after which the motion repeats; None where it does not.
+    rotating : tuple of str, optional
+        Angles among the states that make turns before the motion repeats.
     """
 
     system: HybridSystem
@@ -96,6 +98,7 @@ class Motion:
     crossings: Sequence[tuple[float, int, float]]
     angle: tuple[float, float]
     turns: int | None = None
+    rotating: tuple[str, ...] = ()
 
     @property
     def begin(self) -> float:
@@ -176,6 +179,7 @@ def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
     """
     formulas = {name: read_formula(motion.system, name) for name in names}
     wanted = {part: observable for formula in formulas.values() for part, observable in formula.parts.items()}
+    check_rotating(motion.system, motion.rotating, wanted)
     advance = float(np.abs(motion.durations).max()) * motion.angle[1]
     highest = max((float(observable.order) for observable in wanted.values() if observable.order), default=0.0)
     seen = _Seen(motion, _NODES + math.ceil(highest * advance))

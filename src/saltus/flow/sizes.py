@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -88,6 +89,7 @@ def sizes_from(
 ) -> Sizes:
     """Return how large states are, shape (m, all states), which a motion has passed in a time; it is at x now."""
     size = np.max(np.abs(states), axis=0)
+    size[system.angle_places] = np.minimum(size[system.angle_places], math.pi)  # however often it turned
     top = max(float(size.max()), 1e-300)
     compiled = system.compiled
     J = np.abs(compiled.linearised(mode, x, compiled.extended(p))[1])

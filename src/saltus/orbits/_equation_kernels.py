@@ -18,6 +18,7 @@ DERIVE = FUNCTIONS.index("derive")
 RESET = FUNCTIONS.index("reset")
 RESET_X = FUNCTIONS.index("reset_x")
 RESET_P = FUNCTIONS.index("reset_p")
+TURN = 2.0 * math.pi
 SHORT = 0.01  # share of the period below which a segment's mean rate is integrated, not taken from its ends
 
 
@@ -152,6 +153,9 @@ def equations(orbit, mesh, phase, tolerances, u, F, J, errors):
         for step in range(first, first + count):
             worst = max(worst, errors[step])
         _landing(system, piece, start, end, work, F, entries)
+        for k in range(orbit.angles.size):
+            at = row + orbit.angles[k]
+            F[at] -= TURN * math.floor(F[at] / TURN + 0.5)
         last = row + n
         if piece.following == 0 and orbit.turns > 0:
             F[last - 1] -= 2.0 * math.pi * orbit.turns

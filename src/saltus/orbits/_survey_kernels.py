@@ -11,7 +11,7 @@ from saltus.flow._event_kernels import AT_WRAP
 from saltus.flow._kernels import INNER, call, dense_value, keep, outlined, pointer
 from saltus.flow._segment_kernels import EVENT_X, FIELD, Segment, dense, missed
 from saltus.orbits._curve_kernels import EVENT, FINE, GUARD, OUTPUTS, Curve, Room, View, at_phase, fine, lowest
-from saltus.orbits._equation_kernels import RESET, piece_at, pointed, total_duration
+from saltus.orbits._equation_kernels import RESET, TURN, piece_at, pointed, total_duration
 from saltus.orbits._margin_kernels import margin
 from saltus.orbits._moment_kernels import add_moments
 from saltus.orbits.records import Dense, Events, Found, Mesh, Orbit
@@ -67,7 +67,7 @@ def survey(orbit, events, mesh, curves, tolerances, sizes, u, found):
         bad |= _followed(view, piece, curve, u, tolerances, room)
         add_moments(view, curve, begun, start, turns, room, found.moments)
         begun += piece.duration
-        bad |= _ended(view, piece, curve, u, orbit.turns, room, pointer(found.rates, 3 * i))
+        bad |= _ended(view, piece, curve, u, (orbit.turns, orbit.angles), room, pointer(found.rates, 3 * i))
         for k in range(view.transitions):
             found.margins[i * view.transitions + k] = np.inf
             found.places[i * view.transitions + k] = 0.5
@@ -181,8 +181,11 @@ def _followed(view, piece, curve, u, tolerances, room):
 
 
 @njit(**INNER)
-def _ended(view, piece, curve, u, turns, room, rates):
-    """Write a segment's row of `Found.rates`; return DIRECTION and WHEN where they are due."""
+def _ended(view, piece, curve, u, closing, room, rates):
+    """Write a segment's row of `Found.rates`; return DIRECTION and WHEN where they are due.
+
+    closing: forcing periods in the period, and the states on a circle.
+    """
     outlined()
     functions, p, n, transition, following = view.functions, view.p, view.n, piece.transition, piece.following
     x, field, slope, one, bad = room.x, room.field, room.slope, room.one, 0
@@ -191,6 +194,10 @@ def _ended(view, piece, curve, u, turns, room, rates):
         x[e] = end[e]
     if transition >= 0 and piece.kind != TOUCH_END:
         call(functions[RESET], transition, 0, end, 0, p, x, 0)
+    turns, angles = closing
+    for k in range(angles.size):
+        e = angles[k]
+        x[e] -= TURN * math.floor((x[e] - u[following + e]) / TURN + 0.5)
     gap = 0.0
     for e in range(n):
         turn = 2.0 * math.pi * turns if following == 0 and e == n - 1 else 0.0

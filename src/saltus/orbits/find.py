@@ -21,6 +21,7 @@ from saltus.orbits.settling import Stretch, event_log, follow, rest_of, sizes_of
 from saltus.orbits.signature import CLOSED_END, EVENT_END, PHASE_END, Signature
 from saltus.orbits.solve import check_tol, converge
 from saltus.system import HybridSystem
+from saltus.system.angles import wrapped
 from saltus.system.maps import Map, flowing
 
 if TYPE_CHECKING:
@@ -139,7 +140,7 @@ def find_orbit(
     flowing(system)
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
-    x = system.full_state(x0)
+    x = wrapped(system.full_state(x0), system.angle_places)
     longest = 3000.0 if settle is None else checks.positive("settle", settle)
     start = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
     search = _search_forced if system.phase is not None else _search_autonomous
@@ -182,13 +183,13 @@ def _search_forced(
         if wraps.size <= 2 * _LONGEST:
             hint = f"{_MOST_EVENTS} transitions happen in {wraps.size} periods"
             raise ConvergenceError("periodic attractor", recurrence, done, hint, unit="forcing periods")
-        states = log.x_after[wraps][:, :-1]
+        states, places = log.x_after[wraps][:, :-1], system.angle_places
         sizes = sizes_along(system, p, log.x_end, log.mode_end, 2.0 * math.pi / seen.rate, atol)
         floor = np.maximum(floor, _NOTHING * sizes.of_states)
         sizes = sizes.at_least(floor)
         scale, atol = sizes.of_gaps[:-1], sizes.atol
         for turns in range(1, _LONGEST + 1):
-            gap = float(np.max(np.abs(states[turns:] - states[:-turns]) / scale))
+            gap = float(np.max(np.abs(wrapped(states[turns:] - states[:-turns], places)) / scale))
             recurrence = min(recurrence, gap)
             if gap < _NEAR:
                 try:
@@ -198,12 +199,12 @@ def _search_forced(
                 except SaltusError as error:
                     failure = str(error)
                     break
-                away = float(np.max(np.abs(np.asarray(orbit.x0) - states) / scale, axis=1).min())
+                away = float(np.max(np.abs(wrapped(orbit.x0 - states, places)) / scale, axis=1).min())
                 if orbit.stable and orbit.admissible and away < _reach(orbit, gap):
                     return orbit
                 failure = _why_not(orbit)
                 break
-        x, mode = log.x_end, log.mode_end
+        x, mode = wrapped(log.x_end, places), log.mode_end
         batch *= 2
     hint = failure or (
         "the motion is quasi-periodic or chaotic, or its period is above 16, or it settles slowly: then settle= "
@@ -270,28 +271,30 @@ def _search_autonomous(
     system: HybridSystem, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, longest: float, tol: float
 ) -> PeriodicOrbit:
     done, spent, batch, recurrence, atol = 0.0, 0, 1, math.inf, ATOL
-    failure = ""
+    failure, places = "", system.angle_places
     kinds = max(len(system.transitions), 1)
     while done < longest and spent < _STEPS * longest:
         gone = follow(system, p, x, mode, batch * _BATCH, batch * kinds * _EVENTS, atol, sampled=False)
-        begin, x, mode = x, gone.log.x_end, gone.log.mode_end
+        begin, x, mode = x, wrapped(gone.log.x_end, places), gone.log.mode_end
         seen = follow(system, p, x, mode, batch * _BATCH, kinds * (2 * _LONGEST + 1), atol, sampled=True)
         spent += gone.tries + seen.tries
         sizes = sizes_of(system, p, seen)
         atol = sizes.atol
         if seen.events:
             done += gone.events + seen.events
-            found = _read_autonomous(seen.log, sizes.of_gaps)
+            found = _read_autonomous(seen.log, sizes.of_gaps, places)
         else:
             before = seen.states[0] if gone.events else begin
             if (rest := rest_of(system, p, before, seen, sizes.of_states)) is not None:
-                where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(system.states, rest, strict=True))
+                where = ", ".join(
+                    f"{name} = {value:.6g}" for name, value in zip(system.states, wrapped(rest, places), strict=True)
+                )
                 hint = f"the motion comes to rest in mode {system.mode_names[mode]!r} at {where}, an equilibrium"
                 gap = float(np.max(np.abs(seen.log.x_end - rest) / sizes.of_states))
                 raise ConvergenceError("periodic attractor", gap, spent, hint, unit="steps")
             returns = _returns(system, p, seen, sizes.of_gaps)
             done += returns.size * (1.0 + gone.tries / seen.tries)
-            found = _read_smooth(seen, returns, sizes.of_gaps)
+            found = _read_smooth(seen, returns, sizes.of_gaps, places)
         if found is not None:
             signature, u, gap = found
             recurrence = min(recurrence, gap)
@@ -306,7 +309,7 @@ def _search_autonomous(
                     if orbit.stable and orbit.admissible:
                         return orbit
                     failure = _why_not(orbit)
-        x, mode = seen.log.x_end, seen.log.mode_end
+        x, mode = wrapped(seen.log.x_end, places), seen.log.mode_end
         batch *= 2
     hint = failure or "the motion is quasi-periodic or chaotic"
     if not failure and done < longest:
@@ -314,7 +317,9 @@ def _search_autonomous(
     raise ConvergenceError("periodic attractor", recurrence, int(done), hint, unit="returns")
 
 
-def _read_autonomous(log: EventLog, scale: NDArray[np.float64]) -> tuple[Signature, NDArray[np.float64], float] | None:
+def _read_autonomous(
+    log: EventLog, scale: NDArray[np.float64], places: NDArray[np.int64]
+) -> tuple[Signature, NDArray[np.float64], float] | None:
     """Return signature, unknowns and recurrence of the shortest cycle of events that repeats."""
     count = log.time.size
     kinds = max(len(set(log.transition.tolist())), 1)
@@ -323,7 +328,7 @@ def _read_autonomous(log: EventLog, scale: NDArray[np.float64]) -> tuple[Signatu
         now, before = np.arange(count - length, count), np.arange(count - 2 * length, count - length)
         if before[0] < 0 or not np.array_equal(log.transition[now], log.transition[before]):
             continue
-        gap = float(np.max(np.abs(log.x_after[now] - log.x_after[before]) / scale))
+        gap = float(np.max(np.abs(wrapped(log.x_after[now] - log.x_after[before], places)) / scale))
         best = min(best, (gap, length))
         if gap < _NEAR:
             break
@@ -341,20 +346,22 @@ def _returns(
     """Return the times at which a motion without events comes back to the plane across it where it starts."""
     x = seen.states[0]
     slope = system.compiled.field(seen.mode, np.ascontiguousarray(x), p) / scale
-    across = ((seen.states - x) / scale) @ slope
+    away = seen.states - x
+    away[:, system.angle_places] = np.sin(away[:, system.angle_places])
+    across = (away / scale) @ slope
     crossing = np.flatnonzero((across[:-1] < 0.0) & (across[1:] >= 0.0))
     share = -across[crossing] / (across[crossing + 1] - across[crossing])
     return np.asarray(seen.times[crossing] + share * (seen.times[crossing + 1] - seen.times[crossing]))
 
 
 def _read_smooth(
-    seen: Stretch, returns: NDArray[np.float64], scale: NDArray[np.float64]
+    seen: Stretch, returns: NDArray[np.float64], scale: NDArray[np.float64], places: NDArray[np.int64]
 ) -> tuple[Signature, NDArray[np.float64], float] | None:
     """Return signature, unknowns and recurrence of a motion without events, by its returns to a plane across it."""
     if not returns.size:
         return None
     x = seen.states[0]
-    gaps = np.max(np.abs(seen.at(returns) - x) / scale, axis=1)
+    gaps = np.max(np.abs(wrapped(seen.at(returns) - x, places)) / scale, axis=1)
     first = int(np.argmax(gaps < _NEAR)) if np.any(gaps < _NEAR) else int(np.argmin(gaps))
     block = np.append(x, returns[first])
     return Signature((seen.mode,), (-1,), (CLOSED_END,), 0), block, float(gaps[first])

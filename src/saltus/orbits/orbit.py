@@ -24,6 +24,7 @@ from saltus.orbits.sampling import motion_of, sample_orbit
 from saltus.orbits.sensitivities import sensitivities
 from saltus.orbits.signature import CUT_END, FAULTS, Segment, Signature, Survey, path_of, signature_from
 from saltus.orbits.unfolding import Fixed, read_fixed
+from saltus.orbits.winding import winding_of
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system
@@ -156,6 +157,11 @@ class PeriodicOrbit(Result):
     def repeats(self) -> int:
         """How many times the states repeat themselves while the phase turns once, as driven by ``cos(2*s)``."""
         return repeats_of(self.problem(), self.unknowns)
+
+    @cached_property
+    def winding(self) -> Mapping[str, int]:
+        """How many turns each of the system's angles makes in a period: 0 where it swings, else it rotates."""
+        return winding_of(self.problem(), self.unknowns)
 
     @cached_property
     def landings_beyond(self) -> tuple[Landing, ...]:

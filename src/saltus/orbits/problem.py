@@ -104,6 +104,7 @@ class OrbitProblem:
                 rooted=compiled.limits.astype(np.int64),
                 active=self._active,
                 scales=self.scales,
+                angles=self.system.angle_places,
             )
         )
         events = events_of(self.system)

@@ -41,6 +41,8 @@ class Orbit(NamedTuple):
         Parameters among the unknowns.
     scales : ndarray, shape (active,)
         Their units.
+    angles : ndarray of int64
+        States on a circle, in which equations hold modulo 2 pi.
     """
 
     functions: NDArray[np.int64]
@@ -53,6 +55,7 @@ class Orbit(NamedTuple):
     rooted: NDArray[np.int64]
     active: NDArray[np.int64]
     scales: NDArray[np.float64]
+    angles: NDArray[np.int64]
 
 
 class Mesh(NamedTuple):

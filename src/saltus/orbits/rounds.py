@@ -9,6 +9,7 @@ import numpy as np
 
 from saltus.orbits.cuts import clustered, whole
 from saltus.orbits.signature import CLOSED_END, PHASE_END, Signature
+from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -116,6 +117,8 @@ def divided(
     if problem.system.phase is not None:
         rounds[:, :, n - 1] -= (2.0 * math.pi * turns / count) * np.arange(count)[:, None]
         allowed[n - 1] = 2.0 * math.pi * max(share, _ALIKE)
+    places = problem.system.angle_places
+    rounds[1:] = rounds[0] + wrapped(rounds[1:] - rounds[0], places) if places.size else rounds[1:]
     if not np.all(np.abs(rounds - rounds[0]) <= allowed):  # a round that cannot be followed in one piece is NaN
         return None
     once = Signature(modes, transitions, kinds, turns // count)

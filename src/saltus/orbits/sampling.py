@@ -10,6 +10,7 @@ import numpy as np
 from saltus import checks
 from saltus.flow.observables import Motion, dense_states
 from saltus.orbits.signature import CUT_END
+from saltus.orbits.winding import rotating_of
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -123,6 +124,7 @@ def motion_of(problem: OrbitProblem, u: NDArray[np.float64]) -> Motion:
         crossings=crossings,
         angle=(0.0 if system.phase is None else float(blocks[0, n - 1]), 2.0 * math.pi * turns / float(ends[-1])),
         turns=turns,
+        rotating=rotating_of(problem, u),
     )
 
 

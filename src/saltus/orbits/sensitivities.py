@@ -23,12 +23,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.errors import ConvergenceError, InputError
+from saltus.flow.formulas import check_rotating
 from saltus.orbits.critical import scaling, touched
 from saltus.orbits.multiplier_slopes import MultiplierSlopes, multipliers_by_parameters
 from saltus.orbits.observed import Differentiated, Plan, Sums, planned
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.quantities import gradient_of, read_quantity
 from saltus.orbits.records import Seen
+from saltus.orbits.winding import rotating_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -148,6 +150,8 @@ def sensitivities(problem: OrbitProblem, u: NDArray[np.float64], names: Sequence
         A name is no observable. The orbit touches a surface, or its parameters do not determine it.
     """
     plan = planned(problem.system, tuple(name for name in names if name not in (MULTIPLIERS, SEGMENTS)))
+    for formula in plan.formulas.values():
+        check_rotating(problem.system, rotating_of(problem, u), formula.parts)
     if where := touched(problem, u, problem.begun):
         hint = "orbits on both sides of a grazing have other derivatives; SpecialPoint.sensitivity tells how a GR moves"
         raise InputError("orbit", where, "one that no small change brings to another sequence of events", hint)

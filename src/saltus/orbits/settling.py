@@ -12,6 +12,7 @@ from saltus.flow.event_logs import EventLog, event_log
 from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.flow.observables import dense_states
 from saltus.flow.sizes import ATOL, EPSILON, MOST_KEPT, RTOL, STEPS_KEPT, Sizes, sizes_from
+from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -115,7 +116,7 @@ def rest_of(
         return after if still else None
     x, J = found
     stable = bool(np.all(np.linalg.eigvals(J).real < 0.0))
-    gap = np.max(np.abs(np.array([before, after]) - x) / size, axis=1)
+    gap = np.max(np.abs(wrapped(np.array([before, after]) - x, system.angle_places)) / size, axis=1)
     if (stable and gap[1] <= max(_NEARER * gap[0], _STILL)) or (still and gap[1] <= _STILL):
         return x
     return None

@@ -24,6 +24,7 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.quantities import sizes_of_unknowns
 from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, Signature
 from saltus.orbits.soundness import sound_orbit
+from saltus.orbits.winding import unwrapped
 from saltus.system import HybridSystem
 from saltus.system.maps import Map, flowing
 
@@ -202,6 +203,7 @@ def converge(
             why = why_a_family(first, given)
             raise ConvergenceError(ISOLATED, error.residual, error.iterations, why) from None
         raise
+    u = unwrapped(problem, u)
     if stretched(problem, J):  # what is left of its equations is judged in pieces
         check_measured(piece_maps(problem, J))
         orbit = orbit_at(problem, u, J)
@@ -232,6 +234,7 @@ def _converge_fixed(
         equations, unknowns, J = solve_fixed(equations, guess, wish, solve_unknowns)
     check_family(equations, unknowns, J, wish)
     problem, own, fixed = within_family(equations, unknowns, p, wish)
+    own = unwrapped(problem, own)
     orbit = sound_orbit(problem, own, problem.resolve(own)[1], fixed)
     check_fields(problem)
     return orbit

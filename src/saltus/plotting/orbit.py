@@ -10,6 +10,8 @@ import numpy as np
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.sampling import column_of
 from saltus.plotting import plot, style
+from saltus.system import angles
+from saltus.system.angles import TURN
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["draw_curves", "draw_jump", "plot_orbit", "segments_of", "unwrapped_parts"]
+__all__ = ["circles_of", "draw_curves", "draw_jump", "on_sheets", "plot_orbit", "segments_of", "unwrapped_parts"]
 
 
 @plot.register(PeriodicOrbit)
@@ -55,6 +57,7 @@ def plot_orbit(
     parts, modes = segments_of(orbit, (x, y))
     ax = style.axes(ax)
     wrapped = draw_curves(ax, system, (x, y), parts, modes)
+    parts = [angles.wrapped(part[[0, -1]], circles_of(system, (x, y))) for part in parts]
     _draw_ends(ax, orbit, parts, closed=x != "t" and y != "t", wrapped=wrapped)
     if legend:
         ax.legend()
@@ -105,13 +108,46 @@ def draw_curves(
     """
     phase = None if system.phase is None else system.phase[0]
     wrapped = tuple(name == phase for name in names)
+    circles = circles_of(system, names)
     named: set[int] = set()
     for curve, mode in zip(curves, modes, strict=True):
-        _draw_curve(ax, curve, wrapped, mode, "_" if mode in named else system.mode_names[mode])
-        named.add(mode)
+        for part in on_sheets(curve, circles):
+            _draw_curve(ax, part, wrapped, mode, "_" if mode in named else system.mode_names[mode])
+            named.add(mode)
     ax.set_xlabel(style.label_of(names[0]))
     ax.set_ylabel(style.label_of(names[1]))
-    return wrapped
+    return tuple(name == phase or name in system.angles for name in names)
+
+
+def circles_of(system: HybridSystem, names: tuple[str, str]) -> NDArray[np.int64]:
+    """Return which of the two coordinates are angles among the states."""
+    return np.array([i for i, name in enumerate(names) if name in system.angles], dtype=np.int64)
+
+
+def on_sheets(curve: NDArray[np.float64], circles: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+    """Return a curve, shape (vertex, 2), between -pi and pi in some coordinates: cut where it passes there."""
+    parts = [curve]
+    for column in circles.tolist():
+        parts = [piece for part in parts for piece in _cut_at_pi(part, column)]
+    return parts
+
+
+def _cut_at_pi(curve: NDArray[np.float64], column: int) -> list[NDArray[np.float64]]:
+    sheets = np.floor((curve[:, column] + math.pi) / TURN)
+    parts: list[NDArray[np.float64]] = []
+    first, rows = 0, np.empty((0, 2))
+    for i in [*np.flatnonzero(np.diff(sheets)).tolist(), len(curve) - 1]:
+        rows, edge = np.vstack([rows, curve[first : i + 1]]), np.empty((0, 2))
+        if i + 1 < len(curve):
+            left, right = curve[i], curve[i + 1]
+            at = TURN * max(sheets[i], sheets[i + 1]) - math.pi
+            edge = (left + (at - left[column]) / (right[column] - left[column]) * (right - left))[None]
+            edge[0, column] = at
+        part = np.vstack([rows, edge])
+        part[:, column] -= TURN * sheets[i]
+        parts.append(part)
+        first, rows = i + 1, edge
+    return parts
 
 
 def _draw_curve(ax: Axes, curve: NDArray[np.float64], wrapped: Iterable[bool], mode: int, label: str) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 
 from saltus.flow.trajectory import Trajectory
 from saltus.plotting import plot, style
-from saltus.plotting.orbit import draw_curves, draw_jump
+from saltus.plotting.orbit import circles_of, draw_curves, draw_jump
+from saltus.system import angles
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -52,7 +53,9 @@ def plot_trajectory(
     curves, modes, grazing = flights_of(trajectory, (x, y))
     ax = style.axes(ax)
     wrapped = draw_curves(ax, system, (x, y), curves, modes)
-    for before, after in pairwise(curves):
+    circles = circles_of(system, (x, y))
+    grazing = angles.wrapped(grazing, circles) if len(grazing) else grazing
+    for before, after in pairwise([angles.wrapped(curve[[0, -1]], circles) for curve in curves]):
         draw_jump(ax, before[-1], after[0], wrapped)
     if len(grazing):
         ax.plot(grazing[:, 0], grazing[:, 1], label="grazing", **style.SPECIAL["GR"].options())

@@ -15,6 +15,7 @@ from saltus.iteration.growth import growth_of_map
 from saltus.iteration.iterates import path_from
 from saltus.iteration.observing import check_map_observables, observe_states
 from saltus.results import frozen
+from saltus.system.angles import on_circles, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -75,7 +76,11 @@ class MapReturns:
         states, pieces = self._path(p, x, self.discard + 1, count)
         times = np.arange(self.discard + 1.0, self.discard + 1.0 + count)
         return PoincareReturns(
-            frozen(states), frozen(pieces, np.int64), frozen(times), frozen(states[-1]), int(pieces[-1])
+            frozen(states),
+            frozen(pieces, np.int64),
+            frozen(times),
+            frozen(wrapped(states[-1], self.system.angle_places)),
+            int(pieces[-1]),
         )
 
     def mean_time(self, found: PoincareReturns) -> float:
@@ -85,8 +90,9 @@ class MapReturns:
     def growth(self, p: NDArray[np.float64], x: NDArray[np.float64], mode: int, returns: int, time: float) -> Growth:
         """Return the growth of perturbations over some iterations; over whole rounds where the motion is on a cycle."""
         states, _ = self._path(p, x, 0, returns // 2 + 1)
-        apart = np.abs(states[1:] - states[0]).max(axis=1)
-        near = np.flatnonzero(apart <= self.criteria.recurrence * np.abs(states).max())
+        places = self.system.angle_places
+        apart = np.abs(wrapped(states[1:] - states[0], places)).max(axis=1)
+        near = np.flatnonzero(apart <= self.criteria.recurrence * np.abs(wrapped(states, places)).max())
         rounds = int(near[0]) + 1 if near.size else 1
         average = Average(periods=max(-(-returns // rounds) * rounds, 2), discard=max(returns // 4, 1))
         return growth_of_map(self.system, p, x, average=average, exponents=self.exponents)
@@ -95,7 +101,8 @@ class MapReturns:
         self, p: NDArray[np.float64], found: PoincareReturns, time: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return states whose recurrence is looked at, and differences of them that are rounding."""
-        return found.states, np.asarray(self.criteria.noise * _EPS * np.abs(found.states).max(axis=0))
+        rounding = np.asarray(self.criteria.noise * _EPS * np.abs(found.states).max(axis=0))
+        return on_circles(found.states, rounding, self.system.angle_places)
 
     def observed(
         self, parameters: Mapping[str, float], found: PoincareReturns, kind: Kind, observables: Sequence[str]

@@ -19,6 +19,7 @@ from saltus.flow.sizes import fitting_atol
 from saltus.flow.variational import Average, Growth, growth_along
 from saltus.sweeps.section import Section, on_section
 from saltus.system import HybridSystem
+from saltus.system.angles import on_circles, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -33,6 +34,7 @@ __all__ = ["FlowReturns", "Returns"]
 _FIRST = 16  # dropped returns that tell the mean return time
 
 _STEPS_KEPT = 256  # steps of a motion that are kept in memory at once
+_ON_A_SHEET = 50  # returns between which angles are moved back by whole turns
 _ATOL = 1e-10  # absolute tolerance of a step for states of size 1 or more
 
 
@@ -209,7 +211,7 @@ class FlowReturns:
             round_ = () if self.section is None else (np.cos(angle), np.sin(angle))
             states = np.hstack([states[:, :-1], *round_])
             rounding = np.append(rounding[:-1], [self.criteria.noise * (self.atol + self.rtol)] * len(round_))
-        return states, rounding
+        return on_circles(states, rounding, self.system.angle_places)
 
     def observed(
         self, parameters: Mapping[str, float], found: PoincareReturns, kind: Kind, observables: Sequence[str]
@@ -246,9 +248,17 @@ class FlowReturns:
     ) -> PoincareReturns:
         """Return the returns of a motion; none for one without a phase that takes too many steps without a return."""
         section = None if self.section is None else EventSection(self.section, longest)
-        tolerance = (self.rtol, self.atol)
+        tolerance, places = (self.rtol, self.atol), self.system.angle_places
         try:
-            return iterate(self.steady, p, x, mode, discard=discard, keep=keep, section=section, tolerance=tolerance)
+            while places.size and discard >= _ON_A_SHEET:  # an angle that has grown is known less exactly
+                gone = iterate(
+                    self.steady, p, x, mode, discard=_ON_A_SHEET - 1, keep=1, section=section, tolerance=tolerance
+                )
+                if not gone.times.size:
+                    return gone
+                x, mode, discard = wrapped(gone.x_end, places), gone.mode_end, discard - _ON_A_SHEET
+            found = iterate(self.steady, p, x, mode, discard=discard, keep=keep, section=section, tolerance=tolerance)
+            return replace(found, x_end=wrapped(found.x_end, places)) if places.size else found
         except StiffnessError as error:
             if self.system.phase is not None:
                 raise

@@ -18,6 +18,7 @@ from saltus.sweeps.map_returns import MapReturns
 from saltus.sweeps.options import SweepOptions
 from saltus.sweeps.returns import FlowReturns, Returns
 from saltus.system import HybridSystem, Map
+from saltus.system.angles import wrapped
 from saltus.system.evaluate import check_expression, evaluate
 from saltus.system.maps import flowing
 
@@ -179,7 +180,7 @@ class Task:
 
     def _points(self, found: PoincareReturns, parameters: Mapping[str, float]) -> NDArray[np.float64]:
         points = np.full((self.keep, len(self.quantities)), np.nan)
-        states, modes = found.states[-self.keep :], found.modes[-self.keep :]
+        states, modes = wrapped(found.states[-self.keep :], self.system.angle_places), found.modes[-self.keep :]
         for column, text in enumerate(self.quantities):
             points[: len(states), column] = evaluate(self.system, text, states, modes, parameters)
         return points

@@ -56,6 +56,7 @@ class Definition:
         parameter_bounds: Mapping[str, tuple[float, float]] | None = None,
         regimes: Mapping[str, Sequence[str]] | None = None,
         let: Mapping[str, Any] | None = None,
+        angles: Iterable[str] = (),
         name: str = "",
     ) -> None:
         if not isinstance(name, str):
@@ -83,6 +84,8 @@ class Definition:
         self._check_structure(names.let)
         self._check_choices()
         self.parameter_vector({})
+        self.angles = texts_of(angles, "angles", "names of states")
+        self.angle_places = self._places_of_angles()
         self._prepare()
 
     def _prepare(self) -> None:
@@ -143,6 +146,7 @@ class Definition:
             "positive": list(self.positive),
             "parameter_bounds": {key: list(value) for key, value in self.parameter_bounds.items()},
             "regimes": {key: list(value) for key, value in self.regimes.items()},
+            **({"angles": list(self.angles)} if self.angles else {}),
         }  # fmt: skip
 
     @classmethod
@@ -343,6 +347,15 @@ class Definition:
                     allowed = "of Max and Min of parameters alone, since it must be smooth in the state"
                     raise DefinitionError(where, clipped(call), allowed, self.smooth_cure)
 
+    def _places_of_angles(self) -> NDArray[np.int64]:
+        """Return the places of the angles among the states; raise `DefinitionError` where one is no state."""
+        for name in self.angles:
+            if name not in self.states:
+                hint = "the phase is an angle already" if self.phase and name == self.phase[0] else ""
+                wanted = f"names of states: {', '.join(self.states)}"
+                raise DefinitionError("angles", name, wanted, hint or nearest(name, self.states))
+        return np.array([i for i, name in enumerate(self.states) if name in self.angles], dtype=np.int64)
+
     def _check_structure(self, let: Iterable[str]) -> None:
         taken: set[str] = set()
         for name in (*self.all_states, *self.parameters, *self.outputs, *let):
@@ -392,6 +405,8 @@ class Definition:
         lines.append(f"  states      {', '.join(self.states)}")
         if self.phase is not None:
             lines.append(f"  phase       {self.phase[0]}' = {self.phase[1]}, modulo 2 pi")
+        if self.angles:
+            lines.append(f"  angles      {', '.join(self.angles)}, modulo 2 pi")
         lines.append(f"  parameters  {', '.join(f'{key} = {value!r}' for key, value in self.parameters.items())}")
         for key, mode in self.modes.items():
             lines.append(f"  mode {key}" + (f", where {mode.domain} > 0" if mode.domain is not None else ""))

@@ -62,7 +62,9 @@ def source_file(kind: Kind, system: Definition, *variant: object) -> Path:
 def _file(kind: Kind, system: Definition, variant: tuple[object, ...]) -> Path:
     from importlib.metadata import version
 
-    mathematics = {key: value for key, value in system.definition().items() if key not in ("name", "groups", "regimes")}
+    mathematics = {
+        key: value for key, value in system.definition().items() if key not in ("name", "groups", "regimes", "angles")
+    }
     mathematics["parameters"] = list(system.parameters)
     for key in ("positive", "parameter_bounds"):
         mathematics.pop(key)

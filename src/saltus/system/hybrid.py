@@ -9,6 +9,7 @@ from saltus.system import compiled
 from saltus.system.definition import Definition
 from saltus.system.generated import source_file
 from saltus.system.parts import Mode, Transition, mapping_of
+from saltus.system.periodicity import check_angles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -58,6 +59,8 @@ class HybridSystem(Definition):
     let : mapping of str to expression, optional
         Names of sub-expressions, for use in all expressions of the definition. Each may use those before it. They are
         written out when the system is made; a quantity to look at is an output.
+    angles : iterable of str, optional
+        States on a circle, in radians: expressions must have the period 2 pi in each, and orbits close modulo 2 pi.
     name : str, optional
         What the system is called in its `repr` and in files.
 
@@ -95,6 +98,7 @@ class HybridSystem(Definition):
         outputs: Mapping[str, Any] | None = None,
         positive: Iterable[str] = (),
         let: Mapping[str, Any] | None = None,
+        angles: Iterable[str] = (),
         name: str = "",
     ) -> Self:
         """Return a system with one mode, ``smooth``, and no transitions.
@@ -113,6 +117,8 @@ class HybridSystem(Definition):
             Parameters that must be positive.
         let : mapping of str to expression, optional
             Names of sub-expressions, as in `HybridSystem`.
+        angles : iterable of str, optional
+            States on a circle, as in `HybridSystem`.
         name : str, optional
             What the system is called in its `repr` and in files.
 
@@ -138,9 +144,13 @@ class HybridSystem(Definition):
         rates = mapping_of(field, "field", "of states to expressions")
         values = {} if parameters is None else parameters
         modes = {"smooth": Mode(rates)}
-        return cls(tuple(rates), values, modes, phase=phase, outputs=outputs, positive=positive, let=let, name=name)
+        return cls(
+            tuple(rates), values, modes, phase=phase, outputs=outputs, positive=positive, let=let, angles=angles,
+            name=name,
+        )  # fmt: skip
 
     def _prepare(self) -> None:
+        check_angles(self)
         source_file(compiled.FLOW, self)
         self._second: dict[tuple[int, ...], CompiledSecond] = {}
         self._series: dict[int, CompiledSeries | None] = {}

@@ -17,6 +17,7 @@ from saltus.system.expressions import text_of
 from saltus.system.generated import source_file
 from saltus.system.hybrid import HybridSystem
 from saltus.system.parts import Mode, clean_mode, listed, mapping_of, sequence_of
+from saltus.system.periodicity import check_angles
 from saltus.system.tiling import check_tiling, piece_at, pieces_error
 
 if TYPE_CHECKING:
@@ -83,6 +84,9 @@ class Map(Definition):
         Closed interval in which a parameter must lie.
     let : mapping of str to expression, optional
         Names of sub-expressions, as in `HybridSystem`.
+    angles : iterable of str, optional
+        States on a circle, in radians: images must be the same a turn on, but for whole turns, and cycles close
+        modulo 2 pi.
     name : str, optional
         What the map is called in its `repr` and in files.
 
@@ -125,6 +129,7 @@ class Map(Definition):
         positive: Iterable[str] = (),
         parameter_bounds: Mapping[str, tuple[float, float]] | None = None,
         let: Mapping[str, Any] | None = None,
+        angles: Iterable[str] = (),
         name: str = "",
     ) -> None:
         if (image is None) == (pieces is None):
@@ -134,7 +139,7 @@ class Map(Definition):
             pieces = {SMOOTH: Piece(mapping_of(image, "image", "of each state to its next value"))}
         super().__init__(
             states, parameters, pieces, outputs=outputs, groups=groups, positive=positive,
-            parameter_bounds=parameter_bounds, let=let, name=name,
+            parameter_bounds=parameter_bounds, let=let, angles=angles, name=name,
         )  # fmt: skip
 
     def _clean_modes(self, modes: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, Mode]:
@@ -143,6 +148,7 @@ class Map(Definition):
         return {key: Mode(piece.image) for key, piece in self.pieces.items()}
 
     def _prepare(self) -> None:
+        check_angles(self)
         source_file(compiled.FLOW, self)
         self._second: dict[tuple[int, ...], CompiledSecond] = {}
         if self.is_piecewise:
@@ -313,9 +319,9 @@ class Map(Definition):
         """Return the definition as plain data, from which `from_definition` makes an equal map."""
         shared = super().definition()
         pieces = {key: {"image": dict(piece.image), "where": list(piece.where)} for key, piece in self.pieces.items()}
-        kept = ("outputs", "groups", "positive", "parameter_bounds")
+        kept = ("outputs", "groups", "positive", "parameter_bounds", "angles")
         return {key: shared[key] for key in ("name", "states", "parameters")} | {
-            "pieces": pieces, **{key: shared[key] for key in kept},
+            "pieces": pieces, **{key: shared[key] for key in kept if key in shared},
         }  # fmt: skip
 
     @classmethod

@@ -52,13 +52,14 @@ _FORM: Mapping[str, Any] = {
     "positive": _TEXTS,
     "parameter_bounds": {"": [_NUMBER]},
     "regimes": {"": _TEXTS},
+    "angles": _TEXTS,
 }  # fmt: skip
 
 # What `Map.definition` returns, in the same form.
 _MAP_FORM: Mapping[str, Any] = {
     **{key: _FORM[key] for key in ("name", "states", "parameters")},
     "pieces": {"": {"image": {"": _TEXT}, "where": _TEXTS}},
-    **{key: _FORM[key] for key in ("outputs", "groups", "positive", "parameter_bounds")},
+    **{key: _FORM[key] for key in ("outputs", "groups", "positive", "parameter_bounds", "angles")},
 }
 
 
