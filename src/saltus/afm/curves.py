@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from saltus.progress import Report
     from saltus.system import HybridSystem
 
-__all__ = ["Tracing", "distance_curve", "frequency_curve", "from_afar", "sheet_again"]
+__all__ = ["Tracing", "distance_curve", "frequency_curve", "from_afar", "jumps_on_approach", "sheet_again"]
 
 _CLEAR = 3.0  # gap of the far start, over the free amplitude
 _RESTS = 400  # displacements at which a rest of the probe is looked for
@@ -202,6 +202,15 @@ def from_afar(
     return branch.at(Zc_nm)
 
 
+def jumps_on_approach(
+    system: HybridSystem, parameters: Mapping[str, float], Zc_nm: tuple[float, float], steps: StepControl | None
+) -> bool:
+    """Return whether an approach from afar jumps in a range of distance."""
+    how = Tracing("Zc_nm", Zc_nm, steps, progress=False)
+    curve = _reached(how, from_afar(system, parameters, Zc_nm[1], steps), "deflection")
+    return any(jump.direction == curve.directions[0] for jump in curve.jumps)
+
+
 def _free_orbit(system: HybridSystem, parameters: Mapping[str, float], free: float) -> PeriodicOrbit:
     """Return the motion far from the sample, from a guess with an amplitude of that size."""
     first, x0 = system.mode_names[0], np.zeros(len(system.states))
@@ -243,11 +252,7 @@ class Tracing(NamedTuple):
 
 def _traced(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, places: int) -> Curve:
     """Return the curve of the sheets through some motions, of those that jumps lead to, and of settled motions."""
-    branches: list[Branch] = []
-    for start in starts:
-        if not any(is_on(branch, start) for branch in branches):
-            branches.append(_sheet(start, how))
-    curve = _with_landings(Curve(starts[0].system, how.along, how.bounds, tuple(branches), of), how)
+    curve = _reached(how, starts, of)
     low, high = how.bounds
     for k in range(1, _EIGHTHS):
         place = low + k / _EIGHTHS * (high - low)
@@ -256,6 +261,15 @@ def _traced(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, plac
     for k in range(places):
         curve = _with_settled(curve, how, low + (k + 0.5) / places * (high - low), slice(None))
     return curve
+
+
+def _reached(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int) -> Curve:
+    """Return the curve of the sheets through some motions, and of those that jumps lead to."""
+    branches: list[Branch] = []
+    for start in starts:
+        if not any(is_on(branch, start) for branch in branches):
+            branches.append(_sheet(start, how))
+    return _with_landings(Curve(starts[0].system, how.along, how.bounds, tuple(branches), of), how)
 
 
 def _with_landings(curve: Curve, how: Tracing) -> Curve:
