@@ -65,8 +65,8 @@ def distance_curve(
 
     A sheet onto which no way jumps is found by motions that settle on it. At both ends of the range and in the middle
     they start from rest, with the free motion, and in contact. One more starts with the tip drawn back by half of the
-    largest displacement, and so does one at each eighth of the range where the curve has no stable motion. `starts`
-    asks for more. A sheet that no motion settles on is missed, as is one of more than four periods.
+    largest displacement. So does one at each eighth of the range where the curve has no stable motion. `starts` asks
+    for more. A sheet that no motion settles on is missed, as is one of more than four periods.
 
     Parameters
     ----------
