@@ -57,6 +57,42 @@ def test_an_approach_jumps_above_the_critical_amplitude_only(lever):
     assert above.jumps[0].value == pytest.approx(5.98, abs=0.5)
 
 
+PROBES = {  # natural Q, R, H, a0, E, c; the critical amplitude lies between
+    "a tip of 9 nm": (450.0, 9.0, 0.1, 0.165, 3.0, 1.0, (18.3, 18.4)),
+    "a stiff sample": (450.0, 9.0, 0.1, 0.165, 50.0, 1.5, (13.4, 13.6)),
+    "a lever of 12 nm": (400.0, 12.0, 0.12, 0.3, 1.5, 1.0, (11.1, 11.2)),
+    "more damping": (400.0, 12.0, 0.12, 0.3, 1.5, 2.0, (12.9, 13.2)),
+}
+
+
+def losing(Q, R, H, a0, E, c):
+    probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=Q, R_nm=R)
+    law = afm.VanDerWaals(H_aJ=H, a0_nm=a0) + afm.DMT(E_GPa=E) + afm.Dashpot(c_uNs_m=c)
+    return afm.model(probe, law, afm.Drive(A0_nm=10.0), Zc_nm=9.0)
+
+
+@pytest.mark.parametrize("name", PROBES)
+def test_where_contact_loses_energy_an_approach_jumps_from_the_critical_amplitude_on(name):
+    *values, around = PROBES[name]
+    model = losing(*values)
+    found = afm.bistability(model)
+    assert around[0] < found.critical_amplitude_nm < around[1]
+    assert found.least_bistable_amplitude_nm <= found.critical_amplitude_nm
+    for A0, jumps in zip(around, (False, True), strict=True):
+        curve = afm.distance_curve(model, (0.5, 1.2 * A0), parameters={"A0_nm": A0})
+        assert any(jump.direction == "approach" for jump in curve.jumps) is jumps
+
+
+def test_a_radius_comes_back_where_two_folds_turn_at_different_amplitudes():
+    model = losing(*PROBES["a tip of 9 nm"][:-1])
+    region = afm.bistability(model)
+    assert region.least_bistable_amplitude_nm == pytest.approx(11.4736856, abs=1e-6)
+    assert region == afm.Bistability.from_xarray(region.to_xarray())
+    assert "least bistable      A0_nm = 11.47" in repr(region)
+    radius = afm.tip_radius(model, region.critical_amplitude_nm, parameters={"R_nm": 12.0})
+    assert radius == pytest.approx(9.0, rel=1e-6)
+
+
 def test_folds_of_a_distance_curve_lie_on_the_locus(lever, region):
     """At 12 nm the curve folds at distances that an independent code has found."""
     A0, Zc = (region.locus.column(name) for name in ("A0_nm", "Zc_nm"))
@@ -73,6 +109,7 @@ def test_region_comes_back_from_its_file(region, tmp_path):
         ({"loci": "[]"}, "one locus or more"),
         ({"A0_nm": "[3, 1]"}, "the lower one first"),
         ({"Zc_nm": '["x", 1]'}, "the lower one first"),
+        ({"jumping": "[0, 99]"}, "the numbers of a locus and of a special point on it"),
     ):
         with pytest.raises(InputError, match=told):
             afm.Bistability.from_xarray(held.assign_attrs(change))

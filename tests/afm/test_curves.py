@@ -32,7 +32,7 @@ def tune(lever):
 
 
 def test_jumps_and_grazing_are_those_of_an_independent_code(curve):
-    found = {(f.label, round(f.value, 7)) for f in curve.special_points}
+    found = {(f.label, round(f.value, 7)) for f in curve.special_points if f.sheet == 0}
     assert found == {("SN1", 11.5028842), ("SN2", 9.8783378), ("GR1", 11.3409137)}
     approach, retract = curve.jumps
     assert (approach.direction, approach.value) == ("approach", pytest.approx(9.878337793, abs=1e-8))
@@ -52,7 +52,7 @@ def test_all_sheets_at_a_distance_have_their_readings(curve):
 
 
 def test_columns_of_a_curve_are_the_readings_of_its_orbits(curve):
-    for i in (0, 17, 60, len(curve) - 1):
+    for i in (0, 17, 60, len(curve.branches[0]) - 1):
         seen = afm.observables(curve.branches[0].orbit(i))
         for name in curve.readings:
             along = curve.column(name)[i]
@@ -83,7 +83,8 @@ def test_paths_follow_stable_sheets_and_jump_where_these_end(curve):
 
 
 def test_a_frequency_curve_turns_at_both_jumps(tune):
-    assert [(jump.direction, round(jump.value, 4)) for jump in tune.jumps] == [("down", 299.2872), ("up", 299.4915)]
+    jumps = [("down", 300.0501), ("down", 299.2872), ("up", 299.4915)]
+    assert [(jump.direction, round(jump.value, 4)) for jump in tune.jumps] == jumps
     assert tune.path("up")["f_kHz"].values[[0, -1]] == pytest.approx([298.0, 302.0], abs=1e-9)
 
 
@@ -99,7 +100,7 @@ def test_a_curve_is_saved_and_read_back_equal(curve, tmp_path):
 
 def test_a_dataset_tells_the_regime_of_each_point_and_what_the_model_is_made_of(curve, tmp_path):
     told = curve.to_xarray()
-    for i in (0, 17, 60, len(curve) - 1):
+    for i in (0, 17, 60, len(curve.branches[0]) - 1):
         assert told["regime"].values[i] == afm.observables(curve.branches[0].orbit(i))["regime"]
     assert set(told["regime"].values) == {"attractive", "repulsive"}
     with xr.open_dataset(curve.save(tmp_path / "curve.nc"), engine="h5netcdf") as held:
@@ -208,8 +209,7 @@ def test_jumps_do_not_depend_on_how_wide_the_range_is(lever, curve, tune):
     wide = afm.distance_curve(lever, (0.5, 14000.0))
     np.testing.assert_allclose([jump[1:] for jump in wide.jumps], [jump[1:] for jump in curve.jumps], rtol=1e-8)
     tuned = afm.frequency_curve(lever, (100.0, 302.0), Zc_nm=8.5)
-    down, up = [jump[1:] for jump in tune.jumps]
-    for narrow in (down, up):
+    for narrow in (jump[1:] for jump in tune.jumps):
         np.testing.assert_allclose(
             min(abs(np.array([jump[1:] for jump in tuned.jumps]) - narrow).max(axis=1)), 0.0, atol=1e-8
         )
@@ -238,6 +238,34 @@ def test_an_adhesive_contact_under_a_neck_ends_at_no_grazing_that_is_rounding():
     folds, grazings = (branch.special_points.of_type(name) for name in ("SN", "GR"))
     np.testing.assert_allclose([point.value("Zc_nm") for point in folds], [23.0902057, 22.0197084], atol=1e-6)
     np.testing.assert_allclose([point.value("Zc_nm") for point in grazings], [23.9495], atol=1e-4)
+
+
+def stable_at(curve, value):
+    return sorted(afm.observables(orbit)["amplitude_nm"] for orbit in curve.at(value) if orbit.stable)
+
+
+def test_motions_and_jumps_of_a_frequency_curve_do_not_depend_on_its_range(lever, tune):
+    """At 302 kHz a tip at rest settles on the small motion, and one that comes from the resonance has the large one."""
+    at = {**lever.parameters, "Zc_nm": 8.5, "f_kHz": 302.0}
+    small = afm.observables(saltus.find_orbit(lever, at, [0.0, 0.0]))["amplitude_nm"]
+    for bounds in ((298.0, 310.0), (299.9, 302.0), (301.5, 302.5)):
+        other = afm.frequency_curve(lever, bounds, Zc_nm=8.5)
+        np.testing.assert_allclose(stable_at(other, 302.0), [small, 10.3606], atol=1e-4)
+        if bounds[0] < 300.0:
+            assert round(next(jump.value for jump in other.jumps if jump.direction == "down"), 3) == 300.050
+    np.testing.assert_allclose(stable_at(tune, 302.0), [small, 10.3606], atol=1e-4)
+
+
+def test_a_soft_lever_has_its_motions_in_permanent_contact_whatever_the_range():
+    """Pressed in by the spring and held by the attraction, the tip follows the drive at rest in the contact."""
+    system = afm.model(afm.Probe(k_N_m=0.3, f0_kHz=20.0, Q=100.0, R_nm=10.0), LAW, afm.Drive(A0_nm=10.0), Zc_nm=8.5)
+    wide, narrow = (afm.distance_curve(system, bounds) for bounds in ((-20.0, 26.0), (2.0, 26.0)))
+    np.testing.assert_allclose(stable_at(wide, 5.0), stable_at(narrow, 5.0), rtol=1e-7)
+    held = min(wide.at(5.0), key=lambda orbit: (not orbit.stable, orbit.max["D_nm"] - orbit.min["D_nm"]))
+    stiffness = 0.3 + 2.0 * 1.5 * math.sqrt(10.0 * (0.3 - 0.5 * (held.min["D_nm"] + held.max["D_nm"])))
+    drive = 0.3 * 10.0 / 100.0  # nN
+    assert stable_at(wide, 5.0)[0] == pytest.approx(drive / (stiffness - 0.3), rel=0.01)
+    assert wide.ways[0].stopped.endswith("static pull-in: beyond, the tip stays in contact")
 
 
 def test_distance_and_frequency_have_units_and_names_in_datasets(curve, tune):

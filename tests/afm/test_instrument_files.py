@@ -2,6 +2,7 @@
 
 import struct
 import sys
+import tracemalloc
 from pathlib import Path
 
 import h5py
@@ -239,6 +240,28 @@ def test_a_part_of_a_file_is_refused_wherever_it_ends(tmp_path, sweep, tune):
             path.write_bytes(content[:cut])
             with pytest.raises(InputError, match=r"path = .*\.(ibw|nid|nhf)': must be an?"):
                 afm.read_curve(path, wanted[path.suffix], scale={"amplitude_nm": 1.0})
+
+
+def test_a_flipped_bit_of_a_wave_takes_no_memory_and_spoils_no_other_file(sweep):
+    """Every bit of the sizes, and every seventh of all headers: the file is refused in one line, or read."""
+    content = sweep.read_bytes()
+    wanted = {"scale": {"amplitude_nm": 1.0, "lag_deg": 1.0}}
+    good = afm.read_curve(sweep, SWEEP, **wanted)
+    changed, told = sweep.with_name("changed.ibw"), []
+    tracemalloc.start()
+    for place in [*range(8 * 64), *range(8 * 64, 8 * 384, 7), *range(8 * (384 + 48), 8 * len(content), 11)]:
+        bits = bytearray(content)
+        bits[place // 8] ^= 1 << place % 8
+        try:
+            afm.read_curve(written(changed, bytes(bits)), SWEEP, **wanted)
+        except InputError as error:
+            told.append(str(error))
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 2**24
+    assert not any("\n" in line for line in told)
+    assert len(told) > 300  # all bits of the sizes but those of no meaning
+    assert afm.read_curve(sweep, SWEEP, **wanted).equals(good)
 
 
 @pytest.mark.parametrize("suffix", [".ibw", ".nid", ".nhf"])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 
 from oracles.tip import jkr
 from saltus import afm
@@ -346,3 +346,18 @@ def test_a_law_of_ones_own_adds_to_others():
     assert system.mode_names == ("off", "on")
     assert system.transition_names == ("hit", "leave")
     assert system.parameters["place_nm"] == 1.0
+
+
+@pytest.mark.parametrize("until", ["surface", "pull_off"])
+def test_a_dashpot_beside_an_adhesive_contact_ends_where_it_is_told(until):
+    """The loop of the force is integrated from the closed forms of JKR, and of the dashpot over its stretch."""
+    R, E, w, c, Zc, A, f = 10.0, 1.0, 0.05, 2.0, 19.0, 20.0, 300.0
+    law = afm.JKR(E_GPa=E, w_N_m=w) + afm.Dashpot(c_uNs_m=c, until=until)
+    pull_off = 3.0 * (math.pi * R**2 * w / (8.0 * E)) ** (2.0 / 3.0) / R
+    begin = math.acos(-Zc / A)
+    end = 2.0 * math.pi - math.acos(((pull_off if until == "pull_off" else 0.0) - Zc) / A)
+    omega = 2e-3 * math.pi * f
+    viscous = c * A**2 * omega * quad(lambda s: math.sin(s) ** 2, begin, end)[0]
+    adhesive = (0.15 * 2.0 ** (8.0 / 3.0) + 0.1) * math.pi ** (5.0 / 3.0) * (w**5 * R**4 / E**2) ** (1.0 / 3.0)
+    found = law.energy_per_cycle_eV(Zc_nm=Zc, A_nm=A, f_kHz=f, R_nm=R)
+    assert found == pytest.approx((viscous + adhesive) / 0.1602176634, rel=1e-8)

@@ -82,16 +82,16 @@ def test_a_sheet_onto_which_no_way_jumps_is_found(name, place, amplitude, tmp_pa
     assert not any(jump.after_nm == pytest.approx(amplitude, abs=1e-3) for jump in curve.jumps)
 
 
-def test_further_sheets_are_asked_for(tmp_path):
-    """A range in which the closed sheet of a viscous sample has only a corner, below the first place looked at."""
+def test_a_sheet_with_only_a_corner_in_the_range_is_found_without_and_with_further_starts(tmp_path):
+    """A range in which the closed sheet of a viscous sample has only its end, at the lower bound."""
     path = tmp_path / "set.toml"
     path.write_text(text_of("lever-p-kelvin-voigt"))
     whole, _ = read_experiment(path).around()
     top = min(float(branch.values.max()) for branch in whole.branches)
     bounds = (top - 0.3, top + 2.5)
     sheets = [afm.distance_curve(whole.system, bounds, starts=starts).at(top - 0.05) for starts in (0, 6)]
-    assert [orbit.stable for orbit in sheets[0]].count(True) == 1
-    assert [orbit.stable for orbit in sheets[1]].count(True) == 2
+    for orbits in sheets:
+        assert [orbit.stable for orbit in orbits].count(True) == 2
     for wrong in (-1, 1.5):
         with pytest.raises(InputError, match=f"starts = {wrong}: must be"):
             afm.distance_curve(whole.system, bounds, starts=wrong)

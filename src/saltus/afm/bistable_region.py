@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -22,13 +23,13 @@ if TYPE_CHECKING:
     from saltus.continuation import SpecialPoint
     from saltus.system import HybridSystem
 
-__all__ = ["PLANE", "Bistability", "extreme_of"]
+__all__ = ["PLANE", "Bistability", "turns_of"]
 
 PLANE = ("A0_nm", "Zc_nm")  # parameters of the plane
 
 
-def extreme_of(locus: Locus, name: str, sign: float) -> SpecialPoint | None:
-    """Return the turning point of a locus at which a parameter is least, or greatest; None where there is none.
+def turns_of(locus: Locus, name: str, sign: float) -> list[SpecialPoint]:
+    """Return the turning points of a locus at which a parameter has a minimum, or a maximum.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ def extreme_of(locus: Locus, name: str, sign: float) -> SpecialPoint | None:
     name : str
         The parameter.
     sign : {1.0, -1.0}
-        1 for the least of its minima along the locus, -1 for the greatest of its maxima.
+        1 for the minima along the locus, -1 for the maxima.
     """
     values, found = sign * locus.column(name), []
     for point in locus.special_points.of_type("TP"):
@@ -45,7 +46,7 @@ def extreme_of(locus: Locus, name: str, sign: float) -> SpecialPoint | None:
         sides = values[[max(before - (before == after), 0), min(after + (before == after), len(values) - 1)]]
         if point.of == name and sides.min() > sign * point.value(name):
             found.append(point)
-    return min(found, key=lambda point: sign * point.value(name), default=None)
+    return found
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,6 +65,8 @@ class Bistability(Result):
         Loci of the folds; `Locus.stopped` says where each begins and ends.
     failures : tuple of str
         Distances at which the search for folds failed or ended before the largest amplitude, and why.
+    jumping : (int, int) or None
+        The turn from which on an approach jumps: number of the locus, and of the special point on it.
     """
 
     system: HybridSystem
@@ -71,6 +74,7 @@ class Bistability(Result):
     Zc_nm: tuple[float, float]
     loci: tuple[Locus, ...]
     failures: tuple[str, ...] = ()
+    jumping: tuple[int, int] | None = None
 
     @property
     def locus(self) -> Locus:
@@ -90,16 +94,16 @@ class Bistability(Result):
 
     @property
     def critical(self) -> SpecialPoint | None:
-        """The least free amplitude at which a locus turns, as a special point; None where none turns."""
-        points = [extreme_of(locus, "A0_nm", 1.0) for locus in self.loci]
-        return min((point for point in points if point is not None), key=lambda p: p.value("A0_nm"), default=None)
+        """The turn from which on an approach from afar jumps, as a special point; None where none is found."""
+        return None if self.jumping is None else self.loci[self.jumping[0]].special_points[self.jumping[1]]
 
     @property
     def critical_amplitude_nm(self) -> float | None:
-        """The critical amplitude in nm: the least free amplitude at which a locus of folds turns.
+        """The critical amplitude in nm: the free amplitude from which on an approach from afar jumps.
 
-        At smaller amplitudes, the two folds that meet there are gone. A tip that approaches from afar then stays on
-        one sheet. None where no locus turns: then a locus leaves the range, or ends.
+        There the fold of the motion that comes from afar turns. Two distance curves beside it have been followed: one
+        at a smaller amplitude without a jump on the approach, one at a larger amplitude with a jump. None where no turn
+        of a locus is such: then a locus leaves the range or ends, or nothing jumps.
         """
         return None if self.critical is None else float(self.critical.value("A0_nm"))
 
@@ -107,6 +111,16 @@ class Bistability(Result):
     def critical_distance_nm(self) -> float | None:
         """The distance at the critical amplitude, in nm; None where there is none."""
         return None if self.critical is None else float(self.critical.value("Zc_nm"))
+
+    @property
+    def least_bistable_amplitude_nm(self) -> float | None:
+        """The least free amplitude at which any locus of folds turns, in nm; None where none turns.
+
+        Two motions coexist from there on. Where contact loses energy, an approach reaches the second one only at the
+        larger `critical_amplitude_nm`; before, a knock or a sweep of the frequency does.
+        """
+        values = (point.value("A0_nm") for locus in self.loci for point in turns_of(locus, "A0_nm", 1.0))
+        return min(map(float, values), default=None)
 
     def to_xarray(self) -> xr.Dataset:
         """Return all loci as one Dataset: variables and dimensions of locus `i` have the prefix ``locus<i>_``."""
@@ -116,6 +130,7 @@ class Bistability(Result):
             "Zc_nm": json.dumps(self.Zc_nm),
             "definition": json.dumps(self.system.definition()),
             "failures": json.dumps(self.failures),
+            "jumping": json.dumps(self.jumping),
             "loci": json.dumps([own_attributes(dataset) for dataset in datasets]),
         }
         return side_by_side(datasets, "locus").assign_attrs(attrs)
@@ -133,7 +148,7 @@ class Bistability(Result):
         if not loci:
             raise InputError("attribute 'loci'", [], "one locus or more")
         first, second = (_range(held, name) for name in PLANE)
-        return cls(system, first, second, tuple(loci), tuple(held.texts("failures")))
+        return cls(system, first, second, tuple(loci), tuple(held.texts("failures")), _jumping(held, loci))
 
     def __repr__(self) -> str:
         (low, high), (near, far) = self.A0_nm, self.Zc_nm
@@ -145,9 +160,12 @@ class Bistability(Result):
         lines += [f"  cusp                A0_nm = {A0:.9g}, Zc_nm = {Zc:.9g}" for A0, Zc in self.cusps]
         told = "  critical amplitude  "
         if self.critical is None:
-            lines.append(f"{told}none: no locus turns towards larger amplitudes in the range")
+            lines.append(f"{told}none: no approach is found that jumps from a turn of a locus on")
         else:
             lines.append(f"{told}A0_nm = {self.critical_amplitude_nm:.9g}, Zc_nm = {self.critical_distance_nm:.9g}")
+        least = self.least_bistable_amplitude_nm
+        if least is not None and least != self.critical_amplitude_nm:
+            lines.append(f"  least bistable      A0_nm = {least:.9g}: two motions coexist from there on")
         for locus in self.loci:
             lines += [f"  began: {locus.stopped[0]}", f"  ended: {locus.stopped[1]}"]
         lines += [f"  folds sought in part: {failure}" for failure in self.failures]
@@ -160,3 +178,13 @@ def _range(held: Contents, name: str) -> tuple[float, float]:
     if not numbers or len(given) != 2 or not np.all(np.isfinite(given)) or not given[0] < given[1]:
         raise InputError(f"attribute {name!r}", given, "two numbers, the lower one first")
     return float(given[0]), float(given[1])
+
+
+def _jumping(held: Contents, loci: Sequence[Locus]) -> tuple[int, int] | None:
+    given = held.json("jumping", list, type(None))
+    if given is None:
+        return None
+    numbers = len(given) == 2 and all(type(value) is int and value >= 0 for value in given)
+    if not numbers or given[0] >= len(loci) or given[1] >= len(loci[given[0]].special_points):
+        raise InputError("attribute 'jumping'", given, "the numbers of a locus and of a special point on it")
+    return given[0], given[1]

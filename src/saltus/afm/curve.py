@@ -357,9 +357,9 @@ class Curve(Result):
             after = self._reading_at(way.jumps[k - 1], table, rows[:1], landed=True) if k else {}
             for name, values in table.items():
                 columns[name] += [after.get(name, _NONE), values[rows], before.get(name, _NONE)]
-            count = len(rows) + bool(before) + bool(after)
-            columns["sheet"].append(np.full(count, part[0, 0] if len(part) else 0))
-            columns["jump"].append(np.arange(count) == (0 if after else -1))
+            ends = int(bool(after)), int(bool(before))
+            columns["sheet"].append(np.pad(part[:, 0], ends, "edge" if len(part) else "constant"))
+            columns["jump"].append(np.arange(len(rows) + sum(ends)) == (0 if after else -1))
         found = {name: np.concatenate(values) for name, values in columns.items()}
         data: dict[str, Any] = {name: ("point", found[name], self._attributes(name)) for name in self._formulas}
         data |= {"sheet": ("point", found["sheet"].astype(np.int64)), "jump": ("point", found["jump"].astype(bool))}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -17,24 +18,27 @@ from saltus.afm.settling import periods_of_patience, settled, starts_about, stay
 from saltus.afm.units import check_changes
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
-from saltus.errors import ConvergenceError
+from saltus.errors import ConvergenceError, SaltusError
 from saltus.fitting.sheets import stretches_of
-from saltus.fitting.tracing import is_on
+from saltus.fitting.tracing import is_on, orbits_at
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
 from saltus.system.evaluate import evaluate
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from saltus.progress import Report
     from saltus.system import HybridSystem
 
-__all__ = ["Tracing", "distance_curve", "frequency_curve", "from_afar", "sheet_again"]
+__all__ = ["Tracing", "distance_curve", "frequency_curve", "from_afar", "jumps_on_approach", "sheet_again"]
 
 _CLEAR = 3.0  # gap of the far start, over the free amplitude
 _RESTS = 400  # displacements at which a rest of the probe is looked for
 _MOST_SHEETS = 8  # sheets that are sought beyond the first ones
 _EIGHTHS = 8  # parts of the range, between which a motion is followed where no motion is stable
-_ALWAYS = 1  # the place between them where one is followed in any case
+_TOUCHING = 1.2  # distance up to which a tip may touch, over the free amplitude
 _ONE = slice(1, 2)  # which of the starts: the tip drawn back by half of the largest displacement
+_DEEPEST = 2.0  # depth of indentation down to which a rest in contact is looked for, over the distance
 _LONGEST = 4  # turns of the phase in the period of a motion whose sheet is followed, at most
 _UNSTABLE_FROM = ("SN", "PD", "TR", "BP")  # special points at which a branch's motions may lose their stability
 _STEPS = StepControl(pieces=32)  # steps where none are given; motions of more pieces are saddles, far from any motion
@@ -59,10 +63,10 @@ def distance_curve(
     the branch does not have, this motion is followed as a further sheet. A curve whose way ends because the tip is
     pulled in and stays in contact says so.
 
-    A sheet onto which no way jumps is found by motions that settle on it. One is followed at the first eighth of the
-    range, and one at each other eighth where the curve has no stable motion. It starts with the tip drawn
-    back by half of the largest displacement. `starts` asks for more. A sheet that no motion settles on is missed, as is
-    one of more than four periods.
+    A sheet onto which no way jumps is found by motions that settle on it. At both ends of the range and in the middle
+    they start from rest, with the free motion, and in contact. One more starts with the tip drawn back by half of the
+    largest displacement. So does one at each eighth of the range where the curve has no stable motion. `starts` asks
+    for more. A sheet that no motion settles on is missed, as is one of more than four periods.
 
     Parameters
     ----------
@@ -131,7 +135,9 @@ def frequency_curve(
 ) -> Curve:
     """Return the readings of a model along the frequency ``f_kHz`` of its first drive, over all folds.
 
-    The motion at the lower end of the range is reached from afar. Further sheets are found as `distance_curve` does.
+    The motion at the lower end of the range is reached from afar. Further sheets are found as `distance_curve` does. If
+    the range is beside the resonance, the motion there is followed to the range. The way down begins where a tip
+    at rest settles at the upper end.
 
     Parameters
     ----------
@@ -165,7 +171,7 @@ def frequency_curve(
     >>> system = afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=8.5)
     >>> tune = frequency_curve(system, (298.0, 302.0))
     >>> [f"{jump.direction} at {jump.value:.4f} kHz" for jump in tune.jumps]
-    ['down at 299.2872 kHz', 'up at 299.4915 kHz']
+    ['down at 300.0501 kHz', 'down at 299.2872 kHz', 'up at 299.4915 kHz']
     """
     formulas(system, of)  # raises where it cannot be told
     low, high = checks.interval("bounds", bounds)
@@ -200,6 +206,15 @@ def from_afar(
     if end > Zc_nm:  # it ends where a hysteretic law is met: beyond, the motion is another
         return (find_orbit(system, {**parameters, "Zc_nm": Zc_nm}, branch.orbit(-1).x0, settle=patience),)
     return branch.at(Zc_nm)
+
+
+def jumps_on_approach(
+    system: HybridSystem, parameters: Mapping[str, float], Zc_nm: tuple[float, float], steps: StepControl | None
+) -> bool:
+    """Return whether an approach from afar jumps in a range of distance."""
+    how = Tracing("Zc_nm", Zc_nm, steps, progress=False)
+    curve = _reached(how, from_afar(system, parameters, Zc_nm[1], steps), "deflection")
+    return any(jump.direction == curve.directions[0] for jump in curve.jumps)
 
 
 def _free_orbit(system: HybridSystem, parameters: Mapping[str, float], free: float) -> PeriodicOrbit:
@@ -243,19 +258,28 @@ class Tracing(NamedTuple):
 
 def _traced(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, places: int) -> Curve:
     """Return the curve of the sheets through some motions, of those that jumps lead to, and of settled motions."""
-    branches: list[Branch] = []
-    for start in starts:
-        if not any(is_on(branch, start) for branch in branches):
-            branches.append(_sheet(start, how))
-    curve = _with_landings(Curve(starts[0].system, how.along, how.bounds, tuple(branches), of), how)
+    curve = _reached(how, starts, of)
     low, high = how.bounds
+    begin, end = _tapping_range(curve, how)
+    for place in (high, low, 0.5 * (begin + end)):
+        curve = _with_asked(curve, how, place)
+    curve = _with_settled(_with_resonance(curve, how), how, begin + (end - begin) / _EIGHTHS, _ONE)
     for k in range(1, _EIGHTHS):
         place = low + k / _EIGHTHS * (high - low)
-        if k == _ALWAYS or not _is_covered(curve, place):
+        if not _is_covered(curve, place):
             curve = _with_settled(curve, how, place, _ONE)
     for k in range(places):
         curve = _with_settled(curve, how, low + (k + 0.5) / places * (high - low), slice(None))
     return curve
+
+
+def _reached(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int) -> Curve:
+    """Return the curve of the sheets through some motions, and of those that jumps lead to."""
+    branches: list[Branch] = []
+    for start in starts:
+        if not any(is_on(branch, start) for branch in branches):
+            branches.append(_sheet(start, how))
+    return _with_landings(Curve(starts[0].system, how.along, how.bounds, tuple(branches), of), how)
 
 
 def _with_landings(curve: Curve, how: Tracing) -> Curve:
@@ -285,6 +309,63 @@ def _with_settled(curve: Curve, how: Tracing, place: float, which: slice) -> Cur
     return curve
 
 
+def _tapping_range(curve: Curve, how: Tracing) -> tuple[float, float]:
+    """Return the part of a range of distance in which a tip may touch and come off; the whole where it has none."""
+    low, high = how.bounds
+    free = _free_amplitude(curve.system, curve.branches[0].parameters)
+    begin, end = max(low, 0.0), min(high, _TOUCHING * free)
+    return (begin, end) if how.along == "Zc_nm" and begin < end else (low, high)
+
+
+def _with_resonance(curve: Curve, how: Tracing) -> Curve:
+    """Return a curve along a frequency whose range is beside the resonance, with the sheet that comes from there."""
+    p, (low, high) = curve.branches[0].orbit(0).parameters, how.bounds
+    f0 = p.get(f"f0_kHz{suffix(driven_mode(curve.system))}", low)
+    if how.along != "f_kHz" or low <= f0 <= high:
+        return curve
+    at = {**p, "f_kHz": f0}
+    with suppress(SaltusError):  # a motion that does not settle leads nowhere
+        start = find_orbit(curve.system, at, np.zeros(len(curve.system.states)), settle=periods_of_patience(at))
+        way = _whole(
+            continue_orbit(start, "f_kHz", (min(low, f0), max(high, f0)), steps=how.steps or _STEPS, stop_at="SN")
+        )
+        for orbit in (one for place in (low, high) for one in orbits_at(way, place)):
+            if _is_traced(orbit, how) and not any(is_on(branch, orbit) for branch in curve.branches):
+                curve = _with_landings(_with_sheet(curve, orbit, how), how)
+    return curve
+
+
+def _with_asked(curve: Curve, how: Tracing, place: float) -> Curve:
+    """Return a curve with the sheets of motions that settle at a place from rest, the free motion, and contact."""
+    parameters = {**curve.branches[0].orbit(0).parameters, how.along: place}
+    patience, found = periods_of_patience(parameters), list[PeriodicOrbit]()
+    for x0, mode in _starts(curve.system, parameters):
+        with suppress(SaltusError):  # a motion that does not settle has no sheet
+            found.append(find_orbit(curve.system, parameters, x0, mode, settle=patience))
+    for orbit in found:
+        if _is_traced(orbit, how, held=True) and not any(is_on(branch, orbit) for branch in curve.branches):
+            curve = _with_landings(_with_sheet(curve, orbit, how), how)
+    return curve
+
+
+def _starts(system: HybridSystem, parameters: Mapping[str, float]) -> list[tuple[NDArray[np.float64], str | None]]:
+    """Return initial states and modes: rest, the free motion, and a rest in contact where there is one."""
+    starts: list[tuple[NDArray[np.float64], str | None]] = [(np.zeros(len(system.states)), None)]
+    free = _free_amplitude(system, parameters)
+    with suppress(SaltusError):
+        far = {**parameters, "Zc_nm": _CLEAR * free + _CLEAR_NM}
+        starts.append((_free_orbit(system, far, free).x0, None))
+    for mode in system.mode_names[1:2]:
+        gaps = np.concatenate([-np.geomspace(_DEEPEST * max(abs(parameters["Zc_nm"]), 1.0), 1e-3, _RESTS), [0.0]])
+        bends = gaps - parameters["Zc_nm"]
+        missing = _missing(system, parameters, bends, 1)
+        rests = np.flatnonzero((missing[:-1] > 0.0) & (missing[1:] <= 0.0))
+        x0 = np.zeros(len(system.states))
+        x0[system.states.index("z1_nm")] = bends[rests[0]] if rests.size else -parameters["Zc_nm"]
+        starts.append((x0, mode))
+    return starts
+
+
 def _with_sheet(curve: Curve, start: PeriodicOrbit, how: Tracing) -> Curve:
     """Return a curve with the sheet of a motion in place of those that lie on it."""
     sheet = _sheet(start, how)
@@ -292,10 +373,14 @@ def _with_sheet(curve: Curve, start: PeriodicOrbit, how: Tracing) -> Curve:
     return Curve(curve.system, how.along, how.bounds, (*others, sheet), curve.of)
 
 
-def _is_traced(orbit: PeriodicOrbit, how: Tracing) -> bool:
-    """Return whether a sheet is followed through a motion: it taps, has no long period, and is in the range."""
+def _is_traced(orbit: PeriodicOrbit, how: Tracing, *, held: bool = False) -> bool:
+    """Return whether a sheet is followed through a motion: it is stable, in the range, and has no long period.
+
+    A distance curve ends where a way is pulled in; it has motions that stay in contact only if they are asked for.
+    """
     inside = how.bounds[0] <= orbit.parameters[how.along] <= how.bounds[1]
-    return inside and orbit.stable and orbit.form.turns <= _LONGEST and not stays_in_contact(orbit)
+    held = held or how.along != "Zc_nm" or not stays_in_contact(orbit)
+    return inside and orbit.stable and orbit.form.turns <= _LONGEST and held
 
 
 def _is_covered(curve: Curve, place: float) -> bool:
@@ -313,7 +398,7 @@ def _sheet(start: PeriodicOrbit, how: Tracing) -> Branch:
     """
     along, bounds, given, progress = how
     steps = given or _STEPS
-    if start.form.turns > 1:
+    if start.form.turns > 1 or (along == "Zc_nm" and stays_in_contact(start)):
         return _whole(continue_orbit(start, along, bounds, steps=steps, stop_at=_UNSTABLE_FROM, progress=progress))
     if along != "Zc_nm" or not _has_rest(start, bounds[0]):
         first = _whole(continue_orbit(start, along, bounds, steps=steps, stop_at="SN", progress=progress))
@@ -333,15 +418,20 @@ def sheet_again(start: PeriodicOrbit, known: Branch, how: Tracing) -> Branch:
 def _has_rest(orbit: PeriodicOrbit, Zc_nm: float) -> bool:
     """Return whether a probe at a distance has a rest in the first mode, so that nothing has pulled it in before."""
     system, parameters = orbit.system, {**orbit.parameters, "Zc_nm": Zc_nm}
+    bends = np.linspace(-1.0, 0.0, _RESTS) * max(abs(Zc_nm), 1.0)
+    missing = np.where(bends + Zc_nm > 0.0, _missing(system, parameters, bends, 0), np.nan)
+    return bool(np.any((missing[:-1] > 0.0) & (missing[1:] < 0.0)))
+
+
+def _missing(
+    system: HybridSystem, parameters: Mapping[str, float], bends: NDArray[np.float64], mode: int
+) -> NDArray[np.float64]:
+    """Return by how much the tip's force in a mode would bend the probe more than it is bent; at a rest by nothing."""
     modes = [name for name in system.states if name.startswith("z")]
     softness = sum(1.0 / parameters[f"k_N_m{suffix(i)}"] for i in range(1, len(modes) + 1))
-    bends = np.linspace(-1.0, 0.0, _RESTS) * max(abs(Zc_nm), 1.0)
-    states = np.zeros((_RESTS, len(system.all_states)))
+    states = np.zeros((len(bends), len(system.all_states)))
     states[:, 0] = bends
-    force = evaluate(system, "force_nN", states, 0, parameters)
-    gap = evaluate(system, "D_nm", states, 0, parameters)
-    missing = np.where(gap > 0.0, force * softness - bends, np.nan)
-    return bool(np.any((missing[:-1] > 0.0) & (missing[1:] < 0.0)))
+    return np.asarray(evaluate(system, "force_nN", states, mode, parameters) * softness - bends)
 
 
 def _whole(branch: Branch) -> Branch:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.afm.bistable_region import PLANE, Bistability, extreme_of
-from saltus.afm.curves import from_afar
+from saltus.afm.bistable_region import PLANE, Bistability, turns_of
+from saltus.afm.curves import from_afar, jumps_on_approach
 from saltus.afm.readings import check_model, drives_of
 from saltus.afm.units import check_changes
 from saltus.continuation import Locus, SpecialPoint, StepControl, continue_locus, continue_orbit
@@ -17,7 +17,7 @@ from saltus.errors import ConvergenceError, InputError, SaltusError
 from saltus.orbits.orbit import extremes_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -30,6 +30,7 @@ __all__ = ["bistability", "tip_radius"]
 _HEIGHTS = (0.15, 0.35, 0.6, 0.85, 0.05)  # shares of the range of distance at which folds are sought
 _STAGE = 1.25  # ratio of critical amplitudes from one stage of the search for a radius to the next, at most
 _ROUNDING = 1e-9  # difference, relative, of amplitudes that is rounding
+_BESIDE = (1e-3, 1e-2)  # differences, relative, from a turn at which approaches show whether it is the critical one
 _SAME = 1e-2  # difference, relative, of amplitude and extremes up to which a fold is that of a locus
 
 
@@ -63,7 +64,8 @@ def bistability(
     Returns
     -------
     Bistability
-        ``.cusp``, ``.critical_amplitude_nm``, ``.critical_distance_nm``, ``.loci``; `plot` draws them.
+        ``.cusp``, ``.critical_amplitude_nm``, ``.critical_distance_nm``, ``.least_bistable_amplitude_nm``, ``.loci``;
+        `plot` draws them.
 
     Raises
     ------
@@ -114,7 +116,34 @@ def bistability(
     if not loci:
         hint = "; ".join([f"no distance curve folds on the ways along A0_nm at Zc_nm = {', '.join(told)}", *failures])
         raise InputError("A0_nm, Zc_nm", ranges, "ranges with a fold", hint)
-    return Bistability(system, (low, high), (near, far), tuple(loci), tuple(failures))
+    jumping = _jumping(system, p, loci, (near, far), steps)
+    return Bistability(system, (low, high), (near, far), tuple(loci), tuple(failures), jumping)
+
+
+def _jumping(
+    system: HybridSystem,
+    p: Mapping[str, float],
+    loci: Sequence[Locus],
+    Zc_nm: tuple[float, float],
+    steps: StepControl | None,
+) -> tuple[int, int] | None:
+    """Return the turn of least amplitude from which on an approach jumps: number of its locus, and of it there."""
+    turns = [(i, point) for i, locus in enumerate(loci) for point in turns_of(locus, "A0_nm", 1.0)]
+    for i, point in sorted(turns, key=lambda turn: turn[1].value("A0_nm")):
+        if _begins_to_jump(system, p, float(point.value("A0_nm")), Zc_nm, steps):
+            return i, [other.label for other in loci[i].special_points].index(point.label)
+    return None
+
+
+def _begins_to_jump(
+    system: HybridSystem, p: Mapping[str, float], A0_nm: float, Zc_nm: tuple[float, float], steps: StepControl | None
+) -> bool:
+    """Return whether an approach jumps at a free amplitude that is larger, and none does at one that is smaller."""
+
+    def jumps(share: float) -> bool:
+        return jumps_on_approach(system, {**p, "A0_nm": A0_nm * (1.0 + share)}, Zc_nm, steps)
+
+    return any(jumps(share) for share in _BESIDE) and not jumps(-_BESIDE[0])
 
 
 def tip_radius(
@@ -128,8 +157,9 @@ def tip_radius(
 ) -> float:
     """Return the tip's radius in nm at which a critical amplitude has been measured.
 
-    At this free amplitude, folds exist at smaller radii only. So the radius is the greatest on the locus of the folds
-    over radius and distance. The locus begins at the critical amplitude of the model.
+    At this free amplitude an approach jumps with smaller radii only. So the locus of the folds over radius and distance
+    turns there. The turn is followed from the critical amplitude of the model. Two approaches beside the measured
+    amplitude check it.
 
     Parameters
     ----------
@@ -154,7 +184,7 @@ def tip_radius(
         The system is no such model, or a range is not allowed. The model itself has no critical amplitude up to three
         times the measured one.
     ConvergenceError
-        No radius in the range has this critical amplitude.
+        No radius in the range has this critical amplitude, or approaches beside it do not show it.
 
     References
     ----------
@@ -184,7 +214,11 @@ def tip_radius(
     reached, here = first, first.value("A0_nm")
     for amplitude in np.geomspace(here, wanted, 1 + _stages(wanted / here))[1:]:
         reached = _critical_at(reached, float(amplitude), (small, large), (near, far), steps)
-    return float(reached.value("R_nm"))
+    radius = float(reached.value("R_nm"))
+    if reached is not first and not _begins_to_jump(system, p | {"R_nm": radius}, wanted, (near, far), steps):
+        told = f"at R_nm = {radius:.6g} the folds turn, but no approach begins to jump there"
+        raise ConvergenceError(f"tip with the critical amplitude {wanted:.6g} nm", np.nan, 0, told)
+    return radius
 
 
 def _stages(ratio: float) -> int:
@@ -199,7 +233,7 @@ def _critical_at(
     Zc_nm: tuple[float, float],
     steps: StepControl | None,
 ) -> SpecialPoint:
-    """Return the fold of greatest radius at a free amplitude, from the critical one at another amplitude near."""
+    """Return the fold at which the radius turns at a free amplitude, from the critical one at another amplitude."""
     here = critical.value("A0_nm")
     between = {"A0_nm": (min(here, wanted), max(here, wanted)), "R_nm": R_nm}
     way = continue_locus(critical.orbit, ("A0_nm", "R_nm"), between, type="SN", steps=steps)
@@ -209,11 +243,20 @@ def _critical_at(
         plane = {"R_nm": R_nm, "Zc_nm": Zc_nm}
         orbit = way.orbit(int(np.argmin(missed)))
         locus = continue_locus(orbit, ("R_nm", "Zc_nm"), plane, type="SN", steps=steps)
-        found = extreme_of(locus, "R_nm", -1.0)
-        if found is not None:
-            return found
+        turns = turns_of(locus, "R_nm", -1.0)
+        if turns:
+            begun = _nearest_point(locus, orbit)
+            return min(turns, key=lambda point: abs(point.position - begun))
         told = f"the locus of folds has no greatest radius: {'; '.join(locus.stopped)}"
     raise ConvergenceError(f"tip with the critical amplitude {wanted:.6g} nm", np.nan, len(way), told)
+
+
+def _nearest_point(locus: Locus, orbit: PeriodicOrbit) -> int:
+    """Return the point of a locus at which its parameters and extremes are those of an orbit."""
+    n = len(orbit.system.states)
+    rows = np.hstack([locus.lows[:, :n], locus.highs[:, :n], *(locus.column(name)[:, None] for name in locus.names)])
+    wanted = np.append(extremes_of(orbit), [orbit.parameters[name] for name in locus.names])
+    return int(np.argmin(np.abs(rows / wanted - 1.0).max(axis=1)))
 
 
 def _check_drive(system: HybridSystem) -> None:

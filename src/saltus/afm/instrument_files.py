@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import logging
+import math
 import re
+import struct
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +20,10 @@ __all__ = ["READERS", "FileColumn"]
 
 _INSTALL = "pip install 'saltus[files]'"
 _ONE_DIMENSION = (1, 2, 3)  # versions of Igor's format whose waves have one dimension
+_IGOR_SIZES = {1: (8, "2x i"), 2: (16, "2x 2i"), 3: (20, "2x 3i"), 5: (64, "4x 13i")}
+# by version: bytes of an Igor file's first header, and in it the sizes of what follows
+_IGOR_COUNTS = {1: (42, "i"), 2: (42, "i"), 3: (42, "i"), 5: (12, "i 52x 4i")}
+# by version: place in the second header, and there how many numbers the wave has, and along each dimension
 _END_OF_HEADER = b"\r\n#!"  # what a .nid file has between its header and its numbers
 _NHF_VERSION = 2  # version of the .nhf format that is read
 _NHF_TYPES = {
@@ -66,7 +73,13 @@ def _igor_columns(path: Path) -> list[FileColumn]:
     except ImportError as missing:
         raise InputError("path", str(path), "read where igor2 is installed", _INSTALL) from missing
     logging.getLogger("igor2").addHandler(logging.NullHandler())  # what it tells of a broken file is in its exception
-    loaded = _parsed(path, "an Igor binary wave (.ibw)", binarywave.load)
+
+    def read(name: str) -> Any:
+        content = Path(name).read_bytes()
+        _check_igor_sizes(content)
+        return binarywave.setup_wave().unpack_stream(io.BytesIO(content))  # `load` keeps what a broken file has set
+
+    loaded = _parsed(path, "an Igor binary wave (.ibw)", read)
     wave, flat = loaded["wave"], loaded["version"] in _ONE_DIMENSION
     values, header = np.asarray(wave["wData"]), wave["wave_header"]
     if values.dtype.kind not in "fiu" or not 1 <= values.ndim <= 2 or not values.size:
@@ -88,6 +101,28 @@ def _igor_columns(path: Path) -> list[FileColumn]:
         names += [f"column {i}" for i in range(len(names), values.shape[1])]
     table = values.reshape(len(values), -1).astype(float)
     return [x, *(FileColumn(name, unit or None, (column,)) for name, column in zip(names, table.T, strict=True))]
+
+
+def _check_igor_sizes(content: bytes) -> None:
+    """Raise `ValueError` where an Igor file's headers describe more than the file has.
+
+    igor2 takes memory for what the headers describe, before it reads.
+    """
+    order = "<" if content[:1] != b"\0" else ">"
+    (version,) = struct.unpack_from(f"{order}h", content)
+    if version not in _IGOR_SIZES:
+        raise ValueError(f"its format has version {version}, not {', '.join(map(str, _IGOR_SIZES))}")
+    begin, form = _IGOR_SIZES[version]
+    sizes = struct.unpack_from(f"{order}{form}", content)
+    place, form = _IGOR_COUNTS[version]
+    count, *dimensions = struct.unpack_from(f"{order}{form}", content, begin + place)
+    if min(count, *sizes, *dimensions) < 0:
+        raise ValueError(f"its headers have the size {min(count, *sizes, *dimensions)}")
+    if begin + sum(sizes) > len(content):
+        raise ValueError(f"its headers describe {begin + sum(sizes)} bytes, and the file has {len(content)}")
+    along = math.prod(size for size in dimensions if size)
+    if dimensions and count and along != count:
+        raise ValueError(f"its headers describe {count} numbers, and {along} by its dimensions")
 
 
 def _nid_columns(path: Path) -> list[FileColumn]:

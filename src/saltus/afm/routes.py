@@ -27,6 +27,7 @@ _BEYOND = (1e-3, 1e-2)  # shares of `_scale` by which a motion is moved beyond a
 _WIDTHS = 10.0  # scale along the frequency, in widths of the resonance
 _SAME = 1e-4  # distance of extremes, over the largest one, up to which a settled motion is on a sheet
 _MOST_JUMPS = 50  # jumps on a way, at most
+_DOUBLED = 0.1  # difference of extremes just beyond a period doubling, over the largest one, that is no jump
 _END = 1e-9  # distance from the end of the range, over the range, that is rounding
 
 
@@ -110,7 +111,13 @@ def way_along(
         for stretch in stretches
         if start is not None and start[0] == stretch.sheet and start[1] in stretch.points
     ]
-    here = own[0] if own else min(stretches, key=lambda stretch: sign * reach(stretch, last=False))
+    if own:
+        here = own[0]
+    else:
+        here = min(stretches, key=lambda stretch: sign * reach(stretch, last=False))
+        others = [one for one in stretches if abs(reach(one, last=False) - reach(here, last=False)) <= _END * span]
+        if name == "f_kHz" and len(others) > 1:
+            here = _from_rest(branches, others, reach(here, last=False)) or here
     begin = -np.inf
     while True:
         order = here.points if sign > 0.0 else here.points[::-1]
@@ -126,13 +133,30 @@ def way_along(
         if isinstance(landing, str):
             way.stopped = landing
             return way
-        target = _target(branches, stretches, landing.after)
+        pulled_in = name == "Zc_nm" and stays_in_contact(landing.after) and not stays_in_contact(landing.before)
+        target = None if pulled_in else _target(branches, stretches, landing.after)
         if target is None:
             way.stopped, way.beyond = f"{name} = {landing.value:.9g}: {_told(landing.after)}", landing
             return way
-        way.jumps.append(landing._replace(after=_at_the_end(branches[target.sheet], landing)))
-        way.first_behind.append(len(way.points))
+        if not _is_doubled(landing):
+            way.jumps.append(landing._replace(after=_at_the_end(branches[target.sheet], landing)))
+            way.first_behind.append(len(way.points))
         here, begin = target, sign * landing.value
+
+
+def _from_rest(branches: Sequence[Branch], stretches: Sequence[Stretch], value: float) -> Stretch | None:
+    """Return the stretch on which a tip at rest settles, of several at the end of a range; None where it is on none."""
+    branch = branches[stretches[0].sheet]
+    at = {**branch.orbit(stretches[0].points[0]).parameters, branch.parameter: value}
+    found = settled(branch.system, at, np.zeros(len(branch.system.states)))
+    return _target(branches, stretches, found) if isinstance(found, PeriodicOrbit) else None
+
+
+def _is_doubled(landing: Landing) -> bool:
+    """Return whether a motion goes on with twice the period and nearly the same extremes: nothing jumps."""
+    before, after = extremes_of(landing.before), extremes_of(landing.after)
+    doubled = landing.after.form.turns == 2 * landing.before.form.turns
+    return doubled and float(np.abs(after - before).max()) <= _DOUBLED * float(np.abs(before).max())
 
 
 def _held_in(branch: Branch, point: int) -> str:

@@ -147,9 +147,9 @@ class _Making:
         self.of_parts = [_regions_of(part) for part in parts]
         self.check_names()
         contact = self.contact()
+        levels = {"contact_nm": contact, "release_nm": self.release(contact)}
         self.ends = [
-            tuple(replace(one, level=contact) if one.level == "contact_nm" else one for one in part.crossings)
-            for part in parts
+            tuple(replace(one, level=levels.get(one.level, one.level)) for one in part.crossings) for part in parts
         ]
         self.states = self.own_states()
 
@@ -176,6 +176,16 @@ class _Making:
             if one.direction < 0 and regions[one.target].indentation
         ]
         return next((level for level in (*told, *passed) if level != "contact_nm"), "0")
+
+    def release(self, contact: str) -> str:
+        """Gap at which contact ends: that of a law of contact, else where it begins."""
+        told = (
+            one.level
+            for part, regions in zip(self.parts, self.of_parts, strict=True)
+            for one in part.crossings
+            if part.contact and one.direction > 0 and regions[one.source].indentation
+        )
+        return next(told, contact)
 
     def own_states(self) -> tuple[str, ...]:
         states: list[str] = []

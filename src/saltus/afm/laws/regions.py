@@ -7,6 +7,7 @@ A formula is a text in the law's parameters, its own states, ``R_nm`` and these 
 ``V_nm_us``       its rate
 ``separation_nm`` distance between the two surfaces: the gap or, in contact, what the law of contact says
 ``contact_nm``    gap at which the law of contact begins
+``release_nm``    gap at which it ends, as the level of a crossing only
 ================  ====================================================================================================
 """
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from saltus import checks
@@ -22,10 +22,16 @@ class Dashpot(Law):
     A period contracts areas of one mode's phase plane by ``exp(-(c_a t_a + c_i t_i) / m)``, with the times without and
     in contact and the damping there (Liouville).
 
+    Contact with hysteresis (`JKR`, `Schwarz`) begins at a gap of 0 and lasts to the pull-off, farther out. On the way
+    out the dashpot acts until the gap is 0 again, or until the pull-off: `until` says which.
+
     Parameters
     ----------
     c_uNs_m : float
         Damping, in uN s/m.
+    until : {"surface", "pull_off"}, optional
+        Where the dashpot ends on the way out: where contact has begun, or where contact ends. Both are the same gap but
+        for contact with hysteresis.
     check : bool, optional
         Whether implausible values are refused.
 
@@ -40,6 +46,11 @@ class Dashpot(Law):
     """
 
     c_uNs_m: float
+    until: str = "surface"
+
+    def __post_init__(self, check: bool) -> None:
+        super().__post_init__(check)
+        checks.chosen("until", self.until, ("surface", "pull_off"))
 
     @property
     def regions(self) -> dict[str, Region]:
@@ -48,8 +59,9 @@ class Dashpot(Law):
 
     @property
     def crossings(self) -> tuple[Crossing, ...]:
-        """Where contact begins and ends."""
-        return touching("contact_nm")
+        """Where contact begins, and where it ends or the surface is passed again."""
+        touch, release = touching("contact_nm")
+        return touch, replace(release, level="release_nm") if self.until == "pull_off" else release
 
 
 @dataclass(frozen=True, kw_only=True)
