@@ -104,4 +104,8 @@ from .system import (
     Piece as Piece,
     Transition as Transition,
 )
+from .verification import (
+    Verification as Verification,
+    verify as verify,
+)
 from .version import __version__ as __version__

@@ -354,8 +354,7 @@ class PeriodicOrbit(Result):
             "admissible": int(self.admissible),
             "tolerance": self.tolerance,
         }
-        if self.fixed is not None:
-            dataset.attrs["fixed"] = json.dumps(self.fixed.as_list())
+        dataset.attrs |= {} if self.fixed is None else {"fixed": json.dumps(self.fixed.as_list())}
         return dataset
 
     @classmethod
@@ -364,7 +363,6 @@ class PeriodicOrbit(Result):
         held.names("state", system.all_states)
         held.names("own_state", system.states)
         held.names("quantity", (*system.all_states, *system.output_names))
-        parts = ("multiplier_re", "multiplier_im")
         held.expect(multiplier=len(system.states))
         durations = held.array("segment_duration", ("segment",))
         if not float(durations.sum()) > 0.0:
@@ -375,7 +373,7 @@ class PeriodicOrbit(Result):
             signature_from(held.json("form", list)),
             held.array("segment_state", ("segment", "state")),
             durations,
-            complex_of(*(held.array(part, ("multiplier",), finite=False) for part in parts)),
+            complex_of(*(held.array(f"multiplier_{part}", ("multiplier",), finite=False) for part in ("re", "im"))),
             held.number("residual", finite=False),
             held.count("faults", most=MOST_FAULTS),
             held.array("x0", ("own_state",), finite=False),
@@ -395,15 +393,13 @@ class PeriodicOrbit(Result):
         faster = (
             f", in which the motion repeats itself {self.repeats} times, as its drive does" if self.repeats > 1 else ""
         )
-        shown = ", ".join(f"{value:.6g}" for value in self.x0)
-        sizes = ", ".join(f"{abs(value):.6g}" for value in self.multipliers)
         fixed = "" if self.fixed is None else f"  fixed       {self.fixed}\n"
         return (
             f"PeriodicOrbit of {self.system.name or 'a hybrid system'}: {kind}\n"
             f"  period      {self.period:.12g}{turns}{faster}{rounds}\n"
             f"  signature   {path}\n{fixed}"
-            f"  x0          [{shown}]\n"
-            f"  |multipliers| {sizes}\n"
+            f"  x0          [{', '.join(f'{value:.6g}' for value in self.x0)}]\n"
+            f"  |multipliers| {', '.join(f'{abs(value):.6g}' for value in self.multipliers)}\n"
             f"  residual    {self.residual:.2g}" + "".join(f"\n  {landing}" for landing in self.landings_beyond[:1])
         )
 

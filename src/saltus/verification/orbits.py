@@ -1,0 +1,258 @@
+"""Checks of periodic orbits: each segment integrated by SciPy, its derivative by differences with saltation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.orbits.signature import EVENT_END, MEAN_END
+from saltus.verification.motion import Piece, StiffMotionError, contacts, extremes, follow, projection, touching
+from saltus.verification.reference import Reference, slopes
+from saltus.verification.spectra import matched, spectrum
+from saltus.verification.table import Row, compared, equal, unchecked
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.orbits import PeriodicOrbit
+
+__all__ = ["FollowedOrbit", "followed", "is_rest", "least_contact", "orbit_rows", "shrunk_rows"]
+
+_GAP = 1e-9  # allowed distance of a segment's end from the next start, over the states' sizes
+_GROWN = 1e-11  # the same for each unit of the segment's growth
+_TIME = 1e-8  # allowed error of a duration, over the period
+_SLOW = 1e-5  # rate of an event function, in its unit and the period, below which its time is not determined
+_INFINITE = 1e9  # modulus from which on a multiplier is that of an event met without speed
+_EXTREME = 1e-7  # allowed error of an extreme, over the quantity's size
+_REST = 1e-7  # way of the states in a period, over their sizes, up to which an orbit is an equilibrium
+_SHRUNK = 1e-6  # relative accuracy of the imaginary pair of a cycle that has shrunk to an equilibrium
+_STEPS = 4  # steps of Newton's method from such a cycle to the equilibrium
+_RESTING = 1e-9  # size of a state, over the largest one, up to which it has none of its own
+
+
+@dataclass(frozen=True)
+class FollowedOrbit:
+    """An orbit whose segments were followed by SciPy.
+
+    Attributes
+    ----------
+    reference : Reference
+        The system.
+    sizes : ndarray, shape (states,)
+        Sizes of the states, the phase among them.
+    pieces : tuple of Piece
+        The segments.
+    gaps : ndarray, shape (segments, states)
+        Distances of the ends, behind their resets, from the next starts.
+    growth : ndarray, shape (segments,)
+        Norm of each segment's derivative, in the states' sizes.
+    multipliers : ndarray of complex
+        Multipliers without the trivial one.
+    uncertain : ndarray
+        How far each of them may be off.
+    """
+
+    reference: Reference
+    sizes: NDArray[np.float64]
+    pieces: tuple[Piece, ...]
+    gaps: NDArray[np.float64]
+    growth: NDArray[np.float64]
+    multipliers: NDArray[np.complex128]
+    uncertain: NDArray[np.float64]
+
+
+def followed(orbit: PeriodicOrbit) -> FollowedOrbit:
+    """Follow an orbit's segments from their starts.
+
+    Raises
+    ------
+    StiffMotionError
+        A segment takes too many steps.
+    """
+    reference = Reference(orbit.system, orbit.parameters)
+    sizes = _sizes(orbit)
+    form, count = orbit.form, len(orbit.durations)
+    pieces, gaps, growth, steps = [], [], [], []
+    for i in range(count):
+        mode, transition, kind = form.modes[i], form.transitions[i], form.kinds[i]
+        piece = follow(reference, mode, orbit.states[i], float(orbit.durations[i]), sizes)
+        end, step = piece.end, piece.slope
+        if kind in (EVENT_END, MEAN_END):
+            gradient = slopes(lambda x, k=transition: reference.event(k, x), end, sizes)[0]  # type: ignore[misc]
+            landing = projection(reference.field(mode, end), gradient)
+            after = slopes(lambda x, k=transition: reference.reset(k, x), end, sizes)  # type: ignore[misc]
+            step, end = after @ landing @ step, reference.reset(transition, end)
+        gaps.append(_gap(orbit, i, end))
+        growth.append(float(np.abs(step * sizes / sizes[:, None]).max()))
+        steps.append(step)
+        pieces.append(piece)
+    across = _across(orbit, reference, sizes)
+    values, uncertain = spectrum([*steps, across], sizes, dropped=1)
+    return FollowedOrbit(
+        reference, sizes, tuple(pieces), np.array(gaps), np.array(growth), values, uncertain
+    )  # fmt: skip
+
+
+def orbit_rows(orbit: PeriodicOrbit) -> list[Row]:
+    """Return the claims of an orbit with their checks."""
+    if is_rest(orbit):
+        return shrunk_rows(orbit)
+    try:
+        found = followed(orbit)
+    except StiffMotionError:
+        return [unchecked("orbit", orbit.period, "the motion is too stiff for an explicit integration")]
+    rows = [_closing(orbit, found), *_durations(orbit, found), *_multipliers(orbit, found)]
+    rows += _extremes(orbit, found)
+    rows.append(equal("admissible", orbit.admissible, not _obstacles(orbit, found)))
+    return rows
+
+
+def _sizes(orbit: PeriodicOrbit) -> NDArray[np.float64]:
+    n = len(orbit.system.all_states)
+    sizes = np.maximum(np.abs(orbit.lows), np.abs(orbit.highs))[:n]
+    if orbit.system.phase is not None:
+        sizes[-1] = 2.0 * math.pi
+    own = sizes[: len(orbit.system.states)]
+    own[own <= _RESTING * float(own.max())] = float(own.max()) or 1.0
+    return np.asarray(sizes)
+
+
+def _gap(orbit: PeriodicOrbit, i: int, end: NDArray[np.float64]) -> NDArray[np.float64]:
+    gap = end - orbit.states[(i + 1) % len(orbit.durations)]
+    phase = () if orbit.system.phase is None else (orbit.system.phase[0],)
+    for k, name in enumerate(orbit.system.all_states):
+        if name in (*phase, *orbit.system.angles):
+            gap[k] = math.remainder(gap[k], 2.0 * math.pi)
+    return np.asarray(gap)
+
+
+def _across(orbit: PeriodicOrbit, reference: Reference, sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the projection along the flow at the start, by which the trivial multiplier becomes 0."""
+    rate = reference.field(orbit.form.modes[0], orbit.states[0])
+    if orbit.system.phase is not None:
+        return projection(rate, np.eye(rate.size)[-1])
+    return projection(rate, rate / sizes**2)
+
+
+def _closing(orbit: PeriodicOrbit, found: FollowedOrbit) -> Row:
+    gaps = np.abs(found.gaps) / found.sizes
+    allowed = _GAP + _GROWN * found.growth
+    i = int(np.argmax(gaps.max(axis=1) / allowed))
+    return compared(f"gap behind segment {i}", 0.0, float(gaps[i].max()), float(allowed[i]))
+
+
+def _durations(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
+    form, reference = orbit.form, found.reference
+    rows = []
+    for i, piece in enumerate(found.pieces):
+        if form.kinds[i] not in (EVENT_END, MEAN_END):
+            continue
+        transition = form.transitions[i]
+        gradient = slopes(lambda x, k=transition: reference.event(k, x), piece.end, found.sizes)[0]  # type: ignore[misc]
+        rate = float(gradient @ reference.field(piece.mode, piece.end))
+        h = float(reference.event(transition, piece.end[:, None])[0])
+        unit = float(np.abs(gradient) @ found.sizes) or 1.0
+        name = orbit.system.transition_names[transition]
+        allowed = _TIME + _GROWN * found.growth[i]
+        if abs(rate) * orbit.period < _SLOW * unit:
+            rows.append(compared(f"event {name}", 0.0, h / unit, allowed))
+        else:
+            duration = float(orbit.durations[i])
+            rows.append(compared(f"time of {name}", duration, duration - h / rate, allowed * orbit.period))
+    return rows
+
+
+def _multipliers(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
+    said = orbit.multipliers
+    if orbit.system.phase is None:
+        said = said[:-1]
+    if np.any(np.abs(said) > _INFINITE):
+        return [unchecked("multipliers", complex(said[0]), "an event has no speed: they are infinite")]
+    rows = [
+        compared(f"multiplier {i + 1}", complex(one), complex(other), allowed)
+        for i, (one, other, allowed) in enumerate(matched(said, found.multipliers, found.uncertain))
+    ]
+    sure = np.abs(np.abs(found.multipliers) - 1.0) > found.uncertain
+    if np.all(sure):
+        rows.append(equal("stable", orbit.stable, bool(np.all(np.abs(found.multipliers) < 1.0))))
+    return rows
+
+
+def _extremes(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
+    both = [extremes(found.reference, piece) for piece in found.pieces]
+    lows, highs = np.min([low for low, _ in both], axis=0), np.max([high for _, high in both], axis=0)
+    names = (*orbit.system.all_states, *orbit.system.output_names)
+    phase = None if orbit.system.phase is None else orbit.system.phase[0]
+    rows = []
+    for q, name in enumerate(names):
+        size = max(abs(orbit.lows[q]), abs(orbit.highs[q]))
+        if name == phase or not math.isfinite(size):
+            continue
+        allowed = _EXTREME * size + 1e-14 * float(found.sizes.max())
+        rows.append(compared(f"min {name}", float(orbit.lows[q]), float(lows[q]), allowed))
+        rows.append(compared(f"max {name}", float(orbit.highs[q]), float(highs[q]), allowed))
+    return rows
+
+
+def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[str]:
+    """Return why the followed orbit is no motion of the system."""
+    reference, form = found.reference, orbit.form
+    reasons = [f"duration {i}" for i, duration in enumerate(orbit.durations) if not duration > 0.0]
+    for i, piece in enumerate(found.pieces):
+        if not np.all(reference.domain(piece.mode, piece.states[:, 1:-1])):
+            reasons.append(f"domain in segment {i}")
+        for k in reference.ways_out(piece.mode):
+            direction = orbit.system.transitions[k].direction
+            for time, rate, _ in contacts(reference, piece, k, found.sizes):
+                at = np.array([np.interp(time, piece.times, row) for row in piece.states])
+                if rate * direction >= 0.0 and reference.allows(k, at[:, None])[0]:
+                    reasons.append(f"event {k} in segment {i}")
+        if form.kinds[i] in (EVENT_END, MEAN_END):
+            k = form.transitions[i]
+            gradient = slopes(lambda x, k=k: reference.event(k, x), piece.end, found.sizes)[0]  # type: ignore[misc]
+            rate = float(gradient @ reference.field(piece.mode, piece.end))
+            unit = (float(np.abs(gradient) @ found.sizes) or 1.0) / orbit.period
+            if rate * orbit.system.transitions[k].direction < -_SLOW * unit:
+                reasons.append(f"direction of segment {i}")
+            if not reference.allows(k, piece.end[:, None])[0]:
+                reasons.append(f"condition of segment {i}")
+    return reasons
+
+
+def is_rest(orbit: PeriodicOrbit) -> bool:
+    """Whether an orbit of an autonomous system is an equilibrium, to which cycles shrink."""
+    if orbit.system.phase is not None:
+        return False
+    rate = Reference(orbit.system, orbit.parameters).field(orbit.form.modes[0], orbit.states[0][:, None])[:, 0]
+    return bool(np.max(np.abs(rate) / _sizes(orbit)) * orbit.period < _REST)
+
+
+def shrunk_rows(orbit: PeriodicOrbit) -> list[Row]:
+    """Return the checks of a cycle that has shrunk to an equilibrium: an imaginary pair of its period."""
+    reference, mode = Reference(orbit.system, orbit.parameters), orbit.form.modes[0]
+    sizes, x = _sizes(orbit), orbit.states[0].copy()
+    for _ in range(_STEPS):
+        A = slopes(lambda y: reference.field(mode, y), x, sizes)
+        x = x - np.linalg.solve(A, reference.field(mode, x[:, None])[:, 0])
+    values = np.linalg.eigvals(slopes(lambda y: reference.field(mode, y), x, sizes))
+    pair = values[np.argmin(np.abs(values - 2.0j * math.pi / orbit.period))]
+    return [
+        compared("critical eigenvalue", 0.0, float(pair.real), _SHRUNK * abs(pair)),
+        compared("period", orbit.period, 2.0 * math.pi / abs(pair.imag), _SHRUNK * orbit.period),
+    ]
+
+
+def least_contact(orbit: PeriodicOrbit, found: FollowedOrbit) -> float:
+    """Return how far the orbit is from touching a surface of its modes without speed, in the surfaces' units."""
+    reference = found.reference
+    return min(
+        (
+            touching(reference, piece, k, found.sizes)
+            for piece in found.pieces
+            for k in reference.ways_out(piece.mode)
+        ),
+        default=math.inf,
+    )  # fmt: skip
