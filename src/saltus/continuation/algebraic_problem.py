@@ -35,10 +35,18 @@ _HIGH = Monitor("high")  # parameter less its upper bound
 _SN = Monitor("SN")  # parameter's component of the tangent
 _BP = Monitor("BP")  # determinant of the bordered Jacobian
 
+# Where several values become critical at once, products of them may keep their sign. Then one of the values itself is
+# watched: its distance from being critical, by its place among the values in the order of their growth.
+_ZEROS = Monitor("zeros")  # values that belong to a BP
+_FLIPS = Monitor("flips")  # values that belong to a PD
+_PAIRS = Monitor("pairs")  # complex pairs
+
 _RESIDUAL = 1e-8  # most residual of a point, over the sizes of its terms
 _NEAR = 1e-2  # share of a state's modulus below which its size on a branch is not chosen
 _SHORT = 1e-5  # arclength of a step up to which several critical values may be passed in it
 _CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
+_EQUAL = 1e-6  # relative difference of two values up to which they are equal by symmetry
+_UNEXPLAINED = "stability changes without a bifurcation that explains it"
 _RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it rests
 
 
@@ -87,7 +95,7 @@ class AlgebraicZeroProblem(ABC):
         Bounds and users' events.
     """
 
-    singular = frozenset({_BP})
+    singular = frozenset({_BP, _ZEROS})
     odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
     critical: ClassVar[tuple[str, ...]]  # kinds of monitor functions at whose zeros something bifurcates
@@ -102,6 +110,8 @@ class AlgebraicZeroProblem(ABC):
         self._origin: NDArray[np.float64] | None = None
         self._log: float | None = None
         self._units: dict[Monitor, float] = {}
+        self._rank = 0  # place of the value that is watched where several become critical at once
+        self._crossed: int | None = None  # change of the number of unstable values in the last step, if it is known
 
     @abstractmethod
     def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> AlgebraicData:
@@ -114,6 +124,18 @@ class AlgebraicZeroProblem(ABC):
     @abstractmethod
     def own_monitor(self, name: Monitor, point: Point) -> float:
         """Return one of them at a point that may be corrected roughly only."""
+
+    @abstractmethod
+    def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return eigenvalues or multipliers."""
+
+    @abstractmethod
+    def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return for each value how fast its direction grows, 0 where it is critical."""
+
+    @abstractmethod
+    def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
+        """Return how many values or pairs are critical at once at a point of a type."""
 
     @abstractmethod
     def observed(self, index: int, point: Point) -> float:
@@ -164,7 +186,10 @@ class AlgebraicZeroProblem(ABC):
         self.sizes = np.maximum(self.sizes, self.grown(u))
         point.weights = self.metric(u)
         point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
-        return Examined(monitors, None if before is None else self._fault(point, before, monitors, data), data)
+        if before is None:
+            return Examined(monitors, None, data)
+        self._crossed = None
+        return Examined(monitors, self._fault(point, before, monitors, data), data, self._twins(data.values))
 
     def ahead(self, control: StepControl, before: Point, point: Point, step: float) -> tuple[list[Point], float]:
         """Return many points at once, as far as nothing happens, and the length of the step behind the last one."""
@@ -184,6 +209,8 @@ class AlgebraicZeroProblem(ABC):
             return point.sign * math.exp(min(max(point.log - self._log, -600.0), 600.0))
         if kind == "EX":
             return slope(lambda u: self.observed(name.segment, replace(point, u=u)), point.u, point.tangent)
+        if name in (_ZEROS, _FLIPS, _PAIRS):
+            return float(np.sort(self.growth(self.spectrum(point.u)))[::-1][self._rank])
         if kind != "event":
             return self.own_monitor(name, point)
         _, what, value = self.interest.events[name.segment]
@@ -205,9 +232,17 @@ class AlgebraicZeroProblem(ABC):
         """Return False: there is no discretisation to refine."""
         return False
 
+    def type_of(self, name: Monitor) -> str:
+        """Return the type of the special point at a zero of a monitor function."""
+        return {_ZEROS: "BP", _FLIPS: "PD", _PAIRS: self.paired.kind}.get(name, name.kind)
+
     def leading(self, names: list[Monitor]) -> list[Monitor]:
-        """Return all names: none is another's shadow."""
-        return names
+        """Return the names without those that change their sign because of others."""
+        kinds = {name.kind for name in names}
+        if _ZEROS in names or _FLIPS in names:  # two equal real values change the sign of the pairs' function as well
+            kinds.discard(self.paired.kind)
+            names = [name for name in names if name != self.paired]
+        return [name for name in names if name.kind == self.type_of(name) or self.type_of(name) not in kinds]
 
     def sort_out(self, events: list[Event]) -> list[Event] | str:
         """Return the events without folds at branch points, and without critical pairs that are real.
@@ -216,20 +251,33 @@ class AlgebraicZeroProblem(ABC):
         """
         if any(event.point.examined.data is None for event in events):
             return f"location: {self.vanishing}"
-        branchings = [event.point.arc for event in events if event.name == _BP]
-        kept = [e for e in events if e.name != _SN or all(abs(e.point.arc - arc) > 1e-5 for arc in branchings)]
-        return [event for event in kept if event.name != self.paired or self.is_pair(event.point.examined.data.values)]
+        pairs = (self.paired, _PAIRS)
+        events = [e for e in events if e.name not in pairs or self.is_pair(e.point.examined.data.values)]
+        if self._crossed is not None and not self._explained(events, self._crossed):
+            return _UNEXPLAINED
+        branchings = [event.point.arc for event in events if self.type_of(event.name) == "BP"]
+        return [e for e in events if e.name != _SN or all(abs(e.point.arc - arc) > 1e-5 for arc in branchings)]
+
+    def _explained(self, events: list[Event], crossed: int) -> bool:
+        """Return whether the events of a step explain how the number of unstable values changes in it."""
+        most, several = 0, False
+        for event in events:
+            kind = self.type_of(event.name)
+            if kind in self.single or kind == self.paired.kind:
+                count = self.multiplicity(event.point.examined.data.values, kind)
+                most += count * (2 if kind == self.paired.kind else 1)
+                several |= count > 1
+        return crossed <= most and (several or (most - crossed) % 2 == 0)
 
     def crowded(self, names: list[Monitor]) -> bool:
         """Return whether more than one bifurcation lies in a step."""
         return sum(name.kind in self.critical for name in names) > 1
 
-    def _fault(self, point: Point, before: Point, monitors: Mapping[Monitor, float], data: AlgebraicData) -> str | None:
+    def _fault(self, point: Point, before: Point, monitors: dict[Monitor, float], data: AlgebraicData) -> str | None:
         """Return the reason why a point may not follow the point before, or None if it may."""
-        if point.arc - before.arc < _SHORT:
-            return None
         known = before.examined.monitors
-        if (doubt := faint_step(monitors, self.faint, before, point)) is not None:
+        short = point.arc - before.arc < _SHORT
+        if not short and (doubt := faint_step(monitors, self.faint, before, point)) is not None:
             return doubt
         changed = {
             name.kind
@@ -237,15 +285,53 @@ class AlgebraicZeroProblem(ABC):
             if name in known and (known[name] < 0.0) != (value < 0.0) and math.isfinite(known[name] + value)
         }
         if before.examined.data is None:
-            return before.examined.fault
+            return None if short else before.examined.fault
         old: AlgebraicData = before.examined.data
         crossed = abs(data.unstable - old.unstable)
         real = sum(kind in changed for kind in self.single)
         centre = any(math.isnan(table.get(self.paired, 0.0)) for table in (known, monitors))
-        most = real + 2 * (self.paired.kind in changed or centre)
-        if crossed > most or (not centre and (crossed - real) % 2):
-            return "stability changes without a bifurcation that explains it"
+        if centre:
+            return _UNEXPLAINED if crossed > real + 2 and not short else None
+        self._crossed = None if short else crossed
+        if crossed > real:
+            self._watch(before, monitors, data, needed=crossed > real + 2 * (self.paired.kind in changed))
         return None
+
+    def _watched(self, value: complex) -> Monitor:
+        """Return the monitor function of a value that becomes critical."""
+        if value.imag != 0.0:
+            return _PAIRS
+        return _FLIPS if "PD" in self.single and value.real < 0.0 else _ZEROS
+
+    def _twins(self, values: NDArray[np.complex128]) -> frozenset[Monitor]:
+        """Return the test functions that have double zeros as the values nearest to being critical are equal."""
+        growth = np.abs(self.growth(values))
+        order = np.argsort(growth)
+        name = self._watched(complex(values[order[0]])) if order.size else _ZEROS
+        count = 4 if name == _PAIRS else 2
+        if order.size < count or growth[order[count - 1]] - growth[order[0]] > _EQUAL * growth[order[count - 1]]:
+            return frozenset()
+        return frozenset({self.paired, Monitor(self.type_of(name))})
+
+    def _watch(self, before: Point, monitors: dict[Monitor, float], data: AlgebraicData, *, needed: bool) -> None:
+        """Add the middle one of the values that become critical in a step to the monitor functions at both ends.
+
+        Where it is not needed, since the test function of pairs changes its sign, a real value is added: two equal ones
+        change that sign as well.
+        """
+        old: AlgebraicData = before.examined.data
+        self._rank = min(old.unstable, data.unstable) + abs(data.unstable - old.unstable) // 2
+        ends = []
+        for values in (old.values, data.values):
+            growth = self.growth(values)
+            at = np.argsort(-growth, kind="stable")[self._rank]
+            ends.append((float(growth[at]), complex(values[at])))
+        value = min(ends, key=lambda end: abs(end[0]))[1]
+        name = self._watched(value)
+        if name == _PAIRS and not needed:
+            return
+        before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0][0]})
+        monitors[name] = ends[1][0]
 
 
 def closes(origin: Point, last: Point, new: Point, control: StepControl, circles: NDArray[np.int64]) -> Point | None:

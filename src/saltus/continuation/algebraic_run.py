@@ -245,8 +245,9 @@ class AlgebraicRun(OneParameterRun):
             name, of, stop = self.asked(event.name)
             half.specials.append(replace(self.found(name, branch, event, half), of=of))
             return self.end_at(half, branch, point, stop)
-        name = kind
-        if kind in ("SN", "BP"):
+        name = kind = branch.type_of(event.name)
+        several = branch.multiplicity(point.examined.data.values, kind) > 1
+        if kind in ("SN", "BP") and not several:
             solve = solve_branch_point if kind == "BP" else solve_saddle_node
             u = solve(branch.problem, point.u, branch.sizes)
             if u is not None and float(point.weights @ (u - point.u) ** 2) < _NEAR**2:

@@ -221,8 +221,9 @@ def _returns(before: Point | None, a: Point, b: Point) -> str | None:
         return None
     back, ahead = abs(a.arc - before.arc), abs(b.arc - a.arc)
     other, here = before.examined.monitors, a.examined.monitors
+    known = a.examined.doubled | b.examined.doubled
     for name, value in b.examined.monitors.items():
-        if name not in here or name not in other:
+        if name not in here or name not in other or name in known:
             continue
         start, change = here[name], value - here[name]
         dip = _BENT * (change / ahead - (start - other[name]) / back) / (ahead + back) * ahead * ahead

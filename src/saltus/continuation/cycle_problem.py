@@ -16,7 +16,7 @@ from saltus.continuation.algebraic_problem import AlgebraicZeroProblem
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.zero_problem import Point
 from saltus.cycles.orbit import faults_of
-from saltus.cycles.spectrum import FAINT, flip_product, multipliers_of, pair_product, unstable_count
+from saltus.cycles.spectrum import FAINT, flip_product, multiplicity, multipliers_of, pair_product, unstable_count
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -93,8 +93,21 @@ class CycleZeroProblem(AlgebraicZeroProblem):
         """See `AlgebraicZeroProblem.own_monitor`."""
         if name.kind == "BC":
             return self._over(name, self.problem.border(name.segment, name.transition, point.u)[0], point)
-        values = multipliers_of(self.problem.slopes(point.u)[1])
+        values = self.spectrum(point.u)
         return flip_product(values) if name.kind == "PD" else pair_product(values)
+
+    def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """See `AlgebraicZeroProblem.spectrum`."""
+        return multipliers_of(self.problem.slopes(u)[1])
+
+    def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """See `AlgebraicZeroProblem.growth`: distances from the unit circle, those of large multipliers at most 1."""
+        sizes = np.abs(values)
+        return np.where(np.isfinite(sizes), (sizes - 1.0) / (sizes + 1.0), 1.0)
+
+    def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
+        """See `AlgebraicZeroProblem.multiplicity`."""
+        return multiplicity(values, kind)
 
     def is_pair(self, values: NDArray[np.complex128]) -> bool:
         """See `AlgebraicZeroProblem.is_pair`."""

@@ -16,7 +16,7 @@ from saltus.continuation.monitor import Monitor
 from saltus.continuation.stretches import PointData, Stretch
 from saltus.continuation.zero_problem import Point
 from saltus.equilibria.equilibrium import faults_of
-from saltus.equilibria.spectrum import FAINT, eigenvalues, pair_product, unstable_count
+from saltus.equilibria.spectrum import FAINT, eigenvalues, multiplicity, pair_product, unstable_count
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,6 +32,7 @@ _DOMAIN = Monitor("domain")  # domain function of the mode
 
 # test functions that must keep their signs where many steps are taken at once
 _QUIET = tuple(Monitor(kind) for kind in ("SN", "BP", "HB", "low", "high"))
+_SHARE = 1e-3  # of the eigenvalues at the start, which gives a unit where all of them vanish at once
 CRITICAL = ("SN", "BP", "HB", "BE")  # kinds of monitor functions at whose zeros something bifurcates
 
 
@@ -56,6 +57,7 @@ class EquilibriumZeroProblem(AlgebraicZeroProblem):
     def __init__(self, problem: EquilibriumProblem, sizes: NDArray[np.float64], interest: Interest) -> None:
         super().__init__(problem, sizes, interest)
         self.rows: NDArray[np.float64] | None = None
+        self._unit = 0.0  # modulus of eigenvalues
         self._guarded = problem.system.modes[problem.system.mode_names[problem.mode]].domain is not None
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -82,11 +84,24 @@ class EquilibriumZeroProblem(AlgebraicZeroProblem):
     def own_monitor(self, name: Monitor, point: Point) -> float:
         """See `AlgebraicZeroProblem.own_monitor`."""
         if name.kind == "HB":
-            A = self.problem.evaluate(point.u)[1][:, : self.n]
-            return pair_product(eigenvalues(A)) if np.all(np.isfinite(A)) else math.nan
+            return pair_product(self.spectrum(point.u))
         if name.kind == "domain":
             return self.problem.guard(self.problem.mode, point.u)
         return self.over_unit(name, *self.problem.event(name.transition, point.u))
+
+    def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """See `AlgebraicZeroProblem.spectrum`; NaN where the Jacobian is not finite."""
+        A = self.problem.evaluate(u)[1][:, : self.n]
+        return eigenvalues(A) if np.all(np.isfinite(A)) else np.full(self.n, math.nan + 0j)
+
+    def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """See `AlgebraicZeroProblem.growth`: real parts, over the largest modulus at the start."""
+        self._unit = self._unit or float(np.abs(values).max(initial=0.0))
+        return np.asarray(values.real / (self._unit or 1.0))
+
+    def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
+        """See `AlgebraicZeroProblem.multiplicity`."""
+        return multiplicity(values, kind, _SHARE * self._unit)
 
     def is_pair(self, values: NDArray[np.complex128]) -> bool:
         """See `AlgebraicZeroProblem.is_pair`."""

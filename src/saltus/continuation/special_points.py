@@ -14,8 +14,10 @@ from saltus.continuation.connection import Homoclinic
 from saltus.continuation.point_sensitivities import Place, moved_cycle, moved_equilibrium, moved_orbit
 from saltus.cycles import MapOrbit
 from saltus.cycles.normal_forms import map_normal_form
+from saltus.cycles.spectrum import multiplicity
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.normal_forms import EquilibriumNormalForm, normal_form as equilibrium_form
+from saltus.equilibria.spectrum import multiplicity as eigenvalue_multiplicity
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.multiplier_slopes import ROUGH
@@ -36,6 +38,8 @@ else:
     from typing import TypeVar
 
     Solution = TypeVar("Solution", bound=PeriodicOrbit | Equilibrium | MapOrbit)
+
+_ASIDE = 1e-3  # change of a parameter, over its value, beside a point at which all eigenvalues may vanish
 
 # What each type of special point means, in a `repr`.
 _MEANING = {
@@ -180,6 +184,26 @@ class SpecialPoint(Generic[Solution]):
         return self.parameters[checks.chosen("name", name, [*self.parameters, *self.varied])]
 
     @property
+    def multiplicity(self) -> int:
+        """How many eigenvalues, multipliers or complex pairs are critical at once, as by a symmetry; 1 for most points.
+
+        At an SN, BP, PD, TR or HB; `switch_branch(point, which=...)` gives the branches one by one.
+        """
+        if isinstance(self.solution, Equilibrium):
+            return eigenvalue_multiplicity(self.solution.eigenvalues, self.type, self._unit())
+        values = self.solution.multipliers
+        if isinstance(self.solution, PeriodicOrbit) and self.solution.system.phase is None:
+            values = values[:-1]
+        return multiplicity(values, self.type)
+
+    def _unit(self) -> float:
+        """Return a modulus of the eigenvalues of an equilibrium beside the point, where all of them may vanish."""
+        name = self.varied[0]
+        values = [self.parameters[name] + _ASIDE * max(abs(self.parameters[name]), 1.0)]
+        J = self.equilibrium.problem(name).evaluate(np.append(self.equilibrium.state, values))[1][:, :-1]
+        return float(np.abs(np.linalg.eigvals(J)).max()) if np.all(np.isfinite(J)) else 0.0
+
+    @property
     def sizes(self) -> NDArray[np.float64] | None:
         """Sizes of the states by the branch's tangent, for an orbit at rest; None without a tangent."""
         if self.tangent is None:
@@ -270,6 +294,8 @@ class SpecialPoint(Generic[Solution]):
         meaning = f", {_MEANING[self.type]}" if self.type in _MEANING else ""
         if self.type == "HB" and not isinstance(self.solution, Equilibrium):
             meaning += ": the cycle shrinks to an equilibrium"
+        if self.multiplicity > 1:
+            meaning += f", {self.multiplicity} at once"
         of = f" of {self.of}" if self.of else ""
         end = "" if self.homoclinic is None else f"\n{self.homoclinic!r}"
         return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}{end}\n{self.solution!r}"
@@ -330,12 +356,13 @@ class SpecialPoints(Sequence[SpecialPoint[Solution]]):
             row |= {"of": p.of} if len(self._parameters) > 1 else {}
             row |= {name: p.value(name) for name in self._parameters}
             row |= _row(p.solution)
-            rows.append(row | {"test": p.test})
+            rows.append(row | {"multiplicity": p.multiplicity, "test": p.test})
         return pd.DataFrame(rows)
 
     def __repr__(self) -> str:
         lines = []
         for p in self._points:
             values = ", ".join(f"{name} = {p.value(name):.12g}" for name in self._parameters)
-            lines.append(f"{p.label:5s} {values}" + (f" ({p.of})" if p.of else ""))
+            several = f" ({p.multiplicity} at once)" if p.multiplicity > 1 else ""
+            lines.append(f"{p.label:5s} {values}" + (f" ({p.of})" if p.of else "") + several)
         return "\n".join(lines) or "no special points"

@@ -12,7 +12,7 @@ import numpy as np
 
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.zero_problem import Examined, Point
-from saltus.equilibria.spectrum import FAINT, NEUTRAL
+from saltus.equilibria.spectrum import FAINT, NEUTRAL, combined
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -167,12 +167,9 @@ def _spectra(matrices: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDA
 
 def _pair_products(values: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Return `saltus.equilibria.spectrum.pair_product` of many spectra."""
-    product = np.ones(len(values), dtype=np.complex128)
-    for i in range(values.shape[1]):
-        for j in range(i + 1, values.shape[1]):
-            size = np.abs(values[:, i]) + np.abs(values[:, j])
-            product *= (values[:, i] + values[:, j]) / np.where(size > 0.0, size, np.inf)
-    return product.real
+    first, second = np.triu_indices(values.shape[1], 1)
+    sizes = np.abs(values[:, first]) + np.abs(values[:, second])
+    return combined((values[:, first] + values[:, second]) / np.where(sizes > 0.0, sizes, np.inf))
 
 
 def _returning(table: NDArray[np.float64], arcs: NDArray[np.float64]) -> NDArray[np.bool_]:

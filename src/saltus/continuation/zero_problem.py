@@ -77,11 +77,24 @@ class ZeroProblem(Protocol):
 
 @dataclass(frozen=True)
 class Examined:
-    """Result of examining a point: its monitor functions, a fault that forbids it, and data of the problem."""
+    """Result of examining a point.
+
+    Attributes
+    ----------
+    monitors : mapping
+        Monitor functions.
+    fault : str or None
+        Why the point may not follow the point before.
+    data : object
+        What the problem knows of the point.
+    doubled : frozenset
+        Names of the monitor functions that are known to touch 0 in the step to the point, without changing their sign.
+    """
 
     monitors: Mapping[Any, float]
     fault: str | None = None
     data: Any = None
+    doubled: frozenset[Any] = frozenset()
 
 
 @dataclass(eq=False)

@@ -8,13 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.equilibria.spectrum import combined
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["FAINT", "NEUTRAL", "flip_product", "fold_product", "multipliers_of", "pair_product", "unstable_count"]
+__all__ = [
+    "FAINT", "NEUTRAL", "flip_product", "fold_product", "multiplicity", "multipliers_of", "pair_product",
+    "unstable_count",
+]  # fmt: skip
 
 NEUTRAL = 1e-9  # distance of a multiplier's modulus from 1, up to which it is rounding of 1
-FAINT = 1e-13  # product of the pairs' test functions, each at most 1, up to which it is rounding
+_CRITICAL = 1e-6  # distance from its place on the unit circle up to which a multiplier is critical
+FAINT = 1e-13  # test function of a multiplier or of a pair, over its size, up to which it is rounding
 
 
 def multipliers_of(slopes: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -77,34 +83,51 @@ def unstable_count(values: NDArray[np.complex128]) -> int:
     return int(np.sum(np.abs(values) > 1.0 + NEUTRAL))
 
 
+def multiplicity(values: NDArray[np.complex128], kind: str) -> int:
+    """Return how many multipliers (SN, BP, PD) or pairs (TR) are critical at once; at least 1.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (n,)
+        Multipliers at a special point.
+    kind : str
+        Type of the point; 1 for all others.
+    """
+    if kind == "TR":
+        on_circle = (np.abs(np.abs(values) - 1.0) <= _CRITICAL) & (values.imag > _CRITICAL)
+        return max(int(np.sum(on_circle)), 1)
+    goal = {"SN": 1.0, "BP": 1.0, "PD": -1.0}.get(kind)
+    return 1 if goal is None else max(int(np.sum(np.abs(values - goal) <= _CRITICAL)), 1)
+
+
 def fold_product(values: NDArray[np.complex128], without: Collection[int] = ()) -> float:
-    """Return the product of 1 - mu over sqrt(1 + abs(mu)^2); it vanishes with a multiplier 1."""
+    """Return the `combined` 1 - mu over sqrt(1 + abs(mu)^2); it vanishes with a multiplier 1."""
     return _single(values, 1.0, without)
 
 
 def flip_product(values: NDArray[np.complex128], without: Collection[int] = ()) -> float:
-    """Return the product of 1 + mu over sqrt(1 + abs(mu)^2); it vanishes with a multiplier -1."""
+    """Return the `combined` 1 + mu over sqrt(1 + abs(mu)^2); it vanishes with a multiplier -1."""
     return _single(values, -1.0, without)
 
 
 def _single(values: NDArray[np.complex128], goal: float, without: Collection[int]) -> float:
-    product = complex(1.0)
-    for i, value in enumerate(values.tolist()):
-        if i not in without:
-            size = abs(value)
-            product *= (1.0 - goal * value) / math.hypot(1.0, size) if math.isfinite(size) else 1.0
-    return product.real
+    kept = np.array([value for i, value in enumerate(values.tolist()) if i not in without], dtype=np.complex128)
+    return float(combined(_over_size(1.0 - goal * kept, kept)))
 
 
 def pair_product(values: NDArray[np.complex128]) -> float:
-    """Return the product over pairs of m - 1 over sqrt(1 + abs(m)^2), with the product m of the pair.
+    """Return the `combined` m - 1 over sqrt(1 + abs(m)^2) of all pairs, with the product m of the pair.
 
     It vanishes where a complex pair is on the unit circle, or where the product of two real multipliers is 1.
     """
-    total = complex(1.0)
-    for i in range(values.size):
-        for j in range(i + 1, values.size):
-            product = complex(values[i] * values[j])
-            size = abs(product)
-            total *= (product - 1.0) / math.hypot(1.0, size) if math.isfinite(size) else 1.0
-    return total.real
+    first, second = np.triu_indices(values.size, 1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        products = values[first] * values[second]
+    return float(combined(_over_size(products - 1.0, products)))
+
+
+def _over_size(factors: NDArray[np.complex128], values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return factors over sqrt(1 + abs(value)^2); 1 for infinite values."""
+    finite = np.isfinite(values)
+    sizes = np.hypot(1.0, np.abs(np.where(finite, values, 0.0)))
+    return np.asarray(np.where(finite, np.where(finite, factors, 0.0) / sizes, 1.0))

@@ -9,10 +9,11 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["FAINT", "NEUTRAL", "eigenvalues", "kind_of", "pair_product", "unstable_count"]
+__all__ = ["FAINT", "NEUTRAL", "combined", "eigenvalues", "kind_of", "multiplicity", "pair_product", "unstable_count"]
 
 NEUTRAL = 1e-9  # real part of an eigenvalue, over the largest modulus, up to which it is rounding of 0
-FAINT = 1e-13  # product of the sums of eigenvalues, over that of their moduli, up to which it is rounding
+_CRITICAL = 1e-6  # distance from the imaginary axis, over the largest modulus, up to which an eigenvalue is on it
+FAINT = 1e-13  # sum of two eigenvalues, over their moduli, up to which it is rounding
 
 
 def eigenvalues(A: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -24,6 +25,24 @@ def eigenvalues(A: NDArray[np.float64]) -> NDArray[np.complex128]:
 def unstable_count(values: NDArray[np.complex128]) -> int:
     """Return the number of eigenvalues with positive real part, those at 0 but for rounding left out."""
     return int(np.sum(values.real > NEUTRAL * float(np.abs(values).max(initial=0.0))))
+
+
+def multiplicity(values: NDArray[np.complex128], kind: str, unit: float = 0.0) -> int:
+    """Return how many eigenvalues (SN, BP) or pairs (HB) are critical at once; at least 1.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (n,)
+        Eigenvalues at a special point.
+    kind : str
+        Type of the point; 1 for all others.
+    unit : float
+        Modulus of eigenvalues elsewhere, where all of them may vanish at the point.
+    """
+    top = float(np.abs(values).max(initial=unit))
+    if kind == "HB":
+        return max(int(np.sum((np.abs(values.real) <= _CRITICAL * top) & (values.imag > _CRITICAL * top))), 1)
+    return max(int(np.sum(np.abs(values) <= _CRITICAL * top)), 1) if kind in ("SN", "BP") else 1
 
 
 def kind_of(values: NDArray[np.complex128]) -> str:
@@ -40,10 +59,11 @@ def kind_of(values: NDArray[np.complex128]) -> str:
 
 
 def pair_product(values: NDArray[np.complex128], without: tuple[int, ...] = ()) -> float:
-    """Return the product of all sums of two eigenvalues, over that of the sums of their moduli.
+    """Return a test function with the sign of the product of all sums of two eigenvalues, each over its moduli.
 
-    It is the determinant of the bialternate product 2 A (.) I, over its size. It vanishes where a complex pair is
-    imaginary, or where two real eigenvalues differ in sign alone.
+    The product is the determinant of the bialternate product 2 A (.) I, over its size. It vanishes where a complex pair
+    is imaginary, or where two real eigenvalues differ in sign alone. `combined` keeps its size from fading with the
+    number of pairs.
 
     Parameters
     ----------
@@ -52,13 +72,36 @@ def pair_product(values: NDArray[np.complex128], without: tuple[int, ...] = ()) 
     without : tuple of int
         Those of them that are left out, or for two of them their own sum alone.
     """
-    product = complex(1.0)
-    for i in range(values.size):
-        for j in range(i + 1, values.size):
-            if (i in without or j in without) and len(without) == 1:
-                continue
-            if (i, j) == without:
-                continue
-            size = abs(values[i]) + abs(values[j])
-            product *= (values[i] + values[j]) / size if size > 0.0 else 0.0
-    return product.real
+    first, second = np.triu_indices(values.size, 1)
+    if len(without) == 1:
+        kept = (first != without[0]) & (second != without[0])
+        first, second = first[kept], second[kept]
+    elif len(without) == 2:
+        kept = (first != without[0]) | (second != without[1])
+        first, second = first[kept], second[kept]
+    sizes = np.abs(values[first]) + np.abs(values[second])
+    return float(combined((values[first] + values[second]) / np.where(sizes > 0.0, sizes, np.inf)))
+
+
+def combined(factors: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the sign of products of factors, times (sum of 1/abs(factor)^2)^(-1/2): it vanishes as a factor does.
+
+    A product of many factors below 1 would fade with their number. Factors that are complex come in pairs.
+
+    Parameters
+    ----------
+    factors : ndarray of complex, shape (..., factors)
+        Factors of each product.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> float(combined(np.array([-0.1 + 0j] * 31))).__round__(6)
+    -0.01796
+    """
+    sizes = np.abs(factors)
+    least = sizes.min(axis=-1, initial=np.inf, keepdims=True)
+    scaled = np.where(sizes > 0.0, sizes, 1.0) / np.where((least > 0.0) & np.isfinite(least), least, 1.0)
+    magnitude = least[..., 0] / np.sqrt(np.maximum(np.sum(scaled**-2, axis=-1), 1.0))
+    sign = np.prod(np.where(sizes > 0.0, factors / np.where(sizes > 0.0, sizes, 1.0), 0.0), axis=-1).real
+    return np.where(np.isfinite(magnitude), np.sign(sign) * magnitude, 1.0)

@@ -88,12 +88,13 @@ def spectrum_of(solution: Any) -> tuple[NDArray[np.complex128], NDArray[np.float
 
 def equilibrium_condition(equilibrium: Equilibrium, kind: str, multiplicity: int = 1) -> list[Row]:
     """Return the check that an equilibrium is critical in the way that a special point says."""
-    values, _ = spectrum_of(equilibrium)
+    values, uncertain = spectrum_of(equilibrium)
     top = float(np.abs(values).max())
+    least = float(uncertain.max())
     real = np.sort(np.abs(values))
     pairs = np.sort(np.abs(values.real[values.imag > 1e-6 * top]))
     name = "critical eigenvalue" if multiplicity == 1 else f"critical eigenvalues, {multiplicity} of them"
-    allowed = _CRITICAL * top if multiplicity == 1 else math.sqrt(_CRITICAL) * top
+    allowed = max(_CRITICAL * top if multiplicity == 1 else math.sqrt(_CRITICAL) * top, least)
     match kind:
         case "SN" | "BP" | "CP":
             return [compared(name, 0.0, float(real[multiplicity - 1]), allowed)]
