@@ -248,6 +248,17 @@ def test_membrane_that_spikes_slowly_ends_at_a_homoclinic_orbit() -> None:
     assert saddle.kind == "saddle (1 unstable)"
 
 
+def test_end_of_a_branch_of_long_cycles_does_not_hang_on_the_last_bits() -> None:
+    branches = [membrane(0.23 * (1.0 + moved)) for moved in (-1e-13, 0.0, 1e-13)]
+    known = branches[1]["HOM1"].parameters["I"]
+    ends = [(len(branch), branch.stopped) for branch in branches]
+    assert ends == ends[:1] * 3
+    for branch in branches:
+        assert [point.label for point in branch.special_points] == ["HB1", "SN1", "HOM1"]
+        assert branch["HOM1"].parameters["I"] == pytest.approx(known, rel=1e-10)
+        assert branch.period[-1] == pytest.approx(1e3 * branch.period[0], rel=1e-3)
+
+
 def test_cycle_with_events_is_told_in_words() -> None:
     crossing = saltus.Transition("m", "m", "y", 1, {}, name="section")
     system = HybridSystem(("x", "y"), {"b1": -0.1}, {"m": Mode({"x": "y", "y": "b1 - x + x**2 - x*y"})}, [crossing])

@@ -12,6 +12,7 @@ import sys
 from ctypes import CFUNCTYPE, c_double
 from pathlib import Path
 
+import numba
 import pytest
 
 from saltus import Average, HybridSystem, InputError, Mode, Transition, lyapunov_spectrum, simulate
@@ -28,6 +29,13 @@ print(HybridSystem(("x",), {"a": 1.5}, {"m": Mode({"x": "-a*x"})}).field("m", [2
 
 def tiny():
     return HybridSystem(("x",), {"a": 1.5}, {"m": Mode({"x": "-a*x"})})
+
+
+@pytest.fixture(autouse=True)
+def no_folder_of_numba(monkeypatch):
+    """No folder is chosen for Numba, neither for new processes nor in this one, which read it at its start."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
 
 
 @pytest.fixture

@@ -29,7 +29,9 @@ __all__ = ["Arc", "Saddle", "at_rest", "extended", "saddle_near", "saddle_node_n
 
 _ITERATIONS = 25  # most Newton steps to an equilibrium or to an arc
 _CONVERGED = 1e-12  # Newton step, over the unknowns' sizes, of a converged solution
-_STALLED = 1e-9  # the same where rounding keeps steps from shrinking further
+_STALLED = 1e-9  # the same where the steps shrink no further
+_ROUGHEST = 1e-6  # the same where they shrink no further because the residual is rounding alone
+_ROUNDED = 64.0 * float(np.finfo(float).eps)  # such a residual, over the equations' sizes
 _SKEW = 1e7  # condition of the eigenvectors from which on they do not span the tangent spaces accurately
 _HALVINGS = 60  # bisections of the time in which the distance to a saddle shrinks to a given one
 
@@ -272,7 +274,6 @@ def solved(
     scale = np.concatenate([np.tile(np.append(sizes, 1.0), problem.segments), [1.0], sizes])
     scale[n : m : n + 1] = float(u[n : m : n + 1].sum())
     scale[m] = max(abs(float(u[m])), 1.0)
-    refined = 0
     previous = math.inf
     for _ in range(_ITERATIONS):
         found = _equations(problem, rest, u, (radius, stay, sizes))
@@ -289,11 +290,13 @@ def solved(
         size = float(np.abs(step).max())
         if not size < 10.0:
             return "Newton's method does not converge"
+        # next to the saddle rounding of the states moves the whole arc in time, by their rounding over the radius
+        rounded = np.max(np.abs(G) / rows) <= _ROUNDED * max(1.0, float(np.max(np.abs(u / scale))))
         u = u + step * scale
-        if fine and (size < _CONVERGED or (size < _STALLED and size > 0.3 * previous)):
+        stalled = size > 0.3 * previous and size < (_ROUGHEST if rounded else _STALLED)
+        if fine and (size < _CONVERGED or stalled):
             shifted = Saddle(u[m + 1 :], saddle.values, saddle.ways, saddle.coordinates, saddle.powers)
             return Arc(problem, u[: m + 1], shifted, radius, sizes, *ends)
-        refined += not fine
         previous = size
     return "Newton's method does not converge"
 

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Limit", "Task"]
 
+_ROUNDED = 1e-12  # distance from a bound, over a parameter's unit or value, up to which it is rounding
+
 
 @dataclass(frozen=True)
 class Limit:
@@ -94,7 +96,11 @@ class Task:
 
     def at(self, place: NDArray[np.float64], near: Local) -> Local | str:
         """Return what is known of the orbit at parameters in units, or why there is none."""
-        return self._beyond(np.clip(place * self.units, *self.bounds), near)
+        values = np.clip(place * self.units, *self.bounds)
+        rounding = _ROUNDED * np.maximum(self.units, np.abs(values))
+        for bound in self.bounds:
+            values = np.where(np.abs(values - bound) <= rounding, bound, values)
+        return self._beyond(values, near)
 
     def local_beyond(self, near: Local, index: int, step: float) -> Local | str:
         """Return what is known of the orbit a step along one parameter further, bounds of the user's left aside."""
