@@ -126,18 +126,6 @@ class AlgebraicZeroProblem(ABC):
         """Return one of them at a point that may be corrected roughly only."""
 
     @abstractmethod
-    def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return eigenvalues or multipliers."""
-
-    @abstractmethod
-    def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return for each value how fast its direction grows, 0 where it is critical."""
-
-    @abstractmethod
-    def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
-        """Return how many values or pairs are critical at once at a point of a type."""
-
-    @abstractmethod
     def observed(self, index: int, point: Point) -> float:
         """Return the quantity of a user's event that is no parameter."""
 
@@ -166,6 +154,18 @@ class AlgebraicZeroProblem(ABC):
     def scale(self) -> NDArray[np.float64]:
         """Return typical sizes of the unknowns."""
         return np.append(self.sizes, 1.0)
+
+    @abstractmethod
+    def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return eigenvalues or multipliers."""
+
+    @abstractmethod
+    def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return for each value how fast its direction grows, 0 where it is critical."""
+
+    @abstractmethod
+    def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
+        """Return how many values or pairs are critical at once at a point of a type."""
 
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return monitors, data and fault of a point."""

@@ -107,7 +107,8 @@ def swells_at_last(points: list[Row]) -> str | None:
     values = [point.parameter for _, point in points[-4:]]
     if not np.any(swollen) or max(values) - min(values) > _RESTS * _RESTS:
         return None
-    largest = int(np.argmax(ranges[-1] / ranges.min(axis=0)))
+    least = ranges.min(axis=0)
+    largest = int(np.argmax(np.where(swollen, ranges[-1] / np.where(least > 0.0, least, 1.0), 0.0)))
     name = points[-1][0].problem.system.states[largest]
     return f"the orbit grows without bound ({name} ranges over {ranges[-1][largest]:.3g})"
 
