@@ -406,3 +406,13 @@ def test_beyond_a_grazing_that_makes_two_halves_alike_the_orbit_is_followed_once
     assert counts(branch)["GR"] == 1
     assert sum(reason.endswith("the period halves") for reason in branch.stopped) == 1
     assert_motions(branch)
+
+
+@pytest.mark.parametrize("index", [0, 3, 9])
+def test_a_branch_leaves_a_grazing_of_two_halves_by_the_contact_that_ends_from_any_start(index):
+    branch = continue_orbit(tapping(*FOUR_TURNS), "D_rep_2", (6.0, 8.0))
+    other = continue_orbit(branch.orbit(index), "D_rep_2", (6.0, 8.0))
+    assert [point.label for point in other.special_points] == [point.label for point in branch.special_points]
+    assert values(other, "BP") == pytest.approx(values(branch, "BP"), abs=1e-8)
+    assert [len(form) for form in other.forms] == [len(form) for form in branch.forms]
+    assert {len(form) for form in other.forms} == {10, 4}

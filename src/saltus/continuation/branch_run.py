@@ -11,7 +11,7 @@ import numpy as np
 from saltus.continuation.arclength import StepControl, follow
 from saltus.continuation.closure import passes
 from saltus.continuation.grazing import Neighbour, neighbour
-from saltus.continuation.monitor import at_grazing
+from saltus.continuation.monitor import Monitor, at_grazing
 from saltus.continuation.orbit_problem import OrbitData, OrbitZeroProblem
 from saltus.continuation.period_halving import halved
 from saltus.continuation.run import OneParameterRun
@@ -22,6 +22,7 @@ from saltus.continuation.two_sided import SAME, Found, OneSide, turned
 from saltus.continuation.unbounded import (
     grows_at_last,
     grows_for_ever,
+    period_of,
     swells_at_last,
     swells_for_ever,
     too_stiff,
@@ -45,6 +46,7 @@ __all__ = ["BranchRun"]
 
 _TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
 _SHRUNK = 1e-6  # ranges of a cycle's states, over those on its branch, up to which it is an equilibrium
+_TOGETHER = 1e-9  # duration, over the period, up to which a contact ends at the grazing of another one
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
@@ -261,7 +263,7 @@ class BranchRun(OneParameterRun):
         if self.control.at_grazing == "pass":
             half.specials.append(self._found(name, branch, event, half))
             return self.end_at(half, branch, point, name)
-        found = neighbour(branch.problem, event.name, point.u)
+        found = neighbour(branch.problem, _leaving(branch, event), point.u)
         half.specials.append(self._found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
             fewer = self.equations(found.signature, found.u)
@@ -333,6 +335,19 @@ class BranchRun(OneParameterRun):
 _INADMISSIBLE = Survey(
     1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3))
 )
+
+
+def _leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
+    """Return the monitor function of a grazing by which a branch goes on: a contact that ends comes before a new one.
+
+    Where an orbit arrives at one that repeats itself, a round's contact ends as another round's begins. Which of the
+    two is located first is rounding.
+    """
+    if event.name.kind != "margin":
+        return event.name
+    rounding = _TOGETHER * period_of(branch, event.point)
+    monitors = event.point.examined.monitors.items()
+    return next((name for name, value in monitors if name.kind == "duration" and abs(value) <= rounding), event.name)
 
 
 def _beyond_grazings(problem: OrbitProblem, point: Point) -> bool:
