@@ -25,6 +25,7 @@ _WITHIN = 5.0  # steps, of the last one's length, to the extrapolated zero of th
 _AFAR = 100.0  # the same for a small cycle round 0: its size is the unit of its steps, and these shrink with it
 _AGREES = 0.1  # most difference of Hopf point and extrapolation, over the distance from the last cycle
 _AGREES_AFAR = 0.01  # the same farther than the nearer number of steps
+_NEUTRAL = 1e-6  # distance of a multiplier from the unit circle up to which it is on neither side
 _ROUNDING = 1e-9  # relative difference of the parameter that is rounding
 
 
@@ -47,11 +48,37 @@ def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> 
         return None
     value = point.parameter + (point.parameter - before.parameter) * seen.ahead
     found = solve_hopf(problem, seen.centre, value, seen.frequency)
-    if found is None or not seen.agrees(problem, found):
+    if found is None or not seen.agrees(problem, found) or not _keeps_stability(point, found.multipliers):
         return None
     if abs(found.parameter - value) > seen.share * abs(value - point.parameter) + _ROUNDING * max(1.0, abs(value)):
         return None
     return _at_rest(branch, point, found)
+
+
+def _keeps_stability(point: Point, values: NDArray[np.complex128]) -> bool:
+    """Return whether no multiplier crosses the unit circle between a cycle and the equilibrium that it shrinks to.
+
+    Of the equilibrium's multipliers the two at 1 belong to the plane of the cycle. Each of the others has its
+    counterpart among those of the cycle. Where it lies on the other side of the unit circle, a bifurcation is between.
+
+    Parameters
+    ----------
+    point : Point
+        The last cycle, examined.
+    values : ndarray of complex, shape (states,)
+        Multipliers of the equilibrium over the period of its cycles.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    own = np.array(point.examined.data.followed)
+    others = values[np.argsort(np.abs(values - 1.0), kind="stable")[2:]]
+    if not others.size or not np.all(np.isfinite(own)):
+        return True
+    rows, columns = linear_sum_assignment(np.abs(own[:, None] - others[None, :]))
+    sides = [
+        np.sign(np.abs(kind) - 1.0) * (np.abs(np.abs(kind) - 1.0) > _NEUTRAL) for kind in (own[rows], others[columns])
+    ]
+    return bool(np.all(sides[0] * sides[1] >= 0.0))
 
 
 class _Extrapolated(NamedTuple):
@@ -134,6 +161,8 @@ def centre_ahead(
     else:
         found = solve_hopf(problem, seen.centre, further, seen.frequency)
     if found is None or not seen.agrees(problem, found):
+        return None
+    if not family and not _keeps_stability(point, found.multipliers):
         return None
     signature = Signature((problem.signature.modes[0],), (-1,), (CLOSED_END,), 0)
     rest = OrbitProblem(problem.system, signature, problem.parameters_at(point.u), problem.active, problem.scales)
