@@ -1,7 +1,7 @@
 # saltus: `make` lists the targets. PYTHON=python3.12 make ... chooses the interpreter.
 .POSIX:
 .NOTPARALLEL:
-.PHONY: help demo test lint bench lock clean
+.PHONY: help demo test campaign lint bench lock clean
 
 BIN = .venv/bin
 PYTEST_ARGS = -n 2 --dist worksteal
@@ -16,6 +16,10 @@ demo: ## compute figure 3 of the paper into results/
 
 test: lint ## all checks: those of lint, then the tests (PYTEST_ARGS="-n 0 -k flow")
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+campaign: ## branches of textbook systems with three kernels of OpenBLAS: the same points and words
+	@tools/make_env.sh test
+	$(BIN)/python tests/campaign/rounding.py
 
 lint: ## style, types and the contract between the floors
 	@tools/make_env.sh test

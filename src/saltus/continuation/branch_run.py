@@ -40,6 +40,8 @@ from saltus.orbits.signature import Signature, Survey
 from saltus.orbits.unfolding import Fixed
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
 __all__ = ["BranchRun"]
@@ -343,11 +345,12 @@ def _leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
     Where an orbit arrives at one that repeats itself, a round's contact ends as another round's begins. Which of the
     two is located first is rounding.
     """
-    if event.name.kind != "margin":
-        return event.name
+    own: Monitor = event.name
+    if own.kind != "margin":
+        return own
     rounding = _TOGETHER * period_of(branch, event.point)
-    monitors = event.point.examined.monitors.items()
-    return next((name for name, value in monitors if name.kind == "duration" and abs(value) <= rounding), event.name)
+    monitors: Mapping[Monitor, float] = event.point.examined.monitors
+    return next((name for name, value in monitors.items() if name.kind == "duration" and abs(value) <= rounding), own)
 
 
 def _beyond_grazings(problem: OrbitProblem, point: Point) -> bool:
