@@ -18,6 +18,7 @@ from saltus.continuation.run import OneParameterRun
 from saltus.continuation.shrinking import equilibrium_ahead
 from saltus.continuation.slowing import grazing_ahead
 from saltus.continuation.to_homoclinic import end_unbounded
+from saltus.continuation.twins import type_of
 from saltus.continuation.two_sided import SAME, Found, OneSide, turned
 from saltus.continuation.unbounded import (
     grows_at_last,
@@ -245,7 +246,7 @@ class BranchRun(OneParameterRun):
             name, of, stop = self.asked(event.name)
             half.specials.append(replace(self._found(name, branch, event, half), of=of))
             return self.end_at(half, branch, point, stop)
-        name = "GR" if at_grazing(event.name) else kind
+        name = "GR" if at_grazing(event.name) else type_of(event.name)
         if name == "BP" and (birth := self.halved(branch, point)) is not None:
             half.specials.append(self._found(name, branch, replace(event, point=birth), half))
             half.points.append((branch, birth))

@@ -19,6 +19,7 @@ from saltus.continuation.guards import INFINITE, residual_fault, unconfirmed
 from saltus.continuation.margins import grazing_monitors, shadowed_rates, side_of
 from saltus.continuation.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.phase_plane import astray, depart, solve_again
+from saltus.continuation.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
 from saltus.continuation.watching import Watched
 from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.orbits.floquet import (
@@ -46,6 +47,7 @@ _SN = Monitor("SN")  # parameter's component of the tangent
 _PD = Monitor("PD")  # determinant of a multiplier -1
 _BP = Monitor("BP")  # determinant of the bordered Jacobian
 
+CROSSINGS = "stability: more than one multiplier crosses the unit circle within the step"
 _FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
 _SHARPER = 1e-6  # relative Newton step up to which a further correction of an orbit in pieces is kept
 _STEADY = 1e-7  # change of the parameter per unit of arclength, up to which it rests if its ends agree
@@ -129,6 +131,7 @@ class OrbitZeroProblem:
         self._autonomous = problem.system.phase is None
         self._logs: dict[Monitor, float] = {}
         self._step: tuple[Point, Point] | None = None
+        self._crossed: int | None = None  # equal multipliers that cross the unit circle at once in the last step
         self._adjust(u)
         kinds = problem.signature.kinds
         self._durations = {Monitor("duration", i): i for i, kind in enumerate(kinds) if kind == MEAN_END}
@@ -250,7 +253,13 @@ class OrbitZeroProblem:
         if _rests(before, point):
             self._judge_fold(before, monitors, data)
         self._step = before, point
-        return Examined(monitors, _fault(point, before, monitors, data, None if self.neutral else way), data)
+        self._crossed = None
+        fault = _fault(point, before, monitors, data, None if self.neutral else way)
+        if fault == CROSSINGS and (name := crossing_at_once(before.examined.data.followed, followed)) is not None:
+            ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
+            before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0]})
+            monitors[name], fault, self._crossed = ends[1], None, way.real
+        return Examined(monitors, fault, data, doubled_by(followed))
 
     def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:
         """Drop the SN monitor where the parameter rests: its sign is rounding, unless the stability changes.
@@ -315,6 +324,9 @@ class OrbitZeroProblem:
             return self._observables[name].distance(self.problem, point.u)
         if name in self._turning:
             return slope_along(self.problem, point.u, point.tangent, self._turning[name])
+        if name.kind in (ZEROS, FLIPS):
+            values = multipliers(self.problem, point.u, self.own(point.J))
+            return height(self._follow(point, None, values).followed[name.segment])
         if name.kind == "TR":
             way = self._follow(point, None, multipliers(self.problem, point.u, self.own(point.J)))
             value = way.followed[name.segment]
@@ -340,8 +352,12 @@ class OrbitZeroProblem:
         grazings = [event.point.arc for event in events if at_grazing(event.name)]
         kept = [e for e in events if e.name != _SN or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
         kept = [e for e in kept if not bifurcates(e.name) or all(abs(e.point.arc - arc) > 1e-7 for arc in grazings)]
-        kept = [e for e in kept if not self._opposite(e)]
+        kept = once([e for e in kept if not self._opposite(e)])
         long = self._step is not None and self._step[1].arc - self._step[0].arc >= _SHORT
+        twins = [event for event in kept if event.name.kind in (ZEROS, FLIPS)]
+        if self._crossed is not None:
+            located = any(explains(e.name, np.array(e.point.examined.data.followed), self._crossed) for e in twins)
+            return twins if located else CROSSINGS
         for event in [e for e in kept if e.name.kind in ("SN", "PD", "TR")]:
             u, data = event.point.u, event.point.examined.data
             own = self.own(event.point.J)
@@ -427,7 +443,7 @@ def _fault(
     if not way.sure:
         return "stability: multipliers may have crossed the unit circle in opposite ways"
     if way.real + way.pairs > 1:
-        return "stability: more than one multiplier crosses the unit circle within the step"
+        return CROSSINGS
     simple, tori = sum(name in (_SN, _PD, _BP) for name in changed), sum(name.kind == "TR" for name in changed)
     if way.pairs != tori or way.real > simple or (simple - way.real) % 2:
         return "stability changes without a bifurcation that explains it"

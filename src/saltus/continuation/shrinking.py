@@ -52,6 +52,9 @@ def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> 
         return None
     if abs(found.parameter - value) > seen.share * abs(value - point.parameter) + _ROUNDING * max(1.0, abs(value)):
         return None
+    low, high = branch.interest.low - _ROUNDING, branch.interest.high + _ROUNDING
+    if not low <= found.parameter <= high:
+        return None
     return _at_rest(branch, point, found)
 
 
