@@ -290,3 +290,10 @@ def test_no_saddle_node_is_near_a_state_whose_rates_are_beyond_all_numbers():
     system = HybridSystem.smooth({"x": "a - exp(x)"}, {"a": 1.0})
     rest = EquilibriumProblem(system, 0, system.parameter_vector({}), (0,), np.ones(1))
     assert saddle_node_near(rest, np.array([1e3]), 1.0, np.ones(1)) is None
+
+
+def test_orbits_next_to_a_homoclinic_one_are_given():
+    cycles = branch_of(LORENZ, {"sigma": 10.0, "b": 8.0 / 3.0, "r": 20.0}, "r", (10.0, 30.0), [7.0, 7.0, 19.0])
+    assert [point.type for point in cycles.special_points] == ["HOM", "HB"]
+    for index in (0, 1, 2):
+        assert np.array_equal(cycles.orbit(index).multipliers, cycles.multipliers[index])

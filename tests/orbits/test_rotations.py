@@ -281,3 +281,10 @@ def test_what_is_no_angle_is_refused_with_a_cure():
         [Transition("free", "free", "sin(phi)", 1, {"phi": "2*phi + pi"})], angles=("phi",),
     )  # fmt: skip
     assert turned.angles == ("phi",)
+
+
+def test_the_multipliers_of_slow_rotations_are_those_of_liouville():
+    branch = continue_orbit(find_orbit(PENDULUM, x0=[0.0, 3.0]), "I", (0.373480, 0.9))
+    periods, multipliers = branch.period, branch.multipliers[:, 0].real
+    assert periods.max() > 16.0
+    assert multipliers == pytest.approx(np.exp(-0.3 * periods), rel=2e-8)

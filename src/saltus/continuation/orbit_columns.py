@@ -21,7 +21,7 @@ from saltus.orbits.orbit import follow_from, orbit_at
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.sampling import motion_of
 from saltus.orbits.sensitivities import sensitivities
-from saltus.orbits.signature import Signature
+from saltus.orbits.signature import CUT_END, Signature
 from saltus.orbits.unfolding import Fixed
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem
@@ -370,7 +370,9 @@ class OrbitColumns(Result):
         """
         index = checks.count("index", index, -len(self), len(self) - 1)
         problem, u = self._solved(index)
-        return orbit_at(problem, u, problem.resolve(u)[1], fixed=self._fixed(index))
+        # of a cycle that is cut they come with the flow's directions, which the field does not give at an equilibrium
+        values = self.multipliers[index] if CUT_END in problem.signature.kinds else None
+        return orbit_at(problem, u, problem.resolve(u)[1], values=values, fixed=self._fixed(index))
 
     def _parameters(self, index: int) -> dict[str, float]:
         """Return all parameters of one point's orbit."""

@@ -36,6 +36,7 @@ _RESTING = 1e-9  # way of a state in a period, over its size, below which it res
 _ROUNDED = 1e-13  # size of a state, over the largest, that may be rounding of 0
 _ON_CIRCLE = 1e-9  # height on the Riemann sphere within which a multiplier is on neither side of the unit circle
 _NEUTRAL = 1e-5  # distance from the unit circle that is rounding in a conservative system
+_TURNED = 1e-3  # relative difference of the flow and its image, up to which it is rounding
 _REAL = 1e-12  # imaginary part, over the modulus, that is rounding
 _CLEARLY = 2.0  # least ratio of the distances of an exchanged pairing to those of a sure one
 _ROUNDS = 60  # most rounds of orthogonal iteration: what has not parted by then has sizes within a factor of two
@@ -217,16 +218,27 @@ def _scaled(value: float, exponent: int) -> float:
 
 
 def _reflector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the reflection that turns a vector onto the first axis."""
-    v = vector / np.linalg.norm(vector)
+    """Return the reflection that turns a vector onto the first axis; the zero vector is left as it is."""
+    length = float(np.linalg.norm(vector))
+    if not 0.0 < length < math.inf:
+        return np.eye(vector.size)
+    v = vector / length
     v[0] += 1.0 if v[0] >= 0.0 else -1.0
     return np.asarray(np.eye(v.size) - 2.0 / (v @ v) * np.outer(v, v))
 
 
-def _quotient(P: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a matrix on the quotient by an eigenvector."""
-    reflector = _reflector(vector)
-    return np.asarray((reflector @ P @ reflector)[1:, 1:])
+def _quotient(P: NDArray[np.float64], flow: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivative of the return to the plane across the flow.
+
+    What leaves the plane comes back along the flow's image: an orbit closes up to rounding, which the matrix's norm
+    would magnify where the image is taken to be the flow itself.
+    """
+    turn = _reflector(flow)
+    turned = turn @ P @ turn
+    along, leaving = turned[0, 0], turned[1:, 0]
+    if abs(along - 1.0) > _TURNED:
+        return np.asarray(turned[1:, 1:])
+    return np.asarray(turned[1:, 1:] - np.outer(leaving, turned[0, 1:]) / along)
 
 
 def _eigenvalues(P: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.complex128]:

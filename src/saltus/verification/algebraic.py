@@ -1,14 +1,14 @@
-"""Checks of equilibria and of cycles of maps: residuals, eigenvalues and critical conditions, by differences."""
+"""Checks of equilibria and of cycles of maps: residuals, eigenvalues and critical conditions, by SymPy's Jacobians."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.verification.reference import MapReference, Reference, slopes
-from saltus.verification.spectra import matched, spectrum
+from saltus.verification.reference import MapReference, Reference
+from saltus.verification.spectra import matched, multiplier_condition, spectrum
 from saltus.verification.table import Row, compared, equal, unchecked
 
 if TYPE_CHECKING:
@@ -19,147 +19,164 @@ if TYPE_CHECKING:
     from saltus.cycles.orbit import MapOrbit
     from saltus.equilibria import Equilibrium
 
-__all__ = ["cycle_condition", "cycle_rows", "equilibrium_condition", "equilibrium_rows", "spectrum_of"]
+__all__ = ["CycleCheck", "EquilibriumCheck", "sizes_of"]
 
 _STATE = 1e-8  # allowed distance of a solution from the one that Newton's method finds, over the states' sizes
 _STEPS = 6  # steps of Newton's method
 _CRITICAL = 1e-6  # allowed distance of a critical eigenvalue from its place, over the largest modulus
 _SURFACE = 1e-7  # the same of an event function, over its variation with the states' sizes
+_RESTING = 1e-9  # modulus of a state, over the largest one's, up to which it has no size of its own
+_NOTHING = 1e-12  # modulus of the largest state up to which all are at 0
 _DEGENERATE = 1e-13  # relative size of a Jacobian's least singular value, from which on Newton's method is not asked
 
 
-def equilibrium_rows(equilibrium: Equilibrium) -> list[Row]:
-    """Return the claims of an equilibrium with their checks."""
-    reference = Reference(equilibrium.system, equilibrium.parameters)
-    mode = equilibrium.system.mode_index(equilibrium.mode)
-    sizes = _sizes(equilibrium.state)
-    rows = _place(lambda x: _own(reference, mode, x, sizes.size), equilibrium.state, sizes)
-    values, uncertain = spectrum_of(equilibrium)
-    rows += [
-        compared(f"eigenvalue {i + 1}", complex(one), complex(other), allowed)
-        for i, (one, other, allowed) in enumerate(matched(equilibrium.eigenvalues, values, uncertain))
-    ]
-    if np.all(np.abs(values.real) > uncertain):
-        rows.append(equal("unstable directions", _unstable(equilibrium.eigenvalues), _unstable(values)))
-    rows.append(_regularity(reference, equilibrium, mode, sizes))
-    return rows
+class EquilibriumCheck:
+    """The checks of an equilibrium.
 
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+        The equilibrium.
+    sizes : ndarray, shape (states,), optional
+        Sizes of the states; by default those of the equilibrium.
+    """
 
-def cycle_rows(orbit: MapOrbit) -> list[Row]:
-    """Return the claims of a cycle of a map with their checks."""
-    reference = MapReference(orbit.system, orbit.parameters)
-    sizes = _sizes(orbit.points)
-    rows = _place(lambda x: _image(reference, orbit, x) - x, orbit.points[0], sizes)
-    gaps = [
-        _gap(orbit, reference.image(piece, x[:, None])[:, 0], orbit.points[(i + 1) % orbit.period])
-        for i, (piece, x) in enumerate(zip(orbit.itinerary, orbit.points, strict=True))
-    ]
-    rows.append(compared("image of each point", 0.0, float(np.max(np.abs(gaps) / sizes)), _STATE))
-    values, uncertain = spectrum_of(orbit)
-    rows += [
-        compared(f"multiplier {i + 1}", complex(one), complex(other), allowed)
-        for i, (one, other, allowed) in enumerate(matched(orbit.multipliers, values, uncertain))
-    ]
-    if np.all(np.abs(np.abs(values) - 1.0) > uncertain):
-        rows.append(equal("stable", orbit.stable, bool(np.all(np.abs(values) < 1.0))))
-    holds = all(
-        reference.holds(piece, x[:, None]) for piece, x in zip(orbit.itinerary, orbit.points, strict=True)
-    )  # fmt: skip
-    rows.append(equal("regular", orbit.regular, holds))
-    return rows
+    def __init__(self, equilibrium: Equilibrium, sizes: NDArray[np.float64] | None = None) -> None:
+        self.equilibrium = equilibrium
+        self.sizes = sizes_of(equilibrium.state) if sizes is None else sizes
+        self.reference = Reference(equilibrium.system, equilibrium.parameters)
+        self.mode = equilibrium.system.mode_index(equilibrium.mode)
+        A = self.reference.field_slope(self.mode, equilibrium.state)
+        values, uncertain = spectrum([A], np.ones(len(A)), least=0.0)
+        order = np.argsort(-values.real, kind="stable")
+        self.values, self.uncertain = values[order], uncertain[order]
 
-
-def spectrum_of(solution: Any) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """Return eigenvalues of an equilibrium, or multipliers of a cycle, and how far each may be off."""
-    if hasattr(solution, "points"):
-        reference = MapReference(solution.system, solution.parameters)
-        sizes = _sizes(solution.points)
-        steps = [
-            slopes(lambda y, piece=piece: reference.image(piece, y), x, sizes)  # type: ignore[misc]
-            for piece, x in zip(solution.itinerary, solution.points, strict=True)
+    def rows(self) -> list[Row]:
+        """Return the claims of the equilibrium with their checks."""
+        equilibrium, reference, mode, sizes = self.equilibrium, self.reference, self.mode, self.sizes
+        rows = _place(
+            lambda x: reference.field(mode, x[:, None])[:, 0], lambda x: reference.field_slope(mode, x),
+            equilibrium.state, sizes,
+        )  # fmt: skip
+        values, uncertain = self.values, self.uncertain
+        rows += [
+            compared(f"eigenvalue {i + 1}", complex(one), complex(other), allowed)
+            for i, (one, other, allowed) in enumerate(matched(equilibrium.eigenvalues, values, uncertain))
         ]
-        return spectrum(steps, sizes)
-    flow = Reference(solution.system, solution.parameters)
-    sizes = _sizes(solution.state)
-    mode = solution.system.mode_index(solution.mode)
-    A = slopes(lambda y: _own(flow, mode, y, sizes.size), solution.state, sizes)
-    return spectrum([A], sizes)
+        if np.all(np.abs(values.real) > uncertain):
+            rows.append(equal("unstable directions", _unstable(equilibrium.eigenvalues), _unstable(values)))
+        rows.append(_regularity(reference, equilibrium, mode, sizes))
+        return rows
+
+    def unstable(self) -> tuple[int, bool]:
+        """Return the number of unstable directions, and whether it is known."""
+        return _unstable(self.values), bool(np.all(np.abs(self.values.real) > self.uncertain))
+
+    def condition(self, kind: str, multiplicity: int = 1) -> list[Row]:
+        """Return the check that the equilibrium is critical in the way that a special point says."""
+        values, uncertain = self.values, self.uncertain
+        top = float(np.abs(values).max())
+        least = float(uncertain.max())
+        real = np.sort(np.abs(values))
+        pairs = np.sort(np.abs(values.real[values.imag > 1e-6 * top]))
+        name = "critical eigenvalue" if multiplicity == 1 else f"critical eigenvalues, {multiplicity} of them"
+        allowed = max(_CRITICAL * top if multiplicity == 1 else math.sqrt(_CRITICAL) * top, least)
+        match kind:
+            case "SN" | "BP" | "CP":
+                return [compared(name, 0.0, float(real[multiplicity - 1]), allowed)]
+            case "HB" | "GH":
+                if pairs.size < multiplicity:
+                    return [compared(name, 0.0, math.nan, allowed)]
+                return [compared(name, 0.0, float(pairs[multiplicity - 1]), allowed)]
+            case "BT":
+                return [compared("two eigenvalues 0", 0.0, float(real[1]), max(math.sqrt(_CRITICAL) * top, least))]
+            case "ZH":
+                return [compared("eigenvalue 0", 0.0, float(real[0]), allowed), *_first_pair(pairs, allowed)]
+            case "HH":
+                return [compared("two imaginary pairs", 0.0, float(pairs[1]) if pairs.size > 1 else math.nan, allowed)]
+            case "BE":
+                return [_on_surface(self.equilibrium)]
+        return [unchecked(f"type {kind}", kind, "no independent condition")]
 
 
-def equilibrium_condition(equilibrium: Equilibrium, kind: str, multiplicity: int = 1) -> list[Row]:
-    """Return the check that an equilibrium is critical in the way that a special point says."""
-    values, uncertain = spectrum_of(equilibrium)
-    top = float(np.abs(values).max())
-    least = float(uncertain.max())
-    real = np.sort(np.abs(values))
-    pairs = np.sort(np.abs(values.real[values.imag > 1e-6 * top]))
-    name = "critical eigenvalue" if multiplicity == 1 else f"critical eigenvalues, {multiplicity} of them"
-    allowed = max(_CRITICAL * top if multiplicity == 1 else math.sqrt(_CRITICAL) * top, least)
-    match kind:
-        case "SN" | "BP" | "CP":
-            return [compared(name, 0.0, float(real[multiplicity - 1]), allowed)]
-        case "HB" | "GH":
-            if pairs.size < multiplicity:
-                return [compared(name, 0.0, math.nan, allowed)]
-            return [compared(name, 0.0, float(pairs[multiplicity - 1]), allowed)]
-        case "BT":
-            return [compared("two eigenvalues 0", 0.0, float(real[1]), math.sqrt(_CRITICAL) * top)]
-        case "ZH":
-            return [compared("eigenvalue 0", 0.0, float(real[0]), allowed), *_first_pair(pairs, allowed)]
-        case "HH":
-            return [compared("two imaginary pairs", 0.0, float(pairs[1]) if pairs.size > 1 else math.nan, allowed)]
-        case "BE":
-            return [_on_surface(equilibrium)]
-    return [unchecked(f"type {kind}", kind, "no independent condition")]
+class CycleCheck:
+    """The checks of a cycle of a map.
 
+    Parameters
+    ----------
+    orbit : MapOrbit
+        The cycle.
+    sizes : ndarray, shape (states,), optional
+        Sizes of the states; by default those of the cycle's points.
+    """
 
-def cycle_condition(orbit: MapOrbit, kind: str, multiplicity: int = 1) -> list[Row]:
-    """Return the check that a cycle is critical in the way that a special point says."""
-    goals = {"SN": 1.0, "BP": 1.0, "CP": 1.0, "PD": -1.0, "GPD": -1.0}
-    values, _ = spectrum_of(orbit)
-    return multiplier_condition(values, kind, goals, multiplicity)
+    def __init__(self, orbit: MapOrbit, sizes: NDArray[np.float64] | None = None) -> None:
+        self.orbit = orbit
+        self.sizes = sizes_of(orbit.points) if sizes is None else sizes
+        self.reference = MapReference(orbit.system, orbit.parameters)
+        places = zip(orbit.itinerary, orbit.points, strict=True)
+        steps = [self.reference.image_slope(piece, x) for piece, x in places]
+        self.values, self.uncertain = spectrum(steps, sizes_of(orbit.points))
 
+    def rows(self) -> list[Row]:
+        """Return the claims of the cycle with their checks."""
+        orbit, reference, sizes = self.orbit, self.reference, self.sizes
+        rows = _place(
+            lambda x: _gap(orbit, _image(reference, orbit, x), x),
+            lambda x: _image_slope(reference, orbit, x) - np.eye(x.size),
+            orbit.points[0], sizes,
+        )  # fmt: skip
+        gaps = [
+            _gap(orbit, reference.image(piece, x[:, None])[:, 0], orbit.points[(i + 1) % orbit.period])
+            for i, (piece, x) in enumerate(zip(orbit.itinerary, orbit.points, strict=True))
+        ]
+        rows.append(compared("image of each point", 0.0, float(np.max(np.abs(gaps) / sizes)), _STATE))
+        values, uncertain = self.values, self.uncertain
+        rows += [
+            compared(f"multiplier {i + 1}", complex(one), complex(other), allowed)
+            for i, (one, other, allowed) in enumerate(matched(orbit.multipliers, values, uncertain))
+        ]
+        if np.all(np.abs(np.abs(values) - 1.0) > uncertain):
+            rows.append(equal("stable", orbit.stable, bool(np.all(np.abs(values) < 1.0))))
+        holds = all(
+            reference.holds(piece, x[:, None]) for piece, x in zip(orbit.itinerary, orbit.points, strict=True)
+        )  # fmt: skip
+        rows.append(equal("regular", orbit.regular, holds))
+        return rows
 
-def multiplier_condition(
-    values: NDArray[np.complex128], kind: str, goals: dict[str, float], multiplicity: int = 1
-) -> list[Row]:
-    """Return the check that multipliers lie at the place that a type of special points has."""
-    allowed = 1e-6 if multiplicity == 1 else 1e-3
-    name = "critical multiplier" if multiplicity == 1 else f"critical multipliers, {multiplicity} of them"
-    if kind in goals:
-        distance = np.sort(np.abs(values - goals[kind]))
-        found = float(distance[multiplicity - 1]) if distance.size >= multiplicity else math.nan
-        return [compared(f"{name}, from {goals[kind]:g}", 0.0, found, allowed)]
-    if kind in ("TR", "CH"):
-        pairs = np.sort(np.abs(np.abs(values[values.imag > 0.0]) - 1.0))
-        found = float(pairs[multiplicity - 1]) if pairs.size >= multiplicity else math.nan
-        return [compared(f"{name}, from the unit circle", 0.0, found, allowed)]
-    if kind in ("R1", "R2", "R3", "R4"):
-        angle = {"R1": 0.0, "R2": math.pi, "R3": 2.0 * math.pi / 3.0, "R4": 0.5 * math.pi}[kind]
-        place = complex(math.cos(angle), math.sin(angle))
-        loose = 1e-3 if kind in ("R1", "R2") else 1e-5  # a double multiplier has half the digits
-        return [compared(f"{name}, from that of {kind}", 0.0, float(np.abs(values - place).min()), loose)]
-    return [unchecked(f"type {kind}", kind, "no independent condition")]
+    def unstable(self) -> tuple[int, bool]:
+        """Return the number of unstable directions, and whether it is known."""
+        sizes = np.abs(self.values)
+        return int(np.sum(sizes > 1.0)), bool(np.all(np.abs(sizes - 1.0) > self.uncertain))
+
+    def condition(self, kind: str, multiplicity: int = 1) -> list[Row]:
+        """Return the check that the cycle is critical in the way that a special point says."""
+        return multiplier_condition(self.values, kind, multiplicity)
 
 
 def _first_pair(pairs: NDArray[np.float64], allowed: float) -> list[Row]:
     return [compared("imaginary pair", 0.0, float(pairs[0]) if pairs.size else math.nan, allowed)]
 
 
-def _sizes(states: NDArray[np.float64]) -> NDArray[np.float64]:
+def sizes_of(states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the largest moduli of the states; those that are nearly 0 have the size of the largest, or 1."""
     sizes = np.abs(np.atleast_2d(states)).max(axis=0)
-    return np.asarray(np.where(sizes > 0.0, sizes, float(sizes.max()) or 1.0))
-
-
-def _own(reference: Reference, mode: int, x: NDArray[np.float64], n: int) -> NDArray[np.float64]:
-    """Return the field without the phase; an equilibrium's system has none."""
-    return reference.field(mode, x)[:n]
+    top = float(sizes.max()) if float(sizes.max()) > _NOTHING else 1.0
+    return np.asarray(np.where(sizes > _RESTING * top, sizes, top))
 
 
 def _image(reference: MapReference, orbit: MapOrbit, x: NDArray[np.float64]) -> NDArray[np.float64]:
     for piece in orbit.itinerary:
-        x = reference.image(piece, x)
+        x = reference.image(piece, x[:, None])[:, 0]
     return x
+
+
+def _image_slope(reference: MapReference, orbit: MapOrbit, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    product = np.eye(x.size)
+    for piece in orbit.itinerary:
+        product = reference.image_slope(piece, x) @ product
+        x = reference.image(piece, x[:, None])[:, 0]
+    return product
 
 
 def _gap(orbit: MapOrbit, image: NDArray[np.float64], following: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -171,22 +188,25 @@ def _gap(orbit: MapOrbit, image: NDArray[np.float64], following: NDArray[np.floa
 
 
 def _place(
-    equations: Callable[[NDArray[np.float64]], NDArray[np.float64]], x: NDArray[np.float64], sizes: NDArray[np.float64]
+    equations: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    slope: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    x: NDArray[np.float64],
+    sizes: NDArray[np.float64],
 ) -> list[Row]:
-    """Return how far Newton's method, with derivatives by differences, moves a solution; whole turns do not count."""
-    turns = 2.0 * math.pi * np.round(equations(x[:, None])[:, 0] / (2.0 * math.pi))
-    far = np.abs(equations(x[:, None])[:, 0]) > 1.0  # only a map's angles gain whole turns
-    u = x.astype(float)
+    """Return how far Newton's method moves a solution, over the sizes."""
+    u, condition = x.astype(float), 1.0
     for _ in range(_STEPS):
-        A = slopes(equations, u, sizes)
-        values = np.linalg.svd(A * sizes, compute_uv=False)
+        scaled = slope(u) * sizes
+        rows = np.abs(scaled).max(axis=1, keepdims=True)
+        values = np.linalg.svd(scaled / np.where(rows > 0.0, rows, 1.0), compute_uv=False)
         if values[-1] <= _DEGENERATE * values[0]:
             return [unchecked("place", 0.0, "the Jacobian is singular")]
-        step = np.linalg.solve(A, equations(u[:, None])[:, 0] - np.where(far, turns, 0.0))
+        condition = float(values[0] / values[-1])
+        step = np.linalg.solve(scaled, equations(u)) * sizes
         u = u - step
         if float(np.max(np.abs(step) / sizes)) < 1e-15:
             break
-    allowed = _STATE * max(1.0, 1e-8 * float(values[0] / values[-1]))
+    allowed = _STATE * max(1.0, 1e-8 * condition)
     return [compared("distance from Newton's solution", 0.0, float(np.max(np.abs(u - x) / sizes)), allowed)]
 
 
@@ -199,7 +219,7 @@ def _regularity(reference: Reference, equilibrium: Equilibrium, mode: int, sizes
     regular = bool(reference.domain(mode, x)[0])
     for k in reference.ways_out(mode):
         height = float(reference.event(k, x)[0]) * equilibrium.system.transitions[k].direction
-        gradient = slopes(lambda y, k=k: reference.event(k, y), equilibrium.state, sizes)[0]  # type: ignore[misc]
+        gradient = reference.event_slope(k, equilibrium.state)
         if height > _SURFACE * float(np.abs(gradient) @ sizes) and reference.allows(k, x)[0]:
             regular = False
     return equal("regular", equilibrium.regular, regular)
@@ -207,10 +227,10 @@ def _regularity(reference: Reference, equilibrium: Equilibrium, mode: int, sizes
 
 def _on_surface(equilibrium: Equilibrium) -> Row:
     reference = Reference(equilibrium.system, equilibrium.parameters)
-    sizes, x = _sizes(equilibrium.state), equilibrium.state
+    sizes, x = sizes_of(equilibrium.state), equilibrium.state
     mode = equilibrium.system.mode_index(equilibrium.mode)
     heights = []
     for k in reference.ways_out(mode):
-        gradient = slopes(lambda y, k=k: reference.event(k, y), x, sizes)[0]  # type: ignore[misc]
+        gradient = reference.event_slope(k, x)
         heights.append(abs(float(reference.event(k, x[:, None])[0])) / (float(np.abs(gradient) @ sizes) or 1.0))
     return compared("distance from the nearest surface", 0.0, min(heights, default=math.nan), _SURFACE)

@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.verification.reference import Reference, differences, slopes, stencil
+from saltus.verification.reference import Reference, differences, stencil
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Piece", "StiffMotionError", "contacts", "extremes", "follow", "projection", "touching"]
+__all__ = ["Calls", "Piece", "UnfollowedError", "contacts", "extremes", "follow", "projection", "touching"]
 
 _RTOL = 1e-12  # relative tolerance of the integration
 _ATOL = 1e-14  # absolute one, over the states' sizes
-_MOST_CALLS = 60_000  # evaluations of the field in a segment, from which on the motion counts as stiff
+_MOST_CALLS = 60_000  # evaluations of the field in a period, from which on the motion counts as stiff
 _SAMPLES = 400  # states of a segment at which events and extremes are looked for
 _ENDS = 1e-7  # share of a duration next to a segment's ends in which an event is that of the end
 
 
-class StiffMotionError(Exception):
-    """SciPy needs too many steps."""
+class UnfollowedError(Exception):
+    """SciPy needs too many steps, or the motion's neighbours run to infinity."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class Piece:
         Times from the segment's start.
     states : ndarray, shape (states, samples)
         States at these times.
-    slope : ndarray, shape (states, states)
-        Derivative of the end by the start at a fixed duration.
+    slopes : tuple of ndarray, shape (states, states)
+        Derivatives of the ends of consecutive parts by their starts, at fixed times.
     between : callable
         State at any time.
     """
@@ -48,7 +48,7 @@ class Piece:
     mode: int
     times: NDArray[np.float64]
     states: NDArray[np.float64]
-    slope: NDArray[np.float64]
+    slopes: tuple[NDArray[np.float64], ...]
     between: Callable[[float], NDArray[np.float64]]
 
     @property
@@ -57,54 +57,98 @@ class Piece:
         return self.states[:, -1]
 
 
-def follow(
-    reference: Reference, mode: int, x: NDArray[np.float64], duration: float, sizes: NDArray[np.float64]
-) -> Piece:
-    """Follow a state and its neighbours for a duration, all with the same steps.
+def follow(calls: Calls, x: NDArray[np.float64], duration: float, sizes: NDArray[np.float64], parts: int = 1) -> Piece:
+    """Follow a state with its variational equations for a duration.
+
+    Where a field ends at a surface, neighbours that take the same steps stand for the variational equations.
 
     Parameters
     ----------
-    reference : Reference
-        The system.
-    mode : int
-        Mode of the segment.
+    calls : Calls
+        The rates of the segment's mode.
     x : ndarray, shape (states,)
         Its start.
     duration : float
         Its duration.
     sizes : ndarray, shape (states,)
         Sizes of the states.
+    parts : int
+        Parts with a derivative each, whose product keeps its small eigenvalues.
 
     Raises
     ------
-    StiffMotionError
+    UnfollowedError
         The motion takes too many steps, or cannot be followed to its end.
     """
-    from scipy.integrate import solve_ivp
+    span = duration / parts
+    slopes, interpolants, first = [], [], 1e-3 * span
+    for _ in range(parts):
+        interpolant, x, slope, first = _part(calls, x, span, sizes, first)
+        interpolants.append(interpolant)
+        slopes.append(slope)
 
-    rooted = reference.is_rooted(mode)
-    start = stencil(x, sizes, rooted)
-    calls = 0
-
-    def rates(t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
-        nonlocal calls
-        calls += 1
-        if calls > _MOST_CALLS:
-            raise StiffMotionError
-        return reference.field(mode, y.reshape(start.shape)).ravel()
+    def between(t: float) -> NDArray[np.float64]:
+        i = min(max(int(t / span), 0), parts - 1)
+        return interpolants[i](t - i * span)
 
     times = np.linspace(0.0, duration, _SAMPLES)
-    atol = np.repeat(_ATOL * sizes, start.shape[1])
-    found = solve_ivp(
-        rates, (0.0, duration), start.ravel(), "DOP853", dense_output=True, rtol=_RTOL, atol=atol,
-        first_step=1e-3 * duration,
-    )  # fmt: skip
-    if not found.success:
-        raise StiffMotionError
+    states = np.column_stack([between(float(t)) for t in times])
+    states[:, -1] = x
+    return Piece(calls.mode, times, states, tuple(slopes), between)
+
+
+class Calls:
+    """The rates of the modes of a motion, counted.
+
+    Parameters
+    ----------
+    reference : Reference
+        The system.
+    """
+
+    def __init__(self, reference: Reference) -> None:
+        self.reference = reference
+        self.enter(0)
+        self.count = 0
+
+    def enter(self, mode: int) -> Calls:
+        """Go on in a mode."""
+        self.mode, self.rooted = mode, self.reference.is_rooted(mode)
+        return self
+
+    def __call__(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the rates of a state and of what stands beside it: its neighbours, or its variations."""
+        self.count += 1
+        if self.count > _MOST_CALLS:
+            raise UnfollowedError
+        if self.rooted:
+            return self.reference.field(self.mode, y)
+        rate, slope = self.reference.field_with_slope(self.mode, y[:, 0])
+        return np.column_stack([rate, slope @ y[:, 1:]])
+
+
+def _part(
+    calls: Calls, x: NDArray[np.float64], duration: float, sizes: NDArray[np.float64], first: float
+) -> tuple[Callable[[float], NDArray[np.float64]], NDArray[np.float64], NDArray[np.float64], float]:
+    """Return the states of a part as a function of time, its end, its derivative and the last step's length."""
+    from scipy.integrate import solve_ivp
+
+    start = stencil(x, sizes) if calls.rooted else np.column_stack([x, np.eye(x.size)])
+    atol = np.tile(_ATOL * sizes[:, None], start.shape[1])
+    if not calls.rooted:
+        atol[:, 1:] /= sizes
+    with np.errstate(all="ignore"):
+        found = solve_ivp(
+            lambda t, y: calls(y.reshape(start.shape)).ravel(), (0.0, duration), start.ravel(), "DOP853",
+            dense_output=True, rtol=_RTOL, atol=atol.ravel(), first_step=min(first, duration),
+        )  # fmt: skip
+    if not found.success or not np.all(np.isfinite(found.y[:, -1])):
+        raise UnfollowedError
+    end = found.y[:, -1].reshape(start.shape)
+    slope = differences(end, sizes) if calls.rooted else end[:, 1:]
     own = np.arange(x.size) * start.shape[1]
-    states, ends = found.sol(times)[own], found.y[:, -1].reshape(start.shape)
-    states[:, -1] = ends[:, 0]
-    return Piece(mode, times, states, differences(ends, sizes, rooted), lambda t: np.asarray(found.sol(t)[own]))
+    last = float(np.diff(found.t)[max(found.t.size - 3, 0)])  # that of the end itself is cut
+    return (lambda t: np.asarray(found.sol(t)[own])), end[:, 0], slope, last
 
 
 def projection(rate: NDArray[np.float64], gradient: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -152,14 +196,13 @@ def extremes(reference: Reference, piece: Piece) -> tuple[NDArray[np.float64], N
     for row, series in enumerate(values):
         for find, sign, kept in ((np.argmin, 1.0, lows), (np.argmax, -1.0, highs)):
             i, last = int(find(series)), series.size - 1
-            bounds = piece.times[max(i - 1, 0)], piece.times[min(i + 1, last)]
 
             def height(t: float, row: int = row, sign: float = sign) -> float:
                 return sign * float(reference.quantities(piece.mode, piece.between(t))[row])
 
-            kept[row] = sign * min(
-                float(minimize_scalar(height, bounds=bounds, method="bounded").fun), sign * kept[row]
-            )
+            for a, b in {(max(i - 1, 0), min(i + 1, last)), (0, 1), (last - 1, last)}:  # it may lie at a closed end
+                found = minimize_scalar(height, bounds=(piece.times[a], piece.times[b]), method="bounded")
+                kept[row] = sign * min(float(found.fun), sign * kept[row])
     return lows, highs
 
 
@@ -176,12 +219,12 @@ def _extreme(times: NDArray[np.float64], h: NDArray[np.float64], rates: NDArray[
 
 def _rate(reference: Reference, piece: Piece, transition: int, i: int, sizes: NDArray[np.float64]) -> float:
     x = piece.states[:, i]
-    gradient = slopes(lambda y: reference.event(transition, y), x, sizes)[0]
+    gradient = reference.event_slope(transition, x)
     return float(gradient @ reference.field(piece.mode, x))
 
 
 def _unit(reference: Reference, transition: int, piece: Piece, sizes: NDArray[np.float64]) -> float:
-    gradient = slopes(lambda y: reference.event(transition, y), piece.end, sizes)[0]
+    gradient = reference.event_slope(transition, piece.end)
     return float(np.abs(gradient) @ sizes) or 1.0
 
 

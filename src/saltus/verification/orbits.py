@@ -1,7 +1,8 @@
-"""Checks of periodic orbits: each segment integrated by SciPy, its derivative by differences with saltation."""
+"""Checks of periodic orbits: each segment integrated by SciPy with its variational equations, projected at events."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -9,9 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.orbits.signature import EVENT_END, MEAN_END
-from saltus.verification.motion import Piece, StiffMotionError, contacts, extremes, follow, projection, touching
-from saltus.verification.reference import Reference, slopes
-from saltus.verification.spectra import matched, spectrum
+from saltus.verification.motion import Calls, Piece, UnfollowedError, contacts, extremes, follow, projection, touching
+from saltus.verification.reference import Reference
+from saltus.verification.spectra import (
+    growth_on_the_way,
+    has_multiplier_condition,
+    matched,
+    multiplier_condition,
+    spectrum,
+)
 from saltus.verification.table import Row, compared, equal, unchecked
 
 if TYPE_CHECKING:
@@ -19,13 +26,15 @@ if TYPE_CHECKING:
 
     from saltus.orbits import PeriodicOrbit
 
-__all__ = ["FollowedOrbit", "followed", "is_rest", "least_contact", "orbit_rows", "shrunk_rows"]
+__all__ = ["OrbitCheck"]
 
 _GAP = 1e-9  # allowed distance of a segment's end from the next start, over the states' sizes
 _GROWN = 1e-11  # the same for each unit of the segment's growth
+_PARTS = 8  # parts of a period with a derivative each
 _TIME = 1e-8  # allowed error of a duration, over the period
 _SLOW = 1e-5  # rate of an event function, in its unit and the period, below which its time is not determined
 _INFINITE = 1e9  # modulus from which on a multiplier is that of an event met without speed
+_TOUCHES = 1e-6  # allowed distance of a grazing orbit from its surface, over the surface's unit
 _EXTREME = 1e-7  # allowed error of an extreme, over the quantity's size
 _REST = 1e-7  # way of the states in a period, over their sizes, up to which an orbit is an equilibrium
 _SHRUNK = 1e-6  # relative accuracy of the imaginary pair of a cycle that has shrunk to an equilibrium
@@ -48,7 +57,7 @@ class FollowedOrbit:
     gaps : ndarray, shape (segments, states)
         Distances of the ends, behind their resets, from the next starts.
     growth : ndarray, shape (segments,)
-        Norm of each segment's derivative, in the states' sizes.
+        By how much errors of each segment may grow up to its end, in the states' sizes.
     multipliers : ndarray of complex
         Multipliers without the trivial one.
     uncertain : ndarray
@@ -64,50 +73,82 @@ class FollowedOrbit:
     uncertain: NDArray[np.float64]
 
 
-def followed(orbit: PeriodicOrbit) -> FollowedOrbit:
-    """Follow an orbit's segments from their starts.
+class OrbitCheck:
+    """The checks of a periodic orbit, which is followed once.
 
-    Raises
-    ------
-    StiffMotionError
-        A segment takes too many steps.
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        The orbit.
     """
+
+    def __init__(self, orbit: PeriodicOrbit) -> None:
+        self.orbit = orbit
+        self.resting = _is_rest(orbit)
+        self.found: FollowedOrbit | None = None
+        if not self.resting:
+            with contextlib.suppress(UnfollowedError):
+                self.found = _followed(orbit)
+
+    def rows(self) -> list[Row]:
+        """Return the claims of the orbit with their checks."""
+        orbit, found = self.orbit, self.found
+        if self.resting:
+            return _shrunk_rows(orbit)
+        if found is None:
+            return [unchecked("orbit", orbit.period, "the motion is too stiff for an explicit integration")]
+        rows = [_closing(orbit, found), *_durations(orbit, found), *_multipliers(orbit, found)]
+        rows += _extremes(orbit, found)
+        rows.append(equal("admissible", orbit.admissible, not _obstacles(orbit, found)))
+        return rows
+
+    def unstable(self) -> tuple[int, bool]:
+        """Return the number of unstable directions, and whether it is known."""
+        if self.found is None:
+            return 0, False
+        sizes, uncertain = np.abs(self.found.multipliers), self.found.uncertain
+        return int(np.sum(sizes > 1.0)), bool(np.all(np.abs(sizes - 1.0) > uncertain))
+
+    def condition(self, kind: str, multiplicity: int = 1) -> list[Row]:
+        """Return the check that the orbit is critical in the way that a special point says."""
+        if kind == "HB":
+            return _shrunk_rows(self.orbit)
+        if kind != "GR" and not has_multiplier_condition(kind):
+            return [unchecked(f"type {kind}", kind, "no independent condition")]
+        if self.found is None:
+            return [unchecked(f"type {kind}", kind, "the motion cannot be followed by an explicit integration")]
+        if kind == "GR":
+            distance = _least_contact(self.found)
+            return [compared("least distance from a contact without speed", 0.0, distance, _TOUCHES)]
+        return multiplier_condition(self.found.multipliers, kind, multiplicity)
+
+
+def _followed(orbit: PeriodicOrbit) -> FollowedOrbit:
+    """Follow an orbit's segments from their starts."""
     reference = Reference(orbit.system, orbit.parameters)
     sizes = _sizes(orbit)
     form, count = orbit.form, len(orbit.durations)
     pieces, gaps, growth, steps = [], [], [], []
+    calls, parts = Calls(reference), max(1, round(_PARTS / count))
     for i in range(count):
         mode, transition, kind = form.modes[i], form.transitions[i], form.kinds[i]
-        piece = follow(reference, mode, orbit.states[i], float(orbit.durations[i]), sizes)
-        end, step = piece.end, piece.slope
+        piece = follow(calls.enter(mode), orbit.states[i], float(orbit.durations[i]), sizes, parts)
+        end, own = piece.end, list(piece.slopes)
         if kind in (EVENT_END, MEAN_END):
-            gradient = slopes(lambda x, k=transition: reference.event(k, x), end, sizes)[0]  # type: ignore[misc]
+            gradient = reference.event_slope(transition, end)
             landing = projection(reference.field(mode, end), gradient)
-            after = slopes(lambda x, k=transition: reference.reset(k, x), end, sizes)  # type: ignore[misc]
-            step, end = after @ landing @ step, reference.reset(transition, end)
+            after = reference.reset_slope(transition, end)
+            own[-1] = after @ landing @ own[-1]
+            end = reference.reset(transition, end)
         gaps.append(_gap(orbit, i, end))
-        growth.append(float(np.abs(step * sizes / sizes[:, None]).max()))
-        steps.append(step)
+        growth.append(growth_on_the_way(own, sizes))
+        steps += own
         pieces.append(piece)
-    across = _across(orbit, reference, sizes)
+    across = _across(orbit, reference, end, sizes)
     values, uncertain = spectrum([*steps, across], sizes, dropped=1)
     return FollowedOrbit(
         reference, sizes, tuple(pieces), np.array(gaps), np.array(growth), values, uncertain
     )  # fmt: skip
-
-
-def orbit_rows(orbit: PeriodicOrbit) -> list[Row]:
-    """Return the claims of an orbit with their checks."""
-    if is_rest(orbit):
-        return shrunk_rows(orbit)
-    try:
-        found = followed(orbit)
-    except StiffMotionError:
-        return [unchecked("orbit", orbit.period, "the motion is too stiff for an explicit integration")]
-    rows = [_closing(orbit, found), *_durations(orbit, found), *_multipliers(orbit, found)]
-    rows += _extremes(orbit, found)
-    rows.append(equal("admissible", orbit.admissible, not _obstacles(orbit, found)))
-    return rows
 
 
 def _sizes(orbit: PeriodicOrbit) -> NDArray[np.float64]:
@@ -129,9 +170,11 @@ def _gap(orbit: PeriodicOrbit, i: int, end: NDArray[np.float64]) -> NDArray[np.f
     return np.asarray(gap)
 
 
-def _across(orbit: PeriodicOrbit, reference: Reference, sizes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the projection along the flow at the start, by which the trivial multiplier becomes 0."""
-    rate = reference.field(orbit.form.modes[0], orbit.states[0])
+def _across(
+    orbit: PeriodicOrbit, reference: Reference, end: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the projection along the flow where the period ends, by which the trivial multiplier becomes 0."""
+    rate = reference.field(orbit.form.modes[0], end)
     if orbit.system.phase is not None:
         return projection(rate, np.eye(rate.size)[-1])
     return projection(rate, rate / sizes**2)
@@ -151,7 +194,7 @@ def _durations(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
         if form.kinds[i] not in (EVENT_END, MEAN_END):
             continue
         transition = form.transitions[i]
-        gradient = slopes(lambda x, k=transition: reference.event(k, x), piece.end, found.sizes)[0]  # type: ignore[misc]
+        gradient = reference.event_slope(transition, piece.end)
         rate = float(gradient @ reference.field(piece.mode, piece.end))
         h = float(reference.event(transition, piece.end[:, None])[0])
         unit = float(np.abs(gradient) @ found.sizes) or 1.0
@@ -171,6 +214,8 @@ def _multipliers(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[Row]:
         said = said[:-1]
     if np.any(np.abs(said) > _INFINITE):
         return [unchecked("multipliers", complex(said[0]), "an event has no speed: they are infinite")]
+    if not np.all(np.isfinite(found.multipliers)):
+        return [unchecked("multipliers", complex(said[0]), "their size is beyond the floats")]
     rows = [
         compared(f"multiplier {i + 1}", complex(one), complex(other), allowed)
         for i, (one, other, allowed) in enumerate(matched(said, found.multipliers, found.uncertain))
@@ -212,7 +257,7 @@ def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[str]:
                     reasons.append(f"event {k} in segment {i}")
         if form.kinds[i] in (EVENT_END, MEAN_END):
             k = form.transitions[i]
-            gradient = slopes(lambda x, k=k: reference.event(k, x), piece.end, found.sizes)[0]  # type: ignore[misc]
+            gradient = reference.event_slope(k, piece.end)
             rate = float(gradient @ reference.field(piece.mode, piece.end))
             unit = (float(np.abs(gradient) @ found.sizes) or 1.0) / orbit.period
             if rate * orbit.system.transitions[k].direction < -_SLOW * unit:
@@ -222,7 +267,7 @@ def _obstacles(orbit: PeriodicOrbit, found: FollowedOrbit) -> list[str]:
     return reasons
 
 
-def is_rest(orbit: PeriodicOrbit) -> bool:
+def _is_rest(orbit: PeriodicOrbit) -> bool:
     """Whether an orbit of an autonomous system is an equilibrium, to which cycles shrink."""
     if orbit.system.phase is not None:
         return False
@@ -230,14 +275,14 @@ def is_rest(orbit: PeriodicOrbit) -> bool:
     return bool(np.max(np.abs(rate) / _sizes(orbit)) * orbit.period < _REST)
 
 
-def shrunk_rows(orbit: PeriodicOrbit) -> list[Row]:
+def _shrunk_rows(orbit: PeriodicOrbit) -> list[Row]:
     """Return the checks of a cycle that has shrunk to an equilibrium: an imaginary pair of its period."""
     reference, mode = Reference(orbit.system, orbit.parameters), orbit.form.modes[0]
-    sizes, x = _sizes(orbit), orbit.states[0].copy()
+    x = orbit.states[0].copy()
     for _ in range(_STEPS):
-        A = slopes(lambda y: reference.field(mode, y), x, sizes)
+        A = reference.field_slope(mode, x)
         x = x - np.linalg.solve(A, reference.field(mode, x[:, None])[:, 0])
-    values = np.linalg.eigvals(slopes(lambda y: reference.field(mode, y), x, sizes))
+    values = np.linalg.eigvals(reference.field_slope(mode, x))
     pair = values[np.argmin(np.abs(values - 2.0j * math.pi / orbit.period))]
     return [
         compared("critical eigenvalue", 0.0, float(pair.real), _SHRUNK * abs(pair)),
@@ -245,7 +290,7 @@ def shrunk_rows(orbit: PeriodicOrbit) -> list[Row]:
     ]
 
 
-def least_contact(orbit: PeriodicOrbit, found: FollowedOrbit) -> float:
+def _least_contact(found: FollowedOrbit) -> float:
     """Return how far the orbit is from touching a surface of its modes without speed, in the surfaces' units."""
     reference = found.reference
     return min(

@@ -1,13 +1,12 @@
 """A definition as plain functions of NumPy: fields, events and resets without the package's generated code.
 
-The texts are read by the package's grammar.
-SymPy's `lambdify` makes functions of them, and derivatives are differences.
+The texts are read by the package's grammar. SymPy differentiates them, and its `lambdify` makes functions of them.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,10 +18,9 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem, Map
 
-__all__ = ["MapReference", "Reference", "differences", "slopes", "stencil"]
+__all__ = ["MapReference", "Reference", "differences", "stencil"]
 
-_REACH = 2e-4  # distance of the inner neighbours by which differences are taken, over the states' sizes
-_SHORT = 1e-6  # the same where a field ends at a surface, and is continued beyond by its value there
+_REACH = 1e-6  # distance of the inner neighbours by which differences are taken, over the states' sizes
 
 
 class _Texts:
@@ -40,6 +38,19 @@ class _Texts:
         self.names = (*system.all_states, *system.parameter_names)
         self.p = tuple(float(parameters[name]) for name in system.parameter_names)
         self.n = len(system.all_states)
+
+    def both(self, texts: Sequence[str], x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the values of texts at one state, and their derivatives by the states, shape (texts, states)."""
+        count = len(texts)
+        try:
+            found = np.array(_with_derivatives(tuple(texts), self.names, self.n)(*x.tolist(), *self.p), dtype=float)
+        except (ArithmeticError, ValueError, TypeError):  # outside a function's domain; roots there are complex
+            found = np.full(count * (1 + self.n), np.nan)
+        return found[:count], found[count:].reshape(count, self.n)
+
+    def slope(self, texts: Sequence[str], x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives of texts by the states at one state, shape (texts, states)."""
+        return self.both(texts, x)[1]
 
     def call(self, texts: Sequence[str], x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the values of texts, shape (texts, ...), at states of shape (states, ...)."""
@@ -65,6 +76,22 @@ class Reference(_Texts):
     def field(self, mode: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the rates of all states, shape (states, ...), the phase last."""
         return self.call(self._fields[mode], x)
+
+    def field_with_slope(self, mode: int, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the rates of all states at one state, and their derivative by all states."""
+        return self.both(self._fields[mode], x)
+
+    def field_slope(self, mode: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of the field by all states."""
+        return self.slope(self._fields[mode], x)
+
+    def event_slope(self, transition: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the gradient of an event function."""
+        return np.asarray(self.slope((self.system.transitions[transition].event,), x)[0])
+
+    def reset_slope(self, transition: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of a reset."""
+        return self.slope(self._resets[transition], x)
 
     def is_rooted(self, mode: int) -> bool:
         """Whether the field of a mode has fractional powers, so that it may end at a surface."""
@@ -115,19 +142,23 @@ class MapReference(_Texts):
         """Return the image of a state by a piece."""
         return self.call(self._images[piece], x)
 
+    def image_slope(self, piece: str, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of the image of a state by a piece."""
+        return self.slope(self._images[piece], x)
+
     def holds(self, piece: str, x: NDArray[np.float64]) -> bool:
         """Whether a piece holds at a state."""
         conditions = self._conditions.get(piece, ())
         return not conditions or bool(np.all(self.call(conditions, x) > 0.0))
 
 
-def stencil(x: NDArray[np.float64], sizes: NDArray[np.float64], rooted: bool = False) -> NDArray[np.float64]:
+def stencil(x: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a state and its neighbours along each state, shape (states, 1 + 4*states), for `differences`."""
-    steps = np.diag((_SHORT if rooted else _REACH) * sizes)
+    steps = np.diag(_REACH * sizes)
     return np.concatenate([x[:, None], *(x[:, None] + factor * steps for factor in (-2, -1, 1, 2))], axis=1)
 
 
-def differences(Y: NDArray[np.float64], sizes: NDArray[np.float64], rooted: bool = False) -> NDArray[np.float64]:
+def differences(Y: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the derivative at a state of values at the points of its `stencil`, to fourth order.
 
     Parameters
@@ -136,19 +167,10 @@ def differences(Y: NDArray[np.float64], sizes: NDArray[np.float64], rooted: bool
         Values at the stencil's points.
     sizes : ndarray, shape (states,)
         As `stencil` had them.
-    rooted : bool
-        As `stencil` had it.
     """
     n = sizes.size
     far_down, down, up, far_up = (Y[:, 1 + k * n : 1 + (k + 1) * n] for k in range(4))
-    return np.asarray((8.0 * (up - down) - (far_up - far_down)) / (12.0 * (_SHORT if rooted else _REACH) * sizes))
-
-
-def slopes(
-    function: Callable[[NDArray[np.float64]], NDArray[np.float64]], x: NDArray[np.float64], sizes: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the derivative of a function of the states by differences, shape (values, states)."""
-    return differences(np.atleast_2d(function(stencil(x, sizes))), sizes)
+    return np.asarray((8.0 * (up - down) - (far_up - far_down)) / (12.0 * _REACH * sizes))
 
 
 @functools.lru_cache(maxsize=256)
@@ -158,6 +180,21 @@ def _function(texts: tuple[str, ...], names: tuple[str, ...]) -> Any:
     expressions = [_continued(parse(text, names, "expression")) for text in texts]
     own: dict[str, Any] = {"amax": _largest, "amin": _least, "continued_power": _power}
     return sympy.lambdify(_symbols(names), expressions, modules=[own, "numpy", "scipy"], cse=True)
+
+
+@functools.lru_cache(maxsize=256)
+def _with_derivatives(texts: tuple[str, ...], names: tuple[str, ...], states: int) -> Any:
+    import sympy
+
+    by = _symbols(names)[:states]
+    values = [parse(text, names, "expression") for text in texts]
+    slopes = [sympy.diff(value, x).replace(sympy.DiracDelta, lambda *_: sympy.S.Zero) for value in values for x in by]
+    own: dict[str, Any] = {
+        "continued_power": lambda base, exponent: max(base, 0.0) ** exponent,
+        "sign": lambda value: float((value > 0.0) - (value < 0.0)),
+        "Heaviside": lambda value, at_zero=0.5: at_zero if value == 0.0 else float(value > 0.0),
+    }
+    return sympy.lambdify(_symbols(names), [_continued(e) for e in (*values, *slopes)], modules=[own, "math"], cse=True)
 
 
 @functools.lru_cache(maxsize=256)

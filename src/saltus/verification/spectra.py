@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.verification.table import Row, compared, unchecked
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["matched", "spectrum"]
+__all__ = ["growth_on_the_way", "has_multiplier_condition", "matched", "multiplier_condition", "spectrum"]
 
-_ERROR = 1e-10  # relative error of matrices that come from differences
+_ERROR = 1e-11  # relative error of matrices that come from an integration
 _DIGITS = 60  # of the arithmetic in which a product and its eigenvalues are computed
 _SPREAD = 1e5  # ratio of a product's norm to an eigenvalue from which on doubles lose digits
-_LEAST = 1e-9  # absolute accuracy that is asked of any eigenvalue
+_LEAST = 1e-9  # absolute accuracy that is asked of any multiplier
+_ROUNDING = 1e-12  # accuracy of an eigenvalue, over the norm
+_AT_ONE = {"SN": 1.0, "BP": 1.0, "CP": 1.0, "PD": -1.0, "GPD": -1.0}  # places of critical multipliers
+_ON_CIRCLE = ("TR", "CH")  # types with a pair on the unit circle
+_AT_ANGLES = {"R1": 0.0, "R2": math.pi, "R3": 2.0 * math.pi / 3.0, "R4": 0.5 * math.pi}  # their angles at resonances
 
 
 def spectrum(
-    steps: Sequence[NDArray[np.float64]], sizes: NDArray[np.float64], dropped: int = 0, error: float = _ERROR
+    steps: Sequence[NDArray[np.float64]], sizes: NDArray[np.float64], dropped: int = 0, least: float = _LEAST
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
     """Return the eigenvalues of a product of matrices, the largest modulus first, and how far each may be off.
 
@@ -31,29 +40,43 @@ def spectrum(
         Sizes of the components.
     dropped : int
         How many eigenvalues are known to be 0 and left out.
-    error : float
-        Relative error of the factors.
+    least : float
+        Absolute accuracy that is asked of any eigenvalue.
     """
     from scipy.linalg import eig
 
-    product, power = np.eye(sizes.size), 1.0
-    for step in steps:
-        scaled = step * sizes / sizes[:, None]
-        power *= max(float(np.linalg.norm(scaled, 2)), 1e-300)
-        product = scaled @ product
+    scaled = [step * sizes / sizes[:, None] for step in steps]
+    with np.errstate(all="ignore"):
+        product = functools.reduce(lambda before, step: step @ before, scaled)
+    if not np.all(np.isfinite(product)):
+        values = _many_digits(scaled)
+        order = np.argsort(-np.abs(values), kind="stable")[: values.size - dropped]
+        return values[order], np.full(order.size, np.inf)
     values, left, right = eig(product, left=True)
-    values = values.astype(np.complex128)
-    norm = float(np.linalg.norm(product, 2))
-    if norm > _SPREAD * float(np.abs(values).min(initial=1.0)) or power > _SPREAD * max(norm, 1e-300):
-        values = _many_digits([step * sizes / sizes[:, None] for step in steps])
-        _, left, right = eig(product, left=True)
-        order = _order(values, np.diag(left.conj().T @ product @ right))
-        left, right = left[:, order], right[:, order]
+    values, norm = values.astype(np.complex128), float(np.linalg.norm(product, 2))
     condition = 1.0 / np.maximum(np.abs(np.sum(left.conj() * right, axis=0)), 1e-8)
-    level = error * max(norm, power if power < 1e3 * norm else norm)
-    uncertain = np.minimum(condition * level, np.sqrt(level * max(norm, 1.0))) + _LEAST
+    level = _ERROR * growth_on_the_way(steps, sizes)  # what the factors' errors leave of an eigenvalue
+    if norm > _SPREAD * float(np.abs(values).min(initial=1.0)):
+        precise = _many_digits(scaled)
+        order = _order(precise, values)
+        values, condition = precise, condition[order]
+    uncertain = np.minimum(condition * level, np.sqrt(level * max(norm, 1.0))) + max(least, _ROUNDING * norm)
     order = np.argsort(-np.abs(values), kind="stable")[: values.size - dropped]
     return values[order], uncertain[order]
+
+
+def growth_on_the_way(steps: Sequence[NDArray[np.float64]], sizes: NDArray[np.float64]) -> float:
+    """Return by how much an error of a factor may grow in a product, over the sizes.
+
+    The growth is the largest product of the norms of what acts before a place and of what acts behind.
+    """
+    scaled = [step * sizes / sizes[:, None] for step in steps]
+    one = np.eye(sizes.size)
+    with np.errstate(all="ignore"):
+        before = [one, *itertools.accumulate(scaled, lambda product, step: step @ product)]
+        behind = [one, *itertools.accumulate(scaled[::-1], lambda product, step: product @ step)][::-1]
+        norms = [np.linalg.norm(a) * np.linalg.norm(b) for a, b in zip(before, behind, strict=True)]
+    return float(np.nan_to_num(max(norms), nan=np.inf))
 
 
 def matched(
@@ -67,6 +90,31 @@ def matched(
     rows, columns = linear_sum_assignment(np.log(distance + 1e-12))
     for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
         yield complex(said[finite[i]]), complex(found[j]), float(uncertain[j] + 1e-7 * abs(found[j]))
+
+
+def has_multiplier_condition(kind: str) -> bool:
+    """Whether a type of special points is told by the place of a multiplier."""
+    return kind in _AT_ONE or kind in _ON_CIRCLE or kind in _AT_ANGLES
+
+
+def multiplier_condition(values: NDArray[np.complex128], kind: str, multiplicity: int = 1) -> list[Row]:
+    """Return the check that multipliers lie at the place that a type of special points has."""
+    allowed = 1e-6 if multiplicity == 1 else 1e-3
+    name = "critical multiplier" if multiplicity == 1 else f"critical multipliers, {multiplicity} of them"
+    if kind in _AT_ONE:
+        distance = np.sort(np.abs(values - _AT_ONE[kind]))
+        found = float(distance[multiplicity - 1]) if distance.size >= multiplicity else math.nan
+        return [compared(f"{name}, from {_AT_ONE[kind]:g}", 0.0, found, allowed)]
+    if kind in _ON_CIRCLE:
+        pairs = np.sort(np.abs(np.abs(values[values.imag > 0.0]) - 1.0))
+        found = float(pairs[multiplicity - 1]) if pairs.size >= multiplicity else math.nan
+        return [compared(f"{name}, from the unit circle", 0.0, found, allowed)]
+    if kind in _AT_ANGLES:
+        angle = _AT_ANGLES[kind]
+        place = complex(math.cos(angle), math.sin(angle))
+        loose = 1e-3 if kind in ("R1", "R2") else 1e-5  # a double multiplier has half the digits
+        return [compared(f"{name}, from that of {kind}", 0.0, float(np.abs(values - place).min()), loose)]
+    return [unchecked(f"type {kind}", kind, "no independent condition")]
 
 
 def _order(values: NDArray[np.complex128], rough: NDArray[np.complex128]) -> NDArray[np.intp]:

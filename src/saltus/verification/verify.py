@@ -18,25 +18,17 @@ from saltus.cycles.orbit import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
-from saltus.verification.algebraic import (
-    cycle_condition,
-    cycle_rows,
-    equilibrium_condition,
-    equilibrium_rows,
-    multiplier_condition,
-    spectrum_of,
-)
-from saltus.verification.motion import StiffMotionError
-from saltus.verification.orbits import followed, is_rest, least_contact, orbit_rows, shrunk_rows
-from saltus.verification.table import Row, Verification, compared, equal, placed, unchecked, worst
+from saltus.verification.algebraic import CycleCheck, EquilibriumCheck, sizes_of
+from saltus.verification.orbits import OrbitCheck
+from saltus.verification.table import Row, Verification, equal, placed, worst
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
 __all__ = ["verify"]
 
-_TOUCHES = 1e-6  # allowed distance of a grazing orbit from its surface, over the surface's unit
-_AT_ONE = {"SN": 1.0, "BP": 1.0, "CP": 1.0, "PD": -1.0, "GPD": -1.0}  # critical multipliers
 _AT_SURFACES = ("GR", "BE", "BC")  # types at which the number of unstable directions may jump
 _STEPS = {"SN": 1, "BP": 1, "PD": 1, "HB": 2, "TR": 2}  # unstable directions that one passes
 
@@ -45,7 +37,7 @@ def verify(result: Any, *, points: int = 9) -> Verification:
     """Check a solution, a special point or a curve by an independent computation.
 
     The equations are read anew from the definition. Orbits are integrated by SciPy at 1e-12, segment by segment, with
-    monodromies by differences and projections at events; eigenvalues are computed by mpmath where doubles lose digits.
+    variational equations and projections at events; eigenvalues are computed by mpmath where doubles lose digits.
     docs/verification.md says what is compared, and with what accuracy.
 
     Parameters
@@ -80,36 +72,12 @@ def verify(result: Any, *, points: int = 9) -> Verification:
 
 @singledispatch
 def _rows(result: Any, points: int) -> list[Row]:
-    known = "an orbit, an equilibrium, a cycle of a map, a special point, a branch or a locus"
-    raise InputError("result", type(result).__name__, known)
-
-
-@_rows.register
-def _(result: PeriodicOrbit, points: int) -> list[Row]:
-    return orbit_rows(result)
-
-
-@_rows.register
-def _(result: Equilibrium, points: int) -> list[Row]:
-    return equilibrium_rows(result)
-
-
-@_rows.register
-def _(result: MapOrbit, points: int) -> list[Row]:
-    return cycle_rows(result)
+    return list(_check(result).rows())
 
 
 @_rows.register
 def _(result: SpecialPoint, points: int) -> list[Row]:
-    kind, solution = result.type, result.solution
-    multiplicity = getattr(result, "multiplicity", 1)
-    if result.homoclinic is not None:
-        return placed(result.label, equilibrium_rows(result.homoclinic.saddle))
-    wanted = [kind] if not result.locus or kind == result.locus else [result.locus, kind]
-    rows = [row for one in wanted for row in _condition(solution, one, multiplicity)]
-    if not (isinstance(solution, PeriodicOrbit) and kind in ("HB", "BE")):
-        rows += [row for row in _rows(solution, points) if not _is_critical(row)]
-    return placed(result.label, rows)
+    return _point_rows(result, None)
 
 
 @_rows.register
@@ -122,28 +90,43 @@ def _(result: AlgebraicCurve[Any], points: int) -> list[Row]:
     return _curve_rows(result, result._solution, points)
 
 
+@singledispatch
+def _check(solution: Any, sizes: NDArray[np.float64] | None = None) -> OrbitCheck | EquilibriumCheck | CycleCheck:
+    """Return the checks of one solution; the states have the sizes that they have along a curve, if any."""
+    known = "an orbit, an equilibrium, a cycle of a map, a special point, a branch or a locus"
+    raise InputError("result", type(solution).__name__, known)
+
+
+@_check.register(PeriodicOrbit)
+def _(solution: PeriodicOrbit, sizes: NDArray[np.float64] | None = None) -> OrbitCheck:
+    return OrbitCheck(solution)
+
+
+@_check.register(Equilibrium)
+def _(solution: Equilibrium, sizes: NDArray[np.float64] | None = None) -> EquilibriumCheck:
+    return EquilibriumCheck(solution, sizes)
+
+
+@_check.register(MapOrbit)
+def _(solution: MapOrbit, sizes: NDArray[np.float64] | None = None) -> CycleCheck:
+    return CycleCheck(solution, sizes)
+
+
+def _point_rows(point: SpecialPoint[Any], sizes: NDArray[np.float64] | None) -> list[Row]:
+    """Return the checks of a special point, the states of the sizes that they have along its curve, if any."""
+    if point.homoclinic is not None:
+        return placed(point.label, EquilibriumCheck(point.homoclinic.saddle).rows())
+    check, multiplicity = _check(point.solution, sizes), getattr(point, "multiplicity", 1)
+    wanted = [point.type] if not point.locus or point.type == point.locus else [point.locus, point.type]
+    rows = [row for one in wanted for row in check.condition(one, multiplicity)]
+    if not (isinstance(check, OrbitCheck) and point.type in ("HB", "BE")):
+        rows += [row for row in check.rows() if not _is_critical(row)]
+    return placed(point.label, rows)
+
+
 def _is_critical(row: Row) -> bool:
     """Whether a claim means nothing at a critical solution: where Newton's method is singular, what is marginal."""
     return row.what in ("distance from Newton's solution", "place", "stable", "unstable directions", "admissible")
-
-
-def _condition(solution: Any, kind: str, multiplicity: int) -> list[Row]:
-    """Return the check of a special point's own condition."""
-    if isinstance(solution, Equilibrium):
-        return equilibrium_condition(solution, kind, multiplicity)
-    if isinstance(solution, MapOrbit):
-        return cycle_condition(solution, kind, multiplicity)
-    if kind == "HB":
-        return shrunk_rows(solution)
-    if kind not in (*_AT_ONE, "TR", "CH", "R1", "R2", "R3", "R4", "GR"):
-        return [unchecked(f"type {kind}", kind, "no independent condition")]
-    try:
-        found = followed(solution)
-    except (StiffMotionError, np.linalg.LinAlgError):
-        return [unchecked(f"type {kind}", kind, "the motion cannot be followed by an explicit integration")]
-    if kind == "GR":
-        return [compared("least distance from a contact without speed", 0.0, least_contact(solution, found), _TOUCHES)]
-    return multiplier_condition(found.multipliers, kind, _AT_ONE, multiplicity)
 
 
 def _curve_rows(curve: Any, solution: Any, points: int) -> list[Row]:
@@ -151,16 +134,16 @@ def _curve_rows(curve: Any, solution: Any, points: int) -> list[Row]:
     chosen = _chosen(curve, points)
     rows: list[Row] = []
     counts: dict[int, tuple[int, bool]] = {}
+    sizes = sizes_of(curve._first_states()) if isinstance(curve, AlgebraicCurve) else None
     for index in chosen:
-        one = solution(index)
-        found = _rows(one, points)
-        rows += placed(_place(curve, index), found)
-        counts[index] = _unstable(one)
+        check = _check(solution(index), sizes)
+        rows += placed(_place(curve, index), check.rows())
+        counts[index] = check.unstable()
         if len(curve.varied) > 1:
-            rows += placed(_place(curve, index), _condition(one, curve.type, 1))
+            rows += placed(_place(curve, index), check.condition(curve.type))
     rows = worst(rows)
     for point in curve.special_points:
-        rows += _rows(point, points)
+        rows += _point_rows(point, sizes)
     if len(curve.varied) == 1:
         rows += list(_account(curve, counts))
     return rows
@@ -177,24 +160,6 @@ def _chosen(curve: Any, points: int) -> list[int]:
 def _place(curve: Any, index: int) -> str:
     values = np.atleast_1d(curve.values[index])
     return ", ".join(f"{name} = {value:.6g}" for name, value in zip(curve.varied, values, strict=True))
-
-
-def _unstable(solution: Any) -> tuple[int, bool]:
-    """Return the independent number of unstable directions, and whether none is marginal."""
-    if isinstance(solution, PeriodicOrbit):
-        if is_rest(solution):
-            return 0, False
-        try:
-            found = followed(solution)
-        except (StiffMotionError, np.linalg.LinAlgError):
-            return 0, False
-        values, uncertain = found.multipliers, found.uncertain
-    else:
-        values, uncertain = spectrum_of(solution)
-    if isinstance(solution, Equilibrium):
-        return int(np.sum(values.real > 0.0)), bool(np.all(np.abs(values.real) > uncertain))
-    sizes = np.abs(values)
-    return int(np.sum(sizes > 1.0)), bool(np.all(np.abs(sizes - 1.0) > uncertain))
 
 
 def _account(curve: Any, counts: dict[int, tuple[int, bool]]) -> Iterator[Row]:
@@ -223,4 +188,5 @@ def _explains(between: Sequence[SpecialPoint[Any]], change: int) -> bool:
         return True  # multipliers jump where a surface is met
     steps = [_STEPS[p.type] * getattr(p, "multiplicity", 1) for p in between if p.type in _STEPS]
     most = sum(steps)
-    return abs(change) <= most and (most - change) % 2 == 0
+    # at a branch point a direction may touch the imaginary axis, or the unit circle, without crossing it
+    return abs(change) <= most and ((most - change) % 2 == 0 or any(p.type == "BP" for p in between))
