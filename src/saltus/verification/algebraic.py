@@ -27,6 +27,7 @@ _CRITICAL = 1e-6  # allowed distance of a critical eigenvalue from its place, ov
 _SURFACE = 1e-7  # the same of an event function, over its variation with the states' sizes
 _RESTING = 1e-9  # modulus of a state, over the largest one's, up to which it has no size of its own
 _NOTHING = 1e-12  # modulus of the largest state up to which all are at 0
+_ROUNDING = 1e-14  # accuracy of an eigenvalue, over the largest rate of the Jacobian nearby
 _DEGENERATE = 1e-13  # relative size of a Jacobian's least singular value, from which on Newton's method is not asked
 
 
@@ -47,7 +48,7 @@ class EquilibriumCheck:
         self.reference = Reference(equilibrium.system, equilibrium.parameters)
         self.mode = equilibrium.system.mode_index(equilibrium.mode)
         A = self.reference.field_slope(self.mode, equilibrium.state)
-        values, uncertain = spectrum([A], np.ones(len(A)), least=0.0)
+        values, uncertain = spectrum([A], np.ones(len(A)), least=_ROUNDING * self._rate(A))
         order = np.argsort(-values.real, kind="stable")
         self.values, self.uncertain = values[order], uncertain[order]
 
@@ -71,6 +72,15 @@ class EquilibriumCheck:
     def unstable(self) -> tuple[int, bool]:
         """Return the number of unstable directions, and whether it is known."""
         return _unstable(self.values), bool(np.all(np.abs(self.values.real) > self.uncertain))
+
+    def _rate(self, A: NDArray[np.float64]) -> float:
+        """Return the largest rate in the Jacobian, here and one size away: at a multiple point it may be 0 here."""
+        with np.errstate(all="ignore"):
+            beside = [
+                self.reference.field_slope(self.mode, self.equilibrium.state + side * self.sizes)
+                for side in (-1.0, 1.0)
+            ]
+        return max((float(np.abs(matrix).max()) for matrix in [A, *beside] if np.all(np.isfinite(matrix))), default=0.0)
 
     def condition(self, kind: str, multiplicity: int = 1) -> list[Row]:
         """Return the check that the equilibrium is critical in the way that a special point says."""
