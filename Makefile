@@ -17,7 +17,7 @@ demo: ## compute figure 3 of the paper into results/
 test: lint ## all checks: those of lint, then the tests (PYTEST_ARGS="-n 0 -k flow")
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
 
-campaign: ## branches of textbook systems with three kernels of OpenBLAS: the same points and words
+campaign: ## branches, loci and cascades with three kernels of OpenBLAS: the same points and words
 	@tools/make_env.sh test
 	$(BIN)/python tests/campaign/rounding.py
 

@@ -1,7 +1,7 @@
-"""Branches of textbook systems with several kernels of OpenBLAS and with moved starts have the same points and words.
+"""Branches, loci and cascades have the same points and words with several kernels of OpenBLAS, starts and steps.
 
-`make campaign` runs it: a process per kernel, and in each every branch twice, the second time from a start moved by
-1e-13 of its size. OPENBLAS_CORETYPE chooses the kernel before NumPy is imported, so one process cannot compare two.
+`make campaign` runs it: a process per kernel, and in each every variant of each subject. OPENBLAS_CORETYPE chooses the
+kernel before NumPy is imported, so one process cannot compare two.
 """
 
 from __future__ import annotations
@@ -16,53 +16,35 @@ from pathlib import Path
 from typing import Any
 
 KERNELS = ("Prescott", "Haswell", "SkylakeX")
-MOVES = (0.0, 1e-13)
-CYCLES = (
-    "Brusselator",
-    "FitzHugh-Nagumo",
-    "Rosenzweig-MacArthur",
-    "Holling-Tanner",
-    "Sel'kov",
-    "Bogdanov-Takens normal form",
-    "Morris-Lecar, Hopf",
-)
 SAME = 1e-8  # difference of a special point's parameter, over its size, that is allowed
 WORDED = 1e-5  # the same of numbers in words, which are rounded
+MISSING: dict[str, Any] = {"points": [], "words": ["not computed"]}
+PERIOD = re.compile(r" \(T = [^)]*\)")  # of the last cycle before a homoclinic orbit: it depends on the steps
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
 
 
 def measured() -> dict[str, dict[str, Any]]:
-    """Return special points and last words of all branches, with this process's kernel."""
-    from oracles.textbook import TEXTBOOK
-    from saltus import HybridSystem, continue_equilibrium, continue_orbit, find_equilibrium, switch_branch
+    """Return special points and last words of all variants of all subjects, with this process's kernel."""
+    from campaign.subjects import SUBJECTS, VARIANTS
 
-    found = {}
-    for item in TEXTBOOK.values():
-        system = HybridSystem.smooth(item.field, item.parameters, name=item.name)
-        for moved in MOVES:
-            start = [x * (1.0 + moved) for x in item.start]
-            rest = find_equilibrium(system, {item.parameter: item.value * (1.0 + moved)}, start)
-            branches = {"equilibria": continue_equilibrium(rest, item.parameter, item.bounds)}
-            if item.name in CYCLES:
-                cycles = switch_branch(branches["equilibria"]["HB1"])
-                branches["cycles"] = continue_orbit(cycles, item.parameter, item.bounds)
-            for kind, branch in branches.items():
-                points = [[point.label, point.parameters[item.parameter]] for point in branch.special_points]
-                found[f"{item.name}, {kind}, moved by {moved:g}"] = {"points": points, "words": list(branch.stopped)}
-    return found
+    return {
+        variant.name: dict(found for subject in SUBJECTS for found in subject(variant)) for variant in VARIANTS
+    }  # fmt: skip
 
 
-def differences(one: dict[str, Any], other: dict[str, Any]) -> list[str]:
-    """Return what differs between the points and words of two runs of one branch."""
-    labels, other_labels = ([label for label, _ in run["points"]] for run in (one, other))
-    if labels != other_labels:
-        return [f"special points {labels} and {other_labels}"]
+def differences(one: dict[str, Any], other: dict[str, Any], *, periods: bool = True) -> list[str]:
+    """Return what differs between the points and words of two runs; without `periods` those in words may differ."""
+    kinds, other_kinds = ([point[0] for point in run["points"]] for run in (one, other))
+    if kinds != other_kinds:
+        return [f"special points {one['points']} and {other['points']}"]
     told = [
-        f"{label} at {value!r} and {there!r}"
-        for (label, value), (_, there) in zip(one["points"], other["points"], strict=True)
-        if not abs(value - there) <= SAME * max(1.0, abs(value))
+        f"{kind} at {place!r} and {there!r}"
+        for (kind, *place), (_, *there) in zip(one["points"], other["points"], strict=True)
+        if not all(abs(a - b) <= SAME * max(1.0, abs(a)) for a, b in zip(place, there, strict=True))
     ]
-    texts, other_texts = " | ".join(one["words"]), " | ".join(other["words"])
+    texts, other_texts = (" | ".join(run["words"]) for run in (one, other))
+    if not periods:
+        texts, other_texts = (PERIOD.sub("", text) for text in (texts, other_texts))
     numbers, other_numbers = (list(map(float, NUMBER.findall(text))) for text in (texts, other_texts))
     same = NUMBER.sub("", texts) == NUMBER.sub("", other_texts) and all(
         abs(a - b) <= WORDED * max(1.0, abs(a)) for a, b in zip(numbers, other_numbers, strict=True)
@@ -84,14 +66,17 @@ def main() -> int:
     with ThreadPoolExecutor(2) as pool:
         runs = dict(zip(KERNELS, pool.map(run_with, KERNELS), strict=True))
     failed = 0
-    reference = runs[KERNELS[0]]
-    for kernel, found in runs.items():
-        for name, result in found.items():
-            like = f"{name.rpartition(', moved')[0]}, moved by {MOVES[0]:g}"
-            for difference in differences(reference[like], result):
-                failed += 1
-                print(f"{kernel}, {name}: {difference}")
-    print(f"{len(reference)} branches with {', '.join(KERNELS)}: {failed} differences")
+    reference = runs[KERNELS[0]]["plain"]
+    for kernel, variants in runs.items():
+        for variant, found in variants.items():
+            same_steps = variant in ("plain", "start moved by 1e-13")
+            for name in reference.keys() | found.keys():
+                pair = reference.get(name, MISSING), found.get(name, MISSING)
+                for difference in differences(*pair, periods=same_steps):
+                    failed += 1
+                    print(f"{kernel}, {variant}, {name}: {difference}")
+    count = sum(map(len, runs[KERNELS[0]].values()))
+    print(f"{count} branches, loci and cascades with {', '.join(KERNELS)}: {failed} differences")
     return int(failed > 0)
 
 

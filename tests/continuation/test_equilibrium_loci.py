@@ -122,6 +122,19 @@ def test_the_coefficient_along_hopf_points_of_the_bautin_form(plane):
 # A4
 
 
+@pytest.mark.parametrize("stretch", [0.3, 0.5, 0.97, 1.0, 1.01, 1.5])
+def test_hopf_points_that_touch_a_straight_line_of_folds_do_not_turn_there(stretch):
+    system = saltus.HybridSystem.smooth(
+        {"x": "y", "y": "c + b**2/4 + b*x + x**2 - x*y"}, {"b": 1.0, "c": -0.1}
+    )  # its folds are c = 0, which the Hopf points c = -b^2/4 touch where they end
+    branch = continue_equilibrium(find_equilibrium(system, {}, [-0.816, 0.0]), "b", (-2.0, 2.0))
+    steps = StepControl(initial=0.01 * stretch, largest=0.1 * stretch)
+    locus = continue_locus(branch["HB1"], ("b", "c"), {"b": (-2.0, 2.0), "c": (-1.0, 1.0)}, steps=steps)
+    assert [(p.type, *p.parameters.values()) for p in locus.special_points] == [
+        ("BT", pytest.approx(0.0, abs=1e-9), pytest.approx(0.0, abs=1e-9))
+    ]
+
+
 def test_bazykins_saddle_nodes_have_both_cusps_and_both_bogdanov_takens_points(plane, bazykin):
     folds = bazykin["SN"]
     assert folds.stopped == ("the locus is closed", "the locus is closed")

@@ -11,7 +11,18 @@ from scipy.optimize import brentq
 
 import systems
 from oracles.closed_forms import CUSP, LOGISTIC, ImpactOrbit, logistic_cycle
-from saltus import HybridSystem, Mode, StepControl, continue_orbit, find_orbit, simulate, solve_orbit
+from saltus import (
+    HybridSystem,
+    Mode,
+    StepControl,
+    continue_equilibrium,
+    continue_orbit,
+    find_equilibrium,
+    find_orbit,
+    simulate,
+    solve_orbit,
+    switch_branch,
+)
 from saltus.afm import table1, tapping_mode
 from saltus.continuation.zero_problem import correct
 from saltus.orbits.floquet import height, passage
@@ -416,3 +427,25 @@ def test_a_branch_leaves_a_grazing_of_two_halves_by_the_contact_that_ends_from_a
     assert values(other, "BP") == pytest.approx(values(branch, "BP"), abs=1e-8)
     assert [len(form) for form in other.forms] == [len(form) for form in branch.forms]
     assert {len(form) for form in other.forms} == {10, 4}
+
+
+@pytest.fixture(scope="module")
+def nerve():
+    """Return the cycles at the upper birth of FitzHugh's nerve; they explode at both ends of their interval."""
+    system = HybridSystem.smooth(
+        {"v": "v - v**3/3 - w + I", "w": "e*(v + a - b*w)"}, {"a": 0.7, "b": 0.8, "e": 0.08, "I": 0.0}
+    )
+    rests = continue_equilibrium(find_equilibrium(system, {}, [-1.2, -0.6]), "I", (-0.5, 2.0))
+    return switch_branch(rests["HB1"])
+
+
+@pytest.mark.parametrize("stretch", [0.93, 0.98, 1.0, 1.01, 1.02, 1.07])
+def test_a_step_that_ended_far_away_leaves_nothing_to_the_shorter_ones(nerve, stretch):
+    steps = StepControl(initial=0.01 * stretch, largest=0.1 * stretch)
+    branch = continue_orbit(nerve, "I", (-0.5, 2.0), steps=steps)
+    assert sorted((p.type, round(p.parameters["I"], 8)) for p in branch.special_points) == [
+        ("HB", 0.33128134),
+        ("HB", 1.41871866),
+        ("SN", 0.32417852),
+        ("SN", 1.42582148),
+    ]

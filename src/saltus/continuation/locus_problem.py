@@ -18,6 +18,7 @@ from saltus.continuation.guards import residual_fault, unconfirmed
 from saltus.continuation.margins import grazing_monitors, shadowed_rates, side_of
 from saltus.continuation.monitor import Monitor, at_grazing
 from saltus.continuation.phase_plane import astray, depart, solve_again
+from saltus.continuation.retries import Retries
 from saltus.continuation.zero_problem import Event, Examined, Point
 from saltus.orbits.critical import Branching, Critical, Grazing, openness
 from saltus.orbits.floquet import distance_from_circle, doubling_determinant, multipliers, nontrivial, unstable_count
@@ -111,7 +112,7 @@ class LocusZeroProblem:
         bounds: tuple[tuple[float, float], tuple[float, float]],
     ) -> None:
         self.problem, self.kind, self.condition = problem, kind, condition
-        self.n, self._bounds = problem.n, bounds
+        self.n, self._bounds, self._retries = problem.n, bounds, Retries(problem)
         self._autonomous = problem.system.phase is None
         self._sizes: dict[Monitor, float] = {}
         self._step: tuple[Point, Point] | None = None
@@ -198,9 +199,7 @@ class LocusZeroProblem:
         self._adjust(u)
         self.condition.adjust()
         monitors = {name: self._measure(name, point) for name in (*_PLAIN, *self._durations)}
-        for name in _TURNS:
-            if abs(monitors[name]) < _CONSTANT:
-                monitors[name] = math.nan
+        monitors |= {name: math.nan for name in _TURNS if abs(monitors[name]) < _CONSTANT}
         monitors |= {name: value(survey) for name, value in self._surveyed.items()}
         if self.kind == "GR":  # an orbit that repeats a shorter one touches in each repetition, all along the locus
             touched = _TOUCHED * float(max(problem.event_sizes(u).max(), problem.state_scale[: len(survey.x0)].min()))
@@ -226,7 +225,9 @@ class LocusZeroProblem:
         return Examined(monitors, fault, data)
 
     def depart(self, point: Point) -> None:
-        """Renew the phase plane of an autonomous cycle where the flow has turned away from the plane's normal."""
+        """Take the point's meshes and sizes; renew the phase plane of a cycle that has turned away from it."""
+        if self._retries.leave(point):
+            self._adjust(self.orbit(point.u))
         if depart(self, self.problem, self.orbit(point.u), point):
             self.condition.adjust()
             monitors = dict(point.examined.monitors)
@@ -236,7 +237,7 @@ class LocusZeroProblem:
 
     def recover(self, point: Point) -> bool:
         """Shorten the steps of a stiff flow near a point for stability; return whether they were shortened."""
-        return self.problem.stabilise(self.orbit(point.u))
+        return self._retries.stabilised(point, self.orbit(point.u))
 
     def monitor(self, name: Monitor, point: Point) -> float:
         """Return one monitor function at a point that may be corrected roughly only."""

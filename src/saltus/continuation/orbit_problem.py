@@ -19,6 +19,7 @@ from saltus.continuation.guards import INFINITE, residual_fault, unconfirmed
 from saltus.continuation.margins import grazing_monitors, shadowed_rates, side_of
 from saltus.continuation.monitor import Monitor, at_grazing, bifurcates
 from saltus.continuation.phase_plane import astray, depart, solve_again
+from saltus.continuation.retries import Retries
 from saltus.continuation.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
 from saltus.continuation.watching import Watched
 from saltus.continuation.zero_problem import Event, Examined, Point
@@ -30,7 +31,7 @@ from saltus.orbits.floquet import (
     nontrivial,
     passage,
     unstable_count,
-)
+)  # fmt: skip
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.quantities import read_quantity
 from saltus.orbits.sensitivities import slope_along
@@ -125,9 +126,8 @@ class OrbitZeroProblem:
     neutral = False  # whether multipliers lie on the unit circle all along, as in a conservative system
 
     def __init__(self, problem: OrbitProblem, u: NDArray[np.float64], interest: Interest) -> None:
-        self.problem = problem
-        self.interest = interest
-        self.n = problem.n
+        self.problem, self._retries = problem, Retries(problem)
+        self.interest, self.n = interest, problem.n
         self._autonomous = problem.system.phase is None
         self._logs: dict[Monitor, float] = {}
         self._step: tuple[Point, Point] | None = None
@@ -172,8 +172,7 @@ class OrbitZeroProblem:
         """Take typical sizes from an orbit."""
         problem = self.problem
         period = float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
-        self._block = np.zeros(self.n + 1)
-        self._block[: self.n] = 1.0 / problem.state_scale**2
+        self._block = np.append(1.0 / problem.state_scale**2, 0.0)
         self._scale = np.ones(problem.size + self.further + 1)
         table = self._scale[: problem.size].reshape(problem.segments, self.n + 1)
         table[:, : self.n], table[:, self.n] = problem.state_scale, period
@@ -184,10 +183,11 @@ class OrbitZeroProblem:
         return value / (self.problem.facing(point.u) or math.nan)
 
     def depart(self, point: Point) -> None:
-        """Renew the phase plane of an autonomous cycle where the flow has turned away from the plane's normal."""
+        """Take the point's meshes and sizes; renew the phase plane of a cycle that has turned away from it."""
+        if self._retries.leave(point):
+            self._adjust(point.u)
         if depart(self, self.problem, point.u, point):
-            monitors = self._measured(point)
-            point.examined = replace(point.examined, monitors={**point.examined.monitors, **monitors})
+            point.examined = replace(point.examined, monitors={**point.examined.monitors, **self._measured(point)})
 
     def _product(self, name: Monitor, point: Point, mu: float) -> float:
         """Return the product of (multiplier - `mu`) over all multipliers but the trivial one, over its first size."""
@@ -297,7 +297,7 @@ class OrbitZeroProblem:
 
     def recover(self, point: Point) -> bool:
         """Shorten the steps of a stiff flow near a point for stability; return whether they were shortened."""
-        return self.problem.stabilise(point.u)
+        return self._retries.stabilised(point, point.u)
 
     def _follow(self, point: Point, before: Point | None, values: NDArray[np.complex128]) -> Passage:
         """Return how the multipliers of the point before become those of a point.

@@ -59,6 +59,9 @@ class Found:
     homoclinic: Homoclinic | None = None
 
 
+_AT_END = 1e-6  # distance from a curve's end, in arclength, up to which a turn of a parameter belongs to the end
+
+
 @dataclass
 class OneSide:
     """Points and special points of one direction of a curve, and why it ended."""
@@ -140,7 +143,8 @@ def traced(
     """Return the wanted directions of a curve; the second is left out if the first is closed or interrupted.
 
     The second direction begins anew, from the same data as the first: meshes, sizes and units that equations and
-    points have at the end of one direction are none of the other's.
+    points have at the end of one direction are none of the other's. A parameter that turns at the very end of a curve,
+    as where it is tangent to another one, is no turning point: nothing comes behind it.
 
     Parameters
     ----------
@@ -157,7 +161,11 @@ def traced(
     for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
         if halves and (halves[0].closed or halves[0].interrupted):
             break
-        halves.append(trace(again() if halves else start, sign))
+        half = trace(again() if halves else start, sign)
+        if not half.closed and half.points:
+            end = half.points[-1][1].arc
+            half.specials = [found for found in half.specials if found.name != "TP" or abs(found.arc - end) > _AT_END]
+        halves.append(half)
     return halves
 
 

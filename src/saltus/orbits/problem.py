@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.orbits.meshes import adapted, decays, halved, limited_by_stability, steady
 from saltus.orbits.records import Orbit, events_of
-from saltus.orbits.resting import RESTING, at_rest
+from saltus.orbits.resting import at_rest, sizes_nearby
 from saltus.orbits.signature import CLOSED_END, COARSE, Survey
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -29,11 +30,10 @@ _ABOVE_ROUNDING = 0.01  # least absolute tolerance, in relative ones and sizes o
 _FEW = 500  # steps of a segment below which stability does not limit them
 _EPSILON = 2.220446049250313e-16  # spacing of floats at 1
 _OBLIQUE = 0.3  # sine of the angle between flow and plane below which the plane does not hold the orbit's centre
-_NEARBY = 1e-6  # size of an orbit at rest, over those on its branch, below which it tells nothing
 _FAINT = 1e-100  # term of a rate up to which it moves nothing: the square of such a size is 0
-_NOTHING = 1e-13  # size of an orbit above which it is no rounding of 0
 _UNSTABLE = 1e3  # error of a step, in tolerances, beyond which steps are halved: they may be unstable
 _REMESHED = 12  # most times that the meshes of one orbit are moved
+_DISCRETISATION = ("mesh", "stiff", "state_scale", "_largest", "_least", "_moves", "_atol", "_decays", "_shares")
 
 
 @dataclass
@@ -149,7 +149,7 @@ class OrbitProblem:
         self.begun = survey = self.survey(u)
         self.rescale(survey)
         self.fix_phase(u, survey)
-        nearby = None if self.slides else self._sizes_nearby(u, survey)
+        nearby = None if self.slides else sizes_nearby(self, u, survey)
         return None if nearby is None else self.start(u, nearby)
 
     def _set_absolute_tolerance(self) -> None:
@@ -161,35 +161,15 @@ class OrbitProblem:
         """Return each segment's mesh, its steps as long as the tolerance allows; a segment that cannot be followed."""
         return adapted(self.system.compiled, self.modes, blocks, self.extended, (self.tol, self._atol))
 
-    def _sizes_nearby(self, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
-        """Return the states' sizes on the branch of an orbit that rests in the origin, or too near to have any itself.
+    def kept(self) -> dict[str, Any]:
+        """Return the meshes and sizes, for `take`."""
+        return {name: copy.copy(getattr(self, name)) for name in _DISCRETISATION}
 
-        They are what a unit of the active parameters moves in a period; 1 where nothing else is known.
-        """
-        count = len(self.system.states)
-        lows, highs = survey.lows[:count], survey.highs[:count]
-        known = self.state_scale[:count]
-        if not np.max(highs - lows) <= RESTING * float(known.max()):
-            return None
-        moved = np.zeros(count)
-        if self._active.size:
-            J = self.resolve(u)[1]
-            if np.all(np.isfinite(J)):
-                moved = np.abs(J[:, self.size :]).reshape(self.segments, self.n + 1, -1).max(axis=(0, 2))[:count]
-        top = float(moved.max())
-        if known.max() > _NEARBY * top and not self._at_origin(u, float(known.max())):
-            return None
-        return np.where(moved > RESTING * top, moved, top or 1.0)
-
-    def _at_origin(self, u: NDArray[np.float64], size: float) -> bool:
-        """Whether an orbit of that size is the rest in the origin, but for rounding."""
-        if size > _NOTHING:
-            return False
-        origin = u.copy()
-        for i in range(len(self.system.states)):
-            origin[i : self.size : self.n + 1] = 0.0
-        gaps = self.evaluate(origin)[0].reshape(self.segments, self.n + 1)[:, : len(self.system.states)]
-        return bool(np.max(np.abs(gaps)) <= _NEARBY * size)
+    def take(self, kept: Mapping[str, Any]) -> None:
+        """Take meshes and sizes that were kept."""
+        for name, value in kept.items():
+            setattr(self, name, copy.copy(value))
+        self._new_arrays()
 
     @property
     def phase_plane(self) -> NDArray[np.float64]:
@@ -287,8 +267,11 @@ class OrbitProblem:
         places = np.concatenate(meshes)
         starts = np.concatenate([[0], np.cumsum([len(mesh) for mesh in meshes])]).astype(np.int64)
         self.mesh = places, starts
-        self._errors = np.zeros(places.size)
-        self._dense = np.empty(places.size * self.n), np.empty(places.size * 7 * self.n)
+        self._new_arrays()
+
+    def _new_arrays(self) -> None:
+        nodes = self.mesh[0].size
+        self._errors, self._dense = np.zeros(nodes), (np.empty(nodes * self.n), np.empty(nodes * 7 * self.n))
 
     @property
     def steps(self) -> int:

@@ -2,16 +2,39 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["RESTING", "at_rest"]
+    from saltus.orbits.signature import Survey
+    from saltus.system import HybridSystem
+
+__all__ = ["RESTING", "at_rest", "sizes_nearby"]
 
 RESTING = 1e-9  # size of a state, over the largest one's, below which it rests at zero unless another one moves it
+_NEARBY = 1e-6  # size of an orbit at rest, over those on its branch, below which it tells nothing
+_NOTHING = 1e-13  # size of an orbit above which it is no rounding of 0
+
+
+class Equations(Protocol):
+    """What is asked here of the equations of an orbit: see `OrbitProblem`."""
+
+    system: HybridSystem
+    active: Sequence[int]
+    state_scale: NDArray[np.float64]
+    size: int
+    segments: int
+    n: int
+
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residual and Jacobian."""
+
+    def resolve(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residual and Jacobian on meshes fine enough for the sensitivities."""
 
 
 def at_rest(sizes: NDArray[np.float64], moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -35,3 +58,35 @@ def at_rest(sizes: NDArray[np.float64], moves: NDArray[np.bool_]) -> NDArray[np.
     while np.any(pushed := resting & np.any(moves[:, ~resting], axis=1)):
         resting &= ~pushed
     return resting[: sizes.size]
+
+
+def sizes_nearby(problem: Equations, u: NDArray[np.float64], survey: Survey) -> NDArray[np.float64] | None:
+    """Return the states' sizes on the branch of an orbit that rests in the origin, or too near to have any itself.
+
+    They are what a unit of the active parameters moves in a period; 1 where nothing else is known.
+    """
+    count = len(problem.system.states)
+    lows, highs = survey.lows[:count], survey.highs[:count]
+    known = problem.state_scale[:count]
+    if not np.max(highs - lows) <= RESTING * float(known.max()):
+        return None
+    moved = np.zeros(count)
+    if len(problem.active):
+        J = problem.resolve(u)[1]
+        if np.all(np.isfinite(J)):
+            moved = np.abs(J[:, problem.size :]).reshape(problem.segments, problem.n + 1, -1).max(axis=(0, 2))[:count]
+    top = float(moved.max())
+    if known.max() > _NEARBY * top and not _at_origin(problem, u, float(known.max())):
+        return None
+    return np.where(moved > RESTING * top, moved, top or 1.0)
+
+
+def _at_origin(problem: Equations, u: NDArray[np.float64], size: float) -> bool:
+    """Whether an orbit of that size is the rest in the origin, but for rounding."""
+    if size > _NOTHING:
+        return False
+    origin = u.copy()
+    for i in range(len(problem.system.states)):
+        origin[i : problem.size : problem.n + 1] = 0.0
+    gaps = problem.evaluate(origin)[0].reshape(problem.segments, problem.n + 1)[:, : len(problem.system.states)]
+    return bool(np.max(np.abs(gaps)) <= _NEARBY * size)
