@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import signal
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Cluster",
     "Here",
+    "HereFirst",
     "Job",
     "Outcome",
     "Processes",
@@ -41,6 +44,8 @@ __all__ = [
 
 Job: TypeAlias = "tuple[Any, Callable[..., Any], *tuple[Any, ...]]"  # a piece's key, a function and its arguments
 _HEARD = 0.5  # seconds between two looks of a process that waits for a piece, so that Ctrl-C is heard everywhere
+_TRIAL = 3.0  # seconds that a piece may take in this process before it is handed to others
+_START = 8.0  # seconds of work that must be saved to start processes: imports, and code loaded or compiled in each
 _REFUSED = "can't start new thread"  # Python's words for it
 
 
@@ -144,6 +149,10 @@ class Here:
         done, self._done = self._done, []
         return done
 
+    def take(self, other: Here) -> None:
+        """Take over what another one has done."""
+        self._done += other.finished(waiting=False)
+
     def stop(self) -> None:
         """Nothing is under way."""
 
@@ -227,6 +236,63 @@ class Processes(Threads):
         """Tell the processes to stop, and wait until they are gone."""
         self._stop.set()
         super().stop()
+
+
+class HereFirst:
+    """Work in this thread for as long as that is quicker than to start processes; then in processes.
+
+    A piece that takes long is given up here, where `is_stopped` tells it so, and is done anew in a process.
+
+    Parameters
+    ----------
+    count : int
+        How many processes.
+    fewer : str
+        The option that asks for none, for messages.
+    pieces : int
+        How many pieces there will be.
+    """
+
+    def __init__(self, count: int, fewer: str, pieces: int) -> None:
+        self._count, self._fewer, self._left = count, fewer, pieces
+        self._here = Here()
+        self._seconds: list[float] = []
+        self._processes: Processes | None = None
+
+    def submit(self, key: Any, function: Callable[..., Any], *arguments: Any) -> None:
+        """Do a piece of work, or hand it to a process."""
+        if self._processes is None and not self._pays():
+            began = time.perf_counter()
+            with _limited(_TRIAL) as given_up:
+                trial = Here()
+                trial.submit(key, function, *arguments)
+            if not given_up():
+                self._here.take(trial)
+                self._seconds.append(time.perf_counter() - began)
+                self._left -= 1
+                return
+        if self._processes is None:
+            self._processes = Processes(self._count, self._fewer)
+        self._processes.submit(key, function, *arguments)
+
+    def _pays(self) -> bool:
+        """Return whether processes save more time than their start takes."""
+        if not self._seconds:
+            return _TRIAL <= 0.0
+        mean = sum(self._seconds) / len(self._seconds)
+        return mean * self._left * (1.0 - 1.0 / self._count) > _START
+
+    def finished(self, *, waiting: bool) -> list[tuple[Any, Outcome]]:
+        """Return what is done, each piece once; wait for the next one, if asked to, for half a second."""
+        done = self._here.finished(waiting=False)
+        if self._processes is None:
+            return done
+        return done + self._processes.finished(waiting=waiting and not done)
+
+    def stop(self) -> None:
+        """Tell the processes to stop, and wait until they are gone."""
+        if self._processes is not None:
+            self._processes.stop()
 
 
 class Cluster:
@@ -315,11 +381,28 @@ def handed_out(
 
 
 _stop: Event | None = None  # set where the parent wants its workers to end
+_limit: threading.local = threading.local()  # where a piece of work in this thread has a limit: the time, and a flag
 
 
 def is_stopped() -> bool:
-    """Return whether the process that handed this one its work has given it up."""
-    return _stop is not None and _stop.is_set()
+    """Return whether the work under way has been given up by who handed it out."""
+    if _stop is not None and _stop.is_set():
+        return True
+    until = getattr(_limit, "until", math.inf)
+    _limit.passed = getattr(_limit, "passed", False) or time.perf_counter() > until
+    return bool(_limit.passed)
+
+
+@contextmanager
+def _limited(seconds: float) -> Iterator[Callable[[], bool]]:
+    """Let `is_stopped` tell in this thread, from some seconds on, that the work is given up; yield whether it did."""
+    _limit.until, _limit.passed = time.perf_counter() + seconds, False
+    told: list[bool] = []
+    try:
+        yield lambda: bool(told and told[0])
+    finally:
+        told.append(_limit.passed)
+        _limit.until, _limit.passed = math.inf, False
 
 
 def _begin_worker(stop: Event) -> None:

@@ -19,7 +19,7 @@ from saltus.errors import InputError, nearest
 from saltus.orbits import PeriodicOrbit
 from saltus.progress import Progress, Report, Reporter
 from saltus.system import HybridSystem
-from saltus.work import Cluster, Here, Outcome, Processes, Workers, is_stopped, processors
+from saltus.work import Cluster, Here, HereFirst, Outcome, Workers, is_stopped, processors
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -42,9 +42,9 @@ def continue_family(
 
     The orbit is first continued to each member's values, from the nearest values already reached. On this way
     `StepControl.at_grazing` and ``"GR"`` in `BranchOptions.stop_at` hold as on the branches. At each member's values
-    `continue_orbit` traces the branch. This process continues the orbit while other processes trace branches. Where
-    several parameters vary, the way follows one after the other. Where it is blocked, it is split into two, four or up
-    to 16 stairs along the straight line.
+    `continue_orbit` traces the branch. Where branches take long, other processes trace them meanwhile. Where several
+    parameters vary, the way follows one after the other. Where it is blocked, it is split into two, four or up to 16
+    stairs along the straight line.
 
     Parameters
     ----------
@@ -60,8 +60,9 @@ def continue_family(
         Steps, directions, events and where to stop, the same for all branches.
     workers : int, optional
         Processes on this machine that compute branches. With 1 this process computes them. By default as many as this
-        process has processors, at most one for each member. To start one takes a second or two. A daemonic process, as
-        a worker of Dask or of a pool, may start no others and computes the branches itself.
+        process has processors, at most one for each member. They are started where they save time: each takes seconds
+        to start, so this process traces the first branches. A daemonic process, as a worker of Dask or of a pool, may
+        start no others and computes the branches itself.
     client : dask.distributed.Client, optional
         A cluster that computes the branches instead.
     progress : bool or callable
@@ -208,20 +209,22 @@ def _pool(workers: object, client: Any, members: int) -> Workers:
         return Cluster(client)
     count = min(processors() if workers is None else checks.count("workers", workers), members)
     # a daemonic process, as a worker of Dask or of a pool, may not have children
-    return Here() if count == 1 or current_process().daemon else Processes(count, "workers=1")
+    return Here() if count == 1 or current_process().daemon else HereFirst(count, "workers=1", members)
 
 
 def _traced(task: Task, start: PeriodicOrbit) -> Branch | str:
     """Return a member's branch, in the process that computes it; an interrupt ends the continuation."""
+    given_up = []
 
     def watch(progress: Progress) -> None:
         if is_stopped():
+            given_up.append(progress)
             raise KeyboardInterrupt
 
     outcome = task.trace(start, watch)
     if isinstance(outcome, str) or not is_interrupted(outcome):
         return outcome
-    if is_stopped():
+    if given_up:
         return _INTERRUPTED
     raise KeyboardInterrupt
 
