@@ -2,6 +2,7 @@
 
 import errno
 import importlib.util
+import math
 import os
 import random
 import re
@@ -16,7 +17,7 @@ import numba
 import pytest
 
 from saltus import Average, HybridSystem, InputError, Mode, Transition, lyapunov_spectrum, simulate
-from saltus.system import cache, generated
+from saltus.system import cache, generated, machine_code
 from saltus.system.cache import let_numba_cache, read_checked, write_checked
 from saltus.system.compiled import FLOW, FUNCTIONS
 
@@ -216,11 +217,16 @@ def test_a_full_disk_is_told_and_the_system_works(folder, monkeypatch):
     def full(file, _):
         raise OSError(errno.ENOSPC, "No space left on device", str(file))
 
-    cache.warn_once.cache_clear()
+    monkeypatch.setattr(cache, "_unkept", [])
     monkeypatch.setattr(generated, "write_checked", full)
-    with pytest.warns(RuntimeWarning, match="saltus: generated code is not kept: No space left on device: .*system_"):
-        system = tiny()
-    assert system.field("m", [2.0]) == [-3.0]
+    monkeypatch.setattr(machine_code, "write_checked", full)
+    cure = "SALTUS_CACHE_DIR and NUMBA_CACHE_DIR can name other folders"
+    with pytest.warns(RuntimeWarning) as told:
+        trajectory = simulate(tiny(), {}, [2.0], t_end=1.0)
+    assert trajectory.x_end[0] == pytest.approx(2.0 * math.exp(-1.5))
+    (warning,) = told  # one, however many files there are
+    reason = "No space left on device; each process makes it anew"
+    assert str(warning.message) == f"saltus: code is not kept in {folder}: {reason}; {cure}"
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):

@@ -19,7 +19,15 @@ from pathlib import Path
 
 from saltus.errors import InputError
 
-__all__ = ["cache_folder", "is_writable_by_others", "let_numba_cache", "read_checked", "warn_once", "write_checked"]
+__all__ = [
+    "cache_folder",
+    "is_writable_by_others",
+    "let_numba_cache",
+    "read_checked",
+    "warn_not_kept",
+    "warn_once",
+    "write_checked",
+]
 
 _ALLOWED = "a folder that can be made and written, and that nobody else can write"
 _MARK = b"# sha256 "
@@ -117,6 +125,18 @@ def is_writable_by_others(folder: Path) -> bool:
 def warn_once(text: str) -> None:
     """Warn, the first time in this process that a text is given."""
     warnings.warn(f"saltus: {text}", RuntimeWarning, stacklevel=2)
+
+
+_unkept: list[Path] = []  # the folder of which this process was told that it takes no code
+
+
+def warn_not_kept(folder: Path, reason: str) -> None:
+    """Warn, the first time in this process, that a folder takes no code, which lives in memory only then."""
+    if not _unkept:
+        _unkept.append(folder)
+        cure = "SALTUS_CACHE_DIR and NUMBA_CACHE_DIR can name other folders"
+        told = f"saltus: code is not kept in {folder}: {reason}; each process makes it anew; {cure}"
+        warnings.warn(told, RuntimeWarning, stacklevel=2)
 
 
 def _head(data: bytes) -> bytes:

@@ -18,7 +18,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from saltus.errors import DefinitionError
-from saltus.system.cache import cache_folder, let_numba_cache, read_checked, warn_once, write_checked
+from saltus.system.cache import cache_folder, let_numba_cache, read_checked, warn_not_kept, write_checked
 
 if TYPE_CHECKING:
     from saltus.system.definition import Definition
@@ -102,7 +102,7 @@ def _text(file: Path, kind: Kind, system: Definition, variant: tuple[object, ...
             write_checked(file, text)
         except OSError as error:
             _UNWRITTEN[file.name] = text
-            warn_once(f"generated code is not kept: {error.strerror}: {error.filename or file}")
+            warn_not_kept(file.parent, error.strerror or str(error))
     return text
 
 

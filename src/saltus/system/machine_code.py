@@ -25,7 +25,7 @@ from numba.core.caching import NullCache
 from numba.core.ccallback import CFunc
 from numba.core.compiler_lock import global_compiler_lock
 
-from saltus.system.cache import read_checked, warn_once, write_checked
+from saltus.system.cache import read_checked, warn_not_kept, write_checked
 
 __all__ = ["cfunc", "keep_checked", "njit"]
 
@@ -57,7 +57,8 @@ def keep_checked(compiler: Any, function: FunctionType) -> Any:
         return compiler
     try:
         compiler.enable_caching()
-    except RuntimeError:  # no folder can be written: the code lives as long as the process
+    except RuntimeError as error:  # no folder can be written: the code lives as long as the process
+        warn_not_kept(Path(function.__code__.co_filename).parent, str(error))
         return compiler
     cache = compiler._cache
     if os.path.isdir(cache.cache_path) and os.stat(cache.cache_path).st_mode & stat.S_IWOTH:
@@ -113,7 +114,7 @@ class _CheckedFiles:
         try:
             write_checked(self._file(key), content)
         except OSError as error:
-            warn_once(f"compiled code is not kept: {error.strerror}: {error.filename or self._folder}")
+            warn_not_kept(self._folder, error.strerror or str(error))
 
     def flush(self) -> None:
         """Forget all that is kept."""
