@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 import fields
 from saltus import (
+    HybridSystem,
     PeriodicOrbit,
     StepControl,
     continue_equilibrium,
@@ -242,3 +243,23 @@ def test_units_of_time_change_nothing(place, time):
     cycles = continue_orbit(switch_branch(branch["HB1"]), "b1", (-0.2, 0.2))
     assert cycles["SN1"].parameters["b1"] == pytest.approx(-0.0225, abs=1e-9)
     assert cycles.period == pytest.approx(2.0 * math.pi * time, rel=1e-9)
+
+
+@pytest.mark.parametrize("growth", [0.5, 1.5, 6.0])
+def test_cycles_are_born_beside_a_direction_that_grows_however_fast(growth):
+    field = {"x": "m*x - w*y - x*(x**2 + y**2)", "y": "m*y + w*x - y*(x**2 + y**2)", "z": "g*z + x**2 - y**2"}
+    system = HybridSystem.smooth(field, {"m": -0.1, "w": 0.5, "g": growth})
+    rests = continue_equilibrium(find_equilibrium(system, {}, [0.0] * 3), "m", (-0.2, 0.2))
+    cycle = switch_branch(rests["HB1"])
+    radius, period = math.sqrt(cycle.parameters["m"]), 4.0 * math.pi
+    assert cycle.period == pytest.approx(period, rel=1e-9)
+    assert math.hypot(*cycle.x0[:2]) == pytest.approx(radius, rel=1e-6)
+    largest = max(abs(cycle.multipliers))
+    assert math.log(largest) == pytest.approx(growth * period, rel=1e-8)
+    branch = continue_orbit(cycle, "m", (0.0, 0.2))
+    assert math.hypot(*branch.x0[-1][:2]) == pytest.approx(math.sqrt(0.2), rel=1e-9)
+    # z' = g z + r^2 cos 2a with a = w t: the only bounded solution
+    angle, orbit = math.atan2(branch.x0[-1][1], branch.x0[-1][0]), branch.x0[-1]
+    w = system.parameters["w"]
+    z = 0.2 * (2.0 * w * math.sin(2.0 * angle) - growth * math.cos(2.0 * angle)) / (growth**2 + 4.0 * w**2)
+    assert orbit[2] == pytest.approx(z, abs=1e-9)

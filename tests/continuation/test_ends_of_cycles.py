@@ -180,3 +180,19 @@ def test_a_hopf_point_that_is_a_saddle_node_as_well_is_told_to_be_a_zero_hopf_po
         _ = branch["HB1"].normal_form
     with pytest.raises(InputError, match="it is a zero-Hopf point"):
         switch_branch(branch["HB1"])
+
+
+@pytest.mark.parametrize("largest", [0.03, 0.1, 0.2, 0.3])
+def test_cycles_whose_period_alone_grows_do_not_turn_round(largest):
+    field = {
+        "x": "3.12*x + 0.7*y + 0.92*z - 0.78*m - 0.01*m*x + 1.3*x*y - 0.25*x*z - 0.32*x**3",
+        "y": "-0.88*x + 0.12*y - 0.95*z - 0.13*m + 1.47*m*y - 0.12*z**2 - y**3",
+        "z": "-0.36*x + 0.08*y - 0.12*z + 0.39*m - 1.33*m*z - x*z - 0.33*z**3",
+    }
+    system = HybridSystem.smooth(field, {"m": 0.1})
+    rests = continue_equilibrium(find_equilibrium(system, {}, [-1.21, -1.13, 1.88]), "m", (-2.0, 2.0))
+    steps = StepControl(initial=0.01, largest=largest)
+    branch = continue_orbit(switch_branch(rests["HB1"]), "m", (-2.0, 2.0), steps=steps)
+    assert [point.type for point in branch.special_points] == ["HB", "SN"]
+    assert sum("the period grows without bound" in reason for reason in branch.stopped) == 1
+    assert np.all(np.diff(branch.period[: np.argmax(branch.period) + 1]) > 0.0)

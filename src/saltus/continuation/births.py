@@ -20,9 +20,10 @@ from saltus.equilibria.find import solve_equilibrium, without_rounding
 from saltus.equilibria.normal_forms import HopfTerms, check_no_zero, hopf_terms
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import ConvergenceError, InputError
+from saltus.orbits.cuts import MOST_PIECES, STRETCHED, TAUT
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
-from saltus.orbits.signature import CLOSED_END, Signature
+from saltus.orbits.signature import CLOSED_END, CUT_END, Signature
 from saltus.orbits.soundness import sound_orbit
 
 if TYPE_CHECKING:
@@ -76,16 +77,18 @@ def cycle_born(equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float
     terms = hopf_terms(problem, u, A, w)
     tangent = np.append(-np.linalg.solve(A, J[:, n]), 1.0)
     speed = complex(terms.p.conj() @ (problem.second(u, tangent)[:, :n] @ terms.q)).real
-    size = _nonlinear_size(sizes, terms)
+    size, pieces = _nonlinear_size(sizes, terms), _pieces(values, w)
     reason = ""
     for share in _AMPLITUDES:
         z = 0.5 * share * min(size, _room(problem, u, terms.q))
         shift = -w * terms.l1 * z * z / speed if speed != 0.0 else 0.0
         if not abs(shift) < 1.0:
             continue
-        start = 2.0 * z * terms.q.real + z * z * (terms.mean + terms.double.real) + shift * tangent[:n]
-        guess = np.concatenate([u[:n] + start, [2.0 * math.pi / w, u[n] + shift]])
-        found = _corrected(problem, guess, 2.0 * z * terms.q.real, scale)
+        turns = np.exp(2j * math.pi * np.arange(pieces) / pieces)[:, None]
+        along = 2.0 * z * (terms.q * turns).real
+        states = u[:n] + along + z * z * (terms.mean + (terms.double * turns**2).real) + shift * tangent[:n]
+        rows = np.column_stack([states, np.full(pieces, 2.0 * math.pi / (w * pieces))])
+        found = _corrected(problem, np.append(rows, u[n] + shift), along, scale)
         if isinstance(found, PeriodicOrbit):
             return found
         reason = found
@@ -98,6 +101,12 @@ def _nonlinear_size(states: NDArray[np.float64], terms: HopfTerms) -> float:
         return terms.reach
     q = np.abs(terms.q)
     return float(np.min(states[q > 1e-6] / q[q > 1e-6]))
+
+
+def _pieces(values: NDArray[np.complex128], w: float) -> int:
+    """Return into how many pieces a cycle of a frequency is cut, by what grows along the equilibrium meanwhile."""
+    growth = 2.0 * math.pi / w * float(values.real.max())
+    return 1 if growth < math.log(STRETCHED) else min(math.ceil(growth / math.log(TAUT)), MOST_PIECES)
 
 
 def _room(problem: EquilibriumProblem, u: NDArray[np.float64], q: NDArray[np.complex128]) -> float:
@@ -114,20 +123,34 @@ def _room(problem: EquilibriumProblem, u: NDArray[np.float64], q: NDArray[np.com
 def _corrected(
     problem: EquilibriumProblem, guess: NDArray[np.float64], direction: NDArray[np.float64], scale: float
 ) -> PeriodicOrbit | str:
-    """Return the cycle near a guess, of the guess' amplitude along a direction, or why there is none."""
-    system, n = problem.system, problem.n
-    signature = Signature((problem.mode,), (-1,), (CLOSED_END,), 0)
+    """Return the cycle near a guess, of the guess' amplitude along a direction, or why there is none.
+
+    Parameters
+    ----------
+    problem : EquilibriumProblem
+        The equations of the Hopf point.
+    guess : ndarray, shape (pieces (n + 1) + 1,)
+        State at the start and duration of each piece of the cycle, and the parameter.
+    direction : ndarray, shape (pieces, n)
+        The first order of the guess' states.
+    scale : float
+        Unit of the parameter.
+    """
+    system, pieces = problem.system, len(direction)
+    kinds = (CLOSED_END,) + (CUT_END,) * (pieces - 1)
+    signature = Signature((problem.mode,) * pieces, (-1,) * pieces, kinds, 0)
     orbits = OrbitProblem(system, signature, problem.p.copy(), list(problem.active), np.array([scale]), _TOLERANCE)
     if orbits.start(guess) is not None:
         return "the flow cannot be followed round the guess"
     branch = OrbitZeroProblem(orbits, guess, Interest(-math.inf, math.inf, scale))
     weights = branch.metric(guess)
-    tangent = np.append(direction, [0.0, 0.0])
+    tangent = np.append(np.column_stack([direction, np.zeros(pieces)]), 0.0)
     length = math.sqrt(float(weights @ tangent**2))
     point = correct(branch, guess, tangent / length, weights, _ITERATIONS)
     if isinstance(point, str):
         return point
-    if math.sqrt(float(weights[:n] @ (point.u - guess)[:n] ** 2)) > 0.5 * length:
+    states = weights[:-1] * (np.arange(guess.size - 1) % (problem.n + 1) < problem.n)
+    if math.sqrt(float(states @ (point.u - guess)[:-1] ** 2)) > 0.5 * length:
         return "the cycle bends too sharply"
     return sound_orbit(orbits, point.u, orbits.evaluate(point.u)[1])
 

@@ -44,6 +44,9 @@ _ENDLESS = 5e6  # ratio of a state's range to that of the first point at which a
 _VANISHED = 1e-4  # ranges of states and period, over the largest on the branch, up to which an orbit vanishes
 LONGEST = 1e3  # ratio of the period to that of the first point at which a branch is ended
 _LATE = 1.5  # ratio by which the period of an orbit in pieces must grow while the parameter rests
+_LONGER = 1.03  # ratio by which the period must grow while all else stands still
+_STILL = 1e-12  # change of the parameter, over its interval, that is rounding
+_ALIKE = 1e-6  # relative change of the ranges of states up to which they stand still
 _RESTING = 3e-6  # change of the parameter, over its range on the branch, up to which it rests during that growth
 
 
@@ -146,11 +149,13 @@ def vanishes_at_last(points: list[Row]) -> str | None:
 def grows_for_ever(points: list[Row]) -> str | None:
     """Return the reason, after a successful step, that the period grows without bound; None if it does not.
 
-    The period is a thousand times the first one and grows, or an orbit in pieces grew by half while the parameter
-    rested. Both happen next to a homoclinic orbit.
+    The period is a thousand times the first one and grows. Or it alone grew, or by half while the parameter rested and
+    the orbit was in pieces. All happen next to a homoclinic orbit.
     """
     branch, last = points[-1]
     period = period_of(branch, last)
+    if _only_the_period_grows(points):
+        return told(period)
     if len(points) > 1 and period > LONGEST * period_of(*points[0]) and period > period_of(*points[-2]):
         return told(period)
     if CUT_END not in branch.problem.signature.kinds:
@@ -160,6 +165,28 @@ def grows_for_ever(points: list[Row]) -> str | None:
     if len(late) == len(points) or max(late) - min(late) > _RESTING * (max(values) - min(values)):
         return None
     return told(period)
+
+
+def _only_the_period_grows(points: list[Row]) -> bool:
+    """Return whether the period has grown while parameter and ranges of states stood still but for rounding.
+
+    Steps along such a branch follow rounding: they may turn round, and trace it back.
+    """
+    branch, last = points[-1]
+    period, ranges = period_of(branch, last), _ranges(branch, last)
+    for piece, point in reversed(points[:-1]):
+        if abs(point.parameter - last.parameter) > _STILL:
+            return False
+        if np.any(np.abs(_ranges(piece, point) - ranges) > _ALIKE * ranges):
+            return False
+        if period_of(piece, point) * _LONGER < period:
+            return True
+    return False
+
+
+def _ranges(piece: OrbitZeroProblem, point: Point) -> NDArray[np.float64]:
+    n, survey = len(piece.problem.system.states), point.examined.data.survey
+    return np.asarray(survey.highs[:n] - survey.lows[:n])
 
 
 def too_stiff(problem: OrbitProblem) -> str | None:

@@ -25,7 +25,19 @@ from saltus.orbits.signature import CLOSED_END, CUT_END, PHASE_END, Signature
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["check_measured", "clustered", "cut", "held", "in_shares", "piece_maps", "stretched", "whole"]
+__all__ = [
+    "MOST_PIECES",
+    "STRETCHED",
+    "TAUT",
+    "check_measured",
+    "clustered",
+    "cut",
+    "held",
+    "in_shares",
+    "piece_maps",
+    "stretched",
+    "whole",
+]
 
 STRETCHED = 1e3  # growth of a sensitivity over a piece, in the states' units, at which an orbit is cut
 TAUT = 30.0  # growth above which a piece is cut again once any is
