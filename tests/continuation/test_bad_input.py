@@ -9,7 +9,16 @@ import pytest
 
 import systems
 from oracles.closed_forms import HENON, LOGISTIC
-from saltus import BranchOptions, InputError, StepControl, continue_orbit, solve_orbit
+from saltus import (
+    BranchOptions,
+    HybridSystem,
+    InputError,
+    Mode,
+    StepControl,
+    continue_orbit,
+    find_orbit,
+    solve_orbit,
+)
 
 
 @pytest.fixture(scope="module")
@@ -158,3 +167,23 @@ def test_true_shows_a_bar_with_the_parameter(orbit, capsys):
 def test_options_of_branches_are_checked_when_they_are_made(options, message):
     with pytest.raises(InputError, match=f"^{re.escape(message)}"):
         BranchOptions(**options)
+
+
+@pytest.mark.parametrize(
+    "events", [{"max_height": 0.1}, {"min_height": 0.1}, {"max_height": "extremum"}, {"mean(log(0.5 - x))": 0.1}]
+)
+def test_an_event_of_what_is_no_number_on_part_of_the_orbit_is_refused(events):
+    system = HybridSystem(
+        ("x", "v"),
+        {"w": 1.3, "c": 0.2},
+        {"free": Mode({"x": "v", "v": "cos(th) - c*v - x"})},
+        phase=("th", "w"),
+        outputs={"height": "log(0.5 - x)"},
+    )
+    orbit = find_orbit(system, {}, [0.0, 0.0])
+    assert math.isnan(orbit.max["height"])
+    assert math.isnan(orbit.observe("amplitude(height, 1)")["amplitude(height, 1)"])
+    (name,) = events
+    message = f"events = {name!r}: must be a quantity that is a number all along the orbits; NaN at the start"
+    with pytest.raises(InputError, match=re.escape(message)):
+        continue_orbit(orbit, "w", (1.2, 1.5), events=events)

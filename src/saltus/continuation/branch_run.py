@@ -149,6 +149,7 @@ class BranchRun(OneParameterRun):
         for name, value in found.monitors.items():
             if name.kind == "EX" and math.isnan(value):
                 raise InputError("events", self.interest.events[name.segment][0], "of orbits that have its derivative")
+        self._check_events(found)
         # a start at a grazing counts as on its admissible side, whatever the rounding
         monitors = {
             name: _TOUCHING if at_grazing(name) and abs(value) < SAME * SAME else value
@@ -161,6 +162,17 @@ class BranchRun(OneParameterRun):
             data = replace(data, followed=())
         point.examined = replace(found, monitors=monitors, data=data)
         return branch, point
+
+    def _check_events(self, found: Examined) -> None:
+        """Raise `InputError` where an event asks for a quantity that is no number on part of the first orbit."""
+        system, survey = self.orbit.system, found.data.survey
+        names = (*system.all_states, *system.output_names)
+        for i, (name, kind, value) in enumerate(self.interest.events):
+            known = found.monitors.get(Monitor("EX" if value is None else "event", i), 0.0)
+            if kind[4:] in names:
+                known += (survey.lows if kind.startswith("min") else survey.highs)[names.index(kind[4:])]
+            if math.isnan(known):
+                raise InputError("events", name, "a quantity that is a number all along the orbits", "NaN at the start")
 
     def advice(self) -> str:
         """Return what to do where a branch along a parameter starts at an orbit of a family."""
