@@ -17,6 +17,7 @@ from saltus.afm.routes import Landing, Way, way_along
 from saltus.contents import Contents
 from saltus.continuation import Branch
 from saltus.continuation.branch_files import RAGGED, branches_of, branches_together
+from saltus.continuation.crossings import comes_to
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.results import Result
@@ -294,7 +295,7 @@ class Curve(Result):
         if (value is None) == (not place) or (place and set(place) != {self.along}):
             raise InputError("at", place or value, f"one value of {self.along}, as {self.along}={self.values[0]:.6g}")
         wanted = checks.number(self.along, place[self.along] if value is None else value)
-        reached = [b for b in self.branches if float(b.values.min()) <= wanted <= float(b.values.max())]
+        reached = [branch for branch in self.branches if comes_to(branch, wanted)]
         if not reached:
             low, high = float(self.values.min()), float(self.values.max())
             raise InputError(self.along, wanted, f"between {low:.9g} and {high:.9g}, where the curve is")

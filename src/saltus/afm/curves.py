@@ -14,7 +14,7 @@ from saltus.afm.curve import Curve
 from saltus.afm.modelling import driven_mode, frequency_of, suffix
 from saltus.afm.readings import drives_of, formulas, turns_of
 from saltus.afm.routes import is_pulled_in
-from saltus.afm.settling import periods_of_patience, settled, starts_about, stays_in_contact
+from saltus.afm.settling import periods_of_patience, settled, settled_orbit, starts_about, stays_in_contact
 from saltus.afm.units import check_changes
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
@@ -338,10 +338,10 @@ def _with_resonance(curve: Curve, how: Tracing) -> Curve:
 def _with_asked(curve: Curve, how: Tracing, place: float) -> Curve:
     """Return a curve with the sheets of motions that settle at a place from rest, the free motion, and contact."""
     parameters = {**curve.branches[0].orbit(0).parameters, how.along: place}
-    patience, found = periods_of_patience(parameters), list[PeriodicOrbit]()
+    found = list[PeriodicOrbit]()
     for x0, mode in _starts(curve.system, parameters):
         with suppress(SaltusError):  # a motion that does not settle has no sheet
-            found.append(find_orbit(curve.system, parameters, x0, mode, settle=patience))
+            found.append(settled_orbit(curve.system, parameters, x0, mode))
     for orbit in found:
         if _is_traced(orbit, how, held=True) and not any(is_on(branch, orbit) for branch in curve.branches):
             curve = _with_landings(_with_sheet(curve, orbit, how), how)

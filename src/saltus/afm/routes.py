@@ -185,8 +185,20 @@ def _landing(branch: Branch, stretch: Stretch, sign: float, span: float) -> Land
 
 
 def _settled(branch: Branch, value: float, before: PeriodicOrbit, span: float) -> Landing | str:
-    """Return where a motion settles that starts beyond a value, in the direction of `span`, or what it does instead."""
-    told, scale = "", math.copysign(min(abs(span), _scale(branch, before)), span)
+    """Return where a motion settles that starts beyond a value, in the direction of `span`, or what it does instead.
+
+    A branch keeps what was found, as the ways of a curve are sought again after each new sheet.
+    """
+    scale = math.copysign(min(abs(span), _scale(branch, before)), span)
+    known: dict[tuple[float, float, bytes], Landing | str] = vars(branch).setdefault("_landings", {})
+    asked = (value, scale, before.x0.tobytes())
+    if asked not in known:
+        known[asked] = _settled_beyond(branch, value, before, scale)
+    return known[asked]
+
+
+def _settled_beyond(branch: Branch, value: float, before: PeriodicOrbit, scale: float) -> Landing | str:
+    told = ""
     for share in _BEYOND:
         beyond = {**before.parameters, branch.parameter: value + share * scale}
         after = settled(branch.system, beyond, before.x0)

@@ -11,6 +11,9 @@ import numpy as np
 
 from saltus.afm.modelling import suffix
 from saltus.errors import ConvergenceError, SaltusError, StiffnessError, shortened
+from saltus.flow.motion import starting_mode
+from saltus.flow.poincare import iterate
+from saltus.flow.taylor import ORDER
 from saltus.orbits import PeriodicOrbit, find_orbit
 from saltus.sweeps import SweepOptions, run_sweep
 
@@ -19,12 +22,17 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem
 
-__all__ = ["described", "periods_of_patience", "settled", "starts_about", "stays_in_contact"]
+__all__ = ["described", "periods_of_patience", "settled", "settled_orbit", "starts_about", "stays_in_contact"]
 
 _PATIENCE = 8.0  # periods in which a motion is given up, over those in which a free one falls to 1/e
 _FEWEST = 500.0  # periods after which a motion is given up, at the least
 _MOST = 200_000.0  # periods after which a motion is given up, at the most
 _KEPT = 3000  # periods of which the kind of a motion without a period is told, at the most
+_BATCH = 40  # periods after which a motion is first looked at; then after twice as many
+_AGAIN = 2.0  # periods over those of patience, as the Poincare map takes little time
+_TURNS = 16  # periods of the longest orbit that is looked for
+_NEAR = 1e-4  # distance of two returns, in the states' sizes, from which an orbit is sought
+_ROUNDING = 1e-9  # size of a state, over the largest one, that may be rounding of 0
 _RADII = (0.5, 1.0)  # amplitudes of the starts, over the largest displacement
 _ANGLES = 8  # phases of the starts for each amplitude
 _LONGEST = 120  # characters of an orbit's path in words, at most
@@ -63,7 +71,7 @@ def settled(
     patience = periods_of_patience(parameters)
     try:
         with suppress(ConvergenceError, StiffnessError):  # a sweep tells what it does instead
-            return find_orbit(system, parameters, x0, mode, settle=patience)
+            return settled_orbit(system, parameters, x0, mode)
     except SaltusError as error:
         return f"the motion is lost: {error}"
     if patience == _MOST:
@@ -83,6 +91,57 @@ def settled(
         return find_orbit(system, parameters, motion.state, motion.mode, settle=1.0)
     except SaltusError:
         return f"the motion settles on {_periods(motion.period)}"
+
+
+def settled_orbit(
+    system: HybridSystem, parameters: Mapping[str, float], x0: ArrayLike, mode: str | None = None
+) -> PeriodicOrbit:
+    """Return the periodic orbit on which a motion settles; it is followed by the Poincare map until it recurs.
+
+    Parameters
+    ----------
+    system, parameters, x0, mode
+        As `settled` takes them.
+
+    Raises
+    ------
+    InputError, ConvergenceError, StiffnessError, ChatteringError, DivergenceError
+        As `saltus.find_orbit`.
+
+    Examples
+    --------
+    >>> from saltus import afm
+    >>> probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=20.0, R_nm=10.0)
+    >>> system = afm.model(probe, afm.Hertz(E_GPa=1.0), afm.Drive(A0_nm=10.0), Zc_nm=20.0)
+    >>> round(settled_orbit(system, system.parameters, [0.0, 0.0]).max["z1_nm"], 6)
+    10.0
+    """
+    patience = periods_of_patience(parameters)
+    if system.series(ORDER) is None:
+        return find_orbit(system, parameters, x0, mode, settle=patience)
+    p, x = system.parameter_vector(parameters), system.full_state(x0)
+    here = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
+    done, batch, longest = 0, _BATCH, min(_AGAIN * patience, _MOST)
+    while True:
+        seen = iterate(system, p, x, here, discard=batch, keep=2 * _TURNS + 1)
+        x, here = seen.x_end, seen.mode_end
+        done += batch + 2 * _TURNS + 1
+        batch *= 2
+        if done < longest and not _recurs(seen.states[:, :-1]):
+            continue
+        try:
+            return find_orbit(system, parameters, x, system.mode_names[here], settle=1.0)
+        except (ConvergenceError, StiffnessError):
+            if done >= longest:
+                raise
+
+
+def _recurs(states: NDArray[np.float64]) -> bool:
+    """Return whether returns of a motion, shape (return, states), nearly repeat after some of them."""
+    scale = np.abs(states).max(axis=0)
+    scale = np.maximum(scale, _ROUNDING * scale.max())
+    gaps = (np.abs(states[turns:] - states[:-turns]) / scale for turns in range(1, _TURNS + 1))
+    return any(float(gap.max()) < _NEAR for gap in gaps)
 
 
 def periods_of_patience(parameters: Mapping[str, float]) -> float:
