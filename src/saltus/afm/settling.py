@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -30,9 +30,13 @@ _MOST = 200_000.0  # periods after which a motion is given up, at the most
 _KEPT = 3000  # periods of which the kind of a motion without a period is told, at the most
 _BATCH = 40  # periods after which a motion is first looked at; then after twice as many
 _AGAIN = 2.0  # periods over those of patience, as the Poincare map takes little time
+_TOLERANCE = (1e-7, 1e-9)  # of steps on the way; the orbit is solved for anew
 _TURNS = 16  # periods of the longest orbit that is looked for
+_CLOSE = (
+    1e-2  # distance of returns from those of an orbit, in the states' sizes, to which a motion comes that settles on it
+)
 _NEAR = 1e-4  # distance of two returns, in the states' sizes, from which an orbit is sought
-_ROUNDING = 1e-9  # size of a state, over the largest one, that may be rounding of 0
+_NOTHING = 1e-6  # size of a state, over the largest one, below which it does not count
 _RADII = (0.5, 1.0)  # amplitudes of the starts, over the largest displacement
 _ANGLES = 8  # phases of the starts for each amplitude
 _LONGEST = 120  # characters of an orbit's path in words, at most
@@ -94,7 +98,11 @@ def settled(
 
 
 def settled_orbit(
-    system: HybridSystem, parameters: Mapping[str, float], x0: ArrayLike, mode: str | None = None
+    system: HybridSystem,
+    parameters: Mapping[str, float],
+    x0: ArrayLike,
+    mode: str | None = None,
+    known: Sequence[PeriodicOrbit] = (),
 ) -> PeriodicOrbit:
     """Return the periodic orbit on which a motion settles; it is followed by the Poincare map until it recurs.
 
@@ -102,6 +110,8 @@ def settled_orbit(
     ----------
     system, parameters, x0, mode
         As `settled` takes them.
+    known : sequence of PeriodicOrbit, optional
+        Stable orbits at these parameters. A motion that comes ever nearer to one of them is not followed further.
 
     Raises
     ------
@@ -113,34 +123,64 @@ def settled_orbit(
     >>> from saltus import afm
     >>> probe = afm.Probe(k_N_m=2.0, f0_kHz=70.0, Q=20.0, R_nm=10.0)
     >>> system = afm.model(probe, afm.Hertz(E_GPa=1.0), afm.Drive(A0_nm=10.0), Zc_nm=20.0)
-    >>> round(settled_orbit(system, system.parameters, [0.0, 0.0]).max["z1_nm"], 6)
+    >>> found = settled_orbit(system, system.parameters, [0.0, 0.0])
+    >>> round(found.max["z1_nm"], 6)
     10.0
+    >>> settled_orbit(system, system.parameters, [1.0, 0.0], known=[found]) is found
+    True
     """
     patience = periods_of_patience(parameters)
     if system.series(ORDER) is None:
         return find_orbit(system, parameters, x0, mode, settle=patience)
     p, x = system.parameter_vector(parameters), system.full_state(x0)
     here = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
+    sections = [_section_of(orbit, p) for orbit in known]
     done, batch, longest = 0, _BATCH, min(_AGAIN * patience, _MOST)
     while True:
-        seen = iterate(system, p, x, here, discard=batch, keep=2 * _TURNS + 1)
-        x, here = seen.x_end, seen.mode_end
+        seen = iterate(system, p, x, here, discard=batch, keep=2 * _TURNS + 1, tolerance=_TOLERANCE)
+        x, here, states = seen.x_end, seen.mode_end, seen.states[:, :-1]
         done += batch + 2 * _TURNS + 1
         batch *= 2
-        if done < longest and not _recurs(seen.states[:, :-1]):
-            continue
-        try:
-            return find_orbit(system, parameters, x, system.mode_names[here], settle=1.0)
-        except (ConvergenceError, StiffnessError):
-            if done >= longest:
-                raise
+        sizes = _sizes(system, parameters, states)
+        for orbit, section in zip(known, sections, strict=True):
+            if _approaches(states, section, sizes):
+                return orbit
+        if done >= longest:
+            return find_orbit(system, parameters, x, system.mode_names[here], settle=patience)
+        if _recurs(states, sizes):
+            with suppress(ConvergenceError, StiffnessError):  # it has not settled yet
+                return find_orbit(system, parameters, x, system.mode_names[here], settle=1.0)
 
 
-def _recurs(states: NDArray[np.float64]) -> bool:
+def _section_of(orbit: PeriodicOrbit, p: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the states of an orbit at phase 0, shape (turn, states)."""
+    start = orbit.segments[0]
+    mode = orbit.system.mode_index(start.mode)
+    return iterate(orbit.system, p, start.state, mode, discard=0, keep=orbit.form.turns).states[:, :-1]
+
+
+def _sizes(system: HybridSystem, parameters: Mapping[str, float], states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sizes of a motion's states from its returns; at a return a displacement or a velocity may vanish."""
+    sizes: NDArray[np.float64] = np.abs(states).max(axis=0)
+    omega = 2e-3 * math.pi * parameters["f_kHz"]
+    for z, name in enumerate(system.states):
+        if name.startswith("z"):
+            v = system.states.index(f"v{name[1:]}_us")
+            sizes[z] = max(sizes[z], sizes[v] / omega)
+            sizes[v] = sizes[z] * omega
+    return np.asarray(np.maximum(sizes, _NOTHING * sizes.max()))
+
+
+def _approaches(states: NDArray[np.float64], section: NDArray[np.float64], sizes: NDArray[np.float64]) -> bool:
+    """Return whether the returns of a motion are near those of an orbit, and come nearer."""
+    apart = (np.abs(states[:, None, :] - section) / sizes).max(axis=2).min(axis=1)
+    before, after = float(apart[:_TURNS].max()), float(apart[-_TURNS:].max())
+    return after < _CLOSE and (after < before or after < _NEAR)
+
+
+def _recurs(states: NDArray[np.float64], sizes: NDArray[np.float64]) -> bool:
     """Return whether returns of a motion, shape (return, states), nearly repeat after some of them."""
-    scale = np.abs(states).max(axis=0)
-    scale = np.maximum(scale, _ROUNDING * scale.max())
-    gaps = (np.abs(states[turns:] - states[:-turns]) / scale for turns in range(1, _TURNS + 1))
+    gaps = (np.abs(states[turns:] - states[:-turns]) / sizes for turns in range(1, _TURNS + 1))
     return any(float(gap.max()) < _NEAR for gap in gaps)
 
 
