@@ -42,9 +42,9 @@ def distance_curve(
 
     A sheet onto which no way jumps is found by motions that settle on it. They start from rest, with the free motion,
     in contact, and with the tip drawn back by half of the free amplitude. So it is at both ends of the range, in the
-    middle, and at shares of the free amplitude. It is also at each eighth of the range where no motion is stable.
-    `starts` asks for more. What settles on no orbit of up to four periods is told by ``Curve.failures``. A sheet that no motion
-    settles on is missed.
+    middle, and at shares of the free amplitude. It is also at each eighth of the range where no motion is stable, and
+    in narrower gaps. `starts` asks for more. What settles on no orbit of up to four periods is told by
+    ``Curve.failures``. A sheet that no motion settles on is missed.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -45,6 +45,7 @@ __all__ = [
 CLEAR = 3.0  # gap of the far start, over the free amplitude
 _RESTS = 400  # displacements at which a rest of the probe is looked for
 _MOST_SHEETS = 8  # sheets that are sought beyond the first ones
+_GAP = 1e-3  # width of a gap between stable stretches, over the range, in which a motion is followed
 _EIGHTHS = 8  # parts of the range, between which a motion is followed where no motion is stable
 _TOUCHING = 1.2  # distance up to which a tip may touch, over the free amplitude
 _DEEPEST = 2.0  # depth of indentation down to which a rest in contact is looked for, over the distance
@@ -80,10 +81,8 @@ def traced(how: Tracing, starts: tuple[PeriodicOrbit, ...], of: str | int, place
     for place in _asked_places(curve, how):
         curve = asked(curve, place)
     curve = _with_resonance(curve, how)
-    for k in range(1, _EIGHTHS):
-        place = low + k / _EIGHTHS * (high - low)
-        if not _is_covered(curve, place):
-            curve = asked(curve, place)
+    for place in _uncovered(curve, [low + k / _EIGHTHS * (high - low) for k in range(1, _EIGHTHS)]):
+        curve = asked(curve, place)
     for k in range(places):
         place = low + (k + 0.5) / places * (high - low)
         curve = _with_asked(curve, how, place, _everywhere(curve, {**p, how.along: place}))
@@ -229,10 +228,21 @@ def _is_traced(orbit: PeriodicOrbit, how: Tracing, *, held: bool = False) -> boo
     return inside and orbit.stable and orbit.form.turns <= _LONGEST and held
 
 
-def _is_covered(curve: Curve, place: float) -> bool:
-    """Return whether a curve has a stable motion at a place."""
-    reached = (curve.branches[stretch.sheet].values[list(stretch.points)] for stretch in stretches_of(curve.branches))
-    return any(float(values[0]) <= place <= float(values[-1]) for values in reached)
+def _uncovered(curve: Curve, places: Sequence[float]) -> Iterator[float]:
+    """Yield those of some places, then the middles of gaps without them, at which a curve has no stable motion."""
+    (low, high), asked = curve.bounds, list(places)
+
+    def covered() -> list[tuple[float, float]]:
+        reached = (curve.branches[one.sheet].values[list(one.points)] for one in stretches_of(curve.branches))
+        return sorted((float(values[0]), float(values[-1])) for values in reached)
+
+    open_places = [place for place in asked if not any(begin <= place <= end for begin, end in covered())]
+    yield from open_places
+    reach = low
+    for begin, end in [*covered(), (high, high)]:
+        if begin - reach > _GAP * (high - low) and not any(reach <= place <= begin for place in open_places):
+            yield 0.5 * (reach + begin)
+        reach = max(reach, end)
 
 
 def _sheet(start: PeriodicOrbit, how: Tracing) -> Branch:
