@@ -14,7 +14,7 @@ from saltus.afm.curve import Curve
 from saltus.afm.modelling import driven_mode, suffix
 from saltus.afm.readings import drives_of, turns_of
 from saltus.afm.routes import is_pulled_in
-from saltus.afm.settling import described, periods_of_patience, settled_orbit, starts_about, stays_in_contact
+from saltus.afm.settling import Known, described, periods_of_patience, settled_orbit, starts_about, stays_in_contact
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.way import is_interrupted
 from saltus.errors import ConvergenceError, SaltusError
@@ -53,7 +53,7 @@ _LONGEST = 4  # turns of the phase in the period of a motion whose sheet is foll
 _UNSTABLE_FROM = ("SN", "PD", "TR", "BP")  # special points at which a branch's motions may lose their stability
 STEPS = StepControl(pieces=32)  # steps where none are given; motions of more pieces are saddles, far from any motion
 CLEAR_NM = 20.0  # least gap of the far start, in nm
-_SHARES = (0.15, 0.3, 0.45, 0.6)  # distances at which motions start, over the free amplitude
+_SHARES = (0.15, 0.3, 0.45)  # distances at which motions start, over the free amplitude
 _HALF_WIDTHS = (-2.0, 0.0, 2.0)  # frequencies at which motions start, from the resonance, in its half widths
 _DRAWN = 0.5  # by how much a tip is drawn back, over the free amplitude
 
@@ -147,8 +147,8 @@ def _with_resonance(curve: Curve, how: Tracing) -> Curve:
 def _with_asked(curve: Curve, how: Tracing, place: float, starts: Sequence[_Start]) -> Curve:
     """Return a curve with the sheets of motions that settle at a place, and in words what the others do."""
     system, parameters = curve.system, {**curve.branches[0].orbit(0).parameters, how.along: place}
-    known = [orbit for branch in curve.branches for orbit in orbits_at(branch, place)]
-    known = [orbit for orbit in known if orbit.stable and orbit.admissible]
+    here = [orbit for branch in curve.branches for orbit in orbits_at(branch, place)]
+    known = [Known.of(orbit) for orbit in here if orbit.stable and orbit.admissible]
     told = []
     for start in starts:
         where = f"{how.along} = {place:.6g}, {start.words}"
@@ -157,9 +157,9 @@ def _with_asked(curve: Curve, how: Tracing, place: float, starts: Sequence[_Star
         except SaltusError as error:
             told.append((place, f"{where}: {error}"))
             continue
-        if any(found is one for one in known):
+        if any(found is one.orbit for one in known):
             continue
-        known.append(found)
+        known.append(Known.of(found))
         if found.form.turns > _LONGEST:
             told.append((place, f"{where}: {described(found)}, whose sheet is not followed"))
         elif not any(is_on(branch, found) for branch in curve.branches):
