@@ -2,6 +2,8 @@
 
 import json
 import math
+import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -266,6 +268,32 @@ def test_a_soft_lever_has_its_motions_in_permanent_contact_whatever_the_range():
     drive = 0.3 * 10.0 / 100.0  # nN
     assert stable_at(wide, 5.0)[0] == pytest.approx(drive / (stiffness - 0.3), rel=0.01)
     assert wide.ways[0].stopped.endswith("static pull-in: beyond, the tip stays in contact")
+
+
+def test_a_motion_that_taps_beside_those_in_contact_is_found_in_any_range():
+    """A stiffer tap beside the attracted motion: on it settles a tip drawn back, at shares of the free amplitude."""
+    probe = afm.Probe(k_N_m=0.3, f0_kHz=20.0, Q=100.0, R_nm=10.0)
+    system = afm.model(probe, LAW, afm.Drive(A0_nm=10.0), Zc_nm=5.0)
+    changes = {"H_aJ": 0.1, "a0_nm": 0.2, "E_GPa": 1.0}
+    starts = ([0.0, 0.0], [5.0, 0.0], [-5.0, 0.0])
+    settled = [afm.observables(saltus.find_orbit(system, changes, x0))["amplitude_nm"] for x0 in starts]
+    assert len(set(np.round(settled, 4))) == 3
+    for bounds in ((-20.0, 26.0), (2.0, 26.0), (0.0, 12.0)):
+        np.testing.assert_allclose(
+            stable_at(afm.distance_curve(system, bounds, parameters=changes), 5.0), sorted(settled), rtol=1e-6
+        )
+
+
+def test_what_settles_on_no_orbit_is_told_and_kept(tune, tmp_path):
+    told = replace(tune, failures=((300.0, "f_kHz = 300, from rest: the motion is chaotic"),))
+    with pytest.warns(RuntimeWarning, match=r"missing at f_kHz = 300\.3: f_kHz = 300, from rest: the .* chaotic$"):
+        assert len(told.at(300.3)) == len(tune.at(300.3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        told.at(301.0)  # further away than an eighth of the range
+    told.save(tmp_path / "tune.nc")
+    assert afm.Curve.load(tmp_path / "tune.nc").failures == told.failures
+    assert "in part     f_kHz = 300, from rest" in repr(told)
 
 
 def test_distance_and_frequency_have_units_and_names_in_datasets(curve, tune):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import saltus
 from saltus import FitOptions, InputError, MeasuredPoint, afm
 from saltus.fitting.sheets import sheets_of
 
@@ -107,3 +108,28 @@ def test_a_motion_that_only_begins_to_touch_parts_no_sheet(tune):
     """Contact begins on the stable sheets: the curve has one jump on each way, and two stable sheets."""
     assert [jump.direction for jump in tune.jumps] == ["down", "up"]
     assert len(sheets_of(tune.branches)) == 2
+
+
+def test_a_viscosity_comes_back_from_a_tune_whose_way_down_begins_with_a_small_motion():
+    """Noise of known size: the value is found within its error, and data above the jump are on a sheet of their own."""
+
+    def sample(eta_Pa_s):
+        probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+        law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5) + afm.KelvinVoigt(eta_Pa_s=eta_Pa_s)
+        return afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=8.5)
+
+    curve, noise, rows = afm.frequency_curve(sample(30.0), (298.5, 301.5)), np.random.default_rng(7), []
+    for way in ("up", "down"):
+        path = curve.path(way).sortby("f_kHz")
+        for f in np.r_[298.6:299.2:4j, 299.24:299.56:9j, 299.7:301.4:5j]:
+            swept_nm = np.interp(f, path.f_kHz, path.amplitude_nm)
+            stable = [afm.observables(orbit) for orbit in curve.at(f_kHz=f) if orbit.stable]
+            seen = min(stable, key=lambda one, there=swept_nm: abs(one["amplitude_nm"] - there))
+            rows.append(
+                (f, seen["amplitude_nm"] + noise.normal(0.0, 0.05), seen["lag_deg"] + noise.normal(0.0, 0.5), way)
+            )
+    data = dict(zip(("f_kHz", "amplitude_nm", "lag_deg", "direction"), map(list, zip(*rows, strict=True)), strict=True))
+    at_rest = saltus.find_orbit(sample(30.0), {"f_kHz": 301.4}, [0.0, 0.0])
+    assert data["amplitude_nm"][-1] == pytest.approx(afm.observables(at_rest)["amplitude_nm"], abs=0.2)
+    found = afm.fit(data, sample(60.0), {"eta_Pa_s": (1.0, 300.0)}, {"amplitude_nm": 0.05, "lag_deg": 0.5})
+    assert abs(found["eta_Pa_s"] - 30.0) < 2.5 * found.errors["eta_Pa_s"] < 5.0

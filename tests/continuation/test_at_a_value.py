@@ -1,5 +1,6 @@
 """Solutions of a branch at a value of its parameter: closed forms, turns, bad input."""
 
+import contextlib
 import math
 
 import numpy as np
@@ -40,6 +41,16 @@ def test_a_value_of_a_point_and_of_a_fold_has_the_solution_once(impacting, fold)
     assert any(np.array_equal(orbit.x0, impacting.x0[3]) for orbit in impacting.at(whole[3]))
     at_fold = fold.at(fold["SN1"].parameters["a"])
     assert [found.state.tolist() for found in at_fold] == [fold["SN1"].equilibrium.state.tolist()]
+
+
+def test_a_value_that_misses_an_end_by_rounding_has_the_solution_of_the_end_once(impacting, fold):
+    for branch in (impacting, fold):
+        for end, next_to_it in ((0, 1), (-1, -2)):
+            value, inner = float(branch.values[end]), float(branch.values[next_to_it])
+            missed = math.nextafter(value, math.copysign(math.inf, value - inner))
+            assert len(branch.at(missed)) == len(branch.at(value)) >= 1
+            with contextlib.suppress(InputError):  # no other part of the branch comes there
+                assert len(branch.at(value + 1e-6 * (value - inner))) == len(branch.at(value)) - 1
 
 
 def test_equilibria_at_a_value_are_in_order_along_the_branch(fold):

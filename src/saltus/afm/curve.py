@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,10 +14,11 @@ import numpy as np
 from saltus import checks
 from saltus.afm.model_parts import parts_of
 from saltus.afm.readings import CONVENTIONS, check_model, formulas, readings_of, regime, shown_phase, turns_of
-from saltus.afm.routes import Landing, Way, way_along
+from saltus.afm.routes import Jump, Landing, Way, way_along
 from saltus.contents import Contents
 from saltus.continuation import Branch
 from saltus.continuation.branch_files import RAGGED, branches_of, branches_together
+from saltus.continuation.crossings import comes_to
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.results import Result
@@ -32,6 +34,7 @@ __all__ = ["Curve", "Feature", "Jump"]
 
 _DIRECTIONS = {"Zc_nm": ("approach", "retract"), "f_kHz": ("down", "up")}  # of the ways to lower and higher values
 _NONE = np.empty(0)
+_BESIDE = 0.125  # distance of a failure, over the range, that is next to a place
 _ALWAYS = 1.0 - 1e-9  # share of the time in contact of a tip that never leaves it, less rounding
 
 
@@ -59,25 +62,6 @@ class Feature(NamedTuple):
     sheet: int
 
 
-class Jump(NamedTuple):
-    """A jump on the way of an experiment.
-
-    Attributes
-    ----------
-    direction : str
-        The way on which it happens.
-    value : float
-        Distance or frequency.
-    before_nm, after_nm : float
-        Amplitudes.
-    """
-
-    direction: str
-    value: float
-    before_nm: float
-    after_nm: float
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Curve(Result):
     """Readings along distance or frequency: stable and unstable orbits, jumps, the ways that an experiment takes.
@@ -98,6 +82,8 @@ class Curve(Result):
         Of what amplitude and lag are told: ``deflection``, ``tip``, or the number of a mode.
     phase_convention : str
         What is shown of the lag, as `saltus.afm.observables` takes it: ``lag90``, ``bruker0`` or ``asylum``.
+    failures : tuple of (float, str)
+        Places where motions from some start settle on no orbit that is followed, and what they do instead.
     """
 
     system: HybridSystem
@@ -106,6 +92,7 @@ class Curve(Result):
     branches: tuple[Branch, ...]
     of: str | int = "deflection"
     phase_convention: str = "lag90"
+    failures: tuple[tuple[float, str], ...] = ()
 
     def __len__(self) -> int:
         return sum(len(branch) for branch in self.branches)
@@ -290,14 +277,24 @@ class Curve(Result):
         ------
         InputError
             No sheet comes there, or the value is no number, or given twice or by another name.
+
+        Warns
+        -----
+        RuntimeWarning
+            Motions may be missing: one of `failures` is within an eighth of the range.
         """
         if (value is None) == (not place) or (place and set(place) != {self.along}):
             raise InputError("at", place or value, f"one value of {self.along}, as {self.along}={self.values[0]:.6g}")
         wanted = checks.number(self.along, place[self.along] if value is None else value)
-        reached = [b for b in self.branches if float(b.values.min()) <= wanted <= float(b.values.max())]
+        reached = [branch for branch in self.branches if comes_to(branch, wanted)]
         if not reached:
             low, high = float(self.values.min()), float(self.values.max())
             raise InputError(self.along, wanted, f"between {low:.9g} and {high:.9g}, where the curve is")
+        beside = _BESIDE * (self.bounds[1] - self.bounds[0])
+        if doubts := [text for place, text in self.failures if abs(place - wanted) <= beside]:
+            others = f", and {len(doubts) - 1} more" * (len(doubts) > 1)
+            told = f"saltus: motions may be missing at {self.along} = {wanted:.9g}: {doubts[0]}{others}"
+            warnings.warn(told, RuntimeWarning, stacklevel=2)
         return tuple(orbit for branch in reached for orbit in branch.at(wanted))
 
     @property
@@ -412,7 +409,7 @@ class Curve(Result):
         attrs = {name: json.dumps(part) for name, part in parts_of(self.system, held).items()} | {
             "along": self.along, "low": self.bounds[0], "high": self.bounds[1], "of": json.dumps(self.of),
             "definition": json.dumps(self.system.definition()), "phase_convention": self.phase_convention,
-            "ragged": RAGGED,
+            "ragged": RAGGED, "failures": json.dumps(self.failures),
         }  # fmt: skip
         return xr.Dataset(data, coords=coords, attrs=attrs)
 
@@ -427,7 +424,9 @@ class Curve(Result):
         branches = tuple(branch for branch in found if branch is not None)
         low, high = held.number("low"), held.number("high")
         convention = checks.chosen("attribute 'phase_convention'", held.text("phase_convention"), CONVENTIONS)
-        return cls(system, along, (low, high), branches, of, convention)
+        told = held.json("failures", list) if "failures" in held.dataset.attrs else []
+        failures = tuple((checks.number("failures", place), checks.text("failures", text)) for place, text in told)
+        return cls(system, along, (low, high), branches, of, convention, failures)
 
     def __repr__(self) -> str:
         low, high = float(self.values.min()), float(self.values.max())
@@ -443,6 +442,7 @@ class Curve(Result):
         if "contact_fraction" in self.readings and self.column("contact_fraction").min() > _ALWAYS:
             lines.append("  contact     at all times: the tip is pulled in at larger distances already")
         lines += [f"  {name:10}  {way.stopped}" for way, name in zip(self.ways, self.directions, strict=True)]
+        lines += [f"  in part     {failure}" for _, failure in self.failures]
         return "\n".join(lines)
 
     def _attributes(self, name: str) -> dict[str, str]:

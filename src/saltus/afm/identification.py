@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.afm.curves import Tracing, distance_curve, frequency_curve, sheet_again
+from saltus.afm.curves import distance_curve, frequency_curve
 from saltus.afm.readings import check_model, formulas
+from saltus.afm.sheets import Tracing, sheet_again
 from saltus.afm.units import checked
 from saltus.errors import InputError
 from saltus.fitting.estimation import FitOptions, fitted, task

@@ -21,13 +21,14 @@ from saltus.orbits.orbit import extremes_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Landing", "Way", "is_pulled_in", "way_along"]
+__all__ = ["Jump", "Landing", "Way", "is_pulled_in", "way_along"]
 
 _BEYOND = (1e-3, 1e-2)  # shares of `_scale` by which a motion is moved beyond a fold; next to it nothing settles soon
 _WIDTHS = 10.0  # scale along the frequency, in widths of the resonance
 _SAME = 1e-4  # distance of extremes, over the largest one, up to which a settled motion is on a sheet
 _MOST_JUMPS = 50  # jumps on a way, at most
 _DOUBLED = 0.1  # difference of extremes just beyond a period doubling, over the largest one, that is no jump
+_ROUNDING = 1e-12  # difference of parameters, relative, that is rounding
 _END = 1e-9  # distance from the end of the range, over the range, that is rounding
 
 
@@ -47,6 +48,25 @@ class Landing(NamedTuple):
     value: float
     before: PeriodicOrbit
     after: PeriodicOrbit
+
+
+class Jump(NamedTuple):
+    """A jump on the way of an experiment.
+
+    Attributes
+    ----------
+    direction : str
+        The way on which it happens.
+    value : float
+        Distance or frequency.
+    before_nm, after_nm : float
+        Amplitudes.
+    """
+
+    direction: str
+    value: float
+    before_nm: float
+    after_nm: float
 
 
 @dataclass
@@ -185,8 +205,20 @@ def _landing(branch: Branch, stretch: Stretch, sign: float, span: float) -> Land
 
 
 def _settled(branch: Branch, value: float, before: PeriodicOrbit, span: float) -> Landing | str:
-    """Return where a motion settles that starts beyond a value, in the direction of `span`, or what it does instead."""
-    told, scale = "", math.copysign(min(abs(span), _scale(branch, before)), span)
+    """Return where a motion settles that starts beyond a value, in the direction of `span`, or what it does instead.
+
+    A branch keeps what was found, as the ways of a curve are sought again after each new sheet.
+    """
+    scale = math.copysign(min(abs(span), _scale(branch, before)), span)
+    known: dict[tuple[float, float, bytes], Landing | str] = vars(branch).setdefault("_landings", {})
+    asked = (value, scale, before.x0.tobytes())
+    if asked not in known:
+        known[asked] = _settled_beyond(branch, value, before, scale)
+    return known[asked]
+
+
+def _settled_beyond(branch: Branch, value: float, before: PeriodicOrbit, scale: float) -> Landing | str:
+    told = ""
     for share in _BEYOND:
         beyond = {**before.parameters, branch.parameter: value + share * scale}
         after = settled(branch.system, beyond, before.x0)
@@ -240,7 +272,8 @@ def _target(branches: Sequence[Branch], stretches: Sequence[Stretch], settled: P
             max(abs(np.interp(here, values(stretch), column) - w) for column, w in zip(columns, wanted, strict=True))
         )
 
-    covering = [stretch for stretch in stretches if values(stretch)[0] <= here <= values(stretch)[-1]]
+    rounding = _ROUNDING * abs(here)
+    covering = [one for one in stretches if values(one)[0] - rounding <= here <= values(one)[-1] + rounding]
     if not covering:
         return None
     nearest = min(covering, key=away)

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.afm.settling import starts_about
+from saltus.afm.settling import settled_orbit, starts_about
 from saltus.errors import SaltusError
-from saltus.orbits import find_orbit
 from saltus.orbits.orbit import extremes_of
 
 if TYPE_CHECKING:
@@ -82,7 +81,7 @@ def stable_orbits(curve: Curve, place: float) -> StableOrbits:
     largest = max(float(max(abs(orbit.lows[z]), abs(orbit.highs[z]))) for orbit in here)
     for x0 in starts_about(curve.system, parameters, largest):
         try:
-            _add(known, find_orbit(curve.system, parameters, x0))
+            _add(known, settled_orbit(curve.system, parameters, x0))
         except SaltusError:
             unsettled += 1
     return StableOrbits(tuple(known), unstable, len(known) - on_curve, unsettled)

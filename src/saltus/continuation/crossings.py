@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 
     from saltus.continuation.special_points import SpecialPoints
 
-__all__ = ["OneParameterCurve", "solutions_at"]
+__all__ = ["OneParameterCurve", "comes_to", "solutions_at"]
 
 _APART = 1e-9  # distance in arclength below which a special point is a point of the branch
+_END = 1e-12  # difference of an end from a value, over the value or the range, that is rounding
 _ROUNDING = 1e-9  # size of a state, over the largest one's, that may be rounding of 0
 _PERHAPS = 1e-3  # the same of the nearest of all solutions found, as beside a grazing, where orbits grow like a root
 _NEAR = 1e-6  # share of a solution's size by which it may be further from its guess than both neighbours are apart
@@ -46,6 +47,16 @@ class OneParameterCurve(Protocol[Solution]):
 
     def _solution(self, index: int) -> Solution:
         """Return the solution of one point."""
+
+
+def comes_to(curve: OneParameterCurve[Solution], value: float) -> bool:
+    """Return whether the points of a branch come to a value of its parameter, but for rounding."""
+    least, largest, rounding = float(curve.values.min()), float(curve.values.max()), _rounding(curve, value)
+    return least - rounding <= value <= largest + rounding
+
+
+def _rounding(curve: OneParameterCurve[Solution], value: float) -> float:
+    return _END * max(abs(value), float(np.ptp(curve.values)))
 
 
 def solutions_at(
@@ -151,7 +162,7 @@ def _crossings(curve: OneParameterCurve[Solution], value: float) -> Iterator[tup
     """Yield neighbours before and after each place where a branch takes a value, and the share of the way between them.
 
     Next to a turn the parameter grows like the square of the way; elsewhere it is taken to be linear. Where a node has
-    the value itself, it is both of them, and the share is 0.
+    the value itself, it is both of them, and the share is 0. So it is with an end that misses the value by rounding.
     """
     arclength, values = curve.arclength.tolist(), curve.values.tolist()
     nodes = [Node(arc, v, i, False, False) for i, (arc, v) in enumerate(zip(arclength, values, strict=True))]
@@ -160,8 +171,14 @@ def _crossings(curve: OneParameterCurve[Solution], value: float) -> Iterator[tup
             turns = special.type in ("SN", "TP")
             nodes.append(Node(special.arclength, special.value(curve.parameter), i, True, turns))
     nodes.sort()
+    short = [
+        end
+        for end, inner in ((nodes[0], nodes[1:2]), (nodes[-1], nodes[-2:-1]))
+        if abs(end.value - value) <= _rounding(curve, value)
+        and all((end.value - value) * (b.value - value) > 0.0 for b in inner)
+    ]
     for at, b in enumerate(nodes):
-        if b.value == value:
+        if b.value == value or b in short:
             yield b, b, 0.0
         a = nodes[at - 1]
         if at > 0 and (a.value - value) * (b.value - value) < 0.0:
