@@ -16,8 +16,9 @@ import numpy as np
 
 from saltus.continuation.faint import faint_step, resolved
 from saltus.continuation.monitor import Monitor
+from saltus.continuation.returning import crosses_back, may_return
 from saltus.continuation.watching import slope
-from saltus.continuation.zero_problem import Event, Examined, Point
+from saltus.continuation.zero_problem import Event, Examined, Point, hermite
 from saltus.equilibria.find import responses, state_sizes
 from saltus.system.angles import wrapped
 
@@ -47,6 +48,8 @@ _SHORT = 1e-5  # arclength of a step up to which several critical values may be 
 _CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
 _EQUAL = 1e-6  # relative difference of two values up to which they are equal by symmetry
 _UNEXPLAINED = "stability changes without a bifurcation that explains it"
+_ROUNDED = 1e-9  # growth up to which it is rounding
+_BACK = "events: a value becomes critical within the step and returns"
 _RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it rests
 
 
@@ -111,6 +114,7 @@ class AlgebraicZeroProblem(ABC):
         self._log: float | None = None
         self._units: dict[Monitor, float] = {}
         self._rank = 0  # place of the value that is watched where several become critical at once
+        self._apart: tuple[int, ...] = ()  # the same of real values and of pairs
         self._crossed: int | None = None  # change of the number of unstable values in the last step, if it is known
 
     @abstractmethod
@@ -242,6 +246,9 @@ class AlgebraicZeroProblem(ABC):
         if _ZEROS in names or _FLIPS in names:  # two equal real values change the sign of the pairs' function as well
             kinds.discard(self.paired.kind)
             names = [name for name in names if name != self.paired]
+        if _ZEROS in names:  # the determinant vanishes with a high power, where its sign is rounding around it
+            kinds.discard("BP")
+            names = [name for name in names if name != _BP]
         return [name for name in names if name.kind == self.type_of(name) or self.type_of(name) not in kinds]
 
     def sort_out(self, events: list[Event]) -> list[Event] | str:
@@ -260,14 +267,23 @@ class AlgebraicZeroProblem(ABC):
 
     def _explained(self, events: list[Event], crossed: int) -> bool:
         """Return whether the events of a step explain how the number of unstable values changes in it."""
-        most, several = 0, False
+        free = any(self.type_of(event.name) == "BP" for event in events)
+        total, alone, paired = {0}, {0}, {0}
         for event in events:
             kind = self.type_of(event.name)
             if kind in self.single or kind == self.paired.kind:
                 count = self.multiplicity(event.point.examined.data.values, kind)
-                most += count * (2 if kind == self.paired.kind else 1)
-                several |= count > 1
-        return crossed <= most and (several or (most - crossed) % 2 == 0)
+                free |= count > 1
+                # on the branch that turns at a BP, or where several cross, the number may change by less
+                ways = range(-count, count + 1) if free else (-count, count)
+                share = 2 if kind == self.paired.kind else 1
+                total = {known + share * way for known in total for way in ways}
+                if share == 2:
+                    paired = {known + way for known in paired for way in ways}
+                else:
+                    alone = {known + way for known in alone for way in ways}
+        apart = not self._apart or (self._apart[0] in alone and self._apart[1] in paired)
+        return crossed in total and apart
 
     def crowded(self, names: list[Monitor]) -> bool:
         """Return whether more than one bifurcation lies in a step."""
@@ -287,15 +303,40 @@ class AlgebraicZeroProblem(ABC):
         if before.examined.data is None:
             return None if short else before.examined.fault
         old: AlgebraicData = before.examined.data
+        ends = np.sort(self.growth(old.values)), np.sort(self.growth(data.values))
+        near = bool(may_return(*ends))
+        if near and not short and self._crosses_back(before, point, *ends):
+            return _BACK
         crossed = abs(data.unstable - old.unstable)
+        apart = self._crossed_apart(old.values, data.values) if near or changed else ()
         real = sum(kind in changed for kind in self.single)
         centre = any(math.isnan(table.get(self.paired, 0.0)) for table in (known, monitors))
         if centre:
             return _UNEXPLAINED if crossed > real + 2 and not short else None
-        self._crossed = None if short else crossed
+        if crossed == 0 and any(apart) and not short:
+            return _UNEXPLAINED
+        self._crossed, self._apart = None if short else crossed, apart
         if crossed > real:
             self._watch(before, monitors, data, needed=crossed > real + 2 * (self.paired.kind in changed))
         return None
+
+    def _crossed_apart(self, before: NDArray[np.complex128], after: NDArray[np.complex128]) -> tuple[int, ...]:
+        """Return by how many unstable real values and unstable pairs differ; nothing where real ones become pairs."""
+        found = []
+        for values in (before, after):
+            paired = np.abs(values.imag) > _EQUAL * np.abs(values)
+            grows = self.growth(values) > _ROUNDED
+            found.append((int(paired.sum()), int((grows & ~paired).sum()), int((grows & paired).sum()) // 2))
+        (pairs, *first), (others, *second) = found
+        return tuple(abs(b - a) for a, b in zip(first, second, strict=True)) if pairs == others else ()
+
+    def _crosses_back(self, a: Point, b: Point, before: NDArray[np.float64], after: NDArray[np.float64]) -> bool:
+        """Return whether a value becomes critical within a step and returns."""
+
+        def growth(share: float) -> NDArray[np.float64]:
+            return np.sort(self.growth(self.spectrum(hermite(a, b, b.arc - a.arc, share))))
+
+        return crosses_back(growth, before, after)
 
     def _watched(self, value: complex) -> Monitor:
         """Return the monitor function of a value that becomes critical."""

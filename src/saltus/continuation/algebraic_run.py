@@ -12,10 +12,11 @@ import numpy as np
 
 from saltus.continuation.algebraic_problem import AlgebraicZeroProblem, closes
 from saltus.continuation.arclength import StepControl, follow
+from saltus.continuation.multiple import crossing_point
 from saltus.continuation.options import read_value
 from saltus.continuation.run import Going, OneParameterRun
 from saltus.continuation.two_sided import BothSides, Found, OneSide, join, traced, turned
-from saltus.continuation.zero_problem import Event, Point, start_point
+from saltus.continuation.zero_problem import Event, Point, correct, start_point
 from saltus.equilibria.critical import solve_branch_point, solve_saddle_node
 from saltus.errors import InputError, nearest
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["AlgebraicRun", "read_point_events"]
 
 _AT_START = 1e-10  # test function, over its usual size, up to which a start is critical
+_BESIDE = 1e-3  # arclength from a multiple point at which the branch is regular
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
 _AT_REST = 1e-7  # the same, below which all solutions beyond a border have one parameter
@@ -226,6 +228,9 @@ class AlgebraicRun(OneParameterRun):
             if (same := next((origin for origin in met if origin is not None), None)) is not None:
                 half.points.append((branch, same))
                 half.closed = True
+                share = float(item.weights @ ((same.u - last.u) * (item.u - last.u))) / (item.arc - last.arc)
+                # the step leads beyond the start, where the branch was before
+                half.specials = [found for found in half.specials if found.arc < last.arc + share]
                 return "the branch is closed"
             if (end := self.keep(half, branch, item)) is not None:
                 return end
@@ -246,10 +251,13 @@ class AlgebraicRun(OneParameterRun):
             half.specials.append(replace(self.found(name, branch, event, half), of=of))
             return self.end_at(half, branch, point, stop)
         name = kind = branch.type_of(event.name)
-        several = branch.multiplicity(point.examined.data.values, kind) > 1
-        if kind in ("SN", "BP") and not several:
-            solve = solve_branch_point if kind == "BP" else solve_saddle_node
-            u = solve(branch.problem, point.u, branch.sizes)
+        count = branch.multiplicity(point.examined.data.values, kind)
+        if kind in ("SN", "BP") and (count == 1 or kind == "BP"):
+            if count > 1:
+                u = self._together(branch, half.points[-1][1] if half.points else point, point, count)
+            else:
+                solve = solve_branch_point if kind == "BP" else solve_saddle_node
+                u = solve(branch.problem, point.u, branch.sizes)
             if u is not None and float(point.weights @ (u - point.u) ** 2) < _NEAR**2:
                 point.u = u
             if kind == "SN" and u is None and event.value == 0.0 and self._grown(point) > _FAR:
@@ -275,6 +283,24 @@ class AlgebraicRun(OneParameterRun):
         if crossing.u is None:
             return f"{self.place(point)}: {self.at_border}, {crossing.reason}"
         return self._switch(branch, crossing, point)
+
+    def _together(
+        self, branch: AlgebraicZeroProblem, last: Point, point: Point, count: int
+    ) -> NDArray[np.float64] | None:
+        """Return where several values become critical at once, located between two points beside; None if unknown."""
+
+        def growth(u: NDArray[np.float64]) -> float:
+            values = branch.growth(branch.spectrum(u))
+            return float(np.mean(values[np.argsort(np.abs(values))[:count]]))
+
+        sides = [
+            correct(branch, point.u + way * _BESIDE * last.tangent, last.tangent, last.weights, self.control.iterations)
+            for way in (-1.0, 1.0)
+        ]
+        a, b = sides
+        if isinstance(a, str) or isinstance(b, str):
+            return None
+        return crossing_point(branch.evaluate, growth, (a, b), branch.scale(), count)
 
     def _switch(self, branch: AlgebraicZeroProblem, crossing: Crossing, old: Point) -> str | Going:
         """Return equations, point and step to go on with beyond a border, or why no branch does."""

@@ -1,4 +1,4 @@
-"""All branches that meet at a point where several directions cross at once, as by symmetry.
+"""The point where several directions cross at once, as by symmetry, and all branches that meet there.
 
 docs/theory/equilibria.md, "Multiple points", explains the search.
 """
@@ -16,9 +16,11 @@ from saltus.errors import ConvergenceError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.continuation.zero_problem import Point
+
     Equations = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
-__all__ = ["branches_at", "crossing"]
+__all__ = ["branches_at", "crossing", "crossing_point"]
 
 _SINGULAR = 1e-6  # singular value, over the largest, up to which it is 0
 _FAINT = 1e-12  # size of an equation's terms, over the largest, up to which it has no size of its own
@@ -36,11 +38,63 @@ _CONVERGED = 1e-9  # Newton step, over the amplitude, of a converged solution
 _OPEN = 1e-3  # least singular value of a regular solution's equations, over what the parameter changes
 _FARTHEST = 100.0  # distance from the point, over the amplitude and over the sizes, up to which a solution is sought
 _SAME = 1e-3  # difference of a cosine from 1 up to which two solutions are on one branch
+_SECANTS = 12  # most interpolations between there
+_CENTRED = 1e-13  # their last change, over the distance
 
 
 def crossing(values: NDArray[np.floating[Any]]) -> int:
     """Return how many directions cross at once at a point, of the singular values of its Jacobian, largest first."""
     return int(np.sum(values <= _SINGULAR * values[0]))
+
+
+def crossing_point(
+    evaluate: Equations,
+    growth: Callable[[NDArray[np.float64]], float],
+    sides: tuple[Point, Point],
+    sizes: NDArray[np.float64],
+    count: int,
+) -> NDArray[np.float64] | None:
+    """Return the point of the known branch at which several values are critical, shape (n + 1,); None if there is none.
+
+    A determinant vanishes there with a high power, and its sign is rounding around it: the values themselves do not.
+
+    Parameters
+    ----------
+    evaluate : callable
+        Returns equations, (n,), and their Jacobian, (n, n + 1).
+    growth : callable
+        Returns the mean growth of the values that are critical.
+    sides : (Point, Point)
+        Points of the known branch on both sides.
+    sizes : ndarray, shape (n + 1,)
+        Sizes of the unknowns.
+    count : int
+        How many values are critical.
+    """
+    a, b = sides
+    row = a.weights * (b.u - a.u)
+    row /= np.linalg.norm(row * sizes)
+
+    def at(share: float) -> NDArray[np.float64]:
+        u = (1.0 - share) * a.u + share * b.u
+        for _ in range(3):  # Newton steps, but for those along the other branches
+            F, J = evaluate(u)
+            left, values, right = np.linalg.svd(np.vstack([J, row]) * sizes)
+            inverse = np.append(1.0 / values[:-count], np.zeros(count))
+            u = u + sizes * (right.T @ (inverse * (left.T @ np.append(-F, 0.0))))
+        return u
+
+    s, t, fs, ft = 0.0, 1.0, growth(a.u), growth(b.u)
+    if fs * ft >= 0.0:
+        return None
+    for _ in range(_SECANTS):
+        new = t - ft * (t - s) / (ft - fs)
+        if not -1.0 < new < 2.0:
+            return None
+        s, t, fs, ft = t, new, ft, growth(at(new))
+        if abs(t - s) < _CENTRED or ft in (0.0, fs):
+            return at(t)
+    return at(t)
 
 
 def branches_at(

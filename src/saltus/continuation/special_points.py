@@ -223,8 +223,13 @@ class SpecialPoint(Generic[Solution]):
         Raises
         ------
         InputError
-            The point is of another type.
+            The point is of another type, or several eigenvalues, multipliers or pairs are critical at once.
         """
+        if (count := self.multiplicity) > 1:
+            hint = "a normal form belongs to one; switch_branch(point, which=...) gives the branches"
+            raise InputError(
+                "point", self.label, "critical in one direction", f"{count} are critical at once, and {hint}"
+            )
         if isinstance(self.solution, Equilibrium):
             problem = self.solution.problem(*self.varied)
             values = [self.parameters[name] for name in self.varied]

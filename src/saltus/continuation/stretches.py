@@ -6,12 +6,14 @@ docs/theory/equilibria.md, "Many steps at once", explains what must not happen o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.continuation.monitor import Monitor
-from saltus.continuation.zero_problem import Examined, Point
+from saltus.continuation.returning import crosses_back, doubtful
+from saltus.continuation.zero_problem import Examined, Point, cubic
 from saltus.equilibria.spectrum import FAINT, NEUTRAL, combined
 
 if TYPE_CHECKING:
@@ -83,7 +85,7 @@ class Stretch:
 
         interest, sizes, origin, rows = branch
         n = problem.n
-        self._interest = interest
+        self._interest, self._problem = interest, problem
         self._points, self._jacobians = np.empty((_MOST, 2, n + 1)), np.empty((_MOST, n, n + 1))
         numbers = np.empty((_MOST, 5))
         p = problem.compiled.extended(problem.p)
@@ -132,7 +134,24 @@ class Stretch:
         still &= ~_returning(table, arcs)
         # a step is final when the next one does not show that zeros were passed over
         still &= ~np.append(_returning(table[::-1], -arcs[::-1])[::-1][1:], False)
-        return int(np.argmin(still)) if not np.all(still) else self.taken
+        kept = int(np.argmin(still)) if not np.all(still) else self.taken
+        return self._before_return(point, kept)
+
+    def _before_return(self, last: Point, kept: int) -> int:
+        """Return how many of the first points come before a step in which an eigenvalue crosses and returns."""
+        growth = np.vstack([last.examined.data.values.real, self.values[:kept].real])
+        for i in doubtful(growth, self.numbers[:kept, 4]).tolist():
+            ends = (last.line if i == 0 else self._points[i - 1]), self._points[i], float(self.numbers[i, 4])
+            if crosses_back(partial(self._growth, *ends), growth[i], growth[i + 1]):
+                return int(i)
+        return kept
+
+    def _growth(
+        self, a: NDArray[np.float64], b: NDArray[np.float64], length: float, share: float
+    ) -> NDArray[np.float64]:
+        """Return the eigenvalues' real parts at a fraction of a step, the largest first."""
+        J = self._problem.evaluate(cubic(a, b, length, share))[1]
+        return np.asarray(np.sort(np.linalg.eigvals(J[:, :-1]).real)[::-1])
 
     def points(self, last: Point, count: int) -> list[Point]:
         """Return the first `count` points, examined; `last` is the point before them."""

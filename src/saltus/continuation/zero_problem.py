@@ -15,7 +15,9 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Event", "Examined", "Point", "ZeroProblem", "correct", "hermite", "start_point"]
+    Line = tuple[NDArray[np.float64], NDArray[np.float64]] | NDArray[np.float64]  # a point and its tangent
+
+__all__ = ["Event", "Examined", "Point", "ZeroProblem", "correct", "cubic", "hermite", "start_point"]
 
 _STEP_ACCEPTED = 2e-9  # largest relative Newton step of a converged point
 _REMESHED = 20  # most further Newton iterations of a converged point while its mesh is refined
@@ -226,5 +228,10 @@ def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float
 
 def hermite(a: Point, b: Point, length: float, s: float) -> NDArray[np.float64]:
     """Return the cubic through both points and their tangents at the fraction `s` of a step of arclength `length`."""
+    return cubic((a.u, a.tangent), (b.u, b.tangent), length, s)
+
+
+def cubic(a: Line, b: Line, length: float, s: float) -> NDArray[np.float64]:
+    """Return `hermite` of two points that are given with their tangents."""
     end, off = s * s * (3.0 - 2.0 * s), s * (1.0 - s) * length
-    return (1.0 - end) * a.u + end * b.u + ((1.0 - s) * off) * a.tangent - (s * off) * b.tangent
+    return (1.0 - end) * a[0] + end * b[0] + ((1.0 - s) * off) * a[1] - (s * off) * b[1]
