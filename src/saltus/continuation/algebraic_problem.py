@@ -48,6 +48,7 @@ _SHORT = 1e-5  # arclength of a step up to which several critical values may be 
 _CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
 _EQUAL = 1e-6  # relative difference of two values up to which they are equal by symmetry
 _UNEXPLAINED = "stability changes without a bifurcation that explains it"
+_CLEAR = 1e-6  # growth of a value, over the largest, from which on its sign is clear at a critical point
 _ROUNDED = 1e-9  # growth up to which it is rounding
 _BACK = "events: a value becomes critical within the step and returns"
 _RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it rests
@@ -114,6 +115,7 @@ class AlgebraicZeroProblem(ABC):
         self._log: float | None = None
         self._units: dict[Monitor, float] = {}
         self._rank = 0  # place of the value that is watched where several become critical at once
+        self._counts = 0, 0  # of unstable values at the ends of the last step
         self._apart: tuple[int, ...] = ()  # the same of real values and of pairs
         self._crossed: int | None = None  # change of the number of unstable values in the last step, if it is known
 
@@ -260,7 +262,7 @@ class AlgebraicZeroProblem(ABC):
             return f"location: {self.vanishing}"
         pairs = (self.paired, _PAIRS)
         events = [e for e in events if e.name not in pairs or self.is_pair(e.point.examined.data.values)]
-        if self._crossed is not None and not self._explained(events, self._crossed):
+        if self._crossed is not None and not (self._explained(events, self._crossed) and self._in_turn(events)):
             return _UNEXPLAINED
         branchings = [event.point.arc for event in events if self.type_of(event.name) == "BP"]
         return [e for e in events if e.name != _SN or all(abs(e.point.arc - arc) > 1e-5 for arc in branchings)]
@@ -284,6 +286,27 @@ class AlgebraicZeroProblem(ABC):
                     alone = {known + way for known in alone for way in ways}
         apart = not self._apart or (self._apart[0] in alone and self._apart[1] in paired)
         return crossed in total and apart
+
+    def _in_turn(self, events: list[Event]) -> bool:
+        """Return whether the numbers of unstable values at a step's ends are those on both sides of each event.
+
+        At an event, the values that are not critical tell both: a pair that crossed before it is among them.
+        """
+        known, last = {self._counts[0]}, self._counts[1]
+        for event in sorted(events, key=lambda event: event.point.arc):
+            kind, values = self.type_of(event.name), event.point.examined.data.values
+            if kind not in self.single and kind != self.paired.kind:
+                continue
+            count = self.multiplicity(values, kind) * (2 if kind == self.paired.kind else 1)
+            growth = self.growth(values)
+            others = growth[np.argsort(np.abs(growth), kind="stable")[count:]]
+            if np.any(np.abs(others) < _CLEAR * np.abs(growth).max(initial=0.0)):
+                return True
+            there = int(np.sum(others > 0.0))
+            if not any(there <= number <= there + count for number in known):
+                return False
+            known = set(range(there, there + count + 1))
+        return last in known
 
     def crowded(self, names: list[Monitor]) -> bool:
         """Return whether more than one bifurcation lies in a step."""
@@ -316,6 +339,7 @@ class AlgebraicZeroProblem(ABC):
         if crossed == 0 and any(apart) and not short:
             return _UNEXPLAINED
         self._crossed, self._apart = None if short else crossed, apart
+        self._counts = old.unstable, data.unstable
         if crossed > real:
             self._watch(before, monitors, data, needed=crossed > real + 2 * (self.paired.kind in changed))
         return None

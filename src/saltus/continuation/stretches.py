@@ -132,8 +132,11 @@ class Stretch:
         still &= np.abs(tests[:, 2]) > FAINT
         still &= self.unstable == np.concatenate([[point.examined.data.unstable], self.unstable[:-1]])
         still &= ~_returning(table, arcs)
-        # a step is final when the next one does not show that zeros were passed over
-        still &= ~np.append(_returning(table[::-1], -arcs[::-1])[::-1][1:], False)
+        # a step is final when the next one does not show that zeros were passed over; so is the step to `point`
+        passed = _returning(table[::-1], -arcs[::-1])[::-1]
+        if passed.size and passed[0]:
+            return 0
+        still &= ~np.append(passed[1:], False)
         kept = int(np.argmin(still)) if not np.all(still) else self.taken
         return self._before_return(point, kept)
 
