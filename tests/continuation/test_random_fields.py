@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+import saltus
+
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 SPREAD = ("general", "odd", "plane", "ring")
 
@@ -60,3 +62,34 @@ def test_five_eigenvalues_that_vanish_at_once_are_located_as_well_as_one(campaig
 def test_random_maps_have_the_points_of_a_scan_at_three_steps(campaign, kind):
     for _, f, start in campaign.cases(2, 11, (kind,), maps=True):
         assert_alike(campaign, f, start, 0, kind)
+
+
+@pytest.fixture(scope="module")
+def flame():
+    """Eight odd modes of the Kuramoto-Sivashinsky equation; mode k is born at nu = 1/k^2."""
+    field = {}
+    for k in range(1, 9):
+        products = [f"b{i}*b{k - i}/2" for i in range(1, k)] + [f"-b{i}*b{i + k}" for i in range(1, 9 - k)]
+        field[f"b{k}"] = f"({k**2} - nu*{k**4})*b{k} - {k}/2*({' + '.join(products) or '0'})"
+    return saltus.HybridSystem.smooth(field, {"nu": 1.1})
+
+
+@pytest.mark.parametrize("largest", [0.1, 0.3])
+def test_a_determinant_that_changes_by_many_orders_hides_no_branch_point(flame, largest):
+    steps = saltus.StepControl(largest=largest)
+    rest = saltus.find_equilibrium(flame, x0=[0.0] * 8)
+    branch = saltus.continue_equilibrium(rest, "nu", (0.02, 1.1), steps=steps)
+    born = [point.parameters["nu"] for point in branch.special_points.of_type("BP")]
+    assert born == pytest.approx([1.0 / k**2 for k in range(7, 0, -1)], abs=1e-12)
+    assert len(branch.special_points) == 7
+
+
+@pytest.mark.parametrize("largest", [0.1, 0.3])
+def test_beside_the_vertex_of_a_pitchfork_there_is_no_fold(flame, largest):
+    steps = saltus.StepControl(largest=largest)
+    rest = saltus.find_equilibrium(flame, x0=[0.0] * 8)
+    trivial = saltus.continue_equilibrium(rest, "nu", (0.02, 1.1), steps=steps)
+    fourth = saltus.continue_equilibrium(saltus.switch_branch(trivial["BP4"]), "nu", (0.02, 1.1), steps=steps)
+    at_vertex = [p.type for p in fourth.special_points if abs(p.parameters["nu"] - 1.0 / 16.0) < 1e-9]
+    assert at_vertex == ["BP"]
+    assert fourth.special_points.of_type("SN") == []

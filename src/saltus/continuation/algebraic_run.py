@@ -37,6 +37,8 @@ _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
 _AT_REST = 1e-7  # the same, below which all solutions beyond a border have one parameter
 _TURNING = 1e-5  # arclength from a branch point within which the parameter turns because of it
+_VERTEX = 0.05  # arclength from a branch point within which the parameter rests if it turns there
+_AT_ONE_VALUE = 1e-9  # change of the parameter meanwhile
 _RESTS = 1e-5  # change of the parameter per unit of arclength, below which a branch may grow without bound
 _GROWN = 1e3  # size of a state, over that at the start, from which on it may
 _FAR = 10.0  # the same, from which on a parameter that rests need not turn
@@ -87,6 +89,7 @@ class AlgebraicRun(OneParameterRun):
         super().__init__(*options)
         self.solution = solution
         self.first_sizes: NDArray[np.float64] = np.empty(0)
+        self._blunt: set[int] = set()  # numbers of the points before folds that Newton's method does not find
         self._marks: list[tuple[NDArray[np.float64], float]] = []  # sizes and parameter since it rests, at doublings
 
     @abstractmethod
@@ -172,7 +175,7 @@ class AlgebraicRun(OneParameterRun):
 
     def begin(self, directions: str) -> tuple[AlgebraicZeroProblem, Point]:
         """Return the equations and the first point, its tangent towards growing parameter."""
-        self._marks = []
+        self._marks, self._blunt = [], set()
         form, x = self.given()
         u = np.append(x, self.start_value(self.solution.parameters))
         branch = self.equations(form, u, None)
@@ -251,6 +254,7 @@ class AlgebraicRun(OneParameterRun):
             half.specials.append(replace(self.found(name, branch, event, half), of=of))
             return self.end_at(half, branch, point, stop)
         name = kind = branch.type_of(event.name)
+        blunt = False  # whether Newton's method finds no fold at an SN
         count = branch.multiplicity(point.examined.data.values, kind)
         if kind in ("SN", "BP") and (count == 1 or kind == "BP"):
             if count > 1:
@@ -262,8 +266,18 @@ class AlgebraicRun(OneParameterRun):
                 point.u = u
             if kind == "SN" and u is None and event.value == 0.0 and self._grown(point) > _FAR:
                 return None  # the parameter rests on the way to infinity, and does not turn
+            blunt = u is None
         if kind == "SN" and any(f.name == "BP" and abs(f.arc - point.arc) < _TURNING for f in half.specials):
             return None
+        if kind in ("SN", "BP"):
+            # next to the vertex of a pitchfork the parameter rests, so the turn may be placed beside the BP
+            beside = [f for f in half.specials if f.name != kind and self._same_turn(f, point)]
+            if kind == "SN" and blunt and any(f.name == "BP" for f in beside):
+                return None
+            if kind == "BP":
+                half.specials = [f for f in half.specials if not (f in beside and f.after in self._blunt)]
+            if kind == "SN" and blunt:
+                self._blunt.add(len(half.points))
         if kind != self.border:
             half.specials.append(self.found(name, branch, event, half))
             if kind == "BP" and (end := self.closed_up(branch, point)) is not None:
@@ -283,6 +297,11 @@ class AlgebraicRun(OneParameterRun):
         if crossing.u is None:
             return f"{self.place(point)}: {self.at_border}, {crossing.reason}"
         return self._switch(branch, crossing, point)
+
+    def _same_turn(self, found: Found, point: Point) -> bool:
+        """Return whether a special point found before may be the turn of the parameter at a point."""
+        away = abs(float(found.solution.parameters[self.name]) / self.scale - point.parameter)
+        return found.name in ("SN", "BP") and abs(found.arc - point.arc) < _VERTEX and away < _AT_ONE_VALUE
 
     def _together(
         self, branch: AlgebraicZeroProblem, last: Point, point: Point, count: int

@@ -38,7 +38,7 @@ def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | st
     # next to a singular point the tangent is undetermined, and with it other monitor functions
     for name in sorted(problem.leading(list(changed)), key=lambda name: name not in problem.singular):
         event = locate(problem, name, a, b, *changed[name])
-        if event is not None and abs(event.value) <= _JUMP * max(abs(value) for value in changed[name]):
+        if event is not None and abs(event.value) <= _JUMP * _unit(problem, name, *changed[name]):
             events.append(event)
         elif b.arc - a.arc > CROWDED and not any(event.name in problem.singular for event in events):
             return f"location: no zero of {name} between the step's ends"
@@ -91,7 +91,8 @@ def locate(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: f
     s = fa / (fa - fb)
     bend, near = np.zeros_like(a.u), False
     scale = problem.scale()
-    floor = problem.noise.get(name, _EXACT) * max(abs(fa), abs(fb))
+    unit = _unit(problem, name, fa, fb)
+    floor = problem.noise.get(name, _EXACT) * unit
     previous = math.inf
     for _ in range(60):
         base, tangent = hermite(a, b, length, s), _hermite_slope(a, b, length, s)
@@ -133,7 +134,7 @@ def locate(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: f
             continue
         if not settled and abs(f) < 1e3 * size:
             continue
-        if not near and name in problem.singular and abs(f) < 1e-3 * max(abs(fa), abs(fb)):
+        if not near and name in problem.singular and abs(f) < 1e-3 * unit:
             near, known = True, [(0.0, fa), (1.0, fb)]
             low, high, f_low = max(0.0, s - 0.1), min(1.0, s + 0.1), fa
             continue
@@ -144,6 +145,12 @@ def locate(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: f
         known = [*known[-3:], (s, f)]
         s, previous = _zero(known, low, high), math.inf
     return None
+
+
+def _unit(problem: ZeroProblem, name: Any, fa: float, fb: float) -> float:
+    """Return the size of a monitor function in a step. A determinant may change in it by many orders of magnitude."""
+    size = min if name in problem.singular and name not in problem.noise else max
+    return size(abs(fa), abs(fb)) or max(abs(fa), abs(fb))
 
 
 def _without_kernel(
