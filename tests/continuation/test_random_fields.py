@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import importlib
 from collections import Counter
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import saltus
@@ -93,3 +96,65 @@ def test_beside_the_vertex_of_a_pitchfork_there_is_no_fold(flame, largest):
     at_vertex = [p.type for p in fourth.special_points if abs(p.parameters["nu"] - 1.0 / 16.0) < 1e-9]
     assert at_vertex == ["BP"]
     assert fourth.special_points.of_type("SN") == []
+
+
+# communities: each species' rate is its number times a linear function, so that branches are straight
+
+
+@pytest.fixture(scope="module")
+def communities():
+    """Return communities of a number of species, each made once, all coefficients parameters."""
+
+    @cache
+    def made(n):
+        texts = {
+            f"x{i}": f"x{i}*(r{i} + g{i}*mu - " + " - ".join(f"a{i}_{j}*x{j}" for j in range(n)) + ")" for i in range(n)
+        }
+        names = [f"a{i}_{j}" for i in range(n) for j in range(n)] + [f"{c}{i}" for c in "rg" for i in range(n)]
+        return saltus.HybridSystem.smooth(texts, {"mu": 0.1} | dict.fromkeys(names, 0.5))
+
+    return made
+
+
+def changes_of(a, r, g, there):
+    """Return where the number of unstable eigenvalues changes along the straight branch, by 1 or by 2."""
+    slopes = [np.linalg.solve(a[np.ix_(there, there)], v[there]) for v in (r, g)]
+
+    def count(mu):
+        x = np.zeros(len(r))
+        x[there] = slopes[0] + mu * slopes[1]
+        values = np.linalg.eigvals(np.diag(r + g * mu - a @ x) - x[:, None] * a)
+        return int(np.sum(values.real > 0.0))
+
+    def between(low, high):
+        if count(low) == count(high):
+            return []
+        if high - low < 1e-10:
+            return [(abs(count(high) - count(low)), low)]
+        middle = 0.5 * (low + high)
+        return between(low, middle) + between(middle, high)
+
+    grid = np.linspace(-2.0, 2.0, 1601)
+    return [change for low, high in pairwise(grid.tolist()) for change in between(low, high)]
+
+
+@pytest.mark.parametrize("largest", [0.1, 0.3])
+@pytest.mark.parametrize("seed", [2, 4])
+def test_all_changes_in_communities_of_species_are_found(communities, seed, largest):
+    for i in range(48):
+        n, rng = 2 + i % 4, np.random.default_rng([seed, 77, 2 + i % 4, i])
+        a, r, g = rng.normal(size=(n, n)), rng.normal(size=n), rng.normal(size=n)
+        a[np.diag_indices(n)] = rng.uniform(0.7, 2.0, n)
+        there = np.flatnonzero(rng.random(n) < 0.6)
+        if not there.size or np.linalg.cond(a[np.ix_(there, there)]) > 20.0:
+            continue
+        p = {f"a{k}_{j}": a[k, j] for k in range(n) for j in range(n)}
+        p |= {f"r{k}": r[k] for k in range(n)} | {f"g{k}": g[k] for k in range(n)}
+        x = np.zeros(n)
+        x[there] = np.linalg.solve(a[np.ix_(there, there)], (r + 0.1 * g)[there])
+        rest = saltus.find_equilibrium(communities(n), p, x)
+        branch = saltus.continue_equilibrium(rest, "mu", (-2.0, 2.0), steps=saltus.StepControl(largest=largest))
+        told = sorted((point.parameters["mu"], 2 if point.type == "HB" else 1) for point in branch.special_points)
+        wanted = sorted((mu, change) for change, mu in changes_of(a, r, g, there))
+        assert [change for _, change in told] == [change for _, change in wanted], (n, i)
+        np.testing.assert_allclose([mu for mu, _ in told], [mu for mu, _ in wanted], atol=1e-8)
