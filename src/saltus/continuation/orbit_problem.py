@@ -382,8 +382,8 @@ class OrbitZeroProblem:
         in the same step, a complex pair arises and crosses the unit circle unseen.
         """
         a, here, b = (point.examined.data for point in (before, event.point, after))
-        if not a.survey.admissible:
-            return None
+        if here is None or not a.survey.admissible:
+            return event.point.examined.fault if here is None else None
         if turned(self.problem, event.name, event.point.u):
             return "not admissible: a segment touches its surface inside before it does where it starts"
         if not a.followed or self.neutral or _rests(before, after):
