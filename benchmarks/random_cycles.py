@@ -15,7 +15,8 @@ import argparse
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -234,17 +235,14 @@ def examine(case: Case, name: str, results: Counter) -> bool:
     return right
 
 
-def cases(count: int, seed: int, kinds: tuple[str, ...]) -> Iterator[tuple[int, Case]]:
-    """Cases in turn; one whose start settles on no orbit is drawn again."""
-    for index in range(count):
-        rng, case = np.random.default_rng([seed, index]), None
-        kind = kinds[index % len(kinds)]
-        while case is None:
-            try:
-                case = born_case(rng) if kind == "born" else forced_case(kind, rng)
-            except SaltusError:
-                continue
-        yield index, case
+def drawn(index: int, seed: int, kinds: tuple[str, ...]) -> Case:
+    """The case of a number; one whose start settles on no orbit is drawn again."""
+    rng, kind = np.random.default_rng([seed, index]), kinds[index % len(kinds)]
+    while True:
+        with suppress(SaltusError):
+            case = born_case(rng) if kind == "born" else forced_case(kind, rng)
+            if case is not None:
+                return case
 
 
 def main() -> None:
@@ -257,10 +255,10 @@ def main() -> None:
     options = parser.parse_args()
     print(f"seed {options.seed}")
     results, by_kind, began, right = Counter(), Counter(), time.perf_counter(), True
-    for index, case in cases(options.count, options.seed, tuple(options.kinds)):
-        if options.only in (None, index):
-            right &= examine(case, f"{index}: {case.kind}", results)
-            by_kind[case.kind] += 1
+    for index in range(options.count) if options.only is None else (options.only,):
+        case = drawn(index, options.seed, tuple(options.kinds))
+        right &= examine(case, f"{index}: {case.kind}", results)
+        by_kind[case.kind] += 1
     print(f"{dict(by_kind)}\n{dict(results)}, {time.perf_counter() - began:.0f} s")
     sys.exit(0 if right else 1)
 

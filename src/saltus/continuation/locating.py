@@ -37,13 +37,13 @@ def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | st
     events: list[Event] = []
     # next to a singular point the tangent is undetermined, and with it other monitor functions
     for name in sorted(problem.leading(list(changed)), key=lambda name: name not in problem.singular):
-        event = locate(problem, name, a, b, *changed[name])
-        if event is not None and abs(event.value) <= _JUMP * _unit(problem, name, *changed[name]):
+        event = _located(problem, name, a, b, *changed[name])
+        if event is not None:
             events.append(event)
         elif b.arc - a.arc > CROWDED and not any(event.name in problem.singular for event in events):
             return f"location: no zero of {name} between the step's ends"
-        elif isinstance(name, Monitor) and name.kind in ("low", "high"):
-            events.append(_between(name, a, b, *changed[name]))  # a bound ends the branch, located well or not
+        elif _happens(problem, name, a, b):  # located well or not
+            events.append(_between(name, a, b, *changed[name]))
     kept = problem.sort_out(sorted(events, key=lambda event: event.point.arc))
     if isinstance(kept, str):
         return kept
@@ -51,7 +51,30 @@ def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | st
     return kept if overlooked is None else f"events: {overlooked} vanishes more than once within the step"
 
 
-def _between(name: Monitor, a: Point, b: Point, fa: float, fb: float) -> Event:
+def _located(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: float) -> Event | None:
+    """Return the zero of a monitor function, which is as small there as at a zero; None where there is none.
+
+    A determinant may change by many orders of magnitude in a step: its size is that at the end where it is less. Next
+    to the zero, where this is rounding, it is that at the other end.
+    """
+    least, largest = sorted((abs(fa), abs(fb)))
+    wide = name in problem.singular and name not in problem.noise and least > 0.0
+    for unit in (least, largest) if wide else (largest,):
+        event = locate(problem, name, a, b, fa, fb, unit)
+        if event is not None and abs(event.value) <= (max(_JUMP * least, _EXACT * largest) if wide else _JUMP * unit):
+            return event
+    return None
+
+
+def _happens(problem: ZeroProblem, name: Any, a: Point, b: Point) -> bool:
+    """Return whether an event lies in a short step without doubt: a bound, or a meeting that changes stability."""
+    if isinstance(name, Monitor) and name.kind in ("low", "high"):
+        return True
+    counts = [getattr(point.examined.data, "unstable", None) for point in (a, b)]
+    return name in problem.singular and None not in counts and counts[0] != counts[1]
+
+
+def _between(name: Any, a: Point, b: Point, fa: float, fb: float) -> Event:
     """Return the event at which a bound is passed in a short step, by interpolation alone."""
     share = fa / (fa - fb) if fa != fb else 1.0
     point = replace(b, u=hermite(a, b, b.arc - a.arc, share), arc=a.arc + share * (b.arc - a.arc))
@@ -74,8 +97,12 @@ def _overlooked(events: list[Event], a: Point, b: Point, changed: set[Any]) -> A
     return None
 
 
-def locate(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: float) -> Event | None:
+def locate(
+    problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: float, unit: float | None = None
+) -> Event | None:
     """Return the zero of a monitor function between two points of a branch; None where there is no zero.
+
+    The function's size is `unit`, by default that at the end where it is larger.
 
     Inverse interpolation along the step, within a bracket, gives the place at which the function would vanish. There
     one Newton step corrects the point in the plane normal to the branch. The corrections also measure how the branch
@@ -91,7 +118,7 @@ def locate(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: f
     s = fa / (fa - fb)
     bend, near = np.zeros_like(a.u), False
     scale = problem.scale()
-    unit = _unit(problem, name, fa, fb)
+    unit = unit or max(abs(fa), abs(fb))
     floor = problem.noise.get(name, _EXACT) * unit
     previous = math.inf
     for _ in range(60):
@@ -145,12 +172,6 @@ def locate(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: f
         known = [*known[-3:], (s, f)]
         s, previous = _zero(known, low, high), math.inf
     return None
-
-
-def _unit(problem: ZeroProblem, name: Any, fa: float, fb: float) -> float:
-    """Return the size of a monitor function in a step. A determinant may change in it by many orders of magnitude."""
-    size = min if name in problem.singular and name not in problem.noise else max
-    return size(abs(fa), abs(fb)) or max(abs(fa), abs(fb))
 
 
 def _without_kernel(
