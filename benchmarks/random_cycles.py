@@ -40,6 +40,8 @@ from saltus import (
 )
 
 LARGEST = (0.03, 0.1, 0.3)  # largest steps of the branches; the first is looked at by SciPy
+LONGEST = 5.0  # period of cycles, over the first one's, up to which a branch is followed
+TRIVIAL = 1e-5  # error of the multiplier 1 of a cycle, from which on SciPy's do not tell: next to a homoclinic orbit
 MOST = 300  # most points of each direction
 CRITICAL = 1e-4  # distance of a multiplier from its place at a special point
 DOUBLE = 1e-2  # the same where two meet
@@ -144,7 +146,9 @@ def multipliers(case: Case, x0: np.ndarray, values: np.ndarray, periods: np.ndar
     if case.kind == "born":
         f = case.vectors(0.0, x0, values)[0]
         across = [np.linalg.svd(row[None, :])[2][1:] for row in f]
+        clear = np.abs(np.linalg.eigvals(M) - 1).min(axis=1) < TRIVIAL
         M = np.array([Q @ A @ Q.T for Q, A in zip(across, M, strict=True)])
+        return away, np.where(clear[:, None], np.linalg.eigvals(M), np.inf)
     return away, np.linalg.eigvals(M)
 
 
@@ -159,7 +163,11 @@ def critical(kind: str, values: np.ndarray) -> float:
 
 
 def followed(case: Case, largest: float) -> Branch:
-    return continue_orbit(case.orbit, case.parameter, case.bounds, steps=StepControl(largest=largest, most=MOST))
+    longest = LONGEST * case.orbit.period
+    until = {"events": {"period": longest}, "stop_at": "period"} if case.kind == "born" else {}
+    return continue_orbit(
+        case.orbit, case.parameter, case.bounds, steps=StepControl(largest=largest, most=MOST), **until
+    )
 
 
 def told(branch: Branch) -> list[tuple[str, float, int, float]]:

@@ -31,3 +31,7 @@ def test_a_branch_point_next_to_the_end_of_a_step_is_located(campaign):
     results = Counter()
     assert campaign.examine(campaign.drawn(23, 1, FORCED), "equal", results)
     assert results["points"] == 2
+
+
+def test_random_cycles_have_the_points_that_scipy_explains(campaign):
+    assert campaign.examine(campaign.drawn(0, 3, ("born",)), "born", Counter())
