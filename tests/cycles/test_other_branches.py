@@ -111,5 +111,7 @@ def test_a_point_with_a_double_multiplier_has_no_normal_form():
     standard = Map(("p", "x"), {"K": 3.5}, {"p": "p + K*sin(x)", "x": "x + p + K*sin(x)"})
     point = saltus.continue_orbit(saltus.solve_orbit(standard, x0=[0.0, 3.0]), "K", (1.0, 8.0))["PD1"]
     assert point.parameters["K"] == pytest.approx(4.0, abs=1e-9)
-    with pytest.raises(InputError, match="point = 'PD1': must be critical in one direction; 2 are critical at once"):
-        _ = point.normal_form
+    form = point.normal_form
+    assert math.isnan(form.coefficient)
+    assert form.criticality == "undetermined"
+    assert repr(form) == "NormalForm PD: undetermined, 2 are critical at once"

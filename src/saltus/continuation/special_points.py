@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -223,17 +224,18 @@ class SpecialPoint(Generic[Solution]):
         Raises
         ------
         InputError
-            The point is of another type, or several eigenvalues, multipliers or pairs are critical at once.
+            The point is of another type, or several eigenvalues or pairs of an equilibrium are critical at once.
         """
-        if (count := self.multiplicity) > 1:
-            hint = "a normal form belongs to one; switch_branch(point, which=...) gives the branches"
-            raise InputError(
-                "point", self.label, "critical in one direction", f"{count} are critical at once, and {hint}"
-            )
+        count = self.multiplicity
         if isinstance(self.solution, Equilibrium):
+            if count > 1:
+                hint = f"{count} are critical at once; switch_branch(point, which=...) gives the branches"
+                raise InputError("point", self.label, "critical in one direction", hint)
             problem = self.solution.problem(*self.varied)
             values = [self.parameters[name] for name in self.varied]
             return equilibrium_form(problem, np.append(self.solution.state, values), self.type, self.scale)
+        if count > 1 and self.type in NORMAL_FORMS:  # both multipliers of a conservative map's period doubling are -1
+            return NormalForm(self.type, math.nan, math.nan, count)
         if isinstance(self.solution, MapOrbit):
             return NormalForm(self.type, *map_normal_form(self.solution, self.type))
         if self.type not in NORMAL_FORMS:

@@ -41,18 +41,24 @@ class NormalForm:
         segment's start. Another length keeps the signs of c and d; a changes sign with the eigenvector.
     angle : float
         Angle of the critical multipliers, in radians.
+    count : int
+        How many multipliers are critical at once, or pairs. With more than one, coefficient and angle are NaN.
     """
 
     type: str
     coefficient: float
     angle: float
+    count: int = 1
 
     @property
     def criticality(self) -> str:
         """What is born: for PD and TR ``supercritical`` (attracting within the centre manifold) or ``subcritical``.
 
-        A saddle-node is ``nondegenerate``. Where the coefficient vanishes exactly, ``degenerate``.
+        A saddle-node is ``nondegenerate``. Where the coefficient vanishes exactly, ``degenerate``. Where several
+        multipliers are critical at once, ``undetermined``.
         """
+        if self.count > 1:
+            return "undetermined"
         if self.coefficient == 0.0:
             return "degenerate"
         if self.type == "SN":
@@ -61,6 +67,8 @@ class NormalForm:
         return "supercritical" if attracting else "subcritical"
 
     def __repr__(self) -> str:
+        if self.count > 1:
+            return f"NormalForm {self.type}: {self.criticality}, {self.count} are critical at once"
         angle = f", angle {self.angle:.6g} rad" if self.type == "TR" else ""
         return f"NormalForm {self.type}: {self.criticality}, coefficient {self.coefficient:.6g}{angle}"
 
