@@ -171,7 +171,7 @@ class BranchRun(OneParameterRun):
             known = found.monitors.get(Monitor("EX" if value is None else "event", i), 0.0)
             if kind[4:] in names:
                 known += (survey.lows if kind.startswith("min") else survey.highs)[names.index(kind[4:])]
-            if math.isnan(known):
+            if math.isnan(known) and not name.startswith("velocity("):  # an orbit without the event may be the first
                 raise InputError("events", name, "a quantity that is a number all along the orbits", "NaN at the start")
 
     def advice(self) -> str:
