@@ -164,3 +164,21 @@ def test_a_hopf_point_at_a_saddle_node_is_tried_and_its_failure_told():
     (failure,) = found.failures
     assert failure.startswith("HB1 of branch 0: ")
     assert "it is a zero-Hopf point" in failure
+
+
+@pytest.mark.parametrize(
+    "starts", [[[0.0, 0.0]], [[0.0, 0.0], [0.7, 0.0]], [[0.7, 0.0], [0.0, 0.0]], [[0.577, 0.577], [0.0, 0.0]]]
+)
+def test_all_branches_of_a_square_are_found_once_from_any_starts(starts):
+    square = HybridSystem.smooth({"x": "a*x - x**3 - b*x*y**2", "y": "a*y - y**3 - b*y*x**2"}, {"a": 0.5, "b": 0.5})
+    found = saltus.diagram(square, "a", (-1.0, 1.0), starts)
+    axis, diagonal = 1.0, math.sqrt(1.0 / 1.5)
+    ends = sorted(tuple(np.abs(branch.states[-1]).round(6) + 0.0) for branch in found.branches)
+    assert ends == sorted(
+        tuple(np.round(end, 6))
+        for end in ((0.0, 0.0), (axis, 0.0), (0.0, axis), (diagonal, diagonal), (diagonal, diagonal))
+    )
+    for branch in found.branches:
+        leaning = np.abs(branch.states).min(axis=1) > 0.0
+        assert np.all(branch.stable[branch.values > 0.1] == leaning[branch.values > 0.1])
+    assert found.failures == ()

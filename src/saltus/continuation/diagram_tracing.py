@@ -180,6 +180,8 @@ class _Run:
         self.origins: list[Origin] = []
         self.failures: list[str] = []
         self._known: list[Place] = []
+        self._solved: list[Place] = []  # where several directions are critical at once, and all branches are known
+        self._unsolved: list[tuple[Place, str]] = []  # where they are not, and why
         self._waiting: list[tuple[int, SpecialPoint[Any]]] = []
 
     def trace(self, starts: list[Equilibrium | MapOrbit]) -> str:
@@ -196,10 +198,12 @@ class _Run:
                 for other in self._others(parent, point):
                     if len(self.branches) >= self.options.most:
                         return f"{self.options.most} branches: others meet at {point.label} of branch {parent}"
-                    if end := self._follow(other, origin):
+                    if end := self._follow(other, origin, perhaps_known=point.multiplicity > 1):
                         return end
         except KeyboardInterrupt:
             return _INTERRUPTED
+        finally:
+            self.failures += [told for _, told in self._unsolved]
         return f"all branches to depth {self.options.depth}"
 
     def _others(self, parent: int, point: SpecialPoint[Any]) -> list[Equilibrium | PeriodicOrbit | MapOrbit]:
@@ -208,8 +212,14 @@ class _Run:
         try:
             found = other_solutions(point)
         except SaltusError as error:
-            self.failures.append(f"{told}: {error}")
+            if point.multiplicity > 1:  # another branch may lead to the same place
+                self._unsolved.append((place_of(point, self.parameter), f"{told}: {error}"))
+            else:
+                self.failures.append(f"{told}: {error}")
             return []
+        if point.multiplicity > 1:
+            self._solved.append(place_of(point, self.parameter))
+            self._drop(self._solved[-1])
         kept = []
         for solution in found:
             value = solution.parameters[self.parameter]
@@ -220,7 +230,9 @@ class _Run:
                 self.failures.append(f"{told}: {text}")
         return kept
 
-    def _follow(self, start: Equilibrium | PeriodicOrbit | MapOrbit, origin: Origin) -> str:
+    def _follow(
+        self, start: Equilibrium | PeriodicOrbit | MapOrbit, origin: Origin, *, perhaps_known: bool = False
+    ) -> str:
         """Follow the branch through a solution; return why the search must end, or an empty text."""
         index = len(self.branches)
 
@@ -239,6 +251,8 @@ class _Run:
         except InputError as error:
             self.failures.append(f"{origin.label or 'the start'} of branch {origin.parent}: {error}")
             return ""
+        if perhaps_known and self._is_known(branch):
+            return ""
         self.branches.append(branch)
         self.origins.append(origin)
         self._gather(index, branch)
@@ -253,16 +267,32 @@ class _Run:
             if point.type not in (*kinds, "HB"):
                 continue
             place = place_of(point, self.parameter)
-            if any(place.is_same(known, width, ranges) for known in self._known):
-                self._waiting = [(i, other) for i, other in self._waiting
-                                 if not place_of(other, self.parameter).is_same(place, width, ranges)]  # fmt: skip
+            # two branches meet at a point; where more do, all may begin at a branch that comes later
+            known = self._known if point.multiplicity == 1 else self._solved
+            if any(place.is_same(other, width, ranges) for other in known):
+                self._drop(place)
                 continue
             self._known.append(place)
             if point.type in kinds and self.origins[index].depth < self.options.depth:
                 self._waiting.append((index, point))
 
-    def _lies_on_a_branch(self, start: Equilibrium | MapOrbit) -> bool:
-        """Return whether an equilibrium or a fixed point lies on a branch that is known."""
+    def _drop(self, place: Place) -> None:
+        """Wait no longer for the special points at a place."""
+        width = self.bounds[1] - self.bounds[0]
+        ranges = np.maximum(Diagram(self.system, self.parameter, tuple(self.branches), ()).ranges, 1e-300)
+        self._waiting = [(i, other) for i, other in self._waiting
+                         if not place_of(other, self.parameter).is_same(place, width, ranges)]  # fmt: skip
+        self._unsolved = [(known, told) for known, told in self._unsolved if not known.is_same(place, width, ranges)]
+
+    def _is_known(self, branch: DiagramBranch) -> bool:
+        """Return whether a branch has been followed before, by solutions away from the point at which it began."""
+        solution = branch.equilibrium if isinstance(branch, EquilibriumBranch) else branch.orbit
+        return all(self._lies_on_a_branch(solution(i)) for i in (len(branch) // 8, len(branch) - 1 - len(branch) // 8))
+
+    def _lies_on_a_branch(self, start: Equilibrium | PeriodicOrbit | MapOrbit) -> bool:
+        """Return whether an equilibrium or a fixed point lies on a branch that is known; of cycles this is not told."""
+        if isinstance(start, PeriodicOrbit) or (isinstance(start, MapOrbit) and start.period > 1):
+            return False
         value = start.parameters[self.parameter]
         state = start.state if isinstance(start, Equilibrium) else start.x0
         for branch in self.branches:

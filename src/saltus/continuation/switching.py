@@ -61,7 +61,7 @@ def switch_branch(
         cycles of a map: a PD or BP of a branch, or a PD of a locus.
     which : int
         Which of the other branches, from 0 on. There are several where several directions cross at once, as by
-        symmetry: at a BP of equilibria, and at a BP or PD of a map.
+        symmetry: at a BP of equilibria, and at a BP or PD of a map. Of periodic orbits one is given then.
 
     Returns
     -------
@@ -98,7 +98,13 @@ def switch_branch(
     checks.instance("point", point, SpecialPoint)
     chosen, found = checks.count("which", which, 0), other_solutions(point)
     if chosen >= len(found):
-        raise InputError("which", which, f"less than {len(found)}", f"so many other branches meet at {point.label}")
+        reason = f"so many other branches meet at {point.label}"
+        if isinstance(point.solution, PeriodicOrbit) and point.multiplicity > 1:
+            reason = (
+                f"{point.multiplicity} multipliers are critical at {point.label}, and of orbits one branch is given; "
+                "break the symmetry a little, or solve an orbit beside the point"
+            )
+        raise InputError("which", which, f"less than {len(found)}", reason)
     return found[chosen]
 
 
