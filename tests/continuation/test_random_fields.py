@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 from collections import Counter
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -53,6 +54,17 @@ def test_random_fields_have_the_points_of_a_scan_at_three_steps(campaign, kind):
 def test_eigenvalues_that_cross_and_return_within_a_step_are_told(campaign, number, points):
     f, start = one_of(campaign, SPREAD, number)
     assert_alike(campaign, f, start, points, str(number))
+
+
+@pytest.mark.parametrize("rate", [1e-9, 1e9])
+@pytest.mark.parametrize("number", [42, 85, 173])
+def test_the_unit_of_time_changes_no_special_point(campaign, number, rate):
+    f, start = one_of(campaign, SPREAD, number)
+    other = replace(f, a=rate * f.a, v={name: rate * value for name, value in f.v.items()})
+    for largest in campaign.LARGEST:
+        points, words = campaign.said(f, start, largest)
+        assert campaign.compared(campaign.said(other, start, largest)[0], points) == ([], [])
+        assert len(words) == 2
 
 
 def test_five_eigenvalues_that_vanish_at_once_are_located_as_well_as_one(campaign):

@@ -134,12 +134,14 @@ class AlgebraicRun(OneParameterRun):
         At a saddle-node the parameter rests as well, but the states do not grow meanwhile. At the vertex of a pitchfork
         they grow from 0, but the parameter moves the more the larger they are; on the way to infinity it does the less.
         """
-        sizes, grown = 1.0 / np.sqrt(point.weights[:-1]), self._grown(point)
+        grown, runs = self._grown(point), False
         if abs(float(point.tangent[-1])) >= _RESTS:
             self._marks = []
-        elif not self._marks or float(np.max(sizes / self._marks[-1][0])) > _DOUBLED:
-            self._marks = [*self._marks[-2:], (sizes, point.parameter)]
-        runs = grown > _GROWN and len(self._marks) == _MARKS and self._comes_to_rest()
+        else:
+            sizes = 1.0 / np.sqrt(point.weights[:-1])
+            if not self._marks or float(np.max(sizes / self._marks[-1][0])) > _DOUBLED:
+                self._marks = [*self._marks[-2:], (sizes, point.parameter)]
+            runs = grown > _GROWN and len(self._marks) == _MARKS and self._comes_to_rest()
         return f"the {self.what} grows without bound" if runs or grown > _MOST_GROWN else None
 
     def _comes_to_rest(self) -> bool:
@@ -153,7 +155,7 @@ class AlgebraicRun(OneParameterRun):
 
     def _grown(self, point: Point) -> float:
         """Return the largest ratio of a state's size at a point to its size at the start."""
-        return float(np.max(1.0 / np.sqrt(point.weights[:-1]) / self.first_sizes))
+        return 1.0 / math.sqrt(float((point.weights[:-1] * self.first_sizes**2).min()))
 
     def starts(self, branch: Any, origin: Point) -> list[Point]:
         """Return the start of a branch in all forms in which the branch may come back to it."""
@@ -264,7 +266,8 @@ class AlgebraicRun(OneParameterRun):
                 u = solve(branch.problem, point.u, branch.sizes)
             if u is not None and float(point.weights @ (u - point.u) ** 2) < _NEAR**2:
                 point.u = u
-            if kind == "SN" and u is None and event.value == 0.0 and self._grown(point) > _FAR:
+            rested = bool(half.points) and abs(float(half.points[-1][1].tangent[-1])) < _RESTS
+            if kind == "SN" and u is None and event.value == 0.0 and rested and self._grown(point) > _FAR:
                 return None  # the parameter rests on the way to infinity, and does not turn
             blunt = u is None
         if kind == "SN" and any(f.name == "BP" and abs(f.arc - point.arc) < _TURNING for f in half.specials):

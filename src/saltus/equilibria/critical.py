@@ -95,16 +95,18 @@ class Singular:
         """See `Condition.evaluate`."""
         n = self.problem.n
         unit = np.append(np.zeros(n), 1.0)
-        bordered = np.block([[J[:, :n] + self._shift, self._column[:, None]], [self._row[None, :], np.zeros((1, 1))]])
+        # in units of states and time: elimination would lose digits where the borders are larger than the matrix
+        A = (J[:, :n] + self._shift) * self.sizes / self.sizes[:, None] / self._unit
+        bordered = np.block([[A, self._column[:, None]], [self._row[None, :], np.zeros((1, 1))]])
         v, w = np.linalg.solve(bordered, unit), np.linalg.solve(bordered.T, unit)
-        self.right, self.left = v[:n], w[:n]
+        self.right, self.left = v[:n] * self.sizes, w[:n] / (self._unit * self.sizes)
         bend = self.problem.second(u, np.append(self.right, np.zeros(u.size - n)))
         return np.array([v[n]]), -(self.left @ bend)[None, :], np.zeros((1, 0))
 
     def adjust(self) -> None:
         """See `Condition.adjust`."""
-        self._row = self.right / self.sizes**2 / np.linalg.norm(self.right / self.sizes)
-        self._column = self._unit * self.sizes**2 * self.left / np.linalg.norm(self.left * self.sizes)
+        right, left = self.right / self.sizes, self.left * self.sizes
+        self._row, self._column = right / np.linalg.norm(right), left / np.linalg.norm(left)
 
 
 class Hopf:
