@@ -10,43 +10,14 @@ import math
 import numpy as np
 
 from saltus.continuation._control_kernels import TAKEN, growth, judge, predict
-from saltus.flow._kernels import INNER, call, keep, pointer
+from saltus.equilibria._field_kernels import field_at
+from saltus.flow._kernels import INNER
 from saltus.flow._linear_kernels import bordered
-from saltus.system.compiled import FUNCTIONS
 from saltus.system.machine_code import njit
 
-DERIVE = FUNCTIONS.index("derive")
-VARY = FUNCTIONS.index("vary")
-FIELD_P = FUNCTIONS.index("field_p")
 ACCEPTED = 2e-9  # largest relative Newton step of a converged point
 RESIDUAL = 1e-8  # most residual of a point, over the sizes of the field's terms
 HUGE = 1e6  # relative Newton step from which on there is no solution
-
-
-@njit(cache=True, error_model="numpy")
-def field_at(functions, mode, u, p, active, scale, F, J):
-    """Write the field F, (n,), and its derivatives J, (n, n + 1), at the unknowns u: the state and one parameter.
-
-    p: parameters with the constants behind them; the active one, in units of scale, is written there.
-    """
-    n = F.size
-    block = np.zeros(n * (n + 1) * 2 + n)
-    frame, out = pointer(block, 0), pointer(block, n * (n + 1))
-    column = pointer(block, 2 * n * (n + 1))
-    functions, parameters = pointer(functions, 0), pointer(p, 0)
-    p[active] = u[n] * scale
-    call(functions[DERIVE], 0, 0, parameters, 0, parameters, parameters, 0)
-    for i in range(n):
-        frame[i] = u[i]
-        frame[n + i * n + i] = 1.0
-    call(functions[VARY], mode, n, frame, 0, parameters, out, 0)
-    call(functions[FIELD_P], mode, active, frame, 0, parameters, column, 0)
-    for i in range(n):
-        F[i] = out[i]
-        for j in range(n):
-            J[i, j] = out[n + i * n + j]
-        J[i, n] = column[i] * scale
-    keep(block)
 
 
 @njit(cache=True, error_model="numpy")
@@ -55,7 +26,7 @@ def stretch(system, start, before, gap, step, limits, bounds, sizes, origin, fou
 
     Parameters
     ----------
-    system : addresses (functions,), mode, p (extended), active, scale, rows (n,)
+    system : addresses (functions,), mode, p (extended), active (1,), scales (1,), rows (n,)
         The equations, as `field_at` takes them, and units of their rows.
     start, before : point and tangent, (2, n + 1)
         The last two points.
@@ -116,11 +87,11 @@ def _newton(system, guess, last, weights, unit, most, u, F, J, new):
 
     Point and tangent are written to new, field and derivatives there to F and J.
     """
-    functions, mode, p, active, scale, rows = system
+    functions, mode, p, active, scales, rows = system
     row = weights * last[1]
     previous = np.inf
     for iteration in range(1, int(most) + 1):
-        field_at(functions, mode, u, p, active, scale, F, J)
+        field_at(functions, mode, u, p, active, scales, F, J)
         for i in range(F.size):
             F[i] /= rows[i]
             for j in range(u.size):
@@ -136,7 +107,7 @@ def _newton(system, guess, last, weights, unit, most, u, F, J, new):
             total = math.sqrt(total)
             for j in range(u.size):
                 new[0, j], new[1, j] = u[j], steps[j, 1] / total
-            field_at(functions, mode, u, p, active, scale, F, J)
+            field_at(functions, mode, u, p, active, scales, F, J)
             return iteration, (sign, log)
         if size > 0.7 * previous and size > 1e-5:
             return 0, (0.0, 0.0)

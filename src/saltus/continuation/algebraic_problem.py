@@ -165,6 +165,10 @@ class AlgebraicZeroProblem(ABC):
     def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return eigenvalues or multipliers."""
 
+    def spectra(self, places: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return eigenvalues or multipliers at many places, in any order, shape (places, n)."""
+        return np.array([self.spectrum(u) for u in places])
+
     @abstractmethod
     def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return for each value how fast its direction grows, 0 where it is critical."""
@@ -357,8 +361,8 @@ class AlgebraicZeroProblem(ABC):
     def _crosses_back(self, a: Point, b: Point, before: NDArray[np.float64], after: NDArray[np.float64]) -> bool:
         """Return whether a value becomes critical within a step and returns."""
 
-        def growth(share: float) -> NDArray[np.float64]:
-            return np.sort(self.growth(self.spectrum(hermite(a, b, b.arc - a.arc, share))))
+        def growth(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.sort(self.growth(self.spectra(hermite(a, b, b.arc - a.arc, shares[:, None]))), axis=1)
 
         return crosses_back(growth, before, after)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from saltus.continuation.algebraic_problem import AlgebraicZeroProblem
 from saltus.continuation.monitor import Monitor
-from saltus.continuation.stretches import PointData, Stretch
+from saltus.continuation.stretches import PointData, Stretch, spectra
 from saltus.continuation.zero_problem import Point
 from saltus.equilibria.equilibrium import faults_of
 from saltus.equilibria.spectrum import FAINT, eigenvalues, multiplicity, pair_product, unstable_count
@@ -93,6 +93,10 @@ class EquilibriumZeroProblem(AlgebraicZeroProblem):
         """See `AlgebraicZeroProblem.spectrum`; NaN where the Jacobian is not finite."""
         A = self.problem.evaluate(u)[1][:, : self.n]
         return eigenvalues(A) if np.all(np.isfinite(A)) else np.full(self.n, math.nan + 0j)
+
+    def spectra(self, places: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """See `AlgebraicZeroProblem.spectra`."""
+        return spectra(self.problem, places)
 
     def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
         """See `AlgebraicZeroProblem.growth`: real parts, over the largest modulus at the start."""

@@ -6,6 +6,7 @@ docs/theory/equilibria.md, "Test functions", explains the search.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,9 +14,13 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["crosses_back", "doubtful", "may_return"]
+    Growth = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    GrowthOfMany = Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64]]
 
-_PLACES = (0.25, 0.75)  # of a step, at which its values are looked at where its middle leaves a doubt
+__all__ = ["crosses_back", "first_return", "may_return"]
+
+_MIDDLE = np.array([0.5])
+_PLACES = np.array([0.25, 0.75])  # of a step, at which its values are looked at where its middle leaves a doubt
 _BENT = 4.0  # margin over what a value leaves its chord by in the middle, from which on there is none
 _BENT_OTHERS = 2.0  # the same over what any value leaves its chord by
 _OWN = 2.0  # reach of a value within a step, over its change in it
@@ -45,62 +50,118 @@ def _resolved(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArra
 
 
 def crosses_back(
-    growth: Callable[[float], NDArray[np.float64]], before: NDArray[np.float64], after: NDArray[np.float64]
+    growth: Growth,
+    before: NDArray[np.float64],
+    after: NDArray[np.float64],
 ) -> bool:
     """Return whether a value changes its sign more than once within a step.
 
     Parameters
     ----------
     growth : callable
-        Growth of all values at a fraction of the step, in the order of size.
+        Growth of all values at fractions of the step, (places,) -> (places, values), in the order of size.
     before, after : ndarray, shape (values,)
         The same at the step's ends.
     """
+    middle = growth(_MIDDLE)[0]
+    return not bool(_is_plain(before, middle, after)) and _turns_twice(growth, before, middle, after)
+
+
+def first_return(
+    growth: GrowthOfMany,
+    table: NDArray[np.float64],
+    lengths: NDArray[np.float64],
+) -> int:
+    """Return the first of many steps within which a value changes its sign more than once, or their number.
+
+    Parameters
+    ----------
+    growth : callable
+        Growth of all values in steps at fractions of them, (places,), (places,) -> (places, values), in the order of
+        size.
+    table : ndarray, shape (steps + 1, values)
+        The same at the steps' ends.
+    lengths : ndarray, shape (steps,)
+        Arclengths of the steps.
+    """
+    steps = _doubtful(table, lengths)
+    if steps.size:
+        middles = growth(steps, np.full(steps.size, _MIDDLE[0]))
+        for k in np.flatnonzero(~_is_plain(table[steps], middles, table[steps + 1])).tolist():
+            i = int(steps[k])
+            if _turns_twice(partial(_within, growth, i), table[i], middles[k], table[i + 1]):
+                return i
+    return len(lengths)
+
+
+def _within(growth: GrowthOfMany, step: int, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the growth of all values at fractions of one of many steps."""
+    return growth(np.full(shares.size, step), shares)
+
+
+def _turns_twice(
+    growth: Growth,
+    before: NDArray[np.float64],
+    middle: NDArray[np.float64],
+    after: NDArray[np.float64],
+) -> bool:
+    """Return whether a value changes its sign more than once, by more and more places within the step."""
     kept = _resolved(before, after)
-    before, middle, after = before[kept], growth(0.5)[kept], after[kept]
-    if np.all(_is_plain(before, after, np.abs(middle - 0.5 * (before + after)))):
-        return False
-    known, wanted = {0.0: before, 0.5: middle, 1.0: after}, set(_PLACES)
+    places, table = np.array([0.0, 0.5, 1.0]), np.array([before, middle, after])[:, kept]
+    wanted = _PLACES
     for _ in range(_LOOKS):
-        known |= {share: growth(share)[kept] for share in wanted}
-        places = np.array(sorted(known))
-        table = np.array([known[share] for share in places])
+        places = np.concatenate([places, wanted])
+        table = np.vstack([table, growth(wanted)[:, kept]])
+        order = np.argsort(places)
+        places, table = places[order], table[order]
         if any(_turns(column) > 1 for column in table.T):
             return True
-        wanted = {share for column in table.T for share in _dips(places, column)} | _near(places, table)
-        if not wanted:
+        wanted = np.unique(np.concatenate([_dips(places, table), _near(places, table)]))
+        if not wanted.size:
             return False
     return False
 
 
-def _is_plain(before: NDArray[np.float64], after: NDArray[np.float64], bent: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return for each step whether all values bend so little within it that none changes its sign twice.
+def _is_plain(
+    before: NDArray[np.float64], middle: NDArray[np.float64], after: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return for each step whether all values bend so little within it that none changes its sign twice."""
+    return _is_straight(before, after, np.abs(middle - 0.5 * (before + after)))
+
+
+def _is_straight(
+    before: NDArray[np.float64], after: NDArray[np.float64], bent: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return `_is_plain` by how far values leave their chords in the middle.
 
     A parabola is monotonic if it leaves its chord, in the middle, by at most a quarter of what it changes.
     """
     margin = np.maximum(np.minimum(np.abs(before), np.abs(after)), np.abs(after - before))
-    most = np.maximum(_BENT * bent, _BENT_OTHERS * bent.max(axis=-1, keepdims=True, initial=0.0))
+    beside = _meeting(np.minimum(before, after) - bent, np.maximum(before, after) + bent)
+    most = np.maximum(_BENT * bent, _BENT_OTHERS * (beside * bent[..., None, :]).max(axis=-1, initial=0.0))
     return np.asarray(np.all((margin > most) | ~_resolved(before, after), axis=-1))
 
 
-def doubtful(growth: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the steps in which a value may change its sign twice, as far as points beside them tell.
-
-    Parameters
-    ----------
-    growth : ndarray, shape (steps + 1, values)
-        Growth of all values at the steps' ends, in the order of size.
-    lengths : ndarray, shape (steps,)
-        Arclengths of the steps.
-    """
+def _doubtful(growth: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the steps in which a value may change its sign twice, as far as points beside them tell."""
     before, after = growth[:-1], growth[1:]
     doubt = may_return(before, after)
     if len(lengths) > 1:
         slopes = (after - before) / lengths[:, None]
         bends = np.abs(np.diff(slopes, axis=0)) / (lengths[1:] + lengths[:-1])[:, None]
         bent = np.maximum(np.vstack([bends[:1], bends]), np.vstack([bends, bends[-1:]])) * lengths[:, None] ** 2 / 4.0
-        doubt &= ~_is_plain(before, after, _BESIDE * bent)
+        doubt &= ~_is_straight(before, after, _BESIDE * bent)
     return np.flatnonzero(doubt)
+
+
+def _meeting(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which values may meet in a step, (..., values, values): their ranges, thrice as wide, overlap.
+
+    Where two real values meet and become a pair, or pass each other, the order of size has a corner.
+    """
+    wide = high - low
+    below = (low - wide)[..., :, None] <= (high + wide)[..., None, :]
+    return np.asarray(below & np.swapaxes(below, -1, -2))
 
 
 def _turns(values: NDArray[np.float64]) -> int:
@@ -109,29 +170,28 @@ def _turns(values: NDArray[np.float64]) -> int:
     return int(np.sum(signs[1:] != signs[:-1]))
 
 
-def _near(places: NDArray[np.float64], table: NDArray[np.float64]) -> set[float]:
-    """Return the middles between places of one sign where a value comes to 0 if it changes as fast as the fastest.
+def _near(places: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the middles between places of one sign where a value comes to 0 if it changes as fast as others near it.
 
     Where real values become a pair, the order of size has corners, which no parabola shows.
     """
     gaps, sizes = np.diff(places), np.abs(table)
-    fastest = float((np.abs(np.diff(table, axis=0)) / gaps[:, None]).max(initial=0.0))
+    speeds = (np.abs(np.diff(table, axis=0)) / gaps[:, None]).max(axis=0)
+    fastest = (_meeting(table.min(axis=0), table.max(axis=0)) * speeds).max(axis=1, initial=0.0)
     same = np.sign(table[1:]) == np.sign(table[:-1])
     reached = same & (sizes[1:] + sizes[:-1] < fastest * gaps[:, None]) & (gaps > 2.0 * _APART)[:, None]
-    return set((0.5 * (places[1:] + places[:-1]))[np.any(reached, axis=1)].tolist())
+    return np.asarray((0.5 * (places[1:] + places[:-1]))[np.any(reached, axis=1)])
 
 
-def _dips(places: NDArray[np.float64], values: NDArray[np.float64]) -> list[float]:
-    """Return where a function may come to 0 between places of one sign, if it may come much nearer than it is there."""
-    found = []
-    for k in range(1, places.size - 1):
-        (a, b, c), (fa, fb, fc) = places[k - 1 : k + 2], np.sign(values[k]) * values[k - 1 : k + 2]
-        left, right = (fb - fa) / (b - a), (fc - fb) / (c - b)
-        bend = (right - left) / (c - a)
-        if min(fa, fc) <= 0.0 or bend <= 0.0:
-            continue
-        s = float(0.5 * (a + b - left / bend))
-        deepest = fa + left * (s - a) + bend * (s - a) * (s - b)
-        if a < s < c and deepest < _DEEPER * min(fa, fb, fc) and float(np.abs(places - s).min()) > _APART:
-            found.append(s)
-    return found
+def _dips(places: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where a value may come to 0 between places of one sign, if it may come much nearer than it is there."""
+    a, b, c = (places[k : k + places.size - 2, None] for k in range(3))
+    fa, fb, fc = (np.sign(table[1:-1]) * table[k : k + places.size - 2] for k in range(3))
+    left, right = (fb - fa) / (b - a), (fc - fb) / (c - b)
+    bend = (right - left) / (c - a)
+    open_up = bend > 0.0
+    s = 0.5 * (a + b - left / np.where(open_up, bend, 1.0))
+    deepest = fa + left * (s - a) + bend * (s - a) * (s - b)
+    ends = np.minimum(fa, fc)
+    found = s[open_up & (ends > 0.0) & (a < s) & (s < c) & (deepest < _DEEPER * np.minimum(ends, fb))]
+    return np.asarray(found[np.abs(places[:, None] - found).min(axis=0) > _APART])

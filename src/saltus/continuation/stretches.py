@@ -6,15 +6,14 @@ docs/theory/equilibria.md, "Many steps at once", explains what must not happen o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.continuation.monitor import Monitor
-from saltus.continuation.returning import crosses_back, doubtful
+from saltus.continuation.returning import first_return
 from saltus.continuation.zero_problem import Examined, Point, cubic
-from saltus.equilibria.spectrum import FAINT, NEUTRAL, combined
+from saltus.equilibria.spectrum import FAINT, NEUTRAL, combined, pairs
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from saltus.continuation.orbit_problem import Interest
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["PointData", "Stretch"]
+__all__ = ["PointData", "Stretch", "spectra"]
 
 _MOST = 256  # points of one stretch
 _BENT = 2.0  # factor on the curvature of a test function when two zeros within a step are suspected
@@ -89,8 +88,8 @@ class Stretch:
         self._points, self._jacobians = np.empty((_MOST, 2, n + 1)), np.empty((_MOST, n, n + 1))
         numbers = np.empty((_MOST, 5))
         p = problem.compiled.extended(problem.p)
-        active, scale = int(problem.active[0]), float(problem.scales[0])
-        system = (problem.compiled.addresses, problem.mode, p, active, scale, rows)
+        active = np.array(problem.active, dtype=np.int64)
+        system = (problem.compiled.addresses, problem.mode, p, active, problem.scales, rows)
         limits = (control.deviation, control.angle, control.largest, float(control.iterations))
         bounds = (interest.low, interest.high)
         found = (self._points, self._jacobians, numbers)
@@ -142,19 +141,16 @@ class Stretch:
 
     def _before_return(self, last: Point, kept: int) -> int:
         """Return how many of the first points come before a step in which an eigenvalue crosses and returns."""
-        growth = np.vstack([last.examined.data.values.real, self.values[:kept].real])
-        for i in doubtful(growth, self.numbers[:kept, 4]).tolist():
-            ends = (last.line if i == 0 else self._points[i - 1]), self._points[i], float(self.numbers[i, 4])
-            if crosses_back(partial(self._growth, *ends), growth[i], growth[i + 1]):
-                return int(i)
-        return kept
+        values, lengths = self.values[:kept], self.numbers[:kept, 4]
+        unit = float(np.abs(last.examined.data.values).max(initial=0.0)) or 1.0
+        lines = np.concatenate([last.line[None], self._points[:kept]])
 
-    def _growth(
-        self, a: NDArray[np.float64], b: NDArray[np.float64], length: float, share: float
-    ) -> NDArray[np.float64]:
-        """Return the eigenvalues' real parts at a fraction of a step, the largest first."""
-        J = self._problem.evaluate(cubic(a, b, length, share))[1]
-        return np.asarray(np.sort(np.linalg.eigvals(J[:, :-1]).real)[::-1])
+        def growth(steps: NDArray[np.intp], shares: NDArray[np.float64]) -> NDArray[np.float64]:
+            ends = lines[steps].transpose(1, 0, 2), lines[steps + 1].transpose(1, 0, 2)
+            places = cubic(*ends, lengths[steps, None], shares[:, None])
+            return np.sort(spectra(self._problem, places).real / unit, axis=1)[:, ::-1]
+
+        return first_return(growth, np.vstack([last.examined.data.values.real, values.real]) / unit, lengths)
 
     def points(self, last: Point, count: int) -> list[Point]:
         """Return the first `count` points, examined; `last` is the point before them."""
@@ -176,6 +172,15 @@ class Stretch:
         return found
 
 
+def spectra(problem: EquilibriumProblem, places: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the eigenvalues at unknowns (places, n + 1), in any order; NaN where the Jacobian is not finite."""
+    matrices = problem.matrices(places)
+    finite = np.all(np.isfinite(matrices), axis=(1, 2))
+    values = np.full(matrices.shape[:2], complex(np.nan))
+    values[finite] = np.linalg.eigvals(matrices[finite])
+    return values
+
+
 def _spectra(matrices: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.int64]]:
     """Return the eigenvalues of matrices, the largest real part first, and the counts of unstable ones."""
     if not len(matrices):
@@ -189,7 +194,7 @@ def _spectra(matrices: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDA
 
 def _pair_products(values: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Return `saltus.equilibria.spectrum.pair_product` of many spectra."""
-    first, second = np.triu_indices(values.shape[1], 1)
+    first, second = pairs(values.shape[1])
     sizes = np.abs(values[:, first]) + np.abs(values[:, second])
     return combined((values[:, first] + values[:, second]) / np.where(sizes > 0.0, sizes, np.inf))
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Line = tuple[NDArray[np.float64], NDArray[np.float64]] | NDArray[np.float64]  # a point and its tangent
+    Share = float | NDArray[np.float64]  # of one step, or of many
 
 __all__ = ["Event", "Examined", "Point", "ZeroProblem", "correct", "cubic", "hermite", "start_point"]
 
@@ -226,12 +227,12 @@ def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float
     return point
 
 
-def hermite(a: Point, b: Point, length: float, s: float) -> NDArray[np.float64]:
+def hermite(a: Point, b: Point, length: float, s: Share) -> NDArray[np.float64]:
     """Return the cubic through both points and their tangents at the fraction `s` of a step of arclength `length`."""
     return cubic((a.u, a.tangent), (b.u, b.tangent), length, s)
 
 
-def cubic(a: Line, b: Line, length: float, s: float) -> NDArray[np.float64]:
+def cubic(a: Line, b: Line, length: Share, s: Share) -> NDArray[np.float64]:
     """Return `hermite` of two points that are given with their tangents."""
     end, off = s * s * (3.0 - 2.0 * s), s * (1.0 - s) * length
     return (1.0 - end) * a[0] + end * b[0] + ((1.0 - s) * off) * a[1] - (s * off) * b[1]

@@ -6,7 +6,7 @@ docs/theory/equilibria.md, "Equations", says how they are used.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -57,9 +57,6 @@ class EquilibriumProblem:
         self.scales = np.array(self.scales, dtype=np.float64)
         self.compiled = self.system.compiled
         self.compiled.check_powers(self.system, [self.mode])
-        self._frame = np.concatenate([np.zeros(self.n), np.eye(self.n).ravel()])
-        self._out = np.empty(self.n * (self.n + 1))
-        self._column = np.empty(self.n)
 
     def in_mode(self, mode: int) -> EquilibriumProblem:
         """Return the same equations for another mode."""
@@ -73,15 +70,25 @@ class EquilibriumProblem:
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the field, shape (n,), and its derivatives in the unknowns, shape (n, n + active)."""
-        n, p = self.n, self.compiled.extended(self.parameters_at(u))
-        self._frame[:n] = u[:n]
-        self.compiled.call("vary", self.mode, n, self._frame, p, self._out)
-        J = np.empty((n, n + self._active.size))
-        J[:, :n] = self._out[n:].reshape(n, n)
-        for k, (index, scale) in enumerate(zip(self.active, self.scales.tolist(), strict=True)):
-            self.compiled.call("field_p", self.mode, int(index), self._frame, p, self._column)
-            J[:, n + k] = self._column * scale
-        return self._out[:n].copy(), J
+        from saltus.equilibria import _field_kernels as kernels
+
+        F, J = np.empty(self.n), np.empty((self.n, self.n + self._active.size))
+        kernels.field_at(*self._arguments(u), F, J)
+        return F, J
+
+    def matrices(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return derivatives of the field by the state, shape (places, n, n), at unknowns (places, n + active)."""
+        from saltus.equilibria import _field_kernels as kernels
+
+        found = np.empty((len(places), self.n, self.n))
+        kernels.matrices_at(*self._arguments(places), found)
+        return found
+
+    def _arguments(self, u: NDArray[np.float64]) -> tuple[Any, ...]:
+        extended = np.zeros(self.p.size + self.compiled.n_constants)
+        extended[: self.p.size] = self.p
+        unknowns = np.ascontiguousarray(u, dtype=np.float64)
+        return self.compiled.addresses, self.mode, unknowns, extended, self._active, self.scales
 
     def second(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivative of the Jacobian in the unknowns along `v`, both shape (n, n + active)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,17 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["FAINT", "NEUTRAL", "combined", "eigenvalues", "kind_of", "multiplicity", "pair_product", "unstable_count"]
+__all__ = [
+    "FAINT",
+    "NEUTRAL",
+    "combined",
+    "eigenvalues",
+    "kind_of",
+    "multiplicity",
+    "pair_product",
+    "pairs",
+    "unstable_count",
+]
 
 NEUTRAL = 1e-9  # real part of an eigenvalue, over the largest modulus, up to which it is rounding of 0
 _CRITICAL = 1e-6  # distance from the imaginary axis, over the largest modulus, up to which an eigenvalue is on it
@@ -72,7 +83,7 @@ def pair_product(values: NDArray[np.complex128], without: tuple[int, ...] = ()) 
     without : tuple of int
         Those of them that are left out, or for two of them their own sum alone.
     """
-    first, second = np.triu_indices(values.size, 1)
+    first, second = pairs(values.size)
     if len(without) == 1:
         kept = (first != without[0]) & (second != without[0])
         first, second = first[kept], second[kept]
@@ -81,6 +92,13 @@ def pair_product(values: NDArray[np.complex128], without: tuple[int, ...] = ()) 
         first, second = first[kept], second[kept]
     sizes = np.abs(values[first]) + np.abs(values[second])
     return float(combined((values[first] + values[second]) / np.where(sizes > 0.0, sizes, np.inf)))
+
+
+@lru_cache(maxsize=64)
+def pairs(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the places of all pairs of n values."""
+    first, second = np.triu_indices(n, 1)
+    return first, second
 
 
 def combined(factors: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -99,9 +117,9 @@ def combined(factors: NDArray[np.complex128]) -> NDArray[np.float64]:
     >>> float(combined(np.array([-0.1 + 0j] * 31))).__round__(6)
     -0.01796
     """
-    sizes = np.abs(factors)
-    least = sizes.min(axis=-1, initial=np.inf, keepdims=True)
-    scaled = np.where(sizes > 0.0, sizes, 1.0) / np.where((least > 0.0) & np.isfinite(least), least, 1.0)
-    magnitude = least[..., 0] / np.sqrt(np.maximum(np.sum(scaled**-2, axis=-1), 1.0))
-    sign = np.prod(np.where(sizes > 0.0, factors / np.where(sizes > 0.0, sizes, 1.0), 0.0), axis=-1).real
-    return np.where(np.isfinite(magnitude), np.sign(sign) * magnitude, 1.0)
+    from saltus.equilibria import _spectrum_kernels as kernels
+
+    found = np.empty(factors.shape[:-1])
+    rows = np.ascontiguousarray(factors, dtype=np.complex128).reshape(found.size, factors.shape[-1])
+    kernels.combine(rows, found.reshape(-1))
+    return found
