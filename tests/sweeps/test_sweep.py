@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 import threading
 import tracemalloc
 from dataclasses import asdict
@@ -27,11 +28,14 @@ from saltus import (
     find_orbit,
     run_sweep,
 )
+from saltus.sweeps import record
 
 AMPLITUDES = np.linspace(0.05, 0.4, 15)
 SHORT = {"discard": 300, "keep": 40}
 START = TableJump(0.5).after_impact(1.2)
 """A ball that jumps once each period of its table, an attractor at a = 1.2 for e = 0.5."""
+
+LOGISTIC_MAP = saltus.Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"})
 
 PLACE = {"w": 1.1}
 """With w = 1.1 the motion without impacts ends at GR, A = 0.237, that with impacts at SN, A = 0.116."""
@@ -389,6 +393,37 @@ class Interrupt:
     def __call__(self, progress: Progress) -> None:
         if progress.done >= self.after:
             raise KeyboardInterrupt
+
+
+class InterruptedWrite(np.ndarray):
+    """An array in which a signal arrives just behind the third entry that is written."""
+
+    written = 0
+
+    def __setitem__(self, place, value):
+        super().__setitem__(place, value)
+        InterruptedWrite.written += 1
+        if InterruptedWrite.written == 3:
+            signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("name", ["modes", "reasons", "points", "labels"])
+def test_an_interrupt_while_a_value_is_written_leaves_a_whole_one(tmp_path, monkeypatch, name):
+    def begun(*arguments):
+        made = original(*arguments)
+        made.sweep[name] = made.sweep[name].view(InterruptedWrite)
+        return made
+
+    original = record.Record.begun
+    monkeypatch.setattr(record.Record, "begun", begun)
+    monkeypatch.setattr(InterruptedWrite, "written", 0)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        part = run_sweep(LOGISTIC_MAP, "r", np.linspace(3.0, 3.9, 8), x0=[0.3], path=tmp_path / "a.nc")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert part.stopped == "interrupted: 3 of 8 values done"
+    assert saltus.load(tmp_path / "a.nc") == part
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -17,6 +17,7 @@ from saltus.progress import Reporter, ended
 from saltus.sweeps.sweep import Sweep
 from saltus.sweeps.task import Row, Task
 from saltus.sweeps.workers import Piece
+from saltus.work import interrupt_waits
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -113,8 +114,9 @@ class Record:
         if row.kind is not None:
             found |= {"periods": row.kind.period, "rotations": row.kind.rotation, "curves": row.kind.curves}
             found |= {"exponents": row.exponents, "errors": row.errors, "observed": row.observed}
-        for name, value in (found | {"labels": row.label}).items():
-            sweep[name][place] = value
+        with interrupt_waits():  # a row is in the file as a whole or not at all
+            for name, value in (found | {"labels": row.label}).items():
+                sweep[name][place] = value
         self.fresh += 1
         if self.path is not None and monotonic() - self.saved > self.pause:
             self.save()
