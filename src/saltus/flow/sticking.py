@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from saltus.errors import DefinitionError
+from saltus.system.once import once
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -122,7 +122,7 @@ def _sides(
     return float(value), slope, fields[0], fields[1]
 
 
-@lru_cache(maxsize=32)
+@once
 def _jumps(system: HybridSystem) -> list[list[_Jump]]:
     """Expressions at whose zeros the field of each mode may jump."""
     if not any(system.compiled.jumps):

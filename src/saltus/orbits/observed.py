@@ -16,6 +16,7 @@ import numpy as np
 from saltus.flow.formulas import Formula, Observable, read_formula
 from saltus.orbits.quantities import Quantity, read_quantity
 from saltus.orbits.records import Observed
+from saltus.system.once import once
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -186,7 +187,7 @@ class Plan:
 _NOTHING = Differentiated(math.nan, np.empty(0))
 
 
-@lru_cache(maxsize=64)
+@once
 def planned(system: HybridSystem, names: tuple[str, ...]) -> Plan:
     """Return a plan for observables.
 

@@ -158,6 +158,7 @@ class CompiledSeries:
     """
 
     def __init__(self, module: Any, system: Definition) -> None:
+        self._module = module  # addresses are valid as long as the module is
         self.addresses = np.array([module.derive.address, module.series.address], dtype=np.int64)
         self.order, self.stride = int(module.ORDER), int(module.STRIDE)
         self.forms = np.array(module.FORMS, dtype=np.int64).reshape(len(system.modes), 2)
@@ -179,6 +180,7 @@ class CompiledLinear:
     """
 
     def __init__(self, module: Any) -> None:
+        self._module = module  # addresses are valid as long as the module is
         self.splits: list[dict[str, Any] | None] = module.SPLITS
         self._n_constants = int(module.CONSTANTS)
         self._derive: Any = callable_at(module.derive)
@@ -212,6 +214,7 @@ class CompiledSecond:
     """
 
     def __init__(self, module: Any, system: Definition, active: tuple[int, ...]) -> None:
+        self._module = module  # addresses are valid as long as the module is
         self.addresses = np.array([getattr(module, name).address for name in SECOND], dtype=np.int64)
         self.active = active
         self.n = len(system.all_states)
@@ -245,6 +248,7 @@ class CompiledGradients:
     """
 
     def __init__(self, module: Any, system: Definition) -> None:
+        self._module = module  # addresses are valid as long as the module is
         self.address = int(module.readings.address)
         self.cornered = bool(module.CORNERED)
         self._n_constants, self._n_parameters = int(module.CONSTANTS), len(system.parameters)
@@ -271,6 +275,7 @@ class CompiledThird:
     """Third derivatives of one system's fields in the state."""
 
     def __init__(self, module: Any, system: Definition) -> None:
+        self._module = module  # addresses are valid as long as the module is
         self._n, self._n_constants = len(system.all_states), int(module.CONSTANTS)
         self._derive: Any = callable_at(module.derive)
         self._field_3: Any = callable_at(module.field_3)

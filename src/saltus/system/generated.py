@@ -10,6 +10,8 @@ import hashlib
 import json
 import sys
 import threading
+import weakref
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -106,24 +108,32 @@ def _text(file: Path, kind: Kind, system: Definition, variant: tuple[object, ...
     return text
 
 
+_LOADED: weakref.WeakValueDictionary[str, ModuleType] = weakref.WeakValueDictionary()
+_RECENT: deque[ModuleType] = deque(maxlen=8)  # for systems that are made again and again
 _LOADING = threading.RLock()  # held while a module is loaded: another thread must not see half of one
 
 
 def module_of(kind: Kind, system: Definition, *variant: object) -> ModuleType:
-    """Return a module of generated functions; what runs is the text that was checked."""
+    """Return a module of generated functions, which the definition keeps; what runs is the text that was checked."""
     file = _file(kind, system, variant)
     name = f"saltus_{file.stem}"
     with _LOADING:
-        module = sys.modules.get(name)
+        module = _LOADED.get(name)
         if module is None:
             text = _text(file, kind, system, variant)
             let_numba_cache()
             module = ModuleType(name)
             module.__file__ = str(file)
-            sys.modules[name] = module  # Numba's cache looks the module up by name
-            try:
-                exec(compile(text, file, "exec"), module.__dict__)
-            except BaseException:
-                del sys.modules[name]
-                raise
+            # Numba looks a module up by its name; the one that it finds keeps nothing alive
+            sys.modules[name] = found = ModuleType(name)
+            weakref.finalize(module, _forget, name, found)
+            exec(compile(text, file, "exec"), module.__dict__)
+            _LOADED[name] = module
+            _RECENT.append(module)
+        vars(system).setdefault("_modules", {})[name] = module  # addresses are valid as long as the module is
     return module
+
+
+def _forget(name: str, found: ModuleType) -> None:
+    if sys.modules.get(name) is found:  # not that of a module loaded meanwhile
+        del sys.modules[name]
