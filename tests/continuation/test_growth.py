@@ -1,11 +1,20 @@
-"""Whether a period that grows ever faster goes to infinity, or to a grazing at which it is finite."""
+"""Whether a period or a state that grows ever faster goes to infinity, or to a finite end; what is said there."""
 
 import math
 
 import numpy as np
 import pytest
 
-from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit
+from saltus import (
+    HybridSystem,
+    Mode,
+    StepControl,
+    Transition,
+    continue_equilibrium,
+    continue_orbit,
+    find_equilibrium,
+    find_orbit,
+)
 from saltus.continuation.unbounded import levels_off
 
 CLOCK = HybridSystem(
@@ -72,3 +81,47 @@ def test_a_clock_without_friction_swings_without_bound():
         assert "the orbit grows without bound" in branch.stopped[1]
         beyond = branch.highs[:, 0] - branch.values
         assert branch.values == pytest.approx(0.6 / (8.0 * beyond), rel=1e-6, abs=1e-6)
+
+
+# the parameter's end, where a state goes to infinity, and a start
+RUNS = {
+    "exp(-x) - p": (0.0, [0.0]),
+    "p - x/(1 + x)": (1.0, [0.0]),
+    "p**2*x - 1": (0.0, [1.0]),
+    "exp(-x**2) - p": (0.0, [0.8]),
+}
+
+
+@pytest.mark.parametrize("largest", [0.05, 0.3])
+@pytest.mark.parametrize("field", RUNS)
+def test_an_equilibrium_that_runs_to_infinity_passes_no_fold_and_says_so(field, largest):
+    system = HybridSystem.smooth({"x": field, "y": "x - 2*y"}, {"p": 0.5})
+    end, x0 = RUNS[field]
+    rest = find_equilibrium(system, {"p": 1.0 if field == "p**2*x - 1" else 0.5}, x0=[*x0, 0.5 * x0[0]])
+    branch = continue_equilibrium(rest, "p", (-1.0, 2.0), steps=StepControl(largest=largest))
+    told = [reason for reason in branch.stopped if "the equilibrium grows without bound" in reason]
+    assert told
+    assert all(float(reason.split(" ")[2].rstrip(":")) == pytest.approx(end, abs=1e-4) for reason in told)
+    assert [point.type for point in branch.special_points] == (["SN"] if field == "exp(-x**2) - p" else [])
+
+
+@pytest.mark.parametrize("power", [4, 6])
+def test_a_fold_of_higher_order_is_located_once(power):
+    system = HybridSystem.smooth({"x": f"p - (x - 0.3)**{power}"}, {"p": 1.0})
+    (fold,) = continue_equilibrium(find_equilibrium(system, x0=[1.3]), "p", (-1.0, 2.0)).special_points
+    assert fold.type == "SN"
+    assert fold.parameters["p"] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("largest", [0.05, 0.3])
+@pytest.mark.parametrize("mean", ["1 + cos(s)", "1"])
+def test_an_orbit_whose_mean_runs_to_infinity_ends_at_once(mean, largest):
+    field = Mode({"x": "v", "v": f"-k*x - v + {mean}", "z": "cos(s) - z"})
+    system = HybridSystem(("x", "v", "z"), {"k": 1.0}, {"m": field}, phase=("s", "1"))
+    orbit = find_orbit(system, x0=[1.0, 0.0, 0.0])
+    branch = continue_orbit(orbit, "k", (-1.0, 2.0), steps=StepControl(largest=largest))
+    reason, other = branch.stopped
+    assert "the orbit grows without bound (x moves by" in reason
+    assert 0.0 < branch.values[0] < 1e-6  # the mean of x is 1/k
+    assert other == "k = 2: bound reached"
+    assert len(branch) < 600

@@ -334,7 +334,8 @@ class AlgebraicZeroProblem(ABC):
         near = bool(may_return(*ends))
         if near and not short and self._crosses_back(before, point, *ends):
             return _BACK
-        crossed = abs(data.unstable - old.unstable)
+        rounded = ((ends[0] > 0.0) != (ends[1] > 0.0)) & (np.maximum(np.abs(ends[0]), np.abs(ends[1])) < _ROUNDED)
+        crossed = max(abs(data.unstable - old.unstable) - int(rounded.sum()), 0)
         apart = self._crossed_apart(old.values, data.values) if near or changed else ()
         real = sum(kind in changed for kind in self.single)
         centre = any(math.isnan(table.get(self.paired, 0.0)) for table in (known, monitors))

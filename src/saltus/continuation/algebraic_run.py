@@ -35,13 +35,12 @@ _AT_START = 1e-10  # test function, over its usual size, up to which a start is 
 _BESIDE = 1e-3  # arclength from a multiple point at which the branch is regular
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
-_AT_REST = 1e-7  # the same, below which all solutions beyond a border have one parameter
+_AT_REST = 1e-7  # the same, below which the parameter does not move
 _TURNING = 1e-5  # arclength from a branch point within which the parameter turns because of it
 _VERTEX = 0.05  # arclength from a branch point within which the parameter rests if it turns there
 _AT_ONE_VALUE = 1e-9  # change of the parameter meanwhile
 _RESTS = 1e-5  # change of the parameter per unit of arclength, below which a branch may grow without bound
 _GROWN = 1e3  # size of a state, over that at the start, from which on it may
-_FAR = 10.0  # the same, from which on a parameter that rests need not turn
 _DOUBLED = 2.0  # growth of a size while the parameter rests, after which the parameter's way is compared
 _MARKS = 3  # points of comparison: two such growths
 _ROUNDED = 1e-15  # change of the parameter that is its rounding
@@ -210,6 +209,21 @@ class AlgebraicRun(OneParameterRun):
                 break
         return point
 
+    def trace(self, start: tuple[Any, Point], sign: float) -> OneSide:
+        """Return one direction of the branch; see `OneParameterRun.trace`.
+
+        Folds that Newton's method does not find stay if the parameter turns there. On the way to infinity it rests.
+        """
+        half = super().trace(start, sign)
+        points = turned(start[1], sign, self.odd), *(point for _, point in half.points)
+        along = np.array([float(point.tangent[-1]) for point in points])
+        half.specials = [
+            found
+            for found in half.specials
+            if found.name != "SN" or found.after not in self._blunt or _turns(along, found.after + 1)
+        ]
+        return half
+
     def piece(
         self,
         half: OneSide,
@@ -266,9 +280,6 @@ class AlgebraicRun(OneParameterRun):
                 u = solve(branch.problem, point.u, branch.sizes)
             if u is not None and float(point.weights @ (u - point.u) ** 2) < _NEAR**2:
                 point.u = u
-            rested = bool(half.points) and abs(float(half.points[-1][1].tangent[-1])) < _RESTS
-            if kind == "SN" and u is None and event.value == 0.0 and rested and self._grown(point) > _FAR:
-                return None  # the parameter rests on the way to infinity, and does not turn
             blunt = u is None
         if kind == "SN" and any(f.name == "BP" and abs(f.arc - point.arc) < _TURNING for f in half.specials):
             return None
@@ -362,3 +373,11 @@ class AlgebraicRun(OneParameterRun):
             name, replace(solution, parameters=p), event.value, len(half.points), point.arc, tangent=tangent,
             scale=branch.sizes.copy(),
         )  # fmt: skip
+
+
+def _turns(along: NDArray[np.float64], after: int) -> bool:
+    """Return whether the parameter, with its components of the tangents, goes back behind the first `after` points."""
+    if after >= along.size:
+        return True
+    before, beyond = along[:after][np.abs(along[:after]) > _AT_REST], along[after:][np.abs(along[after:]) > _AT_REST]
+    return before.size > 0 and beyond.size > 0 and before[-1] * beyond[0] < 0.0

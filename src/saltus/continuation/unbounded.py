@@ -99,34 +99,57 @@ def levels_off(values: NDArray[np.float64], periods: NDArray[np.float64]) -> boo
 def swells_at_last(points: list[Row]) -> str | None:
     """Return the reason, after a failed step, that the orbit grows without bound; None if it does not.
 
-    Over the last four points a state's range grew, to many times its least on the branch, while the parameter rested.
+    Over the last four points a state's range grew, to many times its least on the branch. Or the state went away from
+    the first orbit, to many times its size there. Meanwhile the parameter rested.
     """
     if len(points) < 4:
         return None
-    n = len(points[-1][0].problem.system.states)
-    surveys = [point.examined.data.survey for _, point in points]
-    ranges = np.array([survey.highs[:n] - survey.lows[:n] for survey in surveys])
-    swollen = np.all(np.diff(ranges[-4:], axis=0) > 0.0, axis=0) & (ranges[-1] > _SWOLLEN * ranges.min(axis=0))
     values = [point.parameter for _, point in points[-4:]]
-    if not np.any(swollen) or max(values) - min(values) > _RESTS * _RESTS:
+    if max(values) - min(values) > _RESTS * _RESTS:
         return None
-    least = ranges.min(axis=0)
-    largest = int(np.argmax(np.where(swollen, ranges[-1] / np.where(least > 0.0, least, 1.0), 0.0)))
-    name = points[-1][0].problem.system.states[largest]
-    return f"the orbit grows without bound ({name} ranges over {ranges[-1][largest]:.3g})"
+    lows, highs = _extents(points)
+    ranges, reaches = highs - lows, _reaches(lows, highs)
+    names = points[-1][0].problem.system.states
+    for sizes, least, verb in (
+        (ranges, ranges.min(axis=0), "ranges over"),
+        (reaches, _size(lows, highs), "moves by"),
+    ):
+        swollen = np.all(np.diff(sizes[-4:], axis=0) > 0.0, axis=0) & (sizes[-1] > _SWOLLEN * least)
+        if np.any(swollen):
+            largest = int(np.argmax(np.where(swollen, sizes[-1] / np.where(least > 0.0, least, 1.0), 0.0)))
+            return f"the orbit grows without bound ({names[largest]} {verb} {sizes[-1][largest]:.3g})"
+    return None
 
 
 def swells_for_ever(points: list[Row]) -> str | None:
     """Return the reason, after a successful step, that the orbit grows without bound; None if it does not.
 
-    A state's range is many times that of the first point. Beyond, the flow's tolerance moves the parameter by more than
-    the branch does.
+    A state's range is many times that of the first point, or the state is as far away from there. Beyond, the flow's
+    tolerance moves the parameter by more than the branch does.
     """
+    lows, highs = _extents([points[0], points[-1]])
+    ranges, reaches = highs - lows, _reaches(lows, highs)
+    if np.any(ranges[1] > _ENDLESS * ranges[0]) or np.any(reaches[1] > _ENDLESS * _size(lows, highs)):
+        return swells_at_last(points)
+    return None
+
+
+def _extents(points: list[Row]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the least and the greatest values of the states at points of a branch, each shape (points, states)."""
     n = len(points[-1][0].problem.system.states)
-    first, last = (point.examined.data.survey for _, point in (points[0], points[-1]))
-    if not np.any((last.highs - last.lows)[:n] > _ENDLESS * (first.highs - first.lows)[:n]):
-        return None
-    return swells_at_last(points)
+    surveys = [point.examined.data.survey for _, point in points]
+    return np.array([survey.lows[:n] for survey in surveys]), np.array([survey.highs[:n] for survey in surveys])
+
+
+def _reaches(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the ranges of states over each orbit and the first one together."""
+    return np.asarray(np.maximum(highs, highs[0]) - np.minimum(lows, lows[0]))
+
+
+def _size(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the largest moduli of states on the first orbit; that of all states where one is always 0."""
+    sizes = np.maximum(np.abs(lows[0]), np.abs(highs[0]))
+    return np.asarray(np.where(sizes > 0.0, sizes, sizes.max()))
 
 
 def vanishes_at_last(points: list[Row]) -> str | None:
