@@ -204,7 +204,7 @@ def test_a_motion_without_a_phase_needs_a_period(pendulum):
 
 
 NO_ORBIT = [
-    ({"fix": {"max_x": 0.6}}, "isolated, none of a family: name a parameter to free"),
+    ({"fix": {"max_x": 0.6}}, "no orbit of a family is near the guess: .* free a parameter"),
     ({"fix": {"period": 5.0}, "free": "A"}, "'period' hardly changes with 'A' there"),
 ]
 
@@ -221,10 +221,29 @@ def test_values_beyond_the_family_are_told_with_how_far_it_goes(hardening):
 
 
 def test_damping_ends_the_family(ball, hardening):
-    with pytest.raises(ConvergenceError, match="isolated, none of a family: name a parameter to free"):
+    with pytest.raises(ConvergenceError, match="no orbit of a family is near the guess: .* free a parameter"):
         solve_orbit(ball, {"e": 0.999}, [("flight", "hit", [0.0, 1.0], 2.0)], fix={"period": 2.0})
-    with pytest.raises(ConvergenceError, match="isolated, none of a family: name a parameter to free"):
+    with pytest.raises(ConvergenceError, match="no orbit of a family is near the guess: .* free a parameter"):
         solve_orbit(hardening, {"c": -1e-6}, x0=[1.0, 0.0], period=4.77, fix={"max_x": 1.0})
+
+
+TODA = HybridSystem.smooth(
+    {
+        "x": "px",
+        "y": "py",
+        "px": "-(exp(2*x + 2*sqrt(3)*y) + exp(2*x - 2*sqrt(3)*y) - 2*exp(-4*x))/12",
+        "py": "-sqrt(3)*(exp(2*x + 2*sqrt(3)*y) - exp(2*x - 2*sqrt(3)*y))/12",
+    }
+)
+
+
+@pytest.mark.parametrize("x0", [[0.2, 0.1, 0.1, 0.3], [0.5, 0.0, 0.5, 0.5], [0.0, 0.3, 0.2, 0.0]])
+def test_rough_guesses_in_a_conservative_system_are_not_taken_for_isolated_orbits(x0):
+    """Periods of the Toda lattice are at most 2 pi; those of its straight-line orbits begin there."""
+    for period in (2.0, 3.5):
+        with pytest.raises(ConvergenceError, match="nearer") as told:
+            solve_orbit(TODA, x0=x0, period=period, fix={"period": period})
+        assert "isolated" not in str(told.value)
 
 
 def test_a_parameter_that_keeps_the_family_is_told(ball):

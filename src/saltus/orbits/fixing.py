@@ -289,7 +289,7 @@ def check_family(equations: UnfoldedEquations, u: NDArray[np.float64], J: NDArra
             moves = _MANY
         raise ConvergenceError(what, 0.0, 0, f"{wish.quantity.name!r} cannot be fixed there: {moves}")
     if not wish.free and not abs(u[-1]) <= UNFORCED * max(1.0, equations.problem.tol / 1e-12):
-        hint = "the orbits there are isolated, none of a family: name a parameter to free, as free='c'"
+        hint = "no orbit of a family is near the guess: start from a nearer one, or free a parameter, as free='c'"
         raise ConvergenceError(what, abs(float(u[-1])), 0, hint)
     wish.quantity.check_constant(equations.problem, u, equations.size)
 
