@@ -88,6 +88,18 @@ def test_loci_of_an_area_preserving_map_have_no_resonances_by_rounding(states):
     assert len(folds.special_points) == len(flips.special_points) == 0
 
 
+@pytest.mark.parametrize("damping", [0.0, 1e-12, 1e-9, 1e-6, 1e-3])
+@pytest.mark.parametrize("largest", [0.05, 0.0557, 0.3])
+def test_a_doubling_next_to_which_two_multipliers_become_a_pair_is_located(damping, largest):
+    image = {"x": "a - x**2 - b*y", "y": "x", "z": "z/2 + x"}
+    system = Map(tuple(image), {"a": 0.5, "b": 1.0 - damping}, image)
+    orbit = saltus.solve_orbit(system, x0=[0.2, 0.2, 0.4])
+    branch = saltus.continue_orbit(orbit, "a", (-0.9, 4.0), steps=saltus.StepControl(largest=largest))
+    (doubling,) = branch.special_points
+    x = (2.0 - damping) / 2.0  # 1 - 2 x + b = -(1 + b) + ...: the trace -2 x is -(1 + b)
+    assert doubling.parameters["a"] == pytest.approx(x**2 + (2.0 - damping) * x, abs=1e-10)
+
+
 def test_a_multiplier_of_minus_one_along_a_whole_branch_is_no_doubling():
     system = Map(("x", "y"), {"r": 0.3, "s": 0.5}, {"x": "x + r - x**2 + s*x", "y": "-y + y**3"})
     branch = branch_of(system, "r", (-0.5, 0.5), [0.9, 0.0])

@@ -34,6 +34,7 @@ __all__ = ["DiagramOptions", "diagram"]
 
 # Special points from which other branches are sought, by what a branch consists of.
 _SWITCHED = {"equilibria": ("HB", "BP"), "orbits": ("PD", "BP"), "cycles": ("PD", "BP")}
+_ROUNDED = 1e-9  # range of a state, over the largest of all states, up to which it may be rounding
 _INTERRUPTED = "interrupted"
 
 
@@ -262,7 +263,7 @@ class _Run:
         """Note the special points of a new branch; those that other branches share are not followed again."""
         kinds = _SWITCHED[kind_of(branch)]
         width = self.bounds[1] - self.bounds[0]
-        ranges = np.maximum(Diagram(self.system, self.parameter, tuple(self.branches), ()).ranges, 1e-300)
+        ranges = self._ranges()
         for point in branch.special_points:
             if point.type not in (*kinds, "HB"):
                 continue
@@ -276,10 +277,15 @@ class _Run:
             if point.type in kinds and self.origins[index].depth < self.options.depth:
                 self._waiting.append((index, point))
 
+    def _ranges(self) -> NDArray[np.float64]:
+        """Return the ranges of states over all branches; that of a state that is 0 on all is more than its rounding."""
+        ranges = Diagram(self.system, self.parameter, tuple(self.branches), ()).ranges
+        return np.maximum(ranges, max(_ROUNDED * float(ranges.max()), 1e-300))
+
     def _drop(self, place: Place) -> None:
         """Wait no longer for the special points at a place."""
         width = self.bounds[1] - self.bounds[0]
-        ranges = np.maximum(Diagram(self.system, self.parameter, tuple(self.branches), ()).ranges, 1e-300)
+        ranges = self._ranges()
         self._waiting = [(i, other) for i, other in self._waiting
                          if not place_of(other, self.parameter).is_same(place, width, ranges)]  # fmt: skip
         self._unsolved = [(known, told) for known, told in self._unsolved if not known.is_same(place, width, ranges)]

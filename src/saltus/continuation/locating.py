@@ -21,6 +21,8 @@ _ZERO = 1e-6  # monitor function at an event, over its values at the step's ends
 _JUMP = 1e-3  # monitor function at a located zero, over its values at the step's ends, beyond which it is a jump
 _SETTLED = 1e-9  # largest relative Newton step of a located point
 _STALLED = 1e-7  # the same where rounding keeps Newton steps from shrinking further
+_ROOTED = 8  # places tried from which on the function is taken for a root of the distance from its zero
+_HALVED = 16  # the same, from which on the bracket is halved
 _EXACT = 1e-11  # monitor function, over its values at the step's ends, that counts as zero
 
 
@@ -116,7 +118,7 @@ def locate(
     known = [(0.0, fa), (1.0, fb)]
     low, high, f_low = 0.0, 1.0, fa
     s = fa / (fa - fb)
-    bend, near = np.zeros_like(a.u), False
+    bend, near, tried = np.zeros_like(a.u), False, 0
     scale = problem.scale()
     unit = unit or max(abs(fa), abs(fb))
     floor = problem.noise.get(name, _EXACT) * unit
@@ -169,8 +171,10 @@ def locate(
             low, f_low = s, f
         else:
             high = s
-        known = [*known[-3:], (s, f)]
-        s, previous = _zero(known, low, high), math.inf
+        known, tried = [*known[-3:], (s, f)], tried + 1
+        # two factors of a product may vanish like the root of the distance, as two real multipliers become a pair
+        shaped = known if tried <= _ROOTED else [(place, value * abs(value)) for place, value in known]
+        s, previous = _zero(shaped, low, high) if tried <= _HALVED else 0.5 * (low + high), math.inf
     return None
 
 
