@@ -102,6 +102,20 @@ def test_an_interrupt_keeps_what_is_done(lure):
     assert len(found[1]) > 5
 
 
+def test_progress_tells_the_search_at_a_point_and_an_interrupt_there_keeps_the_branches(lure):
+    seen = []
+
+    def interrupt(progress):
+        seen.append((progress.done, progress.text))
+        if progress.text == "branches at HB1 of branch 0":
+            raise KeyboardInterrupt
+
+    found = diagram(lure, "al", (0.5, 1.5), progress=interrupt)
+    assert seen[-1][0] == seen[-2][0]
+    assert found.stopped == "interrupted"
+    assert kinds(found) == ["equilibria"]
+
+
 def test_progress_tells_branch_and_parameter(nagumo):
     seen = []
     diagram(nagumo, "I0", (-1.0, 0.0), [-1.2, -0.6], progress=lambda told: seen.append((told.done, told.text)))

@@ -107,7 +107,8 @@ def diagram(
     options : DiagramOptions, optional
         Depth, most branches, steps.
     progress : bool or callable
-        True for a bar on stderr, or a function called with a `saltus.Progress` after each point.
+        True for a bar on stderr, or a function called with a `saltus.Progress` after each point. It is told as
+        well at which special point branches are looked for.
 
     Returns
     -------
@@ -210,6 +211,7 @@ class _Run:
     def _others(self, parent: int, point: SpecialPoint[Any]) -> list[Equilibrium | PeriodicOrbit | MapOrbit]:
         """Return a solution of each other branch at a special point, of those that begin within the bounds."""
         told = f"{point.label} of branch {parent}"
+        self.reporter.step(0, f"branches at {told}")
         try:
             found = other_solutions(point)
         except SaltusError as error:
