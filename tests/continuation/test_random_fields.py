@@ -89,6 +89,31 @@ def flame():
     return saltus.HybridSystem.smooth(field, {"nu": 1.1})
 
 
+@pytest.fixture(scope="module")
+def film():
+    """Eight odd modes of the Kuramoto-Sivashinsky equation with a = 4/nu; mode k is born at a = 4 k^2."""
+    field = {}
+    for k in range(1, 9):
+        pairs = "".join(f" + {k}*b{i}*b{k - i}" for i in range(1, k))
+        pairs += "".join(f" - 2*{k}*b{i}*b{i + k}" for i in range(1, 9 - k))
+        field[f"b{k}"] = f"(a*{k**2} - 4*{k**4})*b{k} + a*({pairs or 0})"
+    return saltus.HybridSystem.smooth(field, {"a": 100.0})
+
+
+@pytest.mark.parametrize("largest", [0.05, 0.15, 0.3, 0.6])
+@pytest.mark.parametrize("mode", [5, 6, 7, 8])
+def test_on_a_line_at_one_value_of_the_parameter_there_is_no_fold(film, mode, largest):
+    """Modes 5 to 8 do not act on themselves: each has a line of equilibria at a = 4 k^2."""
+    steps, birth = saltus.StepControl(largest=largest), 4.0 * mode**2
+    rest = saltus.find_equilibrium(film, {"a": birth - 3.0}, x0=[0.0] * 8)
+    trivial = saltus.continue_equilibrium(rest, "a", (birth - 5.0, birth + 5.0), steps=steps)
+    (vertex,) = trivial.special_points.of_type("BP")
+    line = saltus.continue_equilibrium(saltus.switch_branch(vertex), "a", (birth - 5.0, birth + 40.0), steps=steps)
+    assert np.ptp(line.values) < 1e-9
+    assert line.special_points.of_type("SN") == []
+    assert sum(abs(point.equilibrium.state[mode - 1]) < 1e-6 for point in line.special_points.of_type("BP")) == 1
+
+
 @pytest.mark.parametrize("largest", [0.1, 0.3])
 def test_a_determinant_that_changes_by_many_orders_hides_no_branch_point(flame, largest):
     steps = saltus.StepControl(largest=largest)

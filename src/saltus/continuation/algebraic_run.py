@@ -35,6 +35,7 @@ _AT_START = 1e-10  # test function, over its usual size, up to which a start is 
 _BESIDE = 1e-3  # arclength from a multiple point at which the branch is regular
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
+_STILL = 1e-11  # change of the parameter that is rounding
 _AT_REST = 1e-7  # the same, below which the parameter does not move
 _TURNING = 1e-5  # arclength from a branch point within which the parameter turns because of it
 _VERTEX = 0.05  # arclength from a branch point within which the parameter rests if it turns there
@@ -210,19 +211,23 @@ class AlgebraicRun(OneParameterRun):
         return point
 
     def trace(self, start: tuple[Any, Point], sign: float) -> OneSide:
-        """Return one direction of the branch; see `OneParameterRun.trace`.
+        """Return one direction of the branch, with those folds at which the parameter turns.
 
-        Folds that Newton's method does not find stay if the parameter turns there. On the way to infinity it rests.
+        On a line at one value of the parameter, and on the way to infinity, its sign of growth is rounding.
         """
         half = super().trace(start, sign)
-        points = turned(start[1], sign, self.odd), *(point for _, point in half.points)
-        along = np.array([float(point.tangent[-1]) for point in points])
-        half.specials = [
-            found
-            for found in half.specials
-            if found.name != "SN" or found.after not in self._blunt or _turns(along, found.after + 1)
-        ]
+        values = np.array([start[1].parameter, *(point.parameter for _, point in half.points)])
+        half.specials = [found for found in half.specials if found.name != "SN" or self._turns(values, found)]
         return half
+
+    def _turns(self, values: NDArray[np.float64], found: Found) -> bool:
+        """Return whether the parameter, with its values at the points of a branch, turns at a fold."""
+        after, at = found.after + 1, float(found.solution.parameters[self.name]) / self.scale
+        if after + 1 >= values.size:
+            return True  # the branch ends there
+        moved = np.where(np.abs(values - at) > _STILL * max(abs(at), 1.0), values - at, 0.0)
+        before, beyond = moved[:after][moved[:after] != 0.0], moved[after:][moved[after:] != 0.0]
+        return bool(before.size > 0 and beyond.size > 0 and before[-1] * beyond[0] > 0.0)
 
     def piece(
         self,
@@ -373,11 +378,3 @@ class AlgebraicRun(OneParameterRun):
             name, replace(solution, parameters=p), event.value, len(half.points), point.arc, tangent=tangent,
             scale=branch.sizes.copy(),
         )  # fmt: skip
-
-
-def _turns(along: NDArray[np.float64], after: int) -> bool:
-    """Return whether the parameter, with its components of the tangents, goes back behind the first `after` points."""
-    if after >= along.size:
-        return True
-    before, beyond = along[:after][np.abs(along[:after]) > _AT_REST], along[after:][np.abs(along[after:]) > _AT_REST]
-    return before.size > 0 and beyond.size > 0 and before[-1] * beyond[0] < 0.0
