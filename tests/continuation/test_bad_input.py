@@ -187,3 +187,16 @@ def test_an_event_of_what_is_no_number_on_part_of_the_orbit_is_refused(events):
     message = f"events = {name!r}: must be a quantity that is a number all along the orbits; NaN at the start"
     with pytest.raises(InputError, match=re.escape(message)):
         continue_orbit(orbit, "w", (1.2, 1.5), events=events)
+
+
+def test_a_quantity_that_is_no_longer_a_number_is_told_once():
+    """x = 1 + X cos(2 s - a); X = A/sqrt(9.64), log(x) has the mean log((1 + sqrt(1 - X^2))/2)."""
+    field = {"m": Mode({"x": "v", "v": "-(x - 1) - 0.4*v + A*cos(2*s)"})}
+    system = HybridSystem(("x", "v"), {"A": 0.5}, field, phase=("s", "1"), outputs={"log_x": "log(x)"})
+    orbit = find_orbit(system, x0=[1.0, 0.0])
+    with pytest.warns(RuntimeWarning, match=r"'mean\(log_x\)' is no number at A = 3\.[1-9]") as told:
+        branch = continue_orbit(orbit, "A", (0.1, 8.0), events={"mean(log_x)": -0.2})
+    assert len(told) == 1
+    (met,) = branch.special_points
+    X = math.sqrt(1.0 - (2.0 * math.exp(-0.2) - 1.0) ** 2)
+    assert met.parameters["A"] == pytest.approx(X * math.sqrt(9.64), rel=1e-9)

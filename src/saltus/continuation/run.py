@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, replace
@@ -79,6 +80,18 @@ class OneParameterRun(_Run, ABC):
     ) -> None:
         super().__init__(control, stops, reporter)
         self.name, self.interest, self.scale = name, interest, interest.scale
+        self._unmet: set[str] = set()  # users' events that have been told of
+
+    def keep(self, half: OneSide, piece: Any, point: Point) -> str | None:
+        """See `_Run.keep`; warn where a user's event asks for what is no longer a number."""
+        for name, value in point.examined.monitors.items():
+            if name.kind in ("event", "EX") and math.isnan(value):
+                asked = self.interest.events[name.segment][0]
+                if asked not in self._unmet and not asked.startswith("velocity("):
+                    self._unmet.add(asked)
+                    told = f"saltus: {asked!r} is no number at {self.place(point)}: its event is not met there"
+                    warnings.warn(told, RuntimeWarning, stacklevel=2)
+        return super().keep(half, piece, point)
 
     def start_value(self, parameters: Mapping[str, float]) -> float:
         """Return the parameter at the start, in its unit; a bound that is missed by rounding is met."""

@@ -22,6 +22,8 @@ __all__ = ["Event", "Examined", "Point", "ZeroProblem", "correct", "cubic", "her
 
 _STEP_ACCEPTED = 2e-9  # largest relative Newton step of a converged point
 _REMESHED = 20  # most further Newton iterations of a converged point while its mesh is refined
+_RESTS = 1e-9  # parameter's component of a tangent, over the largest, up to which it is rounding
+_REGULAR = 1e-10  # least diagonal entry of a triangle, over the largest, from which on it is solved with
 _UNSTABLE = 2  # most evaluations of a point on meshes too coarse for the flow to be finite
 
 
@@ -212,19 +214,36 @@ def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float
         fine = problem.accurate()
         if not np.all(np.isfinite(J)):  # on meshes too coarse for the flow, which are finer now
             continue
-        step = np.linalg.lstsq(J / root, -F, rcond=None)[0] / root
+        step = _nearest(J / root, -F)[0] / root
         u = u + step
         if fine and np.abs(step / problem.scale()).max() < _STEP_ACCEPTED:
             break
     if not np.all(np.isfinite(J)):
         raise ValueError("Newton: the equations have no finite values")
-    null = np.linalg.svd(J / root)[2][-1] / root
-    null *= np.sign(orientation * null[-1]) or 1.0
+    null = _nearest(J / root, np.zeros(len(J)))[1] / root
     null /= math.sqrt(float(weights @ null**2))
+    null *= math.copysign(1.0, orientation * null[_leading(null * root)])
     point = correct(problem, u, null, weights, 7)
     if isinstance(point, str):
         raise ValueError(point)
     return point
+
+
+def _leading(null: NDArray[np.float64]) -> int:
+    """Return which component gives a tangent its sign: the parameter's, or the first large one where that rests."""
+    sizes = np.abs(null)
+    return -1 if sizes[-1] > _RESTS * sizes.max() else int(np.argmax(sizes > 0.5 * sizes.max()))
+
+
+def _nearest(A: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the least solution of A x = b, one unknown more than equations, and a null vector of A of unit length."""
+    from scipy.linalg import solve_triangular
+
+    Q, R = np.linalg.qr(A.T, mode="complete")
+    sizes = np.abs(np.diagonal(R))
+    if not sizes.min(initial=1.0) > _REGULAR * sizes.max(initial=0.0):
+        return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0]), np.asarray(np.linalg.svd(A)[2][-1])
+    return np.asarray(Q[:, :-1] @ solve_triangular(R[:-1], b, trans="T")), np.asarray(Q[:, -1])
 
 
 def hermite(a: Point, b: Point, length: float, s: Share) -> NDArray[np.float64]:
