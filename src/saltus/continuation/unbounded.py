@@ -40,6 +40,7 @@ _DECADES = 2.0 * math.log(10.0)  # logarithm of the ratio of slopes over which t
 _LEVEL = 0.25  # logarithm of the ratio of two growths, over that of slopes, below which the period levels off
 _FEWEST = 4  # steps over which it can be
 _SWOLLEN = 1e4  # least ratio of a state's unbounded range to its least on the branch
+_FAINT = 1e-6  # modulus of a state, over the largest of all states, up to which it may be a branch's birth or rounding
 _ENDLESS = 5e6  # ratio of a state's range to that of the first point at which a branch is ended
 _VANISHED = 1e-4  # ranges of states and period, over the largest on the branch, up to which an orbit vanishes
 LONGEST = 1e3  # ratio of the period to that of the first point at which a branch is ended
@@ -108,15 +109,15 @@ def swells_at_last(points: list[Row]) -> str | None:
     if max(values) - min(values) > _RESTS * _RESTS:
         return None
     lows, highs = _extents(points)
-    ranges, reaches = highs - lows, _reaches(lows, highs)
+    ranges, reaches, size = highs - lows, _reaches(lows, highs), _size(lows, highs)
     names = points[-1][0].problem.system.states
     for sizes, least, verb in (
-        (ranges, ranges.min(axis=0), "ranges over"),
-        (reaches, _size(lows, highs), "moves by"),
+        (ranges, np.maximum(ranges.min(axis=0), _FAINT * size.max()), "ranges over"),
+        (reaches, size, "moves by"),
     ):
         swollen = np.all(np.diff(sizes[-4:], axis=0) > 0.0, axis=0) & (sizes[-1] > _SWOLLEN * least)
         if np.any(swollen):
-            largest = int(np.argmax(np.where(swollen, sizes[-1] / np.where(least > 0.0, least, 1.0), 0.0)))
+            largest = int(np.argmax(np.where(swollen, sizes[-1] / least, 0.0)))
             return f"the orbit grows without bound ({names[largest]} {verb} {sizes[-1][largest]:.3g})"
     return None
 
@@ -147,9 +148,9 @@ def _reaches(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> NDArray[n
 
 
 def _size(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the largest moduli of states on the first orbit; that of all states where one is always 0."""
+    """Return the largest moduli of states on the first orbit; a state that is 0 there counts as a small one."""
     sizes = np.maximum(np.abs(lows[0]), np.abs(highs[0]))
-    return np.asarray(np.where(sizes > 0.0, sizes, sizes.max()))
+    return np.asarray(np.maximum(sizes, _FAINT * float(sizes.max()) or 1e-300))
 
 
 def vanishes_at_last(points: list[Row]) -> str | None:
