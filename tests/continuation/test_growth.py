@@ -113,6 +113,15 @@ def test_a_fold_of_higher_order_is_located_once(power):
     assert fold.parameters["p"] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("aside", [1e-3, 1e-5, 1e-7, -1e-7, -1e-5])
+def test_a_branch_that_starts_next_to_its_fold_has_the_fold(aside):
+    system = HybridSystem.smooth({"x": "p - (x - 1)**2", "y": "x - y"}, {"p": aside**2})
+    start = find_equilibrium(system, x0=[1.0 + aside, 1.0 + aside])
+    (fold,) = continue_equilibrium(start, "p", (-1.0, 1.0)).special_points
+    assert fold.type == "SN"
+    assert fold.parameters["p"] == pytest.approx(0.0, abs=1e-10)
+
+
 @pytest.mark.parametrize("largest", [0.05, 0.3])
 @pytest.mark.parametrize("mean", ["1 + cos(s)", "1"])
 def test_an_orbit_whose_mean_runs_to_infinity_ends_at_once(mean, largest):

@@ -225,9 +225,10 @@ class AlgebraicRun(OneParameterRun):
         after, at = found.after + 1, float(found.solution.parameters[self.name]) / self.scale
         if after + 1 >= values.size:
             return True  # the branch ends there
-        moved = np.where(np.abs(values - at) > _STILL * max(abs(at), 1.0), values - at, 0.0)
+        moved = np.where(np.abs(values - at) > _STILL + 16.0 * math.ulp(at), values - at, 0.0)
         before, beyond = moved[:after][moved[:after] != 0.0], moved[after:][moved[after:] != 0.0]
-        return bool(before.size > 0 and beyond.size > 0 and before[-1] * beyond[0] > 0.0)
+        # a branch may start next to a fold
+        return bool(beyond.size > 0 and (before.size == 0 or before[-1] * beyond[0] > 0.0))
 
     def piece(
         self,
