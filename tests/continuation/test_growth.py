@@ -7,6 +7,7 @@ import pytest
 
 from saltus import (
     HybridSystem,
+    Map,
     Mode,
     StepControl,
     Transition,
@@ -16,6 +17,10 @@ from saltus import (
     find_orbit,
 )
 from saltus.continuation.unbounded import levels_off
+from saltus.cycles.orbit import cycle_at
+from saltus.cycles.problem import CycleProblem
+from saltus.equilibria.equilibrium import equilibrium_at
+from saltus.equilibria.problem import EquilibriumProblem
 
 CLOCK = HybridSystem(
     ("x", "v"), {"F": 0.05, "W": 0.6, "u": 1.0},
@@ -118,6 +123,56 @@ def test_a_branch_that_starts_next_to_its_fold_has_the_fold(aside):
     system = HybridSystem.smooth({"x": "p - (x - 1)**2", "y": "x - y"}, {"p": aside**2})
     start = find_equilibrium(system, x0=[1.0 + aside, 1.0 + aside])
     (fold,) = continue_equilibrium(start, "p", (-1.0, 1.0)).special_points
+    assert fold.type == "SN"
+    assert fold.parameters["p"] == pytest.approx(0.0, abs=1e-10)
+
+
+# fields with a fold at 0, and the branch through it
+FOLDS = {
+    "one state": ({"x": "p - x**2"}, lambda a: (a**2, [a])),
+    "downwards": ({"x": "-p - x**2"}, lambda a: (-(a**2), [a])),
+    "far off 0": ({"x": "p - 1000 - x**2"}, lambda a: (1000.0 + a**2, [a])),
+    "a state that follows": ({"x": "p - x**2", "y": "x - 2*y"}, lambda a: (a**2, [a, 0.5 * a])),
+    "one that follows its square": ({"x": "p - x**2", "z": "x**2 - z"}, lambda a: (a**2, [a, a**2])),
+    "of fourth order": ({"x": "p - x**4"}, lambda a: (a**4, [a])),
+    "in nanometres": ({"x": "1e-9*p - 1e9*x**2"}, lambda a: (a**2, [1e-9 * a])),
+}
+
+
+@pytest.mark.parametrize("largest", [0.05, 0.3])
+@pytest.mark.parametrize("aside", [0.0, 1e-12, 1e-10, -1e-10, 1e-9, 1e-6, -1e-6, 1e-3, 1e-2])
+@pytest.mark.parametrize("field", FOLDS)
+def test_a_branch_that_starts_at_a_fold_at_0_or_next_to_it_has_the_fold(field, aside, largest):
+    """A state next to 0 has the size of its way along the branch, not of its modulus there."""
+    formulas, at = FOLDS[field]
+    p, x = at(aside)
+    problem = EquilibriumProblem(HybridSystem.smooth(formulas, {"p": p}), 0, np.array([p]))
+    start = equilibrium_at(problem, np.array(x), np.ones(len(x)))
+    middle = at(0.0)[0]
+    branch = continue_equilibrium(start, "p", (middle - 1.0, middle + 1.0), steps=StepControl(largest=largest))
+    (fold,) = branch.special_points
+    assert fold.type == "SN"
+    assert fold.parameters["p"] == pytest.approx(middle, abs=1e-9 * max(middle, 1.0))
+    assert branch.stopped == (f"p = {branch.values[0]:g}: bound reached",) * 2
+
+
+@pytest.mark.parametrize(("field", "at"), [("p*x - x**2", 1), ("p*x - x**3", 2)])
+@pytest.mark.parametrize("aside", [1e-10, -1e-6, 1e-6, 1e-3])
+def test_a_branch_that_starts_next_to_a_branch_point_at_0_has_the_branch_point(field, at, aside):
+    system = HybridSystem.smooth({"x": field, "y": "1 - y"}, {"p": aside**at})
+    problem = EquilibriumProblem(system, 0, np.array([aside**at]))
+    start = equilibrium_at(problem, np.array([aside, 1.0]), np.ones(2))
+    (point,) = continue_equilibrium(start, "p", (-1.0, 1.0)).special_points
+    assert point.type == "BP"
+    assert point.parameters["p"] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("aside", [0.0, 1e-9, -1e-7, 1e-7, 1e-5, 1e-3])
+def test_a_branch_of_a_map_that_starts_next_to_its_fold_has_the_fold(aside):
+    tent = Map(("x", "y"), {"p": 0.0}, {"x": "x + p - x**2", "y": "x - y/2"})
+    problem = CycleProblem(tent, (0,), np.array([aside**2]))
+    start = cycle_at(problem, np.array([aside, 2.0 / 3.0 * aside]), np.ones(2))
+    (fold,) = continue_orbit(start, "p", (-0.5, 0.5)).special_points
     assert fold.type == "SN"
     assert fold.parameters["p"] == pytest.approx(0.0, abs=1e-10)
 

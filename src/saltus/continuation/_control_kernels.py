@@ -69,7 +69,7 @@ def judge(weights, last, new, guess, limits):
 @njit(**INNER)
 def _turns_twice(a, b, chord):
     """Return whether the cubic with end slopes a and b and mean slope chord turns twice within a step."""
-    if a * b <= 0.0 or max(abs(a), abs(b), abs(chord)) < RESTS:
+    if a * b <= 0.0 or min(abs(a), abs(b)) < RESTS:
         return False
     side = math.copysign(1.0, a)
     a, b, chord = a * side, b * side, chord * side

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from saltus.continuation.algebraic_locus_problem import AlgebraicLocusProblem
-from saltus.continuation.algebraic_problem import closes, extents
+from saltus.continuation.algebraic_problem import closes
 from saltus.continuation.arclength import follow
+from saltus.continuation.extents import extents
 from saltus.continuation.run import TwoParameterRun
 from saltus.continuation.special_points import SpecialPoint
 from saltus.continuation.two_sided import BothSides, Found, OneSide, join, traced, turned

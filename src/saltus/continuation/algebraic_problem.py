@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
+from saltus.continuation.arclength import RESTS
 from saltus.continuation.faint import faint_step, resolved
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.returning import crosses_back, may_return
 from saltus.continuation.watching import slope
 from saltus.continuation.zero_problem import Event, Examined, Point, hermite
-from saltus.equilibria.find import responses, state_sizes
 from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
@@ -27,9 +27,8 @@ if TYPE_CHECKING:
 
     from saltus.continuation.arclength import StepControl
     from saltus.continuation.orbit_problem import Interest
-    from saltus.equilibria.algebraic import AlgebraicProblem
 
-__all__ = ["AlgebraicData", "AlgebraicZeroProblem", "closes", "extents"]
+__all__ = ["AlgebraicData", "AlgebraicZeroProblem", "closes"]
 
 _LOW = Monitor("low")  # parameter less its lower bound
 _HIGH = Monitor("high")  # parameter less its upper bound
@@ -43,7 +42,6 @@ _FLIPS = Monitor("flips")  # values that belong to a PD
 _PAIRS = Monitor("pairs")  # complex pairs
 
 _RESIDUAL = 1e-8  # most residual of a point, over the sizes of its terms
-_NEAR = 1e-2  # share of a state's modulus below which its size on a branch is not chosen
 _SHORT = 1e-5  # arclength of a step up to which several critical values may be passed in it
 _CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
 _EQUAL = 1e-6  # relative difference of two values up to which they are equal by symmetry
@@ -51,7 +49,6 @@ _UNEXPLAINED = "stability changes without a bifurcation that explains it"
 _CLEAR = 1e-6  # growth of a value, over the largest, from which on its sign is clear at a critical point
 _ROUNDED = 1e-9  # growth up to which it is rounding
 _BACK = "events: a value becomes critical within the step and returns"
-_RESTS = 1e-9  # change of the parameter per unit of arclength, up to which it rests
 
 
 class AlgebraicData(Protocol):
@@ -72,18 +69,6 @@ class AlgebraicData(Protocol):
     @property
     def stable(self) -> bool:
         """Whether all of them are stable."""
-
-
-def extents(problem: AlgebraicProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the sizes at the start of a curve, shape (n,): how far the parameters move the unknowns, and their moduli.
-
-    A state may be large and yet hardly move, as a temperature in kelvins: its size is then how far it moves.
-    """
-    J = problem.evaluate(u)[1]
-    n, x = problem.n, np.abs(u[: problem.n])
-    sizes = state_sizes(problem, u, J)
-    moved = np.abs(responses(J[:, :n], J[:, n:], sizes)).max(axis=1)
-    return np.where((x > _NEAR * sizes) & (moved > 0.0), np.clip(moved, _NEAR * x, x), sizes)
 
 
 class AlgebraicZeroProblem(ABC):
@@ -213,7 +198,7 @@ class AlgebraicZeroProblem(ABC):
             return distance if abs(distance) > 1e-12 else 0.0
         if kind == "SN":
             along = float(point.tangent[-1])
-            return along if abs(along) > _RESTS else 0.0
+            return along if abs(along) > RESTS else 0.0
         if kind == "BP":
             self._log = point.log if self._log is None else self._log
             return point.sign * math.exp(min(max(point.log - self._log, -600.0), 600.0))

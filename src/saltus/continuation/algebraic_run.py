@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from saltus.continuation.algebraic_problem import AlgebraicZeroProblem, closes
-from saltus.continuation.arclength import StepControl, follow
+from saltus.continuation.arclength import RESTS, StepControl, follow
 from saltus.continuation.multiple import crossing_point
 from saltus.continuation.options import read_value
 from saltus.continuation.run import Going, OneParameterRun
@@ -34,6 +34,7 @@ __all__ = ["AlgebraicRun", "read_point_events"]
 _AT_START = 1e-10  # test function, over its usual size, up to which a start is critical
 _BESIDE = 1e-3  # arclength from a multiple point at which the branch is regular
 _ASIDE = 1e-4  # arclength by which a critical start is moved aside
+_FURTHER = (1e-3, 1e-2, 5e-2)  # the same in turn, where the parameter still rests
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
 _STILL = 1e-11  # change of the parameter that is rounding
 _AT_REST = 1e-7  # the same, below which the parameter does not move
@@ -161,19 +162,12 @@ class AlgebraicRun(OneParameterRun):
         """Return the start of a branch in all forms in which the branch may come back to it."""
         return [origin]
 
-    def at_start(self, branch: Any, origin: Point, halves: list[OneSide]) -> Found | None:
-        """Return the special point at which the branch starts; None where there is none, or where it was located."""
-        return None
-
     def joined(self, directions: str) -> BothSides:
         """Return the branch in both directions."""
         start = self.begin(directions)
         with self.reporter:
             halves = traced(start, lambda: self.begin(directions), self.trace, directions)
-        joined = join(start, halves, "branch")
-        if (own := self.at_start(*start, halves)) is not None:
-            joined.specials = sorted([*joined.specials, (own, float(joined.offset), 0.0)], key=lambda item: item[2])
-        return joined
+        return join(start, halves, "branch")
 
     def begin(self, directions: str) -> tuple[AlgebraicZeroProblem, Point]:
         """Return the equations and the first point, its tangent towards growing parameter."""
@@ -190,25 +184,35 @@ class AlgebraicRun(OneParameterRun):
         return branch, self._aside(branch, point, directions)
 
     def _aside(self, branch: AlgebraicZeroProblem, point: Point, directions: str) -> Point:
-        """Return a start that is not critical: a critical one is moved a little, away from where the branch goes."""
+        """Return a start that is not critical: a critical one is moved a little, away from where the branch goes.
+
+        Where the parameter rests, as at a fold, the start is moved until the parameter moves.
+        """
+        rests = abs(float(point.tangent[-1])) <= RESTS
         critical = [name for name, value in point.examined.monitors.items() if name.kind in branch.critical
                     and name.kind != "SN" and (abs(value) < _AT_START or math.isnan(value))]  # fmt: skip
-        if not critical:
+        if not critical and not rests:
             return point
         sign = 1.0 if directions == "down" else -1.0
-        way = turned(point, sign, self.odd)
-        short = StepControl(initial=_ASIDE, smallest=_ASIDE / 16.0, largest=_ASIDE)
+        for length in (_ASIDE, *_FURTHER) if rests else (_ASIDE,):
+            moved = self._moved(branch, turned(point, sign, self.odd), length)
+            if moved is not None and (not rests or abs(float(moved.tangent[-1])) > RESTS):
+                return turned(moved, sign, self.odd)
+        return point
+
+    def _moved(self, branch: AlgebraicZeroProblem, way: Point, length: float) -> Point | None:
+        """Return the solution a step of a length along a branch; None where there is none within the bounds."""
+        short = StepControl(initial=length, smallest=length / 16.0, largest=length)
         for item in follow(branch, way, short, log=[]):
             if isinstance(item, Point):
-                inside = self.interest.low < item.parameter < self.interest.high
-                if not inside:
-                    return point
+                if not self.interest.low < item.parameter < self.interest.high:
+                    return None
                 item.arc = 0.0
                 item.examined = branch.examine(item, None)
-                return turned(item, sign, self.odd)
+                return item
             if isinstance(item, str):
                 break
-        return point
+        return None
 
     def trace(self, start: tuple[Any, Point], sign: float) -> OneSide:
         """Return one direction of the branch, with those folds at which the parameter turns.

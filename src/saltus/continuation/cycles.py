@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.algebraic_problem import extents
 from saltus.continuation.algebraic_run import AlgebraicRun, read_point_events
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.border import TOGETHER, beyond_border
 from saltus.continuation.cycle_problem import CYCLE_POINTS, CycleZeroProblem, in_lockstep
+from saltus.continuation.extents import extents
 from saltus.continuation.map_curve import MapBranch
 from saltus.continuation.options import asked_types, checked_interval, read_stops, unit_of
 from saltus.continuation.orbit_problem import Interest

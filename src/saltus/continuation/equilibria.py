@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.algebraic_problem import extents
 from saltus.continuation.algebraic_run import AlgebraicRun, read_point_events
 from saltus.continuation.arclength import StepControl
 from saltus.continuation.boundary import beyond_boundary
 from saltus.continuation.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.equilibrium_problem import CRITICAL, EquilibriumZeroProblem
+from saltus.continuation.extents import extents
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.options import asked_types, checked_interval, read_stops, unit_of
 from saltus.continuation.orbit_problem import Interest
-from saltus.continuation.two_sided import OneSide
 from saltus.continuation.zero_problem import Event
 from saltus.equilibria import Equilibrium
-from saltus.equilibria.critical import solve_saddle_node
 from saltus.equilibria.equilibrium import equilibrium_at
-from saltus.equilibria.normal_forms import normal_form
 from saltus.equilibria.problem import EquilibriumProblem, check_autonomous
 from saltus.progress import Report, Reporter
 
@@ -31,13 +27,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.boundary import Crossing
-    from saltus.continuation.two_sided import BothSides, Found
+    from saltus.continuation.two_sided import BothSides
     from saltus.continuation.zero_problem import Point
 
 __all__ = ["continue_equilibrium", "joined_fields"]
-
-_TURNS = 1e-5  # change of the parameter per unit of arclength, up to which a start may be a saddle-node
-_ASIDE = 1e-4  # arclength by which a located saddle-node may lie off the start
 
 
 def continue_equilibrium(
@@ -171,19 +164,6 @@ class _EquilibriumRun(AlgebraicRun):
     def inside(self, branch: EquilibriumZeroProblem, event: Monitor) -> float:
         """See `AlgebraicRun.inside`."""
         return -float(branch.problem.system.transitions[event.transition].direction or 1)
-
-    def at_start(self, branch: EquilibriumZeroProblem, origin: Point, halves: list[OneSide]) -> Found | None:
-        """See `AlgebraicRun.at_start`: a saddle-node."""
-        located = (found for half in halves for found in half.specials if found.name == "SN")
-        if abs(float(origin.tangent[-1])) > _TURNS or any(abs(found.arc) < _ASIDE for found in located):
-            return None
-        u = solve_saddle_node(branch.problem, origin.u, branch.sizes)
-        if u is None or float(origin.weights @ (u - origin.u) ** 2) > _ASIDE**2:
-            return None
-        if normal_form(branch.problem, u, "SN").coefficient == 0.0:
-            return None
-        at = replace(origin, u=u)
-        return self.found("SN", branch, Event(Monitor("SN"), at, float(origin.tangent[-1])), OneSide())
 
     def ended(self, branch: EquilibriumZeroProblem, point: Point, kind: str) -> str | None:
         """See `AlgebraicRun.ended`."""

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.continuation.algebraic_problem import extents
 from saltus.continuation.critical_points import CriticalOrbit, critical_cycle, critical_equilibrium
 from saltus.continuation.cycle_problem import in_lockstep
+from saltus.continuation.extents import extents
 from saltus.cycles.orbit import MapOrbit, itinerary_of
 from saltus.cycles.problem import CycleProblem
 from saltus.equilibria.problem import EquilibriumProblem

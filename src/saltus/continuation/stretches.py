@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.continuation.arclength import RESTS
 from saltus.continuation.monitor import Monitor
 from saltus.continuation.returning import first_return
 from saltus.continuation.zero_problem import Examined, Point, cubic
@@ -26,7 +27,6 @@ __all__ = ["PointData", "Stretch", "spectra"]
 
 _MOST = 256  # points of one stretch
 _BENT = 2.0  # factor on the curvature of a test function when two zeros within a step are suspected
-_RESTS = 1e-9  # parameter's component of the tangent up to which the parameter rests
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Stretch:
         """
         t, n = self._points[: self.taken, :, -1], self._points.shape[2] - 1
         tests = np.empty((self.taken, len(names)))
-        tests[:, 0] = np.where(np.abs(t[:, 1]) > _RESTS, t[:, 1], 0.0)
+        tests[:, 0] = np.where(np.abs(t[:, 1]) > RESTS, t[:, 1], 0.0)
         tests[:, 1] = self.numbers[:, 0] * np.exp(np.clip(self.numbers[:, 1] - log, -600.0, 600.0))
         tests[:, 2] = _pair_products(self.values) if n > 1 else 1.0
         for k, bound in ((3, self._interest.low), (4, self._interest.high)):
