@@ -7,6 +7,7 @@ import pytest
 
 import saltus
 from saltus import afm
+from saltus.afm import fold_search
 from saltus.errors import InputError
 
 matplotlib.use("Agg")
@@ -25,6 +26,26 @@ def lever():
 @pytest.fixture(scope="module")
 def region(lever):
     return afm.bistability(lever)
+
+
+@pytest.mark.parametrize(
+    ("below", "above", "begins"),
+    [
+        ([], [10.79], True),
+        ([], [], False),
+        ([0.5332], [10.79], True),  # a squeezed tip jumps next to the sample as well
+        ([0.5332], [0.5351], False),
+        ([0.5332, 10.75], [0.5340, 10.79], False),
+        ([0.5332], [0.5351, 10.79], True),
+    ],
+)
+def test_a_jump_elsewhere_does_not_hide_the_jump_that_begins(lever, monkeypatch, below, above, begins):
+    def jumps(system, p, Zc_nm, steps):
+        return above if p["A0_nm"] > 18.157 else below
+
+    monkeypatch.setattr(fold_search, "approach_jumps", jumps)
+    told = fold_search._begins_to_jump(lever, lever.resolve(None), 18.157, (0.5, 30.0), None)
+    assert told is begins
 
 
 def test_the_raw_form_of_kelvin_and_voigt_is_refused_at_once_with_the_cure():

@@ -186,13 +186,13 @@ def from_afar(
     return branch.at(Zc_nm)
 
 
-def jumps_on_approach(
+def approach_jumps(
     system: HybridSystem, parameters: Mapping[str, float], Zc_nm: tuple[float, float], steps: StepControl | None
-) -> bool:
-    """Return whether an approach from afar jumps in a range of distance."""
+) -> list[float]:
+    """Return the distances at which an approach from afar jumps in a range, in nm."""
     how = Tracing("Zc_nm", Zc_nm, steps, progress=False)
     curve = reached(how, from_afar(system, parameters, Zc_nm[1], steps), "deflection")
-    return any(jump.direction == curve.directions[0] for jump in curve.jumps)
+    return [jump.value for jump in curve.jumps if jump.direction == curve.directions[0]]
 
 
 def _at_frequency(system: HybridSystem, p: dict[str, float], f_kHz: float | str | None) -> dict[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.afm.bistable_region import PLANE, Bistability, turns_of
-from saltus.afm.curves import from_afar, jumps_on_approach
+from saltus.afm.curves import approach_jumps, from_afar
 from saltus.afm.readings import check_model, drives_of
 from saltus.afm.units import check_changes
 from saltus.continuation import Locus, SpecialPoint, StepControl, continue_locus, continue_orbit
@@ -30,6 +30,7 @@ __all__ = ["bistability", "tip_radius"]
 _HEIGHTS = (0.15, 0.35, 0.6, 0.85, 0.05)  # shares of the range of distance at which folds are sought
 _STAGE = 1.25  # ratio of critical amplitudes from one stage of the search for a radius to the next, at most
 _ROUNDING = 1e-9  # difference, relative, of amplitudes that is rounding
+_MOVES = 3.0  # change of a jump's distance, over that of the free amplitude, up to which two jumps are one
 _BESIDE = (1e-3, 1e-2)  # differences, relative, from a turn at which approaches show whether it is the critical one
 _SAME = 1e-2  # difference, relative, of amplitude and extremes up to which a fold is that of a locus
 
@@ -138,12 +139,23 @@ def _jumping(
 def _begins_to_jump(
     system: HybridSystem, p: Mapping[str, float], A0_nm: float, Zc_nm: tuple[float, float], steps: StepControl | None
 ) -> bool:
-    """Return whether an approach jumps at a free amplitude that is larger, and none does at one that is smaller."""
+    """Return whether an approach at a larger free amplitude has a jump that one at a smaller amplitude lacks.
 
-    def jumps(share: float) -> bool:
-        return jumps_on_approach(system, {**p, "A0_nm": A0_nm * (1.0 + share)}, Zc_nm, steps)
+    Both may jump elsewhere, as a tip does that hardly moves any more next to the sample.
+    """
 
-    return any(jumps(share) for share in _BESIDE) and not jumps(-_BESIDE[0])
+    def jumps(share: float) -> list[float]:
+        return approach_jumps(system, {**p, "A0_nm": A0_nm * (1.0 + share)}, Zc_nm, steps)
+
+    before: list[float] | None = None
+    for share in _BESIDE:
+        behind = jumps(share)
+        if behind and before is None:
+            before = jumps(-_BESIDE[0])
+        moved = _MOVES * (share + _BESIDE[0]) * A0_nm
+        if any(all(abs(jump - other) > moved for other in before or ()) for jump in behind):
+            return True
+    return False
 
 
 def tip_radius(
