@@ -22,8 +22,8 @@ from saltus.afm.figures import fig8, fig9, fig10, sections
 from saltus.afm.galerkin import coefficients
 from saltus.basins import Attractors, Grid, find_attractors
 from saltus.basins.map.labelling import TOLERANCE
-from saltus.ensemble._kernels import fate
 from saltus.ensemble.ensemble import Ensemble, regions_of
+from saltus.ensemble.kernels.lanes import fate
 from saltus.ensemble.traps import UNDECIDED, Traps
 from saltus.flow.motion import starting_mode
 from saltus.flow.poincare import iterate

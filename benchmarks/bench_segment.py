@@ -8,9 +8,9 @@ import numpy as np
 from measure import interleaved, machine, show
 from peers import heyoka_flight, scipy_segment, tapping_orbit
 
-from saltus.flow import _segment_kernels as kernels
-from saltus.flow._kernels import pointer
-from saltus.system.machine_code import njit
+from saltus.flow.kernels import segment as kernels
+from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.pointers import pointer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -19,9 +19,9 @@ from saltus import afm
 from saltus.afm.figures import fig7, fig7a
 from saltus.afm.galerkin import coefficients
 from saltus.afm.regimes import settled_orbit
-from saltus.flow._kernels import call
 from saltus.flow.poincare import iterate
 from saltus.system.compiled import FUNCTIONS
+from saltus.system.numba_tools.pointers import call
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -14,9 +14,9 @@ from scipy.integrate import solve_ivp
 import saltus
 from saltus import afm
 from saltus.afm.galerkin import coefficients
-from saltus.flow._kernels import call
 from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.system.compiled import FUNCTIONS
+from saltus.system.numba_tools.pointers import call
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

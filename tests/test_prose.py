@@ -93,7 +93,7 @@ def test_every_end_of_a_segment_is_in_the_table_of_end_conditions():
 
 
 def test_the_glossary_has_every_type_of_special_point():
-    home = next(file for file in (PACKAGE / "continuation").glob("*.py") if '"CP": "cusp"' in text_of(file))
+    home = next(file for file in (PACKAGE / "continuation").rglob("*.py") if '"CP": "cusp"' in text_of(file))
     types = re.findall(r'^    "([A-Z]{2,3}\d?)": "', text_of(home), re.MULTILINE)
     table = text_of("docs/glossary.md").partition("## Names of special points")[2].partition("\n## ")[0]
     told = {name.strip() for row in re.findall(r"^\| ([^|]+) \|", table, re.MULTILINE) for name in row.split(",")}

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, root
 
-from saltus.continuation.arclength import Failure, StepControl, follow
-from saltus.continuation.locating import events_between, locate
-from saltus.continuation.monitor import Monitor
-from saltus.continuation.zero_problem import Event, Examined, Point, correct, start_point
+from saltus.continuation.core.arclength import Failure, StepControl, follow
+from saltus.continuation.core.locating import events_between, locate
+from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.zero_problem import Event, Examined, Point, correct, start_point
 
 FOLD, LOW, HIGH, DETERMINANT = "fold", "low", "high", "determinant"
 BRATU_FOLD = 3.513830719
@@ -207,7 +207,7 @@ def test_a_bound_that_cannot_be_located_ends_a_short_step_all_the_same(kind, mon
         end = start_point(problem, np.array([math.sqrt(1.0 - parameter**2), parameter]))
         end.arc, end.examined = parameter, Examined({name: value}, None)
         ends.append(end)
-    monkeypatch.setattr("saltus.continuation.locating.locate", lambda *_: None)
+    monkeypatch.setattr("saltus.continuation.core.locating.locate", lambda *_: None)
     found = events_between(problem, *ends)
     assert [event.name for event in found] == ([name] if kind == "high" else [])
     assert [event.point.arc for event in found] == pytest.approx([0.500003] * len(found), abs=1e-12)

@@ -21,7 +21,7 @@ from saltus import (
     find_orbit,
     switch_branch,
 )
-from saltus.continuation.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 

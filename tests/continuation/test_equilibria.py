@@ -18,7 +18,7 @@ from saltus import (
     continue_equilibrium,
     find_equilibrium,
 )
-from saltus.continuation.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import InputError
 

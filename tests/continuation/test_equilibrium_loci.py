@@ -10,8 +10,8 @@ import pytest
 import fields
 import saltus
 from saltus import StepControl, continue_equilibrium, continue_locus, find_equilibrium
-from saltus.continuation.equilibrium_branch import EquilibriumBranch
-from saltus.continuation.equilibrium_locus import EquilibriumLocus
+from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
 from saltus.errors import InputError
 
 STEPS = (None, StepControl(largest=0.02), StepControl(initial=0.05, largest=0.3))

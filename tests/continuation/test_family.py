@@ -21,7 +21,7 @@ import saltus
 import systems
 from oracles.closed_forms import HENON, LOGISTIC, ImpactOrbit, henon_fixed_point
 from saltus import BranchOptions, Family, InputError, StepControl, continue_family, continue_orbit, solve_orbit, work
-from saltus.continuation.orbit_problem import OrbitZeroProblem
+from saltus.continuation.problems.orbit import OrbitZeroProblem
 
 GAPS = (1.2, 0.8, 1.0, 1.1)
 BOUNDS = (0.05, 6.0)

@@ -16,7 +16,7 @@ from saltus import (
     find_equilibrium,
     find_orbit,
 )
-from saltus.continuation.unbounded import levels_off
+from saltus.continuation.problems.ends.unbounded import levels_off
 from saltus.cycles.orbit import cycle_at
 from saltus.cycles.problem import CycleProblem
 from saltus.equilibria.equilibrium import equilibrium_at

@@ -13,7 +13,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 import saltus
 from saltus.continuation import Branch
-from saltus.continuation.homoclinic_problem import saddle_node_near
+from saltus.continuation.problems.ends.homoclinic_problem import saddle_node_near
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.system import HybridSystem, Mode
 

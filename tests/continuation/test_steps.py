@@ -24,7 +24,7 @@ from saltus import (
     switch_branch,
 )
 from saltus.afm import table1, tapping_mode
-from saltus.continuation.zero_problem import correct
+from saltus.continuation.core.zero_problem import correct
 from saltus.orbits.floquet import height, passage
 
 STEPS = [StepControl(largest=0.03), None, StepControl(initial=0.05, largest=0.3)]

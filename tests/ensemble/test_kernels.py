@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from saltus.ensemble import _kernels as kernels
+from saltus.ensemble.kernels import lanes as kernels
 from saltus.ensemble.traps import DIVERGED, UNDECIDED
 
 FAST = kernels.FAST

@@ -34,7 +34,7 @@ def test_multipliers_that_the_flow_cannot_resolve_are_zero(relaxation: HybridSys
 
 
 def test_branch_of_stiff_cycles_ends_with_what_limits_it(relaxation: HybridSystem, monkeypatch) -> None:
-    monkeypatch.setattr("saltus.flow._segment_kernels.MOST_STEPS", 4000)
+    monkeypatch.setattr("saltus.flow.kernels.segment.MOST_STEPS", 4000)
     branch = saltus.continue_orbit(find_orbit(relaxation, x0=[2.0, 0.0]), "mu", (0.01, 1000.0))
     assert branch.stopped[0] == "mu = 0.01: bound reached"
     assert "the flow is stiff: explicit steps stay stable only if" in branch.stopped[1]

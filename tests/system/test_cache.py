@@ -17,9 +17,10 @@ import numba
 import pytest
 
 from saltus import Average, HybridSystem, InputError, Mode, Transition, lyapunov_spectrum, simulate
-from saltus.system import cache, generated, machine_code
+from saltus.system import cache, generated
 from saltus.system.cache import let_numba_cache, read_checked, write_checked
 from saltus.system.compiled import FLOW, FUNCTIONS
+from saltus.system.numba_tools import machine_code
 
 TINY = """
 from saltus import HybridSystem, Mode
@@ -129,7 +130,7 @@ def doubling(folder):
     callback = loaded(
         folder / "doubling.py",
         "from numba import float64\n"
-        "from saltus.system.machine_code import cfunc\n\n"
+        "from saltus.system.numba_tools.machine_code import cfunc\n\n"
         "@cfunc(float64(float64))\n"
         "def double(x):\n"
         "    return 2.0*x\n",
@@ -176,14 +177,14 @@ def test_what_a_smooth_system_lacks_is_compiled_once_for_all_of_them(folder):
 def test_compiled_code_is_of_the_kernels_that_it_calls(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     outer = (
-        "from saltus.system.machine_code import njit\n"
+        "from saltus.system.numba_tools.machine_code import njit\n"
         "import inner_of_two\n\n"
         "inner = inner_of_two.inner\n\n"
         "@njit(cache=True)\n"
         "def outer(x):\n"
         "    return inner(x) + 1.0\n"
     )
-    inner = "from saltus.system.machine_code import njit\n\n@njit()\ndef inner(x):\n    return {}*x\n"
+    inner = "from saltus.system.numba_tools.machine_code import njit\n\n@njit()\ndef inner(x):\n    return {}*x\n"
     found = []
     for number in (2, 2, 3):
         (tmp_path / "inner_of_two.py").unlink(missing_ok=True)
@@ -196,7 +197,7 @@ def test_compiled_code_is_of_the_kernels_that_it_calls(tmp_path, monkeypatch):
 
 
 def cache_of_digests_emptied():
-    from saltus.system import machine_code
+    from saltus.system.numba_tools import machine_code
 
     machine_code._digest.cache_clear()
 

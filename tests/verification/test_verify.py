@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import saltus
-from saltus.continuation.special_points import SpecialPoints
+from saltus.continuation.results.special_points import SpecialPoints
 
 IMPACT = saltus.HybridSystem(
     ("x", "v"), {"A": 0.5, "w": 0.8, "e": 0.5, "z": 0.1, "g": 0.4},

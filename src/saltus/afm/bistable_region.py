@@ -11,7 +11,7 @@ import numpy as np
 
 from saltus.afm.readings import check_model
 from saltus.continuation import Locus
-from saltus.continuation.prefixed import own_attributes, prefixed_part, side_by_side
+from saltus.continuation.results.prefixed import own_attributes, prefixed_part, side_by_side
 from saltus.errors import InputError
 from saltus.results import Result
 from saltus.system.plain import held_system

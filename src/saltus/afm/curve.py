@@ -17,8 +17,8 @@ from saltus.afm.readings import CONVENTIONS, check_model, formulas, readings_of,
 from saltus.afm.routes import Jump, Landing, Way, way_along
 from saltus.contents import Contents
 from saltus.continuation import Branch
-from saltus.continuation.branch_files import RAGGED, branches_of, branches_together
-from saltus.continuation.crossings import comes_to
+from saltus.continuation.results.branch_files import RAGGED, branches_of, branches_together
+from saltus.continuation.results.crossings import comes_to
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.results import Result

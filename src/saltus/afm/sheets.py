@@ -16,7 +16,7 @@ from saltus.afm.readings import drives_of, turns_of
 from saltus.afm.routes import is_pulled_in
 from saltus.afm.settling import Known, described, periods_of_patience, settled_orbit, starts_about, stays_in_contact
 from saltus.continuation import Branch, StepControl, continue_orbit
-from saltus.continuation.way import is_interrupted
+from saltus.continuation.many.way import is_interrupted
 from saltus.errors import ConvergenceError, SaltusError
 from saltus.fitting.sheets import stretches_of
 from saltus.fitting.tracing import is_on, orbits_at

@@ -1,25 +1,25 @@
 """Branches and loci of periodic orbits by pseudo-arclength continuation."""
 
-from saltus.continuation.arclength import StepControl
-from saltus.continuation.branch import Branch
-from saltus.continuation.cascade import Cascade
-from saltus.continuation.diagram_tracing import DiagramOptions, diagram
-from saltus.continuation.diagram_tree import Diagram
-from saltus.continuation.doublings import follow_cascade
-from saltus.continuation.equilibria import continue_equilibrium
-from saltus.continuation.equilibrium_branch import EquilibriumBranch
-from saltus.continuation.equilibrium_locus import EquilibriumLocus
-from saltus.continuation.family import Family
+from saltus.continuation.branches import continue_orbit
+from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.loci import continue_locus
-from saltus.continuation.locus import Locus
-from saltus.continuation.map_cascade import MapCascade
-from saltus.continuation.map_curve import MapBranch
-from saltus.continuation.map_locus import MapLocus
-from saltus.continuation.members import continue_family
-from saltus.continuation.options import BranchOptions
-from saltus.continuation.orbit_curve import OrbitCurve
-from saltus.continuation.orbits import continue_orbit
-from saltus.continuation.special_points import SpecialPoint, SpecialPoints
+from saltus.continuation.many.diagram import DiagramOptions, diagram
+from saltus.continuation.many.doublings import follow_cascade
+from saltus.continuation.many.members import continue_family
+from saltus.continuation.results.branch import Branch
+from saltus.continuation.results.cascade import Cascade
+from saltus.continuation.results.diagram import Diagram
+from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
+from saltus.continuation.results.family import Family
+from saltus.continuation.results.locus import Locus
+from saltus.continuation.results.map_cascade import MapCascade
+from saltus.continuation.results.map_curve import MapBranch
+from saltus.continuation.results.map_locus import MapLocus
+from saltus.continuation.results.orbit_curve import OrbitCurve
+from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
+from saltus.continuation.runs.equilibrium import continue_equilibrium
+from saltus.continuation.runs.options import BranchOptions
 from saltus.continuation.switching import grazing_orbits, switch_branch
 
 __all__ = [

@@ -6,14 +6,15 @@ from collections.abc import Iterable, Mapping
 from typing import cast, overload
 
 from saltus import checks
-from saltus.continuation.arclength import StepControl
-from saltus.continuation.cycle_loci import CycleLocusRun
-from saltus.continuation.equilibrium_loci import EquilibriumLocusRun
-from saltus.continuation.equilibrium_locus import EquilibriumLocus
-from saltus.continuation.locus import Locus
-from saltus.continuation.map_locus import MapLocus
-from saltus.continuation.monitor import BIFURCATIONS
-from saltus.continuation.options import (
+from saltus.continuation.core.arclength import StepControl
+from saltus.continuation.core.monitor import BIFURCATIONS
+from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
+from saltus.continuation.results.locus import Locus
+from saltus.continuation.results.map_locus import MapLocus
+from saltus.continuation.results.special_points import SpecialPoint
+from saltus.continuation.runs.equilibrium_locus import EquilibriumLocusRun
+from saltus.continuation.runs.map_locus import CycleLocusRun
+from saltus.continuation.runs.options import (
     CYCLE_LOCI,
     EQUILIBRIUM_LOCI,
     read_parameters,
@@ -21,8 +22,7 @@ from saltus.continuation.options import (
     read_steps,
     read_stops,
 )
-from saltus.continuation.orbit_loci import OrbitLocusRun
-from saltus.continuation.special_points import SpecialPoint
+from saltus.continuation.runs.orbit_locus import OrbitLocusRun
 from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.orbits.orbit import PeriodicOrbit

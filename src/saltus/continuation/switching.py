@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.births import cycle_born, equilibrium_of_cycle, other_equilibria
-from saltus.continuation.cycle_switching import other_cycles
-from saltus.continuation.grazing import Neighbour, neighbour, sides_met
-from saltus.continuation.monitor import Monitor
-from saltus.continuation.options import check_along_parameter
-from saltus.continuation.orbit_problem import Interest, OrbitZeroProblem
-from saltus.continuation.sizes import other_than, upwards
-from saltus.continuation.special_points import SpecialPoint
-from saltus.continuation.zero_problem import correct
+from saltus.continuation.core.interest import Interest
+from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.zero_problem import correct
+from saltus.continuation.problems.grazing import Neighbour, neighbour, sides_met
+from saltus.continuation.problems.orbit import OrbitZeroProblem
+from saltus.continuation.results.special_points import SpecialPoint
+from saltus.continuation.runs.births import cycle_born, equilibrium_of_cycle, other_equilibria
+from saltus.continuation.runs.map_switching import other_cycles
+from saltus.continuation.runs.options import check_along_parameter
+from saltus.continuation.runs.sizes import other_than, upwards
 from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.errors import ConvergenceError, InputError

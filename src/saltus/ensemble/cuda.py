@@ -185,14 +185,14 @@ def _kernel(module: ModuleType) -> tuple[Any, int]:
     """The kernel for a generated module, and how many numbers each block keeps in the device's memory."""
     from numba import cuda
 
-    from saltus.ensemble import _cuda_kernels, _life_kernels
-    from saltus.system.machine_code import keep_checked
+    from saltus.ensemble.kernels import cuda as cuda_kernels, life as life_kernels
+    from saltus.system.numba_tools.machine_code import keep_checked
 
     numbers, queued = module.NF * NL, module.POOLS * NL
     fits = 8 * numbers + 4 * queued + 16 * (NL + module.POOLS) <= _SHARED_BYTES
     sizes = {"STATES": module.N, "LANES": NL, "POOLS": module.POOLS, "QUEUED": queued, "SHARED": numbers if fits else 0}
     functions = {f"system_{name}": getattr(module, name) for name in (*ADDRESSED, "step")}
-    names = {**vars(_cuda_kernels), **sizes, **functions}
+    names = {**vars(cuda_kernels), **sizes, **functions}
 
     def bound(source: ModuleType, name: str, names: dict[str, Any]) -> FunctionType:
         function = getattr(source, name)
@@ -200,12 +200,12 @@ def _kernel(module: ModuleType) -> tuple[Any, int]:
         function.__qualname__ = f"{name}_{module.__name__}"  # a file of its own in Numba's cache
         return function
 
-    life = dict(vars(_life_kernels))
+    life = dict(vars(life_kernels))
     for name in ("begin", "read", "turned"):
-        life[name] = _life_kernels.part(bound(_cuda_kernels, name, names))
-    for name in _life_kernels.LIFE:
-        names[name] = life[name] = _life_kernels.part(bound(_life_kernels, name, life))
-    names["step_made"] = _life_kernels.part(bound(_cuda_kernels, "make_step", names))
-    names["next_begun"] = cuda.jit(device=True)(bound(_cuda_kernels, "next_begun", names))
-    follow = bound(_cuda_kernels, "follow", names)
+        life[name] = life_kernels.part(bound(cuda_kernels, name, names))
+    for name in life_kernels.LIFE:
+        names[name] = life[name] = life_kernels.part(bound(life_kernels, name, life))
+    names["step_made"] = life_kernels.part(bound(cuda_kernels, "make_step", names))
+    names["next_begun"] = cuda.jit(device=True)(bound(cuda_kernels, "next_begun", names))
+    follow = bound(cuda_kernels, "follow", names)
     return keep_checked(cuda.jit(follow), follow), 1 if fits else numbers

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.ensemble._life_kernels import run
 from saltus.ensemble.fallback import follow_alone
+from saltus.ensemble.kernels.life import run
 from saltus.ensemble.labels import DIVERGED, LEFT_OVER, NOT_DONE, Boxes, Found, Motions, Regions, Settings
 from saltus.ensemble.modal import LinearPart, linear_parts
 from saltus.ensemble.traps import Traps

@@ -70,7 +70,7 @@ def follow_alone(
             strobe += 1
             label = traps.of(x, mode)
             if label == UNDECIDED and traps.cells is not None:
-                from saltus.ensemble._kernels import after_visit  # with Numba, which takes its time
+                from saltus.ensemble.kernels.lanes import after_visit  # with Numba, which takes its time
 
                 seen, label = after_visit(seen, traps.box_of(x), traps.cells.visits)
     except StickingError:

@@ -102,7 +102,7 @@ class Motions(NamedTuple):
 
 
 class Regions(NamedTuple):
-    """Trapping regions as `saltus.ensemble._kernels.fate` reads them."""
+    """Trapping regions as `saltus.ensemble.kernels.lanes.fate` reads them."""
 
     cages: NDArray[np.float64]
     ellipsoids: NDArray[np.float64]
@@ -110,7 +110,7 @@ class Regions(NamedTuple):
 
 
 class Boxes(NamedTuple):
-    """Boxes that attractors visit, as `saltus.ensemble._kernels.box_of` reads them."""
+    """Boxes that attractors visit, as `saltus.ensemble.kernels.lanes.box_of` reads them."""
 
     origin: NDArray[np.float64]
     size: NDArray[np.float64]

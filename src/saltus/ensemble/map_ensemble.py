@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus import checks
-from saltus.ensemble import _map_kernels as kernels
 from saltus.ensemble.ensemble import boxes_of, follow_pieces, part_of, regions_of
+from saltus.ensemble.kernels import map as kernels
 from saltus.ensemble.labels import NOT_DONE, UNDECIDED, Boxes, Found, Motions, Settings
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
 from saltus.flow.variational import Average, Growth
-from saltus.iteration._map_kernels import DONE, images
 from saltus.iteration.code import MapCode, code_of
 from saltus.iteration.growth import growth_of_map
 from saltus.iteration.iterates import path_from
+from saltus.iteration.kernels.steps import DONE, images
 from saltus.system.angles import refuse
 from saltus.system.tiling import pieces_error
 from saltus.work import processors
@@ -238,7 +238,7 @@ class MapEnsemble:
             x = self.system.compiled.linearised(self.system.piece_index(x, self.p), x, extended)[0]
             label = traps.of(x, 0)
             if label == UNDECIDED and traps.cells is not None:
-                from saltus.ensemble._kernels import after_visit
+                from saltus.ensemble.kernels.lanes import after_visit
 
                 seen, label = after_visit(seen, traps.box_of(x), traps.cells.visits)
         return int(label)

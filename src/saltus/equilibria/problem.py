@@ -70,7 +70,7 @@ class EquilibriumProblem:
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the field, shape (n,), and its derivatives in the unknowns, shape (n, n + active)."""
-        from saltus.equilibria import _field_kernels as kernels
+        from saltus.equilibria.kernels import field as kernels
 
         F, J = np.empty(self.n), np.empty((self.n, self.n + self._active.size))
         kernels.field_at(*self._arguments(u), F, J)
@@ -78,7 +78,7 @@ class EquilibriumProblem:
 
     def matrices(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return derivatives of the field by the state, shape (places, n, n), at unknowns (places, n + active)."""
-        from saltus.equilibria import _field_kernels as kernels
+        from saltus.equilibria.kernels import field as kernels
 
         found = np.empty((len(places), self.n, self.n))
         kernels.matrices_at(*self._arguments(places), found)

@@ -117,7 +117,7 @@ def combined(factors: NDArray[np.complex128]) -> NDArray[np.float64]:
     >>> float(combined(np.array([-0.1 + 0j] * 31))).__round__(6)
     -0.01796
     """
-    from saltus.equilibria import _spectrum_kernels as kernels
+    from saltus.equilibria.kernels import spectrum as kernels
 
     found = np.empty(factors.shape[:-1])
     rows = np.ascontiguousarray(factors, dtype=np.complex128).reshape(found.size, factors.shape[-1])

@@ -13,7 +13,7 @@ import numpy as np
 from saltus import checks
 from saltus.contents import checked_texts
 from saltus.continuation import Branch
-from saltus.continuation.branch_files import RAGGED, branches_of, branches_together
+from saltus.continuation.results.branch_files import RAGGED, branches_of, branches_together
 from saltus.errors import InputError
 from saltus.fitting.optimum import FOUND
 from saltus.fitting.search import largest_chi2

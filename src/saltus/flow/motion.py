@@ -80,8 +80,8 @@ class EventDrivenMotion:
         most_steps: int | None = None,
         room: int | None = None,
     ) -> None:
-        from saltus.flow import _state_kernels as kernels
-        from saltus.flow._event_kernels import run_kernel
+        from saltus.flow.kernels import state as kernels
+        from saltus.flow.kernels.event import run_kernel
 
         compiled, n = system.compiled, x.size
         self.kernels, self._run = kernels, run_kernel
@@ -305,7 +305,7 @@ def _is_of_phase(system: HybridSystem, transition: int) -> bool:
 
 def jumps_at_phase_zero(system: HybridSystem, p: NDArray[np.float64]) -> bool:
     """Return whether an event of the phase alone happens at phase 0, as far as the strobe resolves it."""
-    from saltus.flow._state_kernels import AT_WRAP
+    from saltus.flow.kernels.state import AT_WRAP
 
     out, extended = np.empty(2), system.compiled.extended(p)
     for k, transition in enumerate(system.transitions):
@@ -323,7 +323,7 @@ def start_state(system: HybridSystem, x0: ArrayLike) -> NDArray[np.float64]:
 
     A phase that is 2 pi but for rounding becomes one just below 0, before the events at phase 0.
     """
-    from saltus.flow._state_kernels import AT_WRAP
+    from saltus.flow.kernels.state import AT_WRAP
 
     x = system.full_state(x0)
     if system.phase is not None:

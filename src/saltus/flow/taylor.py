@@ -70,8 +70,8 @@ class TaylorRun:
         rtol: float,
         atol: float,
     ) -> None:
-        from saltus.flow import _state_kernels as times, _taylor_step_kernels as kernels
-        from saltus.flow._taylor_kernels import follow_kernel
+        from saltus.flow.kernels import state as times, taylor_step as kernels
+        from saltus.flow.kernels.taylor import follow_kernel
 
         self.kernels, self.times, self._run = kernels, times, follow_kernel
         self.system, self.series = system, series

@@ -219,7 +219,7 @@ def _run_rows(
     run: EventDrivenMotion, row_times: NDArray[np.float64], row_wraps: NDArray[np.int64], frame: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Ends of the rows, logarithms of growth in each, and the count of events grazed."""
-    from saltus.flow import _variational_kernels as kernels
+    from saltus.flow.kernels import variational as kernels
 
     places = np.zeros(kernels.N_PLACES, np.int64)
     places[kernels.LIVE] = frame.shape[1]

@@ -13,8 +13,8 @@ import numpy as np
 from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
-from saltus.iteration import _map_kernels as kernels
 from saltus.iteration.code import LIMIT, STRETCH, MapCode, code_of, error_of
+from saltus.iteration.kernels import steps as kernels
 from saltus.iteration.observing import observe_states
 from saltus.results import Result, frozen
 from saltus.system.evaluate import evaluate

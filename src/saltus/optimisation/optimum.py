@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.prefixed import own_attributes, prefixed_part, side_by_side
+from saltus.continuation.results.prefixed import own_attributes, prefixed_part, side_by_side
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.results import Result, frozen

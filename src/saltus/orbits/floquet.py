@@ -189,7 +189,7 @@ def _of_pieces(
 
 def _of_product(blocks: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the eigenvalues of blocks[-1] ... blocks[0], largest first, each to digits of its own."""
-    from saltus.orbits._cyclic_kernels import triangularise
+    from saltus.orbits.kernels.cyclic import triangularise
 
     count, n = len(blocks), blocks.shape[1]
     triangles, turn = np.empty((count, n, n)), np.empty((n, n))

@@ -46,14 +46,14 @@ def adapted(
     tolerances : (float, float)
         Relative and absolute.
     """
-    from saltus.flow import _segment_kernels
+    from saltus.flow.kernels import segment as segment_kernels
 
     meshes = []
     for index, (mode, block) in enumerate(zip(modes, blocks, strict=True)):
         x, duration = np.ascontiguousarray(block[:-1]), block[-1]
-        for most in (_FEW_STEPS, _segment_kernels.MOST_STEPS + 1):
+        for most in (_FEW_STEPS, segment_kernels.MOST_STEPS + 1):
             mesh = np.empty(most)
-            count = _segment_kernels.adapt(compiled.addresses, mode, x, duration, p, *tolerances, mesh)
+            count = segment_kernels.adapt(compiled.addresses, mode, x, duration, p, *tolerances, mesh)
             if count >= 0:
                 break
         if count < 0:

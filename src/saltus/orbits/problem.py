@@ -66,11 +66,17 @@ class OrbitProblem:
     tol: float = 1e-12
 
     def __post_init__(self) -> None:
-        from saltus.orbits import _curve_kernels, _equation_kernels, _mesh_kernels, _pencil_kernels, _survey_kernels
+        from saltus.orbits.kernels import (
+            curve as curve_kernels,
+            equation as equation_kernels,
+            mesh as mesh_kernels,
+            pencil as pencil_kernels,
+            survey as survey_kernels,
+        )
 
         self.signature.check(self.system)
-        self.equations, self.pencils = _equation_kernels, _pencil_kernels
-        self._meshes, self._surveys, self._curves = _mesh_kernels, _survey_kernels, _curve_kernels
+        self.equations, self.pencils = equation_kernels, pencil_kernels
+        self._meshes, self._surveys, self._curves = mesh_kernels, survey_kernels, curve_kernels
         compiled = self.system.compiled
         self.n = compiled.n
         self.segments = len(self.signature)
@@ -299,9 +305,9 @@ class OrbitProblem:
         self.set_parameters(u)
         meshes = self._adapted(u[: self.size].reshape(self.segments, self.n + 1))
         if isinstance(meshes, int):
-            from saltus.flow import _segment_kernels
+            from saltus.flow.kernels import segment as segment_kernels
 
-            self.stiff = self.stiff or 2 * self.steps > _segment_kernels.MOST_STEPS
+            self.stiff = self.stiff or 2 * self.steps > segment_kernels.MOST_STEPS
             return False
         if not self.stiff:
             self._use(meshes)
@@ -358,7 +364,7 @@ class OrbitProblem:
         v : ndarray, shape (size + active,)
             A direction.
         """
-        from saltus.orbits import _second_kernels
+        from saltus.orbits.kernels import second as second_kernels
 
         if self.system.compiled.rooted[self.modes].any():
             return self._differences(u, v)
@@ -366,7 +372,7 @@ class OrbitProblem:
         compiled = self.system.second(tuple(self._active.tolist()))
         S = np.empty((self.size, self.size + self._active.size))
         p = np.empty(compiled.extended)
-        _second_kernels.second(self.record, self.mesh, compiled.addresses, self.p.size, p, u, v, S)
+        second_kernels.second(self.record, self.mesh, compiled.addresses, self.p.size, p, u, v, S)
         return S
 
     def _differences(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:

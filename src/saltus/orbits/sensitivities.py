@@ -210,13 +210,13 @@ def _followed(problem: OrbitProblem, u: NDArray[np.float64], du: NDArray[np.floa
     durations = np.column_stack([u[at], du[at]])
     total = durations.sum(axis=0)
     advance = 3.0 * math.pi * max(turns, 1) * float(np.max(np.diff(problem.mesh[0])))
-    from saltus.orbits import _sensitivity_kernels, _variation_kernels
+    from saltus.orbits.kernels import sensitivity as sensitivity_kernels, variation as variation_kernels
 
     observed = plan.observed(problem.system, problem.p, problem.state_scale, advance)
     dense = np.empty(problem.mesh[0].size * n * (1 + columns)), np.empty(7 * problem.mesh[0].size * n * (1 + columns))
     problem.set_parameters(u)
     du = np.ascontiguousarray(du)
-    _variation_kernels.vary(problem.record, problem.mesh, u, du, *dense)
+    variation_kernels.vary(problem.record, problem.mesh, u, du, *dense)
     extremes = len(plan.extremes)
     samples = (problem.steps * (observed.places.size // 2 + 1) + problem.segments) if extremes else 0
     seen = Seen(
@@ -229,14 +229,14 @@ def _followed(problem: OrbitProblem, u: NDArray[np.float64], du: NDArray[np.floa
         np.zeros(extremes, dtype=np.int64),
         np.zeros(len(plan.expressions), dtype=np.int64),
     )
-    _sensitivity_kernels.observe(problem.record, problem.mesh, dense, u, du, tuple(observed), tuple(seen))
+    sensitivity_kernels.observe(problem.record, problem.mesh, dense, u, du, tuple(observed), tuple(seen))
 
     def rates(transition: int) -> Differentiated:
         ends = dense[0].reshape(-1, n * (1 + columns))[problem.mesh[1][1:] - 1]
         found = [np.empty(1 + columns) for other in problem.signature.transitions if other == transition]
         own = (end for end, other in zip(ends, problem.signature.transitions, strict=True) if other == transition)
         for end, out in zip(own, found, strict=True):
-            _sensitivity_kernels.rate_at(problem.record, transition, end, out)
+            sensitivity_kernels.rate_at(problem.record, transition, end, out)
         mean = np.add.reduce(found) / len(found) if found else np.full(1 + columns, math.nan)
         return Differentiated(float(mean[0]), mean[1:], "" if found else "the transition does not happen")
 

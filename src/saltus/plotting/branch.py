@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.branch import Branch
-from saltus.continuation.equilibrium_branch import EquilibriumBranch
-from saltus.continuation.map_curve import MapBranch
-from saltus.continuation.special_points import SpecialPoint
+from saltus.continuation.results.branch import Branch
+from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.results.map_curve import MapBranch
+from saltus.continuation.results.special_points import SpecialPoint
 from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.plotting import plot, style

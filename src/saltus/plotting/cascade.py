@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.branch import Branch
-from saltus.continuation.cascade import Cascade
-from saltus.continuation.map_cascade import MapCascade
-from saltus.continuation.map_curve import MapBranch
-from saltus.continuation.special_points import SpecialPoint, SpecialPoints
+from saltus.continuation.results.branch import Branch
+from saltus.continuation.results.cascade import Cascade
+from saltus.continuation.results.map_cascade import MapCascade
+from saltus.continuation.results.map_curve import MapBranch
+from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
 from saltus.flow import simulate
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_pieces, pieces_of

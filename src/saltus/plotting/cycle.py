@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.map_curve import MapBranch
-from saltus.continuation.special_points import SpecialPoints
+from saltus.continuation.results.map_curve import MapBranch
+from saltus.continuation.results.special_points import SpecialPoints
 from saltus.cycles import MapOrbit
 from saltus.cycles.orbit import itinerary_of
 from saltus.plotting import plot, style

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from saltus import checks
-from saltus.continuation.diagram_tree import Diagram, DiagramBranch
-from saltus.continuation.equilibrium_branch import EquilibriumBranch
-from saltus.continuation.map_curve import MapBranch
+from saltus.continuation.results.diagram import Diagram, DiagramBranch
+from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.results.map_curve import MapBranch
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_special, pieces_of
 from saltus.plotting.cycle import at_each_point, leave_out_the_unbounded
@@ -15,7 +15,7 @@ from saltus.plotting.cycle import at_each_point, leave_out_the_unbounded
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from saltus.continuation.special_points import SpecialPoint
+    from saltus.continuation.results.special_points import SpecialPoint
 
 __all__ = ["plot_diagram"]
 

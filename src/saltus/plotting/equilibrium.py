@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.spectrum import NEUTRAL
 from saltus.plotting import plot, style

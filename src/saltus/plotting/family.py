@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.branch import Branch
-from saltus.continuation.family import Family
+from saltus.continuation.results.branch import Branch
+from saltus.continuation.results.family import Family
 from saltus.errors import InputError
 from saltus.plotting import plot, style
 from saltus.plotting.branch import default_axes, pieces_of

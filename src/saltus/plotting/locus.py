@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.continuation.equilibrium_locus import EquilibriumLocus
-from saltus.continuation.locus import Locus
-from saltus.continuation.map_locus import MapLocus
+from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
+from saltus.continuation.results.locus import Locus
+from saltus.continuation.results.map_locus import MapLocus
 from saltus.errors import InputError
 from saltus.plotting import plot, style
 from saltus.plotting.space import AnyLocus, axes_in_space, coordinates_of, stretches_of

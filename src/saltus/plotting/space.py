@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.branch import Branch
-from saltus.continuation.equilibrium_branch import EquilibriumBranch
-from saltus.continuation.equilibrium_locus import EquilibriumLocus
-from saltus.continuation.locus import Locus
-from saltus.continuation.map_curve import MapBranch
-from saltus.continuation.map_locus import MapLocus
-from saltus.continuation.special_points import SpecialPoint
+from saltus.continuation.results.branch import Branch
+from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
+from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
+from saltus.continuation.results.locus import Locus
+from saltus.continuation.results.map_curve import MapBranch
+from saltus.continuation.results.map_locus import MapLocus
+from saltus.continuation.results.special_points import SpecialPoint
 from saltus.errors import InputError
 from saltus.plotting import style
 from saltus.plotting.branch import pieces_of

@@ -52,7 +52,7 @@ class SeriesWriter(Writer):
                     for place, name in zip(places, series.columns, strict=False)
                 ]
             )
-        yield "\nfrom saltus.system._series_kernels import products\n"
+        yield "\nfrom saltus.system.kernels.series import products\n"
         yield self._function("series", branches).replace("**OPTIONS", "**OPTIONS, fastmath=FAST")
 
 

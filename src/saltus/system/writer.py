@@ -26,7 +26,7 @@ import math
 
 from numba import float64, int64, types, void
 
-from saltus.system.machine_code import cfunc
+from saltus.system.numba_tools.machine_code import cfunc
 
 P = types.CPointer(float64)
 SIGNATURE = void(int64, int64, P, P, P)
@@ -34,7 +34,7 @@ OPTIONS = {"error_model": "numpy"}
 FAST = {"contract", "nsz"}
 '''
 
-# functions of `_common_kernels`, by the one line that all branches of a function have
+# functions of `saltus.system.kernels.common`, by the one line that all branches of a function have
 _TRIVIAL = {(): "nothing", ("out[0] = 1.0",): "one"}
 
 
@@ -75,7 +75,7 @@ class Writer(ABC):
 
     def _function(self, name: str, branches: dict[int, list[str]]) -> str:
         if (alike := _TRIVIAL.get(tuple({line for body in branches.values() for line in body}))) is not None:
-            return f"\n\nfrom saltus.system._common_kernels import {alike} as {name}\n"
+            return f"\n\nfrom saltus.system.kernels.common import {alike} as {name}\n"
         lines = ["\n\n@cfunc(SIGNATURE, **OPTIONS)", f"def {name}(k, m, x, p, out):"]
         for index, (k, body) in enumerate(branches.items()):
             lines.append(f"    {'if' if index == 0 else 'elif'} k == {k}:")

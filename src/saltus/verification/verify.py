@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.algebraic_curve import AlgebraicCurve
-from saltus.continuation.orbit_columns import OrbitColumns
-from saltus.continuation.special_points import SpecialPoint
+from saltus.continuation.results.algebraic_curve import AlgebraicCurve
+from saltus.continuation.results.orbit_columns import OrbitColumns
+from saltus.continuation.results.special_points import SpecialPoint
 from saltus.cycles.orbit import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError

@@ -1,0 +1,1 @@
+"""What knows no orbit: zero problems, steps along their curves, location of zeros of monitor functions."""

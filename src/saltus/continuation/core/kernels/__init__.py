@@ -1,0 +1,1 @@
+"""Compiled control of steps."""

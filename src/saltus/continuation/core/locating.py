@@ -1,0 +1,212 @@
+"""Zeros of monitor functions between two points of a branch: docs/theory/continuation.md, "Special points"."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.zero_problem import Event, Point, ZeroProblem, hermite
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["CROWDED", "events_between", "locate"]
+
+CROWDED = 1e-5  # arclength of a step up to which several events may lie in it
+_ZERO = 1e-6  # monitor function at an event, over its values at the step's ends, up to which its sign is rounding
+_JUMP = 1e-3  # monitor function at a located zero, over its values at the step's ends, beyond which it is a jump
+_SETTLED = 1e-9  # largest relative Newton step of a located point
+_STALLED = 1e-7  # the same where rounding keeps Newton steps from shrinking further
+_ROOTED = 8  # places tried from which on the function is taken for a root of the distance from its zero
+_HALVED = 16  # the same, from which on the bracket is halved
+_EXACT = 1e-11  # monitor function, over its values at the step's ends, that counts as zero
+
+
+def events_between(problem: ZeroProblem, a: Point, b: Point) -> list[Event] | str:
+    """Return the zeros of monitor functions between two examined points, or the reason why the step is rejected."""
+    changed = {}
+    before = a.examined.monitors
+    for name, value in b.examined.monitors.items():
+        old = before.get(name, math.nan)
+        if ((old < 0.0) != (value < 0.0) or value == 0.0) and old != 0.0 and math.isfinite(old + value):
+            changed[name] = (old, value)
+    if not changed:
+        return []
+    events: list[Event] = []
+    # next to a singular point the tangent is undetermined, and with it other monitor functions
+    for name in sorted(problem.leading(list(changed)), key=lambda name: name not in problem.singular):
+        event = _located(problem, name, a, b, *changed[name])
+        if event is not None:
+            events.append(event)
+        elif b.arc - a.arc > CROWDED and not any(event.name in problem.singular for event in events):
+            return f"location: no zero of {name} between the step's ends"
+        elif _happens(problem, name, a, b):  # located well or not
+            events.append(_between(name, a, b, *changed[name]))
+    kept = problem.sort_out(sorted(events, key=lambda event: event.point.arc))
+    if isinstance(kept, str):
+        return kept
+    overlooked = _overlooked(kept, a, b, set(changed)) if b.arc - a.arc > CROWDED else None
+    return kept if overlooked is None else f"events: {overlooked} vanishes more than once within the step"
+
+
+def _located(problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: float) -> Event | None:
+    """Return the zero of a monitor function, which is as small there as at a zero; None where there is none.
+
+    A determinant may change by many orders of magnitude in a step: its size is that at the end where it is less. Next
+    to the zero, where this is rounding, it is that at the other end.
+    """
+    least, largest = sorted((abs(fa), abs(fb)))
+    wide = name in problem.singular and name not in problem.noise and least > 0.0
+    for unit in (least, largest) if wide else (largest,):
+        event = locate(problem, name, a, b, fa, fb, unit)
+        if event is not None and abs(event.value) <= (max(_JUMP * least, _EXACT * largest) if wide else _JUMP * unit):
+            return event
+    return None
+
+
+def _happens(problem: ZeroProblem, name: Any, a: Point, b: Point) -> bool:
+    """Return whether an event lies in a short step without doubt: a bound, or a meeting that changes stability."""
+    if isinstance(name, Monitor) and name.kind in ("low", "high"):
+        return True
+    counts = [getattr(point.examined.data, "unstable", None) for point in (a, b)]
+    return name in problem.singular and None not in counts and counts[0] != counts[1]
+
+
+def _between(name: Any, a: Point, b: Point, fa: float, fb: float) -> Event:
+    """Return the event at which a bound is passed in a short step, by interpolation alone."""
+    share = fa / (fa - fb) if fa != fb else 1.0
+    point = replace(b, u=hermite(a, b, b.arc - a.arc, share), arc=a.arc + share * (b.arc - a.arc))
+    return Event(name, point, 0.0)
+
+
+def _overlooked(events: list[Event], a: Point, b: Point, changed: set[Any]) -> Any | None:
+    """Return a monitor function whose sign at one of the events contradicts its located zeros; None if none does."""
+    places = {event.name: event.point.arc for event in events}
+    for event in events:
+        for name, value in event.point.examined.monitors.items():
+            start = a.examined.monitors.get(name, math.nan)
+            end = b.examined.monitors.get(name, math.nan)
+            if math.isnan(start) or math.isnan(end) or (name in changed and name not in places) or name == event.name:
+                continue
+            expected = start if event.point.arc < places.get(name, math.inf) else end
+            size = max((abs(x) for x in (start, end) if math.isfinite(x)), default=0.0)
+            if (value < 0.0) != (expected < 0.0) and abs(value) > _ZERO * size:
+                return name
+    return None
+
+
+def locate(
+    problem: ZeroProblem, name: Any, a: Point, b: Point, fa: float, fb: float, unit: float | None = None
+) -> Event | None:
+    """Return the zero of a monitor function between two points of a branch; None where there is no zero.
+
+    The function's size is `unit`, by default that at the end where it is larger.
+
+    Inverse interpolation along the step, within a bracket, gives the place at which the function would vanish. There
+    one Newton step corrects the point in the plane normal to the branch. The corrections also measure how the branch
+    departs from the cubic through the step's ends. At the zero of a `singular` monitor function two branches meet. Next
+    to it Newton steps leave out the direction of the other branch. docs/theory/continuation.md, "Special points",
+    describes the method.
+    """
+    from saltus.system.numba_tools.linear import bordered
+
+    length = b.arc - a.arc
+    known = [(0.0, fa), (1.0, fb)]
+    low, high, f_low = 0.0, 1.0, fa
+    s = fa / (fa - fb)
+    bend, near, tried = np.zeros_like(a.u), False, 0
+    scale = problem.scale()
+    unit = unit or max(abs(fa), abs(fb))
+    floor = problem.noise.get(name, _EXACT) * unit
+    previous = math.inf
+    for _ in range(60):
+        base, tangent = hermite(a, b, length, s), _hermite_slope(a, b, length, s)
+        tangent /= math.sqrt(float(a.weights @ tangent**2))
+        shape = (s * (1.0 - s)) ** 2
+        u = base + shape * bend
+        row = a.weights * tangent
+        F, J = problem.evaluate(u)
+        steps, sign, log, size, residual = bordered(J, F, row, u, u, scale)
+        step = steps[:, 0]
+        if near:
+            step = _without_kernel(J, F, row, scale)
+            size = float(np.abs(step / scale).max())
+        if residual <= 1e-13:
+            step, size = np.zeros_like(step), 0.0
+        if sign == 0.0 and name in problem.singular:  # met exactly
+            point = Point(u, J, tangent, a.weights, sign, log, residual, 1, a.arc + s * length)
+            point.examined = problem.examine(point, None)
+            return Event(name, point, 0.0)
+        if sign == 0.0 or not size < 1e3:
+            return None
+        bend = bend + step / max(shape, 1e-2 if name in problem.singular else 1e-12)
+        if not problem.accurate():
+            continue
+        direction = steps[:, 1] / math.sqrt(float(a.weights @ steps[:, 1] ** 2))
+        point = Point(u + step, J, direction, a.weights, sign, log, residual, 1, a.arc + s * length)
+        f = problem.monitor(name, point)
+        if not math.isfinite(f):
+            return None
+        # badly conditioned equations leave steps that do not shrink further
+        settled = size < _SETTLED or (size < _STALLED and size > 0.8 * previous)
+        previous = size
+        if settled and (abs(f) <= floor or high - low < 1e-12):
+            before = point.u.copy()
+            point.examined = problem.examine(point, None)
+            if np.all(np.abs(before - point.u) <= 1e-12 * scale):
+                return Event(name, point, f)
+            low, high, known = max(0.0, s - 1e-3), min(1.0, s + 1e-3), [(0.0, fa), (1.0, fb)]
+            continue
+        if not settled and abs(f) < 1e3 * size:
+            continue
+        if not near and name in problem.singular and abs(f) < 1e-3 * unit:
+            near, known = True, [(0.0, fa), (1.0, fb)]
+            low, high, f_low = max(0.0, s - 0.1), min(1.0, s + 0.1), fa
+            continue
+        if (f < 0.0) == (f_low < 0.0):
+            low, f_low = s, f
+        else:
+            high = s
+        known, tried = [*known[-3:], (s, f)], tried + 1
+        # two factors of a product may vanish like the root of the distance, as two real multipliers become a pair
+        shaped = known if tried <= _ROOTED else [(place, value * abs(value)) for place, value in known]
+        s, previous = _zero(shaped, low, high) if tried <= _HALVED else 0.5 * (low + high), math.inf
+    return None
+
+
+def _without_kernel(
+    J: NDArray[np.float64], F: NDArray[np.float64], row: NDArray[np.float64], scale: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the Newton step in the plane without its part along the least singular vector of the equations."""
+    left, values, right = np.linalg.svd(np.vstack([J, row]) * scale)
+    inverse = np.append(1.0 / values[:-1], 0.0)
+    return np.asarray(scale * (right.T @ (inverse * (left.T @ np.append(-F, 0.0)))))
+
+
+def _zero(known: list[tuple[float, float]], low: float, high: float) -> float:
+    """Return the zero of the inverse interpolation through the latest values, or the bracket's middle."""
+    for count in (3, 2):
+        (*others, last) = known[-count:]
+        values = [f for _, f in known[-count:]]
+        if len(values) < count or len(set(values)) < count:
+            continue
+        guess = 0.0
+        for i, (s, f) in enumerate([*others, last]):
+            weight = 1.0
+            for j, g in enumerate(values):
+                if j != i:
+                    weight *= g / (g - f)
+            guess += weight * s
+        if low < guess < high:
+            return guess
+    return 0.5 * (low + high)
+
+
+def _hermite_slope(a: Point, b: Point, length: float, s: float) -> NDArray[np.float64]:
+    """Return the derivative of the cubic `hermite` with respect to the fraction `s`."""
+    left, right = (1.0 - s) * (1.0 - 3.0 * s) * length, s * (3.0 * s - 2.0) * length
+    return (6.0 * s * (1.0 - s)) * (b.u - a.u) + left * a.tangent + right * b.tangent

@@ -1,0 +1,258 @@
+"""A zero problem with one unknown more than equations, and the points of its branch.
+
+docs/theory/continuation.md, "Pseudo-arclength", derives predictor and corrector.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Line = tuple[NDArray[np.float64], NDArray[np.float64]] | NDArray[np.float64]  # a point and its tangent
+    Share = float | NDArray[np.float64]  # of one step, or of many
+
+__all__ = ["SAME", "Event", "Examined", "Point", "ZeroProblem", "correct", "cubic", "hermite", "start_point"]
+
+SAME = 1e-6  # distance in arclength up to which two points of a curve are the same
+_STEP_ACCEPTED = 2e-9  # largest relative Newton step of a converged point
+_REMESHED = 20  # most further Newton iterations of a converged point while its mesh is refined
+_RESTS = 1e-9  # parameter's component of a tangent, over the largest, up to which it is rounding
+_REGULAR = 1e-10  # least diagonal entry of a triangle, over the largest, from which on it is solved with
+_UNSTABLE = 2  # most evaluations of a point on meshes too coarse for the flow to be finite
+
+
+class ZeroProblem(Protocol):
+    """F(u) = 0 with one unknown more than equations; the last unknown is the parameter.
+
+    Monitor functions have names that are hashable and have a text.
+
+    Attributes
+    ----------
+    singular : frozenset
+        Names of the monitor functions at whose zeros the equations bordered by a plane are singular.
+    noise : mapping of name to float
+        Rounding of some monitor functions at their zeros, over their size nearby.
+    """
+
+    singular: frozenset[Any]
+    noise: Mapping[Any, float]
+
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the residual, shape (m,), and the Jacobian, shape (m, m + 1)."""
+
+    def accurate(self) -> bool:
+        """Return whether the discretisation was fine enough at the last evaluation; refine it where it was not."""
+
+    def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return weights, shape (m + 1,): the squared arclength of du is sum weights du^2."""
+
+    def scale(self) -> NDArray[np.float64]:
+        """Return typical sizes of the unknowns, shape (m + 1,), for Newton's criterion."""
+
+    def examine(self, point: Point, before: Point | None) -> Examined:
+        """Return monitor functions and data of a corrected point, and the fault if it may not follow `before`."""
+
+    def depart(self, point: Point) -> None:
+        """Normalise the equations at a point before a step starts there; update the point accordingly."""
+
+    def recover(self, point: Point) -> bool:
+        """Refine the discretisation after a failed step from `point`; return whether it is finer now."""
+
+    def leading(self, names: list[Any]) -> list[Any]:
+        """Return the monitor functions to be located, of those that change sign in a step."""
+
+    def sort_out(self, events: list[Event]) -> list[Event] | str:
+        """Return the events of one step, in order, without shadows of others, or the reason to reject the step.
+
+        The step ends at the point examined last as the successor of another.
+        """
+
+    def crowded(self, names: list[Any]) -> bool:
+        """Return whether one step has too many events, so that a shorter one must be taken."""
+
+    def monitor(self, name: Any, point: Point) -> float:
+        """Return one monitor function at a point that may be corrected roughly only."""
+
+
+@dataclass(frozen=True)
+class Examined:
+    """Result of examining a point.
+
+    Attributes
+    ----------
+    monitors : mapping
+        Monitor functions.
+    fault : str or None
+        Why the point may not follow the point before.
+    data : object
+        What the problem knows of the point.
+    doubled : frozenset
+        Names of the monitor functions that are known to touch 0 in the step to the point, without changing their sign.
+    """
+
+    monitors: Mapping[Any, float]
+    fault: str | None = None
+    data: Any = None
+    doubled: frozenset[Any] = frozenset()
+
+
+@dataclass(eq=False)
+class Point:
+    """A point of a branch.
+
+    Attributes
+    ----------
+    u : ndarray, shape (m + 1,)
+        Unknowns, the parameter last.
+    J : ndarray, shape (m, m + 1)
+        Jacobian.
+    tangent : ndarray, shape (m + 1,)
+        Tangent of unit arclength.
+    weights : ndarray, shape (m + 1,)
+        Weights of the arclength.
+    sign, log : float
+        Sign and logarithm of the determinant of the Jacobian bordered by the tangent.
+    residual : float
+        Residual of the equations.
+    iterations : int
+        Newton iterations to the point.
+    arc : float
+        Arclength from the start.
+    examined : Examined
+        Result of `ZeroProblem.examine`.
+    frame : object
+        Data of the problem that normalises its equations at the point, as a phase plane.
+    """
+
+    u: NDArray[np.float64]
+    J: NDArray[np.float64]
+    tangent: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    sign: float
+    log: float
+    residual: float
+    iterations: int = 0
+    arc: float = 0.0
+    examined: Examined = field(default_factory=lambda: Examined({}))
+    frame: Any = None
+
+    @property
+    def parameter(self) -> float:
+        """The last unknown."""
+        return float(self.u[-1])
+
+    @property
+    def line(self) -> NDArray[np.float64]:
+        """The point and its tangent, shape (2, m + 1)."""
+        return np.stack((self.u, self.tangent))
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """A zero of a monitor function, located."""
+
+    name: Any
+    point: Point
+    value: float
+
+
+def correct(
+    problem: ZeroProblem,
+    guess: NDArray[np.float64],
+    tangent: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    iterations: int,
+) -> Point | str:
+    """Return the branch's point in the hyperplane through `guess` normal to `tangent`, or why there is none."""
+    from saltus.system.numba_tools.linear import bordered
+
+    u = guess.copy()
+    row, scale = weights * tangent, problem.scale()
+    previous, remeshed, unstable = math.inf, 0, 0
+    for iteration in range(1, iterations + _REMESHED + 1):
+        F, J = problem.evaluate(u)
+        if unstable < _UNSTABLE and not np.all(np.isfinite(J)) and not problem.accurate():
+            unstable += 1
+            continue
+        steps, sign, log, size, residual = bordered(J, F, row, u, guess, scale)
+        if sign == 0.0 or not math.isfinite(log):
+            return "Newton: the equations are singular there"
+        if not size < 1e6:
+            return "Newton: the flow cannot be followed there"
+        u = u + steps[:, 0]
+        if problem.accurate() and size < _STEP_ACCEPTED:
+            direction = steps[:, 1] / math.sqrt(float(weights @ steps[:, 1] ** 2))
+            return Point(u, J, direction, weights, sign, log, residual, iteration)
+        if size > 0.7 * previous and size > 1e-5:
+            return "Newton: no contraction"
+        remeshed += size < _STEP_ACCEPTED
+        if iteration - remeshed >= iterations:
+            break
+        previous = size
+    return "Newton: too many iterations"
+
+
+def start_point(problem: ZeroProblem, u: NDArray[np.float64], orientation: float = 1.0) -> Point:
+    """Return the point nearest to `u` on the branch through it; the parameter grows along it if `orientation` > 0.
+
+    Raises
+    ------
+    ValueError
+        There is no branch near `u`.
+    """
+    weights = problem.metric(u)
+    root = np.sqrt(np.maximum(weights, 1e-12))
+    J = np.empty(0)
+    for _ in range(6 + _REMESHED):
+        F, J = problem.evaluate(u)
+        fine = problem.accurate()
+        if not np.all(np.isfinite(J)):  # on meshes too coarse for the flow, which are finer now
+            continue
+        step = _nearest(J / root, -F)[0] / root
+        u = u + step
+        if fine and np.abs(step / problem.scale()).max() < _STEP_ACCEPTED:
+            break
+    if not np.all(np.isfinite(J)):
+        raise ValueError("Newton: the equations have no finite values")
+    null = _nearest(J / root, np.zeros(len(J)))[1] / root
+    null /= math.sqrt(float(weights @ null**2))
+    null *= math.copysign(1.0, orientation * null[_leading(null * root)])
+    point = correct(problem, u, null, weights, 7)
+    if isinstance(point, str):
+        raise ValueError(point)
+    return point
+
+
+def _leading(null: NDArray[np.float64]) -> int:
+    """Return which component gives a tangent its sign: the parameter's, or the first large one where that rests."""
+    sizes = np.abs(null)
+    return -1 if sizes[-1] > _RESTS * sizes.max() else int(np.argmax(sizes > 0.5 * sizes.max()))
+
+
+def _nearest(A: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the least solution of A x = b, one unknown more than equations, and a null vector of A of unit length."""
+    from scipy.linalg import solve_triangular
+
+    Q, R = np.linalg.qr(A.T, mode="complete")
+    sizes = np.abs(np.diagonal(R))
+    if not sizes.min(initial=1.0) > _REGULAR * sizes.max(initial=0.0):
+        return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0]), np.asarray(np.linalg.svd(A)[2][-1])
+    return np.asarray(Q[:, :-1] @ solve_triangular(R[:-1], b, trans="T")), np.asarray(Q[:, -1])
+
+
+def hermite(a: Point, b: Point, length: float, s: Share) -> NDArray[np.float64]:
+    """Return the cubic through both points and their tangents at the fraction `s` of a step of arclength `length`."""
+    return cubic((a.u, a.tangent), (b.u, b.tangent), length, s)
+
+
+def cubic(a: Line, b: Line, length: Share, s: Share) -> NDArray[np.float64]:
+    """Return `hermite` of two points that are given with their tangents."""
+    end, off = s * s * (3.0 - 2.0 * s), s * (1.0 - s) * length
+    return (1.0 - end) * a[0] + end * b[0] + ((1.0 - s) * off) * a[1] - (s * off) * b[1]

@@ -1,0 +1,1 @@
+"""Many branches of one call: families, cascades of doublings, diagrams."""

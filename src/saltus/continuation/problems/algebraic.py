@@ -1,0 +1,409 @@
+"""Equilibria, or cycles of maps, as a zero problem with a parameter: metric, monitor functions, checks of a step.
+
+docs/theory/equilibria.md, "Test functions", and docs/theory/cycles.md derive the monitor functions.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+import numpy as np
+
+from saltus.continuation.core.arclength import RESTS
+from saltus.continuation.core.faint import faint_step, resolved
+from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.returning import crosses_back, may_return
+from saltus.continuation.core.zero_problem import Event, Examined, Point, hermite
+from saltus.continuation.problems.watching import slope
+from saltus.system.angles import wrapped
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.core.arclength import StepControl
+    from saltus.continuation.core.interest import Interest
+
+__all__ = ["AlgebraicData", "AlgebraicZeroProblem", "closes"]
+
+_LOW = Monitor("low")  # parameter less its lower bound
+_HIGH = Monitor("high")  # parameter less its upper bound
+_SN = Monitor("SN")  # parameter's component of the tangent
+_BP = Monitor("BP")  # determinant of the bordered Jacobian
+
+# Where several values become critical at once, products of them may keep their sign. Then one of the values itself is
+# watched: its distance from being critical, by its place among the values in the order of their growth.
+_ZEROS = Monitor("zeros")  # values that belong to a BP
+_FLIPS = Monitor("flips")  # values that belong to a PD
+_PAIRS = Monitor("pairs")  # complex pairs
+
+_RESIDUAL = 1e-8  # most residual of a point, over the sizes of its terms
+_SHORT = 1e-5  # arclength of a step up to which several critical values may be passed in it
+_CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
+_EQUAL = 1e-6  # relative difference of two values up to which they are equal by symmetry
+_UNEXPLAINED = "stability changes without a bifurcation that explains it"
+_CLEAR = 1e-6  # growth of a value, over the largest, from which on its sign is clear at a critical point
+_ROUNDED = 1e-9  # growth up to which it is rounding
+_BACK = "events: a value becomes critical within the step and returns"
+
+
+class AlgebraicData(Protocol):
+    """Data of a point: eigenvalues or multipliers, the number of unstable ones, why the solution is virtual."""
+
+    @property
+    def values(self) -> NDArray[np.complex128]:
+        """Eigenvalues, or multipliers."""
+
+    @property
+    def unstable(self) -> int:
+        """How many are unstable."""
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the solution is virtual."""
+
+    @property
+    def stable(self) -> bool:
+        """Whether all of them are stable."""
+
+
+class AlgebraicZeroProblem(ABC):
+    """Solutions of an `AlgebraicProblem` as a `ZeroProblem`.
+
+    Parameters
+    ----------
+    problem : AlgebraicProblem
+        The equations, with one active parameter.
+    sizes : ndarray, shape (n,)
+        Typical sizes of the unknowns; they grow with the branch.
+    interest : Interest
+        Bounds and users' events.
+    """
+
+    singular = frozenset({_BP, _ZEROS})
+    odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
+    noise: Mapping[Monitor, float] = MappingProxyType({})
+    critical: ClassVar[tuple[str, ...]]  # kinds of monitor functions at whose zeros something bifurcates
+    single: ClassVar[tuple[str, ...]]  # those at which one value becomes critical
+    paired: ClassVar[Monitor]  # that at which a pair of them does
+    faint: ClassVar[Mapping[Monitor, float]]  # values of monitor functions up to which they are rounding
+    vanishing: ClassVar[str]  # the fault of a point that is no solution
+
+    def __init__(self, problem: Any, sizes: NDArray[np.float64], interest: Interest) -> None:
+        self.problem, self.interest, self.n = problem, interest, problem.n
+        self.sizes = sizes.copy()
+        self._origin: NDArray[np.float64] | None = None
+        self._log: float | None = None
+        self._units: dict[Monitor, float] = {}
+        self._rank = 0  # place of the value that is watched where several become critical at once
+        self._counts = 0, 0  # of unstable values at the ends of the last step
+        self._apart: tuple[int, ...] = ()  # the same of real values and of pairs
+        self._crossed: int | None = None  # change of the number of unstable values in the last step, if it is known
+
+    @abstractmethod
+    def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> AlgebraicData:
+        """Return the data of a point."""
+
+    @abstractmethod
+    def own_monitors(self, point: Point, values: NDArray[np.complex128]) -> dict[Monitor, float]:
+        """Return the monitor functions that only this kind of solution has."""
+
+    @abstractmethod
+    def own_monitor(self, name: Monitor, point: Point) -> float:
+        """Return one of them at a point that may be corrected roughly only."""
+
+    @abstractmethod
+    def observed(self, index: int, point: Point) -> float:
+        """Return the quantity of a user's event that is no parameter."""
+
+    @abstractmethod
+    def is_pair(self, values: NDArray[np.complex128]) -> bool:
+        """Return whether the pair that is critical where `paired` vanishes is a complex one."""
+
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the equations and their derivatives."""
+        found: tuple[NDArray[np.float64], NDArray[np.float64]] = self.problem.evaluate(u)
+        return found
+
+    def accurate(self) -> bool:
+        """Return True: the equations are no discretisation."""
+        return True
+
+    def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return weights: states in their sizes, 1 for the parameter."""
+        return np.append(1.0 / self.sizes**2, 1.0)
+
+    def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far the unknowns are from those of the start, shape (n,)."""
+        assert self._origin is not None
+        return np.asarray(np.abs(u[: self.n] - self._origin))
+
+    def scale(self) -> NDArray[np.float64]:
+        """Return typical sizes of the unknowns."""
+        return np.append(self.sizes, 1.0)
+
+    @abstractmethod
+    def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return eigenvalues or multipliers."""
+
+    def spectra(self, places: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return eigenvalues or multipliers at many places, in any order, shape (places, n)."""
+        return np.array([self.spectrum(u) for u in places])
+
+    @abstractmethod
+    def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return for each value how fast its direction grows, 0 where it is critical."""
+
+    @abstractmethod
+    def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
+        """Return how many values or pairs are critical at once at a point of a type."""
+
+    def examine(self, point: Point, before: Point | None) -> Examined:
+        """Return monitors, data and fault of a point."""
+        u = point.u
+        point.J = self.problem.evaluate(u)[1]
+        point.residual = self.problem.rounding(u, point.J, np.maximum(self.sizes, np.abs(u[: self.n])))
+        if not point.residual <= _RESIDUAL:
+            return Examined({}, f"residual: {self.vanishing}")
+        data = self.data(u, point.J)
+        monitors = {name: self.monitor(name, point) for name in (_LOW, _HIGH, _SN, _BP)}
+        monitors |= self.own_monitors(point, data.values)
+        for i, (_, _, value) in enumerate(self.interest.events):
+            name = Monitor("EX" if value is None else "event", i)
+            monitors[name] = self.monitor(name, point)
+        monitors = resolved(monitors, self.faint, before)
+        if self._origin is None:
+            self._origin = u[: self.n].copy()
+        self.sizes = np.maximum(self.sizes, self.grown(u))
+        point.weights = self.metric(u)
+        point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
+        if before is None:
+            return Examined(monitors, None, data)
+        self._crossed = None
+        return Examined(monitors, self._fault(point, before, monitors, data), data, self._twins(data.values))
+
+    def ahead(self, control: StepControl, before: Point, point: Point, step: float) -> tuple[list[Point], float]:
+        """Return many points at once, as far as nothing happens, and the length of the step behind the last one."""
+        return [], step
+
+    def monitor(self, name: Monitor, point: Point) -> float:
+        """Return one monitor function at a point that may be corrected roughly only."""
+        kind = name.kind
+        if kind in ("low", "high"):
+            distance = point.parameter - (self.interest.low if kind == "low" else self.interest.high)
+            return distance if abs(distance) > 1e-12 else 0.0
+        if kind == "SN":
+            along = float(point.tangent[-1])
+            return along if abs(along) > RESTS else 0.0
+        if kind == "BP":
+            self._log = point.log if self._log is None else self._log
+            return point.sign * math.exp(min(max(point.log - self._log, -600.0), 600.0))
+        if kind == "EX":
+            return slope(lambda u: self.observed(name.segment, replace(point, u=u)), point.u, point.tangent)
+        if name in (_ZEROS, _FLIPS, _PAIRS):
+            return float(np.sort(self.growth(self.spectrum(point.u)))[::-1][self._rank])
+        if kind != "event":
+            return self.own_monitor(name, point)
+        _, what, value = self.interest.events[name.segment]
+        assert value is not None  # an extremum has a monitor function of its own
+        if what == "parameter":
+            return point.parameter * self.interest.scale - value
+        return self.observed(name.segment, point) - value
+
+    def over_unit(self, name: Monitor, height: float, gradient: NDArray[np.float64]) -> float:
+        """Return the distance from a surface in units of its variation with the states' sizes."""
+        unit = self._units.setdefault(name, float(np.abs(gradient[: self.n]) @ self.sizes) or 1.0)
+        return height / unit
+
+    def depart(self, point: Point) -> None:
+        """Do nothing: the equations have no normalisation."""
+        return
+
+    def recover(self, point: Point) -> bool:
+        """Return False: there is no discretisation to refine."""
+        return False
+
+    def type_of(self, name: Monitor) -> str:
+        """Return the type of the special point at a zero of a monitor function."""
+        return {_ZEROS: "BP", _FLIPS: "PD", _PAIRS: self.paired.kind}.get(name, name.kind)
+
+    def leading(self, names: list[Monitor]) -> list[Monitor]:
+        """Return the names without those that change their sign because of others."""
+        kinds = {name.kind for name in names}
+        if _ZEROS in names or _FLIPS in names:  # two equal real values change the sign of the pairs' function as well
+            kinds.discard(self.paired.kind)
+            names = [name for name in names if name != self.paired]
+        if _ZEROS in names:  # the determinant vanishes with a high power, where its sign is rounding around it
+            kinds.discard("BP")
+            names = [name for name in names if name != _BP]
+        return [name for name in names if name.kind == self.type_of(name) or self.type_of(name) not in kinds]
+
+    def sort_out(self, events: list[Event]) -> list[Event] | str:
+        """Return the events without folds at branch points, and without critical pairs that are real.
+
+        A test function of pairs vanishes too where two real values are related as the critical ones are.
+        """
+        if any(event.point.examined.data is None for event in events):
+            return f"location: {self.vanishing}"
+        pairs = (self.paired, _PAIRS)
+        events = [e for e in events if e.name not in pairs or self.is_pair(e.point.examined.data.values)]
+        if self._crossed is not None and not (self._explained(events, self._crossed) and self._in_turn(events)):
+            return _UNEXPLAINED
+        branchings = [event.point.arc for event in events if self.type_of(event.name) == "BP"]
+        return [e for e in events if e.name != _SN or all(abs(e.point.arc - arc) > 1e-5 for arc in branchings)]
+
+    def _explained(self, events: list[Event], crossed: int) -> bool:
+        """Return whether the events of a step explain how the number of unstable values changes in it."""
+        free = any(self.type_of(event.name) == "BP" for event in events)
+        total, alone, paired = {0}, {0}, {0}
+        for event in events:
+            kind = self.type_of(event.name)
+            if kind in self.single or kind == self.paired.kind:
+                count = self.multiplicity(event.point.examined.data.values, kind)
+                free |= count > 1
+                # on the branch that turns at a BP, or where several cross, the number may change by less
+                ways = range(-count, count + 1) if free else (-count, count)
+                share = 2 if kind == self.paired.kind else 1
+                total = {known + share * way for known in total for way in ways}
+                if share == 2:
+                    paired = {known + way for known in paired for way in ways}
+                else:
+                    alone = {known + way for known in alone for way in ways}
+        apart = not self._apart or (self._apart[0] in alone and self._apart[1] in paired)
+        return crossed in total and apart
+
+    def _in_turn(self, events: list[Event]) -> bool:
+        """Return whether the numbers of unstable values at a step's ends are those on both sides of each event.
+
+        At an event, the values that are not critical tell both: a pair that crossed before it is among them.
+        """
+        known, last = {self._counts[0]}, self._counts[1]
+        for event in sorted(events, key=lambda event: event.point.arc):
+            kind, values = self.type_of(event.name), event.point.examined.data.values
+            if kind not in self.single and kind != self.paired.kind:
+                continue
+            count = self.multiplicity(values, kind) * (2 if kind == self.paired.kind else 1)
+            growth = self.growth(values)
+            others = growth[np.argsort(np.abs(growth), kind="stable")[count:]]
+            if np.any(np.abs(others) < _CLEAR * np.abs(growth).max(initial=0.0)):
+                return True
+            there = int(np.sum(others > 0.0))
+            if not any(there <= number <= there + count for number in known):
+                return False
+            known = set(range(there, there + count + 1))
+        return last in known
+
+    def crowded(self, names: list[Monitor]) -> bool:
+        """Return whether more than one bifurcation lies in a step."""
+        return sum(name.kind in self.critical for name in names) > 1
+
+    def _fault(self, point: Point, before: Point, monitors: dict[Monitor, float], data: AlgebraicData) -> str | None:
+        """Return the reason why a point may not follow the point before, or None if it may."""
+        known = before.examined.monitors
+        short = point.arc - before.arc < _SHORT
+        if not short and (doubt := faint_step(monitors, self.faint, before, point)) is not None:
+            return doubt
+        changed = {
+            name.kind
+            for name, value in monitors.items()
+            if name in known and (known[name] < 0.0) != (value < 0.0) and math.isfinite(known[name] + value)
+        }
+        if before.examined.data is None:
+            return None if short else before.examined.fault
+        old: AlgebraicData = before.examined.data
+        ends = np.sort(self.growth(old.values)), np.sort(self.growth(data.values))
+        near = bool(may_return(*ends))
+        if near and not short and self._crosses_back(before, point, *ends):
+            return _BACK
+        rounded = ((ends[0] > 0.0) != (ends[1] > 0.0)) & (np.maximum(np.abs(ends[0]), np.abs(ends[1])) < _ROUNDED)
+        crossed = max(abs(data.unstable - old.unstable) - int(rounded.sum()), 0)
+        apart = self._crossed_apart(old.values, data.values) if near or changed else ()
+        real = sum(kind in changed for kind in self.single)
+        centre = any(math.isnan(table.get(self.paired, 0.0)) for table in (known, monitors))
+        if centre:
+            return _UNEXPLAINED if crossed > real + 2 and not short else None
+        if crossed == 0 and any(apart) and not short:
+            return _UNEXPLAINED
+        self._crossed, self._apart = None if short else crossed, apart
+        self._counts = old.unstable, data.unstable
+        if crossed > real:
+            self._watch(before, monitors, data, needed=crossed > real + 2 * (self.paired.kind in changed))
+        return None
+
+    def _crossed_apart(self, before: NDArray[np.complex128], after: NDArray[np.complex128]) -> tuple[int, ...]:
+        """Return by how many unstable real values and unstable pairs differ; nothing where real ones become pairs."""
+        found = []
+        for values in (before, after):
+            paired = np.abs(values.imag) > _EQUAL * np.abs(values)
+            grows = self.growth(values) > _ROUNDED
+            found.append((int(paired.sum()), int((grows & ~paired).sum()), int((grows & paired).sum()) // 2))
+        (pairs, *first), (others, *second) = found
+        return tuple(abs(b - a) for a, b in zip(first, second, strict=True)) if pairs == others else ()
+
+    def _crosses_back(self, a: Point, b: Point, before: NDArray[np.float64], after: NDArray[np.float64]) -> bool:
+        """Return whether a value becomes critical within a step and returns."""
+
+        def growth(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.sort(self.growth(self.spectra(hermite(a, b, b.arc - a.arc, shares[:, None]))), axis=1)
+
+        return crosses_back(growth, before, after)
+
+    def _watched(self, value: complex) -> Monitor:
+        """Return the monitor function of a value that becomes critical."""
+        if value.imag != 0.0:
+            return _PAIRS
+        return _FLIPS if "PD" in self.single and value.real < 0.0 else _ZEROS
+
+    def _twins(self, values: NDArray[np.complex128]) -> frozenset[Monitor]:
+        """Return the test functions that have double zeros as the values nearest to being critical are equal."""
+        growth = np.abs(self.growth(values))
+        order = np.argsort(growth)
+        name = self._watched(complex(values[order[0]])) if order.size else _ZEROS
+        count = 4 if name == _PAIRS else 2
+        if order.size < count or growth[order[count - 1]] - growth[order[0]] > _EQUAL * growth[order[count - 1]]:
+            return frozenset()
+        return frozenset({self.paired, Monitor(self.type_of(name))})
+
+    def _watch(self, before: Point, monitors: dict[Monitor, float], data: AlgebraicData, *, needed: bool) -> None:
+        """Add the middle one of the values that become critical in a step to the monitor functions at both ends.
+
+        Where it is not needed, since the test function of pairs changes its sign, a real value is added: two equal ones
+        change that sign as well.
+        """
+        old: AlgebraicData = before.examined.data
+        self._rank = min(old.unstable, data.unstable) + abs(data.unstable - old.unstable) // 2
+        ends = []
+        for values in (old.values, data.values):
+            growth = self.growth(values)
+            at = np.argsort(-growth, kind="stable")[self._rank]
+            ends.append((float(growth[at]), complex(values[at])))
+        value = min(ends, key=lambda end: abs(end[0]))[1]
+        name = self._watched(value)
+        if name == _PAIRS and not needed:
+            return
+        before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0][0]})
+        monitors[name] = ends[1][0]
+
+
+def closes(origin: Point, last: Point, new: Point, control: StepControl, circles: NDArray[np.int64]) -> Point | None:
+    """Return the start of a curve of solutions where the step from `last` to `new` passes it, else None.
+
+    circles: angles among the unknowns; the start that is returned lies whole turns from the one given, next to `last`.
+    """
+    if new.arc < _CLOSING * control.initial:
+        return None
+    if abs(origin.parameter - last.parameter) > 2.0 * abs(new.parameter - last.parameter) + control.initial:
+        return None
+    w, chord, away = last.weights, new.u - last.u, wrapped(origin.u - last.u, circles)
+    length = float(w @ chord**2)
+    share = float(w @ (away * chord)) / length
+    if not 0.0 < share <= 1.0:
+        return None
+    aside = math.sqrt(float(w @ (away - share * chord) ** 2))
+    if not (aside < 20.0 * control.deviation and aside < 0.5 * math.sqrt(length)):
+        return None
+    return replace(origin, u=last.u + away) if circles.size else origin

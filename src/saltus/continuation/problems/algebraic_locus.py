@@ -1,0 +1,204 @@
+"""Critical equilibria, or cycles of maps, in two parameters as a zero problem: what both have in common.
+
+docs/theory/equilibria.md, "Loci", derives the equations and lists the monitor functions.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from saltus.continuation.core.faint import faint_step, resolved
+from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.zero_problem import Event, Examined, Point
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["AlgebraicLocusProblem"]
+
+_TURNS = (Monitor("TP", 0), Monitor("TP", 1))  # turning points of the two parameters
+_BOUNDS = (Monitor("low", 0), Monitor("high", 0), Monitor("low", 1), Monitor("high", 1))  # ends of their intervals
+
+_CONSTANT = 1e-9  # component of the tangent below which a parameter is constant along a locus
+_RESIDUAL = 1e-8  # most residual of a point, over the sizes of its terms
+_LONG = 2.0  # length of the null vector from which on its borders are taken anew
+
+
+class AlgebraicLocusProblem(ABC):
+    """Critical equilibria, or cycles, as a `ZeroProblem` whose last two unknowns are the parameters.
+
+    The state comes first, then the unknowns of the condition, then the two parameters in units of their intervals. The
+    arclength counts states and parameters alone.
+
+    Parameters
+    ----------
+    problem : AlgebraicProblem
+        The equations, with two active parameters.
+    kind : str
+        Type of the locus.
+    condition : Condition
+        The critical condition.
+    sizes : ndarray, shape (n,)
+        Typical sizes of the states; they grow with the locus.
+    bounds : tuple of (float, float)
+        Intervals of the parameters, in their units.
+    """
+
+    singular: frozenset[Monitor] = frozenset()
+    odd = frozenset(_TURNS)  # monitor functions that change sign with the tangent's direction
+    noise: Mapping[Monitor, float] = MappingProxyType({})
+    faint: Mapping[Monitor, float] = MappingProxyType({})  # values of monitor functions up to which they are rounding
+    vanishing: ClassVar[str]  # the fault of a point that is no solution
+
+    def __init__(
+        self,
+        problem: Any,
+        kind: str,
+        condition: Any,
+        sizes: NDArray[np.float64],
+        bounds: tuple[tuple[float, float], tuple[float, float]],
+    ) -> None:
+        self.problem, self.kind, self.condition, self.n = problem, kind, condition, problem.n
+        self.sizes, self._bounds = sizes.copy(), bounds
+        self._origin: NDArray[np.float64] | None = None
+        self.rows: NDArray[np.float64] | None = None
+        self._units: dict[Monitor, float] = {}
+
+    @abstractmethod
+    def borders(self, point: Point) -> dict[Monitor, float]:
+        """Return the monitor functions of borders at which the locus ends."""
+
+    @abstractmethod
+    def special(self, point: Point) -> tuple[dict[Monitor, float], Any]:
+        """Return the monitors of codimension-two points and the data of a point."""
+
+    @abstractmethod
+    def sort_out(self, events: list[Event]) -> list[Event] | str:
+        """Return the events without those that are no points of codimension two."""
+
+    def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far the unknowns are from those of the start, shape (n,)."""
+        assert self._origin is not None
+        return np.asarray(np.abs(u[: self.n] - self._origin))
+
+    def unknowns(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the unknowns of the solution, shape (n + 2,): states and parameters."""
+        return np.concatenate([z[: self.n], z[-2:]])
+
+    def evaluate(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residual and Jacobian of solution and condition."""
+        n, extra, rows = self.n, self.condition.extra, self.condition.rows
+        u = self.unknowns(z)
+        F, J = self.problem.evaluate(u)
+        out, matrix = np.full(n + rows, np.nan), np.full((n + rows, n + extra + 2), np.nan)
+        if not (np.all(np.isfinite(F)) and np.all(np.isfinite(J))):
+            return out, matrix
+        matrix[:] = 0.0
+        if self.rows is None:
+            self.rows = self.units_of_rows(J)
+        out[:n], matrix[:n, :n], matrix[:n, -2:] = F, J[:, :n], J[:, n:]
+        out[:n] /= self.rows
+        matrix[:n] /= self.rows[:, None]
+        try:
+            values, gradient, further = self.condition.evaluate(u, z[n : n + extra], J)
+        except np.linalg.LinAlgError:
+            return out, np.full_like(matrix, np.nan)
+        out[n:], matrix[n:, :n], matrix[n:, -2:] = values, gradient[:, :n], gradient[:, n:]
+        matrix[n:, n : n + extra] = further
+        return out, matrix
+
+    def units_of_rows(self, J: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return units of the equations, shape (n,), from their derivatives at the start."""
+        return np.ones(self.n)
+
+    def accurate(self) -> bool:
+        """Return True: the equations are no discretisation."""
+        return True
+
+    def scale(self) -> NDArray[np.float64]:
+        """Return typical sizes of the unknowns."""
+        return np.concatenate([self.sizes, np.ones(self.condition.extra + 2)])
+
+    def metric(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return weights: states in their sizes, none for the condition's unknowns, 1 for each parameter."""
+        return np.concatenate([1.0 / self.sizes**2, np.zeros(self.condition.extra), [1.0, 1.0]])
+
+    def examine(self, point: Point, before: Point | None) -> Examined:
+        """Return monitors, data and fault of a point."""
+        u = self.unknowns(point.u)
+        J = self.problem.evaluate(u)[1]
+        point.residual = self.problem.rounding(u, J, np.maximum(self.sizes, np.abs(u[: self.n])))
+        if not point.residual <= _RESIDUAL:
+            return Examined({}, f"residual: {self.vanishing}")
+        self.condition.evaluate(u, point.u[self.n : self.n + self.condition.extra], J)
+        self.condition.adjust()
+        monitors = {name: self._plain(name, point) for name in (*_BOUNDS, *_TURNS)} | self.borders(point)
+        for name in _TURNS:
+            if abs(monitors[name]) < _CONSTANT:
+                monitors[name] = math.nan
+        special, data = self.special(point)
+        monitors = resolved(monitors | special, self.faint, before)
+        if self._origin is None:
+            self._origin = u[: self.n].copy()
+        self.sizes = np.maximum(self.sizes, self.grown(u))
+        point.weights = self.metric(point.u)
+        point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
+        doubt = None if before is None else faint_step(monitors, self.faint, before, point)
+        return Examined(monitors, doubt, data)
+
+    def monitor(self, name: Monitor, point: Point) -> float:
+        """Return one monitor function at a point that may be corrected roughly only."""
+        if name.kind in ("low", "high", "TP"):
+            return self._plain(name, point)
+        if name.kind in ("BE", "BC"):
+            return self.borders(point).get(name, math.nan)
+        u = self.unknowns(point.u)
+        self.condition.evaluate(u, point.u[self.n : self.n + self.condition.extra], self.problem.evaluate(u)[1])
+        return self.special(point)[0].get(name, math.nan)
+
+    def _plain(self, name: Monitor, point: Point) -> float:
+        kind, at = name.kind, name.segment
+        if kind == "TP":
+            return float(point.tangent[at - 2])
+        distance = float(point.u[at - 2]) - self._bounds[at][kind == "high"]
+        return distance if abs(distance) > 1e-12 else 0.0
+
+    def unit(self, name: Monitor, value: float) -> float:
+        """Return the size of a monitor function: its first value but 0."""
+        return self._units.setdefault(name, abs(value) or 1.0)
+
+    def depart(self, point: Point) -> None:
+        """Take the borders of a critical pair anew where the null vector has turned away from them."""
+        condition = self.condition
+        if not hasattr(condition, "turned"):
+            return
+        at = slice(self.n, self.n + condition.extra)
+        if float(np.linalg.norm(point.u[at][: self.n])) < _LONG:
+            return
+        J = self.problem.evaluate(self.unknowns(point.u))[1]
+        point.u = point.u.copy()
+        point.u[at] = condition.turned(J, point.u[at])
+        point.J = self.evaluate(point.u)[1]
+        scale = self.scale()
+        null = np.linalg.svd(point.J * scale)[2][-1] * scale
+        along = float(point.weights @ (null * point.tangent))
+        point.tangent = math.copysign(1.0, along) * null / math.sqrt(float(point.weights @ null**2))
+        point.frame = object()  # the point before has other borders: no cubic through both
+
+    def recover(self, point: Point) -> bool:
+        """Return False: there is no discretisation to refine."""
+        return False
+
+    def leading(self, names: list[Monitor]) -> list[Monitor]:
+        """Return all names: none is another's shadow."""
+        return names
+
+    def crowded(self, names: list[Monitor]) -> bool:
+        """Return whether more than one point of codimension two lies in a step."""
+        return sum(name.kind not in ("low", "high", "TP") for name in names) > 1

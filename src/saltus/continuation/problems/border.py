@@ -1,0 +1,85 @@
+"""Border collisions: what goes on where a point of a cycle meets the border of its piece.
+
+docs/theory/cycles.md, "Border collisions", derives the conditions.
+
+References
+----------
+di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, Springer 2008, ch. 3.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.problems.boundary import CONTINUOUS, FOLDS, PERSISTS, Crossing, slope_of
+from saltus.system.tiling import piece_at
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.cycles.problem import CycleProblem
+
+__all__ = ["TOGETHER", "beyond_border"]
+
+_NEAR = 1e-6  # distance beyond a border, in the states' sizes, at which the neighbouring piece is looked for
+TOGETHER = 1e-9  # condition, over its variation with the states' sizes, up to which another point meets a border too
+
+
+def beyond_border(
+    problem: CycleProblem, point: int, guard: int, u: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> Crossing:
+    """Return what goes on where a point of the cycle `u` meets a border of its piece.
+
+    Parameters
+    ----------
+    problem : CycleProblem
+        The equations of the cycle's itinerary, one parameter active.
+    point, guard : int
+        The point, and the condition that vanishes there.
+    u : ndarray, shape (n + 1,)
+        The cycle.
+    sizes : ndarray, shape (n,)
+        Typical sizes of the points.
+    """
+    inwards = problem.border(point, guard, u)[1]
+    itinerary = list(problem.itinerary)
+    for i, other, height in problem.heights(u):
+        gradient = problem.border(i, other, u)[1] if (i, other) != (point, guard) else inwards
+        unit = float(np.abs(gradient[: problem.n]) @ sizes)
+        if (i, other) != (point, guard) and abs(height) > TOGETHER * unit:
+            continue
+        beyond = _piece_beyond(problem, i, gradient, u, sizes)
+        if beyond is None:
+            return Crossing("", problem.itinerary, None, -inwards, "beyond it the same piece holds, or none")
+        itinerary[i] = beyond
+    beside = problem.along(tuple(itinerary))
+    F, J = beside.evaluate(u)
+    own, n = problem.evaluate(u)[1], problem.n
+    terms = (np.abs(J[:, :n]) + np.abs(own[:, :n])) @ sizes
+    if not np.all(np.abs(F) <= CONTINUOUS * np.maximum(terms, 1e-12 * terms.max())):
+        return Crossing("", beside.itinerary, None, -inwards, "the map jumps there")
+    # each branch's parameter, where its point moves to the side of its own piece
+    sides = [slope_of(own[:, :n], own, inwards), slope_of(J[:, :n], J, -inwards)]
+    kind = "" if 0.0 in sides else PERSISTS if sides[0] * sides[1] < 0.0 else FOLDS
+    return Crossing(kind, beside.itinerary, u.copy(), -inwards)
+
+
+def _piece_beyond(
+    problem: CycleProblem,
+    point: int,
+    gradient: NDArray[np.float64],
+    u: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+) -> int | None:
+    """Return the piece that holds a little beyond a border; None where it is the same, or there is none."""
+    at = slice(point * problem.states, (point + 1) * problem.states)
+    scaled = gradient[at] * sizes[at]
+    length = float(np.linalg.norm(scaled))
+    if length == 0.0:
+        return None
+    x = u[at] - _NEAR * sizes[at] * scaled / length
+    p = problem.compiled.extended(problem.parameters_at(u))
+    found = piece_at(problem.system, np.ascontiguousarray(x), p)
+    return None if found < 0 or found == problem.itinerary[point] else found

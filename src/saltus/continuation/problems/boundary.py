@@ -1,0 +1,111 @@
+"""Boundary equilibria: what goes on at the surface at which an equilibrium meets the end of its mode.
+
+docs/theory/equilibria.md, "Boundary equilibria", derives the conditions.
+
+References
+----------
+di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, Springer 2008, ch. 5. di Bernardo, Pagano,
+Ponce, Int. J. Bifurcation Chaos 18 (2008) 1377-1392 (Filippov systems).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.core.zero_problem import Point
+    from saltus.equilibria.problem import EquilibriumProblem
+
+__all__ = ["CONTINUOUS", "FOLDS", "PERSISTS", "Crossing", "beyond_boundary", "slope_of"]
+
+CONTINUOUS = 1e-7  # field of the other mode, over its terms, up to which the equilibrium is one of that mode too
+PERSISTS = "persistence"
+FOLDS = "nonsmooth fold"
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """What goes on at a boundary equilibrium.
+
+    Attributes
+    ----------
+    kind : str
+        ``persistence``, ``nonsmooth fold``, or empty where neither is told.
+    beside : int or tuple of int
+        The neighbouring mode, or the neighbouring itinerary of a map.
+    u : ndarray, shape (n + 1,), or None
+        The equilibrium in the neighbouring mode; None where there is none.
+    outwards : ndarray, shape (n + 1,)
+        Gradient of the event function in the neighbouring mode's unknowns, towards the regular side of that mode.
+    reason : str
+        Why no branch goes on.
+    """
+
+    kind: str
+    beside: Any
+    u: NDArray[np.float64] | None
+    outwards: NDArray[np.float64]
+    reason: str = ""
+
+    def sign(self, point: Point) -> float:
+        """Return 1 if the tangent of a point leads to the regular side of the neighbouring mode, else -1."""
+        return 1.0 if float(self.outwards @ point.tangent) > 0.0 else -1.0
+
+
+def beyond_boundary(
+    problem: EquilibriumProblem,
+    transition: int,
+    u: NDArray[np.float64],
+    tangent: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+) -> Crossing:
+    """Return what goes on at the boundary equilibrium `u` on the surface of a transition.
+
+    Parameters
+    ----------
+    problem : EquilibriumProblem
+        The equations of the equilibrium's mode, one parameter active.
+    transition : int
+        The transition.
+    u, tangent : ndarray, shape (n + 1,)
+        The point and the branch's tangent there.
+    sizes : ndarray, shape (n,)
+        Typical sizes of the states.
+    """
+    system, n = problem.system, problem.n
+    leaves = system.transitions[transition]
+    mode = system.mode_index(leaves.target)
+    gradient = problem.event(transition, u)[1]
+    # the event function grows into the other mode
+    way = float(leaves.direction) or float(np.sign(gradient @ tangent)) or 1.0
+    inwards = -way * gradient
+    if mode == problem.mode:
+        return Crossing("", mode, None, -inwards, f"beyond it {leaves.name} resets the state")
+    beside = problem.in_mode(mode)
+    landed = problem.reset(transition, u)
+    F, J = beside.evaluate(landed)
+    own = problem.evaluate(u)[1]
+    A = own[:, :n]
+    terms = (np.abs(J[:, :n]) + np.abs(A)) @ sizes
+    if np.all(np.abs(F) <= CONTINUOUS * np.maximum(terms, 1e-12 * terms.max())):
+        # each branch's parameter, where its own event function grows to its regular side
+        sides = [slope_of(A, own, inwards), slope_of(J[:, :n], J, -inwards)]
+        kind = "" if 0.0 in sides else PERSISTS if sides[0] * sides[1] < 0.0 else FOLDS
+        return Crossing(kind, mode, landed, -inwards)
+    if np.array_equal(landed, u):
+        weight = float(inwards[:n] @ np.linalg.lstsq(A, F, rcond=None)[0])
+        kind = "" if weight == 0.0 else PERSISTS if weight < 0.0 else FOLDS
+        return Crossing(kind, mode, None, -inwards, "the field jumps: what goes on is a pseudo-equilibrium")
+    return Crossing("", mode, None, -inwards, f"its reset by {leaves.name} is no equilibrium")
+
+
+def slope_of(A: NDArray[np.float64], J: NDArray[np.float64], inwards: NDArray[np.float64]) -> float:
+    """Return the sign of the parameter's change for which an equilibrium moves to the regular side; 0 for none."""
+    n = A.shape[0]
+    moved = np.linalg.lstsq(A, -J[:, n], rcond=1e-12)[0]
+    return float(np.sign(inwards[:n] @ moved + inwards[n]))

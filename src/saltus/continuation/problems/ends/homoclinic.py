@@ -1,0 +1,300 @@
+"""Homoclinic orbits at the end of a branch of cycles: located, and told from saddle-nodes on a circle.
+
+docs/theory/continuation.md, "Homoclinic orbits", derives the method.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.problems.ends.connection import Homoclinic
+from saltus.continuation.problems.ends.homoclinic_problem import (
+    Arc,
+    Saddle,
+    at_rest,
+    divided_up,
+    extended,
+    saddle_near,
+    saddle_node_near,
+    solved,
+    tangent_spaces,
+)
+from saltus.continuation.problems.ends.unbounded import period_of
+from saltus.equilibria.equilibrium import equilibrium_at
+from saltus.equilibria.spectrum import NEUTRAL
+from saltus.orbits.signature import CLOSED_END, CUT_END
+from saltus.system.angles import wrapped
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.core.zero_problem import Point
+    from saltus.continuation.problems.orbit import OrbitZeroProblem
+    from saltus.equilibria.problem import EquilibriumProblem
+    from saltus.orbits.problem import OrbitProblem
+
+    Row = tuple[OrbitZeroProblem, Point]
+
+__all__ = ["NONE_NEAR", "Located", "homoclinic_of", "located"]
+
+NONE_NEAR = "no equilibrium is near the cycle"  # why no homoclinic orbit is located: the period need not be unbounded
+
+_CLOSE = 0.1  # distance from an equilibrium, in sizes of the cycle, up to which a cycle passes near it
+_OTHER = 0.03  # the same for any further equilibrium
+_AWAY = 0.3  # distance, in the same sizes, that a cycle reaches between two passages
+_SLOW = 0.2  # speed, over the cycle's mean speed, below which a local minimum is a slow place
+_FIRST = (4.0, 0.005, 0.2)  # first distance of the arc's ends: factor on the cycle's least one, least, largest
+_NEAREST = 1e-6  # distance of the arc's ends from the saddle at last
+_NEARER = 10.0  # factor by which the distance shrinks at a time
+_PIECES = 8  # pieces into which the first arc is cut, before those that are too sensitive are cut again
+_SURE = 1e-7  # last change of the parameter, over its size, up to which it is located
+_AGREES = 1e-6  # difference of the parameter from the one extrapolated along the branch, over its size
+_SHARE = 0.3  # the same, over the distance from the last cycle
+_LATE = 2.0  # factor on the period over which the branch is extrapolated
+_EXPONENT = 0.05  # most difference of the period's power of the distance from a saddle-node from -1/2
+_ALIKE = 0.2  # difference of extremes of arc and cycle, in sizes of the cycle
+
+
+@dataclass(frozen=True, eq=False)
+class Located:
+    """What a branch of cycles ends at.
+
+    Attributes
+    ----------
+    type : str
+        ``HOM`` or ``SNIC``.
+    end : Homoclinic
+        Its equilibrium.
+    error : float
+        Last change of the parameter while it was located.
+    arc : Arc or None
+        The homoclinic orbit; None at a SNIC.
+    """
+
+    type: str
+    end: Homoclinic
+    error: float
+    arc: Arc | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Cycle:
+    """The last cycle of a branch as a table: times, states, typical sizes, and the equilibria's equations."""
+
+    problem: OrbitProblem
+    rest: EquilibriumProblem
+    parameter: float
+    period: float
+    times: NDArray[np.float64]
+    states: NDArray[np.float64]
+    sizes: NDArray[np.float64]
+
+    def distances(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return each state's distance from a given one, in typical sizes."""
+        away = wrapped(self.states - state, self.rest.circles)
+        return np.asarray(np.abs(away / self.sizes).max(axis=1))
+
+
+def located(points: list[Row], low: float, high: float) -> Located | str:
+    """Return the homoclinic orbit or the saddle-node on a circle at the end of a branch, or why none is located.
+
+    Parameters
+    ----------
+    points : list of (OrbitZeroProblem, Point)
+        Points of the branch in order; the period of the last grows without bound.
+    low, high : float
+        Bounds of the parameter, in the equations' unit.
+    """
+    problem = points[-1][0].problem
+    if problem.signature.kinds[0] != CLOSED_END or set(problem.signature.kinds[1:]) - {CUT_END}:
+        return "its cycles have events"
+    cycle = _table(*points[-1])
+    places = _slow_places(cycle)
+    if not places:
+        return _saddle_node(points, cycle, low, high)
+    if len(places) > 1:
+        return f"the cycle passes near {len(places)} equilibria, as next to a heteroclinic cycle"
+    if _passages(cycle.distances(places[0])) > 1:
+        return "the cycle passes its equilibrium several times in a period"
+    found = _arc(cycle, places[0])
+    if isinstance(found, str):
+        return found
+    arc, error = found
+    if not low <= arc.parameter <= high:
+        return "it lies outside the parameter's bounds"
+    if not _looks_like(cycle, arc):
+        return "the arc found is another one"
+    if not _agrees(points, arc):
+        return "its parameter disagrees with the one extrapolated along the branch"
+    return Located("HOM", homoclinic_of(cycle.rest, arc.saddle.state, arc.parameter, arc.sizes), error, arc)
+
+
+def homoclinic_of(
+    rest: EquilibriumProblem, state: NDArray[np.float64], value: float, sizes: NDArray[np.float64]
+) -> Homoclinic:
+    """Return the result's data of an equilibrium."""
+    return Homoclinic(equilibrium_at(rest, np.append(state, value), sizes))
+
+
+def _table(piece: OrbitZeroProblem, point: Point) -> _Cycle:
+    problem, u = piece.problem, point.u
+    survey, n = problem.survey(u), problem.n
+    places, starts, nodes, _ = problem.dense()
+    durations = u[n : problem.size : n + 1]
+    times, states, begun = [], [], 0.0
+    for i, duration in enumerate(durations.tolist()):
+        s, part = places[starts[i] : starts[i + 1]], nodes[starts[i] : starts[i + 1]]
+        times.append(begun + duration * (s * s * (3.0 - 2.0 * s))[:-1])
+        states.append(part[:-1])
+        begun += duration
+    span = survey.highs[:n] - survey.lows[:n]
+    sizes = np.where(span > NEUTRAL * problem.state_scale, 0.5 * span, problem.state_scale)
+    rest = at_rest(problem)
+    return _Cycle(problem, rest, point.parameter, begun, np.concatenate(times), np.vstack(states), sizes)
+
+
+def _slow_places(cycle: _Cycle) -> list[NDArray[np.float64]]:
+    """Return the equilibria that a cycle passes near, the nearest first."""
+    rates = np.array([cycle.rest.evaluate(np.append(x, cycle.parameter))[0] for x in cycle.states])
+    speed = np.linalg.norm(rates / cycle.sizes, axis=1)
+    steps = np.linalg.norm(np.diff(np.vstack([cycle.states, cycle.states[:1]]), axis=0) / cycle.sizes, axis=1)
+    slow = speed < _SLOW * steps.sum() / cycle.period
+    least = slow & (speed <= np.roll(speed, 1)) & (speed <= np.roll(speed, -1))
+    found: list[tuple[float, NDArray[np.float64]]] = []
+    for i in np.flatnonzero(least):
+        state = saddle_near(cycle.rest, cycle.states[i], cycle.parameter, cycle.sizes)
+        if state is None or any(
+            np.abs(wrapped(state - other, cycle.rest.circles) / cycle.sizes).max() < NEUTRAL**0.5 for _, other in found
+        ):
+            continue
+        found.append((float(cycle.distances(state).min()), state))
+    found.sort(key=lambda item: item[0])
+    return [state for k, (away, state) in enumerate(found) if away < (_OTHER if k else _CLOSE)]
+
+
+def _passages(distances: NDArray[np.float64]) -> int:
+    """Return how often a cycle comes near an equilibrium and goes away from it in a period."""
+    first = int(np.argmax(distances))
+    near, count = False, 0
+    for distance in np.roll(distances, -first).tolist():
+        if near and distance > _AWAY:
+            near = False
+        elif not near and distance < _OTHER:
+            near, count = True, count + 1
+    return max(count, 1)
+
+
+def _arc(cycle: _Cycle, state: NDArray[np.float64]) -> tuple[Arc, float] | str:
+    """Return the homoclinic orbit and the last change of its parameter, or why there is none."""
+    A = cycle.rest.evaluate(np.append(state, cycle.parameter))[1][:, : cycle.rest.n]
+    saddle = tangent_spaces(A, state, cycle.sizes)
+    if isinstance(saddle, str):
+        return saddle
+    first = _first_arc(cycle, saddle)
+    if isinstance(first, str):
+        return first
+    guess, stay = first
+    radius, arc = guess.radius, guess
+    made = extended(guess, radius)
+    for time in (stay, 2.0 * stay, math.inf):
+        if isinstance(made, str):
+            return made
+        found = solved(*made, arc.saddle.state, radius, cycle.sizes, time)
+        if isinstance(found, str):
+            return found
+        arc, made = found, (found.problem, found.u)
+    error = math.inf
+    while arc.radius > _NEAREST * _NEARER**0.5:
+        made = extended(arc, arc.radius / _NEARER)
+        found = made if isinstance(made, str) else solved(*made, arc.saddle.state, arc.radius / _NEARER, cycle.sizes)
+        if isinstance(found, str):
+            break
+        error, arc = abs(found.parameter - arc.parameter), found
+    if not error <= _SURE * max(1.0, abs(arc.parameter)):
+        return "its parameter does not converge"
+    return arc, error
+
+
+def _first_arc(cycle: _Cycle, saddle: Saddle) -> tuple[Arc, float] | str:
+    """Return a cycle without its stay at a saddle, as a guess of the arc, and the time of the stay."""
+    away = wrapped(cycle.states - saddle.state, cycle.rest.circles)
+    out, into = (np.linalg.norm(away @ W.T, axis=1) for W in saddle.coordinates)
+    nearest, count = int(np.argmin(out + into)), len(out)
+    factor, least, most = _FIRST
+    radius = max(factor * float((out + into)[nearest]), least)
+    if radius > most:
+        return "the cycle does not come near enough to its equilibrium"
+    ahead = next((k for k in range(count) if out[(nearest + k) % count] >= radius), count)
+    back = next((k for k in range(count) if into[(nearest - k) % count] >= radius), count)
+    inner = count - ahead - back
+    if inner < _PIECES:
+        return "the cycle does not leave its equilibrium"
+    picked = np.unique(np.linspace(0, inner, _PIECES + 1).round().astype(int))
+    order = (nearest + ahead + picked) % count
+    times = cycle.times[order]
+    durations = np.diff(times) % cycle.period
+    blocks = np.column_stack([cycle.states[order[:-1]], durations])
+    turned = cycle.rest.circles  # the arc begins whole turns away from the cycle's table, next to its saddle
+    blocks[0, turned] = saddle.state[turned] + away[order[0], turned]
+    u = np.append(blocks.ravel(), cycle.parameter)
+    made = divided_up(cycle.problem, u)
+    if isinstance(made, str):
+        return made
+    leaves, comes = saddle.coordinates[0] @ away[order[0]], saddle.coordinates[1] @ away[order[-1]]
+    guess = Arc(*made, saddle, radius, cycle.sizes, leaves, comes)
+    stay = cycle.period - float(durations.sum()) - saddle.time_to(0, leaves, radius) - saddle.time_to(1, comes, radius)
+    return guess, max(stay, 1e-3 * cycle.period)
+
+
+def _looks_like(cycle: _Cycle, arc: Arc) -> bool:
+    """Return whether an arc reaches as far as the cycle next to it."""
+    survey, n = arc.problem.survey(arc.u), arc.problem.n
+    lows, highs = cycle.states.min(axis=0), cycle.states.max(axis=0)
+    apart = np.maximum(np.abs(survey.lows[:n] - lows), np.abs(survey.highs[:n] - highs))
+    apart[cycle.rest.circles] = 0.0  # the pieces of an arc may lie whole turns apart
+    return bool(np.max(apart / cycle.sizes) < _ALIKE)
+
+
+def _agrees(points: list[Row], arc: Arc) -> bool:
+    """Return whether the parameter agrees with that of the branch: it tends there like exp(-rate T), or spirals in."""
+    periods = np.array([period_of(piece, point) for piece, point in points])
+    values = np.array([point.parameter for _, point in points])
+    late = periods * _LATE > periods[-1]
+    periods, values = periods[late] - periods[-1], values[late]
+    slowest = arc.saddle.values[np.argmin(np.abs(arc.saddle.values.real))]
+    rate, turn = abs(slowest.real), abs(slowest.imag)
+    waves = [np.cos(turn * periods), np.sin(turn * periods)] if turn > 0.0 else [np.ones_like(periods)]
+    decay = np.exp(-rate * periods)
+    if len(values) <= len(waves):
+        return False
+    basis = np.column_stack([np.ones_like(periods), *(decay * wave for wave in waves)])
+    weights = 1.0 / (decay * decay)  # further terms of the expansion are of that size
+    limit = float(np.linalg.lstsq(basis * weights[:, None], values * weights, rcond=None)[0][0])
+    allowed = _AGREES * max(1.0, abs(arc.parameter)) + _SHARE * abs(arc.parameter - float(values[-1]))
+    return abs(limit - arc.parameter) <= allowed
+
+
+def _saddle_node(points: list[Row], cycle: _Cycle, low: float, high: float) -> Located | str:
+    """Return the saddle-node on a circle that a branch tends to, or why there is none.
+
+    The period grows like the inverse root of the parameter's distance from the saddle-node.
+    """
+    rates = np.array([cycle.rest.evaluate(np.append(x, cycle.parameter))[0] for x in cycle.states])
+    slowest = cycle.states[int(np.argmin(np.linalg.norm(rates / cycle.sizes, axis=1)))]
+    fold = saddle_node_near(cycle.rest, slowest, cycle.parameter, cycle.sizes)
+    if fold is None or not float(cycle.distances(fold[:-1]).min()) < _CLOSE or not low <= fold[-1] <= high:
+        return NONE_NEAR
+    periods = np.array([period_of(piece, point) for piece, point in points])
+    away = np.abs(np.array([point.parameter for _, point in points]) - fold[-1])
+    late = periods * _LATE > periods[-1]
+    if np.count_nonzero(late) < 3 or not np.all(np.diff(away[late]) < 0.0) or not away[-1] > 0.0:
+        return "the branch does not tend to the saddle-node near the cycle"
+    slope = float(np.polyfit(np.log(away[late]), np.log(periods[late]), 1)[0])
+    if abs(slope + 0.5) > _EXPONENT:
+        return f"its period grows like the power {slope:.2g} of the distance from a saddle-node, not -0.5"
+    end = homoclinic_of(cycle.rest, fold[:-1], float(fold[-1]), cycle.sizes)
+    return Located("SNIC", end, float(away[-1]))

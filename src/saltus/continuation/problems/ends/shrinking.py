@@ -1,0 +1,209 @@
+"""The end of a branch of autonomous cycles at a Hopf point, where the cycle shrinks to an equilibrium.
+
+docs/theory/continuation.md, "Special points", explains how the point is found.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from saltus.continuation.core.zero_problem import Examined, Point
+from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
+from saltus.orbits.hopf import HopfPoint, solve_centre, solve_hopf
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, Signature
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["at_rest", "centre_ahead", "equilibrium_ahead"]
+
+_WITHIN = 5.0  # steps, of the last one's length, to the extrapolated zero of the amplitude, within which it is sought
+_AFAR = 100.0  # the same for a small cycle round 0: its size is the unit of its steps, and these shrink with it
+_AGREES = 0.1  # most difference of Hopf point and extrapolation, over the distance from the last cycle
+_AGREES_AFAR = 0.01  # the same farther than the nearer number of steps
+_NEUTRAL = 1e-6  # distance of a multiplier from the unit circle up to which it is on neither side
+_ROUNDING = 1e-9  # relative difference of the parameter that is rounding
+
+
+def equilibrium_ahead(branch: OrbitZeroProblem, before: Point, point: Point) -> tuple[OrbitZeroProblem, Point] | None:
+    """Return equations and point of the Hopf equilibrium a few steps ahead to which a cycle shrinks, or None.
+
+    The amplitude of a cycle vanishes linearly in the arclength. Parameter and period differ from those of the Hopf
+    point by the square of the amplitude. Newton's method starts from the values extrapolated from the last two cycles.
+    The Hopf point is taken if its parameter and period agree with the extrapolation.
+
+    Parameters
+    ----------
+    branch : OrbitZeroProblem
+        Equations of the cycles.
+    before, point : Point
+        The last two points, examined.
+    """
+    problem, seen = branch.problem, _extrapolated(branch.problem, before, point)
+    if seen is None:
+        return None
+    value = point.parameter + (point.parameter - before.parameter) * seen.ahead
+    found = solve_hopf(problem, seen.centre, value, seen.frequency)
+    if found is None or not seen.agrees(problem, found) or not _keeps_stability(point, found.multipliers):
+        return None
+    if abs(found.parameter - value) > seen.share * abs(value - point.parameter) + _ROUNDING * max(1.0, abs(value)):
+        return None
+    low, high = branch.interest.low - _ROUNDING, branch.interest.high + _ROUNDING
+    if not low <= found.parameter <= high:
+        return None
+    return _at_rest(branch, point, found)
+
+
+def _keeps_stability(point: Point, values: NDArray[np.complex128]) -> bool:
+    """Return whether no multiplier crosses the unit circle between a cycle and the equilibrium that it shrinks to.
+
+    Of the equilibrium's multipliers the two at 1 belong to the plane of the cycle. Each of the others has its
+    counterpart among those of the cycle. Where it lies on the other side of the unit circle, a bifurcation is between.
+
+    Parameters
+    ----------
+    point : Point
+        The last cycle, examined.
+    values : ndarray of complex, shape (states,)
+        Multipliers of the equilibrium over the period of its cycles.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    own = np.array(point.examined.data.followed)
+    others = values[np.argsort(np.abs(values - 1.0), kind="stable")[2:]]
+    if not others.size or not np.all(np.isfinite(own)):
+        return True
+    rows, columns = linear_sum_assignment(np.abs(own[:, None] - others[None, :]))
+    sides = [
+        np.sign(np.abs(kind) - 1.0) * (np.abs(np.abs(kind) - 1.0) > _NEUTRAL) for kind in (own[rows], others[columns])
+    ]
+    return bool(np.all(sides[0] * sides[1] >= 0.0))
+
+
+class _Extrapolated(NamedTuple):
+    """Where cycles that shrink would come to rest.
+
+    Attributes
+    ----------
+    ahead : float
+        Change up to there of what differs by the square of the amplitude, over its change in the last step.
+    period, last : float
+        Period there, and of the last cycle.
+    centre : ndarray, shape (states,)
+        Centre of the last cycle.
+    near : float
+        Amplitude of the last cycle, over the states' sizes.
+    share : float
+        Most difference of the equilibrium from the extrapolation, over the distance from the last cycle.
+    """
+
+    ahead: float
+    period: float
+    last: float
+    centre: NDArray[np.float64]
+    near: float
+    share: float
+
+    @property
+    def frequency(self) -> float:
+        return 2.0 * math.pi / self.period
+
+    def agrees(self, problem: OrbitProblem, found: HopfPoint) -> bool:
+        """Return whether an equilibrium lies within the last cycle and has the period that was extrapolated."""
+        if not np.max(np.abs(found.state - self.centre) / problem.state_scale) < self.near:
+            return False
+        return abs(found.period - self.period) <= self.share * abs(self.period - self.last) + 1e-3 * self.period
+
+
+def _extrapolated(problem: OrbitProblem, before: Point, point: Point) -> _Extrapolated | None:
+    """Return where the cycles of the last two points would come to rest; None if not within a few steps."""
+    if problem.system.phase is not None or problem.n < 2 or len(set(problem.signature.modes)) > 1:
+        return None  # one state alone has no pair of eigenvalues
+    far, near = _amplitude(problem, before), _amplitude(problem, point)
+    if not 0.0 < near < _AFAR * (far - near):
+        return None
+    share = _AGREES if near < _WITHIN * (far - near) else _AGREES_AFAR
+    ahead = near * near / (far * far - near * near)
+    last, other = _period(problem, point), _period(problem, before)
+    survey, n = point.examined.data.survey, problem.n
+    centre = 0.5 * (survey.lows[:n] + survey.highs[:n])
+    return _Extrapolated(ahead, last + (last - other) * ahead, last, centre, near, share)
+
+
+def centre_ahead(
+    problem: OrbitProblem, before: Point, point: Point, *, family: bool
+) -> tuple[OrbitProblem, NDArray[np.float64], NDArray[np.complex128]] | None:
+    """Return the equilibrium a few steps ahead to which orbits shrink along a quantity, or None.
+
+    In a family it is a centre at the same parameters, else a Hopf point of the freed parameter. Its period must agree
+    with the one extrapolated.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        Equations of the orbits.
+    before, point : Point
+        The last two points, examined.
+    family : bool
+        Whether the orbits are a family at fixed parameters.
+
+    Returns
+    -------
+    tuple of (OrbitProblem, ndarray, ndarray)
+        Equations, unknowns with the further one, and multipliers of the equilibrium as a cycle.
+    """
+    seen, further = _extrapolated(problem, before, point), float(point.u[problem.size])
+    if seen is None:
+        return None
+    if family:
+        found = solve_centre(problem, seen.centre, seen.frequency)
+    else:
+        found = solve_hopf(problem, seen.centre, further, seen.frequency)
+    if found is None or not seen.agrees(problem, found):
+        return None
+    if not family and not _keeps_stability(point, found.multipliers):
+        return None
+    signature = Signature((problem.signature.modes[0],), (-1,), (CLOSED_END,), 0)
+    rest = OrbitProblem(problem.system, signature, problem.parameters_at(point.u), problem.active, problem.scales)
+    rest.tol = problem.tol
+    u = np.concatenate([found.state, [found.period, further if family else found.parameter]])
+    rest.start(u, problem.state_scale)
+    return rest, u, found.multipliers
+
+
+def at_rest(
+    piece: OrbitZeroProblem, old: OrbitProblem, point: Point, u: NDArray[np.float64], values: NDArray[np.complex128]
+) -> tuple[OrbitZeroProblem, Point]:
+    """Return equations and last point of a branch that ends at an equilibrium with unknowns `u`."""
+    away = np.append((u[: old.n] - point.u[: old.n]) / old.state_scale, u[-1] - point.parameter)
+    end = Point(u, piece.evaluate(u)[1], np.zeros(u.size), piece.metric(u), 1.0, 0.0, 0.0, arc=point.arc)
+    end.arc += float(np.linalg.norm(away))
+    unstable = point.examined.data.unstable  # stability of the cycles that shrink to the point
+    survey = piece.problem.survey(u)
+    end.examined = Examined({}, None, OrbitData(survey, values, unstable, tuple(values[:-1].tolist())))
+    return piece, end
+
+
+def _amplitude(problem: OrbitProblem, point: Point) -> float:
+    """Return half the range of the state that varies most, over the states' sizes."""
+    survey, n = point.examined.data.survey, problem.n
+    return 0.5 * float(np.max((survey.highs[:n] - survey.lows[:n]) / problem.state_scale))
+
+
+def _period(problem: OrbitProblem, point: Point) -> float:
+    return float(point.u[problem.n : problem.size : problem.n + 1].sum())
+
+
+def _at_rest(branch: OrbitZeroProblem, point: Point, found: HopfPoint) -> tuple[OrbitZeroProblem, Point]:
+    """Return equations and last point of a branch that ends at a Hopf point."""
+    old = branch.problem
+    signature = Signature((old.signature.modes[0],), (-1,), (CLOSED_END,), 0)
+    problem = OrbitProblem(old.system, signature, old.p, old.active, old.scales, old.tol)
+    u: NDArray[np.float64] = np.concatenate([found.state, [found.period, found.parameter]])
+    problem.start(u, old.state_scale)
+    piece = OrbitZeroProblem(problem, u, branch.interest)
+    return at_rest(piece, old, point, u, found.multipliers)

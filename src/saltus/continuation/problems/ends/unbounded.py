@@ -1,0 +1,233 @@
+"""Ends of branches that grow without bound, in period or in size, shrink to nothing, or need too many steps.
+
+docs/theory/continuation.md, "How a branch ends", lists the cases.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.orbits.signature import CUT_END
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.core.zero_problem import Point
+    from saltus.continuation.problems.orbit import OrbitZeroProblem
+    from saltus.orbits.problem import OrbitProblem
+
+    Row = tuple[OrbitZeroProblem, Point]
+
+__all__ = [
+    "LONGEST",
+    "grows_at_last",
+    "grows_for_ever",
+    "levels_off",
+    "period_of",
+    "swells_at_last",
+    "swells_for_ever",
+    "told",
+    "too_stiff",
+    "vanishes_at_last",
+]
+
+_GROWN = 1.2  # least ratio of an unbounded period to its least value on the branch
+_RESTS = 1e-3  # change of the parameter, over its interval and the period's relative growth, up to which it rests
+_DECADES = 2.0 * math.log(10.0)  # logarithm of the ratio of slopes over which the growth of the period is judged
+_LEVEL = 0.25  # logarithm of the ratio of two growths, over that of slopes, below which the period levels off
+_FEWEST = 4  # steps over which it can be
+_SWOLLEN = 1e4  # least ratio of a state's unbounded range to its least on the branch
+_FAINT = 1e-6  # modulus of a state, over the largest of all states, up to which it may be a branch's birth or rounding
+_ENDLESS = 5e6  # ratio of a state's range to that of the first point at which a branch is ended
+_VANISHED = 1e-4  # ranges of states and period, over the largest on the branch, up to which an orbit vanishes
+LONGEST = 1e3  # ratio of the period to that of the first point at which a branch is ended
+_LATE = 1.5  # ratio by which the period of an orbit in pieces must grow while the parameter rests
+_LONGER = 1.03  # ratio by which the period must grow while all else stands still
+_STILL = 1e-12  # change of the parameter, over its interval, that is rounding
+_ALIKE = 1e-6  # relative change of the ranges of states up to which they stand still
+_RESTING = 3e-6  # change of the parameter, over its range on the branch, up to which it rests during that growth
+
+
+def grows_at_last(points: list[Row]) -> str | None:
+    """Return the reason, after a failed step, that the period grows without bound; None if it does not.
+
+    Over the last four points the period grew, and at the last step the parameter hardly moved.
+    """
+    if len(points) < 4:
+        return None
+    periods = [period_of(*row) for row in points]
+    before, last = periods[-2:]
+    values = [point.parameter for _, point in points]
+    moved = abs(values[-1] - values[-2])
+    growing = periods[-4] < periods[-3] < before < last and last > _GROWN * min(periods)
+    rests = growing and moved < _RESTS * (last / before - 1.0)
+    return told(last) if rests and not levels_off(np.array(values), np.array(periods)) else None
+
+
+def levels_off(values: NDArray[np.float64], periods: NDArray[np.float64]) -> bool:
+    """Return whether a period that grows ever faster with the parameter goes to an end of its own.
+
+    Next to a homoclinic orbit the period is like the logarithm of the distance, or grows faster. It gains at least as
+    much in each decade of its slope as in the one before. Next to a fold or a grazing it is like a constant less the
+    root of the distance. There it gains a tenth of that.
+
+    Parameters
+    ----------
+    values, periods : ndarray, shape (points,)
+        Parameter and period along the branch.
+
+    Examples
+    --------
+    >>> distance = 0.5 ** np.arange(40)
+    >>> levels_off(-distance, -np.log(distance)), levels_off(-distance, 7.0 - np.sqrt(distance))
+    (False, True)
+    """
+    gained, moved = np.diff(periods), np.abs(np.diff(values))
+    with np.errstate(divide="ignore"):
+        steep = np.log(np.abs(gained)) - np.log(moved)
+    falls = np.flatnonzero((gained <= 0.0) | ~np.isfinite(steep))
+    first = int(falls[-1]) + 1 if falls.size else 0
+    heights, steep = 0.5 * (periods[first:-1] + periods[first + 1 :]), np.maximum.accumulate(steep[first:])
+    if steep.size < _FEWEST or (span := min(float(steep[-1] - steep[0]), _DECADES)) < 0.5 * _DECADES:
+        return False
+    early, middle = np.interp([steep[-1] - span, steep[-1] - 0.5 * span], steep, heights)
+    return bool((heights[-1] - middle) < math.exp(-_LEVEL * span) * (middle - early))
+
+
+def swells_at_last(points: list[Row]) -> str | None:
+    """Return the reason, after a failed step, that the orbit grows without bound; None if it does not.
+
+    Over the last four points a state's range grew, to many times its least on the branch. Or the state went away from
+    the first orbit, to many times its size there. Meanwhile the parameter rested.
+    """
+    if len(points) < 4:
+        return None
+    values = [point.parameter for _, point in points[-4:]]
+    if max(values) - min(values) > _RESTS * _RESTS:
+        return None
+    lows, highs = _extents(points)
+    ranges, reaches, size = highs - lows, _reaches(lows, highs), _size(lows, highs)
+    names = points[-1][0].problem.system.states
+    for sizes, least, verb in (
+        (ranges, np.maximum(ranges.min(axis=0), _FAINT * size.max()), "ranges over"),
+        (reaches, size, "moves by"),
+    ):
+        swollen = np.all(np.diff(sizes[-4:], axis=0) > 0.0, axis=0) & (sizes[-1] > _SWOLLEN * least)
+        if np.any(swollen):
+            largest = int(np.argmax(np.where(swollen, sizes[-1] / least, 0.0)))
+            return f"the orbit grows without bound ({names[largest]} {verb} {sizes[-1][largest]:.3g})"
+    return None
+
+
+def swells_for_ever(points: list[Row]) -> str | None:
+    """Return the reason, after a successful step, that the orbit grows without bound; None if it does not.
+
+    A state's range is many times that of the first point, or the state is as far away from there. Beyond, the flow's
+    tolerance moves the parameter by more than the branch does.
+    """
+    lows, highs = _extents([points[0], points[-1]])
+    ranges, reaches = highs - lows, _reaches(lows, highs)
+    if np.any(ranges[1] > _ENDLESS * ranges[0]) or np.any(reaches[1] > _ENDLESS * _size(lows, highs)):
+        return swells_at_last(points)
+    return None
+
+
+def _extents(points: list[Row]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the least and the greatest values of the states at points of a branch, each shape (points, states)."""
+    n = len(points[-1][0].problem.system.states)
+    surveys = [point.examined.data.survey for _, point in points]
+    return np.array([survey.lows[:n] for survey in surveys]), np.array([survey.highs[:n] for survey in surveys])
+
+
+def _reaches(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the ranges of states over each orbit and the first one together."""
+    return np.asarray(np.maximum(highs, highs[0]) - np.minimum(lows, lows[0]))
+
+
+def _size(lows: NDArray[np.float64], highs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the largest moduli of states on the first orbit; a state that is 0 there counts as a small one."""
+    sizes = np.maximum(np.abs(lows[0]), np.abs(highs[0]))
+    return np.asarray(np.maximum(sizes, _FAINT * float(sizes.max()) or 1e-300))
+
+
+def vanishes_at_last(points: list[Row]) -> str | None:
+    """Return the reason, after a failed step, that the orbit shrinks to nothing; None if it does not.
+
+    Over the last four points the period and all ranges of states fell, to a small share of the largest on the branch.
+    """
+    if len(points) < 4 or (system := points[-1][0].problem.system).phase is not None:
+        return None
+    n = len(system.states)
+    surveys = [point.examined.data.survey for _, point in points]
+    sizes = np.array([survey.highs[:n] - survey.lows[:n] for survey in surveys])
+    sizes = np.column_stack([sizes, [period_of(*row) for row in points]])
+    falling = np.all(np.diff(sizes[-4:], axis=0) <= 0.0)
+    if not (falling and np.all(sizes[-1] <= _VANISHED * sizes.max(axis=0))):
+        return None
+    return f"the cycle shrinks to nothing (T = {sizes[-1, -1]:.3g})"
+
+
+def grows_for_ever(points: list[Row]) -> str | None:
+    """Return the reason, after a successful step, that the period grows without bound; None if it does not.
+
+    The period is a thousand times the first one and grows. Or it alone grew, or by half while the parameter rested and
+    the orbit was in pieces. All happen next to a homoclinic orbit.
+    """
+    branch, last = points[-1]
+    period = period_of(branch, last)
+    if _only_the_period_grows(points):
+        return told(period)
+    if len(points) > 1 and period > LONGEST * period_of(*points[0]) and period > period_of(*points[-2]):
+        return told(period)
+    if CUT_END not in branch.problem.signature.kinds:
+        return None
+    values = [point.parameter for _, point in points]
+    late = [point.parameter for piece, point in points if period_of(piece, point) * _LATE > period]
+    if len(late) == len(points) or max(late) - min(late) > _RESTING * (max(values) - min(values)):
+        return None
+    return told(period)
+
+
+def _only_the_period_grows(points: list[Row]) -> bool:
+    """Return whether the period has grown while parameter and ranges of states stood still but for rounding.
+
+    Steps along such a branch follow rounding: they may turn round, and trace it back.
+    """
+    branch, last = points[-1]
+    period, ranges = period_of(branch, last), _ranges(branch, last)
+    for piece, point in reversed(points[:-1]):
+        if abs(point.parameter - last.parameter) > _STILL:
+            return False
+        if np.any(np.abs(_ranges(piece, point) - ranges) > _ALIKE * ranges):
+            return False
+        if period_of(piece, point) * _LONGER < period:
+            return True
+    return False
+
+
+def _ranges(piece: OrbitZeroProblem, point: Point) -> NDArray[np.float64]:
+    n, survey = len(piece.problem.system.states), point.examined.data.survey
+    return np.asarray(survey.highs[:n] - survey.lows[:n])
+
+
+def too_stiff(problem: OrbitProblem) -> str | None:
+    """Return the reason that a segment's flow needs more steps than allowed; None if it does not."""
+    if not problem.stiff:
+        return None
+    return (
+        f"the flow is stiff: explicit steps stay stable only if one segment takes some {problem.steps:d} of them; "
+        "go on with the reduced system, in which the fastest state follows the others"
+    )
+
+
+def period_of(piece: OrbitZeroProblem, point: Point) -> float:
+    """Return the period of an orbit of a branch."""
+    return float(point.u[piece.n : piece.problem.size : piece.n + 1].sum())
+
+
+def told(period: float) -> str:
+    """Return the sentence with which a branch ends whose period grows without bound."""
+    return f"the period grows without bound (T = {period:.6g})"

@@ -1,0 +1,309 @@
+"""The neighbouring signature of an orbit at a grazing: segments inserted, removed, joined or moved to another mode.
+
+docs/theory/continuation.md, "Change of signature at a grazing", says which signatures meet.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.core.monitor import Monitor
+from saltus.orbits.cuts import whole
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.signature import CLOSED_END, EVENT_END, MEAN_END, PHASE_END, TOUCH_END, WHOLE, Signature
+from saltus.orbits.solve import settle_signature
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Neighbour", "neighbour", "sides_met", "touching", "turned"]
+
+_NEAR = 1e-6  # relative difference, in sizes of states, events or the period, up to which two values are equal
+
+# Why there is no neighbouring signature where the mode of a segment is entered and left at once.
+_TURNED = "the event met without velocity changes the mode, but the motion turns back at once"
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbour:
+    """The same orbit in another signature."""
+
+    signature: Signature
+    u: NDArray[np.float64]
+
+
+def neighbour(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> Neighbour | str:
+    """Return the grazing orbit `u` in the neighbouring signature, or the reason why there is none.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        Equations of the signature in which the orbit was found.
+    monitor : Monitor
+        The monitor function that vanishes: a ``margin`` (a segment touches a surface), a ``side`` (a whole segment lies
+        on a surface), a ``rate`` (a segment's event is met without velocity), or a ``duration`` (a segment has no
+        length).
+    u : ndarray, shape (size + 1,)
+        Unknowns of the orbit, and the parameter.
+    """
+    problem, u = whole(problem, u)
+    blocks = u[: problem.size].reshape(problem.segments, problem.n + 1).copy()
+    if monitor.kind == "rate":
+        monitor = _vanishing(problem, blocks, monitor.segment)
+    if monitor.kind == "margin":
+        found = _insert(problem, blocks, u, monitor.segment, monitor.transition)
+    elif monitor.kind == "side":
+        found = _change_modes(problem, blocks, u, monitor.transition)
+    elif monitor.kind == "duration":
+        found = _remove(problem, blocks, u, monitor.segment)
+    else:
+        problem.survey(u)
+        found = _merge(problem, blocks, u, monitor.segment)
+    if isinstance(found, str):
+        return found
+    signature, rows = found
+    fresh = OrbitProblem(problem.system, signature, problem.parameters_at(u), tol=problem.tol)
+    signature, turned = settle_signature(fresh, rows.ravel())
+    return Neighbour(signature, np.append(turned, u[problem.size :]))
+
+
+def turned(problem: OrbitProblem, monitor: Monitor, u: NDArray[np.float64]) -> bool:
+    """Return whether a vanishing velocity is no grazing: the mode changes, but the motion turns back at once.
+
+    The next segment has then touched its surface before, so the orbit is no motion of the system any more.
+    """
+    return monitor.kind == "rate" and neighbour(problem, monitor, u) == _TURNED
+
+
+def _vanishing(problem: OrbitProblem, blocks: NDArray[np.float64], i: int) -> Monitor:
+    """Return the monitor function behind a vanishing rate of segment `i`: a neighbour's duration, or the rate alone."""
+    count = problem.segments
+    period = float(np.abs(blocks[:, problem.n]).sum())
+    for j in (i, (i + 1) % count):
+        if problem.signature.kinds[j] == MEAN_END and abs(blocks[j, problem.n]) < _NEAR * period:
+            return Monitor("duration", j)
+    return Monitor("rate", i)
+
+
+_Found = tuple[Signature, "NDArray[np.float64]"]
+
+
+def _insert(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int, k: int) -> _Found | str:
+    """Cut segment `i` where it touches the surface of transition `k`, or return the reason why it cannot be cut."""
+    system, n, old = problem.system, problem.n, problem.signature
+    place = problem.survey(u).places[i, k]
+    duration = blocks[i, n]
+    before = duration * place * place * (3.0 - 2.0 * place)
+    touching = problem.state_on(i, place)
+    if not np.all(np.isfinite(touching)):
+        return "the flow cannot be followed to it"
+    landed = np.empty(n)
+    system.compiled.call("reset", k, 0, touching, problem.extended, landed)
+    scale = problem.state_scale
+    if np.max(np.abs(landed - touching) / scale) > _NEAR:
+        return "the reset moves the state there: no neighbouring signature is continuous"
+    mode = old.modes[i]
+    target = system.mode_index(system.transitions[k].target)
+    cut = [(mode, k, np.append(blocks[i, :n], before))]
+    if target != mode:
+        back = _way_back(problem, target, mode, landed)
+        if back is None:
+            return f"no transition leads back from {system.mode_names[target]!r}"
+        if not _turns_back(problem, back, target, landed):
+            return _gone(problem, target)
+        cut.append((target, back, np.append(landed, 0.0)))
+    rest = np.append(landed, duration - before)
+    if old.kinds[0] in (PHASE_END, CLOSED_END):
+        rest[n] = duration
+        for _, _, block in cut[1:]:
+            block[n - 1] += 2.0 * math.pi * old.turns
+        rows = [(mode, k, rest), *cut[1:]]
+    else:
+        same = [(m, t, b) for m, t, b in zip(old.modes, old.transitions, blocks, strict=True)]
+        rows = [*same[:i], *cut, (mode, old.transitions[i], rest), *same[i + 1 :]]
+    return _gather(rows, old.turns)
+
+
+def _change_modes(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], k: int) -> _Found | str:
+    """Move every segment that lies wholly on a surface to the target mode of the surface's transition."""
+    system, old, names = problem.system, problem.signature, problem.system.mode_names
+    if (first := system.transitions[k]).target == first.source:
+        return f"the whole orbit meets the surface of {first.name!r}, and no orbit near it does so"
+    modes = list(old.modes)
+    for i, j in _on_surfaces(problem, u):
+        transition = system.transitions[j]
+        if transition.target != transition.source and modes[i] == old.modes[i]:
+            if not _rests(problem, i, j):
+                return f"the reset of {transition.name!r} moves the state: no neighbouring signature is continuous"
+            modes[i] = names.index(transition.target)
+    chosen = []
+    for i, end in enumerate(old.transitions):
+        following = (i + 1) % len(modes)
+        like: int | None = end
+        if end >= 0 and (modes[i], modes[following]) != (old.modes[i], old.modes[following]):
+            like = _same_event(problem, end, modes[i], modes[following], problem.state_on(i, 1.0))
+        if like is None:
+            return f"no transition out of {names[modes[i]]!r} is like {system.transitions[end].name!r}"
+        chosen.append(like)
+    signature = Signature(tuple(modes), tuple(chosen), old.kinds, old.turns)
+    fresh = OrbitProblem(system, signature, problem.parameters_at(u), tol=problem.tol)
+    fresh.start(blocks.ravel())
+    gaps = fresh.evaluate(blocks.ravel())[0].reshape(problem.segments, problem.n + 1)[:, : problem.n]
+    if not np.max(np.abs(gaps) / problem.state_scale) < _NEAR:
+        return f"the field jumps on the surface of {first.name!r}, so that no orbit near it goes on beyond"
+    return signature, blocks
+
+
+def _on_surfaces(problem: OrbitProblem, u: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Return (segment, transition) for each segment that lies wholly on the surface of a transition."""
+    found, n = [], problem.n
+    for i, k in np.argwhere(problem.survey(u).places == WHOLE).tolist():
+        distance, gradient = problem.distance(u, i, k)
+        if abs(distance) < _NEAR * float(np.abs(gradient[i * (n + 1) : i * (n + 1) + n]) @ problem.state_scale):
+            found.append((i, k))
+    return found
+
+
+def sides_met(problem: OrbitProblem, u: NDArray[np.float64]) -> set[Monitor]:
+    """Return the monitor functions of kind ``side`` that vanish at an orbit."""
+    return {Monitor("side", i, k) for i, k in _on_surfaces(problem, u)}
+
+
+def _rests(problem: OrbitProblem, segment: int, transition: int) -> bool:
+    """Return whether a reset moves no state of a segment, sampled at seven places of the last survey."""
+    after = np.empty(problem.n)
+    for place in np.linspace(0.0, 1.0, 7):
+        x = problem.state_on(segment, float(place))
+        problem.system.compiled.call("reset", transition, 0, x, problem.extended, after)
+        if np.max(np.abs(after - x) / problem.state_scale) > _NEAR:
+            return False
+    return True
+
+
+def _same_event(problem: OrbitProblem, transition: int, source: int, target: int, x: NDArray[np.float64]) -> int | None:
+    """Return a transition between two modes with the event and reset of another transition at the state `x`."""
+    system, n = problem.system, problem.n
+    names, like = system.mode_names, system.transitions[transition]
+    event, wanted, after = np.empty(2 + 2 * n), np.empty(n), np.empty(n)
+    system.compiled.call("reset", transition, 0, x, problem.extended, wanted)
+    for k, other in enumerate(system.transitions):
+        if (other.source, other.target, other.direction) != (names[source], names[target], like.direction):
+            continue
+        system.compiled.call("event_x", k, 0, x, problem.extended, event)
+        system.compiled.call("reset", k, 0, x, problem.extended, after)
+        near = abs(event[0]) < _NEAR * float(np.abs(event[2 : 2 + n]) @ problem.state_scale)
+        if near and np.max(np.abs(after - wanted) / problem.state_scale) < _NEAR:
+            return k
+    return None
+
+
+def touching(problem: OrbitProblem, u: NDArray[np.float64], i: int, k: int) -> Neighbour:
+    """Return the orbit cut where segment `i` touches the surface of transition `k`; the mode stays the same."""
+    problem, u = whole(problem, u)
+    n, old = problem.n, problem.signature
+    blocks = u[: problem.size].reshape(problem.segments, n + 1)
+    place = problem.survey(u).places[i, k]
+    before = blocks[i, n] * place * place * (3.0 - 2.0 * place)
+    met = problem.state_on(i, place)
+    mode = old.modes[i]
+    if old.kinds[0] in (PHASE_END, CLOSED_END):
+        signature = Signature((mode,), (k,), (TOUCH_END,), old.turns)
+        return Neighbour(signature, np.concatenate([met, [blocks[i, n]], u[problem.size :]]))
+    first = np.append(blocks[i, :n], before)
+    rest = np.append(met, blocks[i, n] - before)
+    rows = [*blocks[:i], first, rest, *blocks[i + 1 :]]
+    signature = Signature(
+        (*old.modes[:i], mode, *old.modes[i:]),
+        (*old.transitions[:i], k, *old.transitions[i:]),
+        (*old.kinds[:i], TOUCH_END, *old.kinds[i:]),
+        old.turns,
+    )
+    return Neighbour(signature, np.concatenate([*rows, u[problem.size :]]))
+
+
+def _gone(problem: OrbitProblem, mode: int) -> str:
+    """Return the reason why no branch goes on where both modes bend the motion away from the surface."""
+    return f"the motion in {problem.system.mode_names[mode]!r} does not turn back, so no orbit near it goes on"
+
+
+def _way_back(problem: OrbitProblem, source: int, target: int, x: NDArray[np.float64]) -> int | None:
+    n = problem.n
+    out = np.empty(2 + 2 * n)
+    names = problem.system.mode_names
+    for k, transition in enumerate(problem.system.transitions):
+        if transition.source == names[source] and transition.target == names[target]:
+            problem.system.compiled.call("event_x", k, 0, np.ascontiguousarray(x), problem.extended, out)
+            if abs(out[0]) < _NEAR * float(np.abs(out[2 : 2 + n]) @ problem.state_scale):
+                return k
+    return None
+
+
+def _turns_back(problem: OrbitProblem, back: int, mode: int, x: NDArray[np.float64]) -> bool:
+    """Return whether a mode's field bends a motion that touches the surface of transition `back` towards it."""
+    n, compiled = problem.n, problem.system.compiled
+    gradient, field = np.empty(2 + 2 * n), np.empty(n)
+    compiled.call("event_x", back, 0, np.ascontiguousarray(x), problem.extended, gradient)
+    compiled.call("field", mode, 0, np.ascontiguousarray(x), problem.extended, field)
+    return float(gradient[2 + n :] @ field) * (problem.system.transitions[back].direction or 1) > 0.0
+
+
+def _remove(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> _Found | str:
+    """Remove segment `i`, which has no length, and join its two neighbours."""
+    old = problem.signature
+    count = len(old)
+    previous, following = (i - 1) % count, (i + 1) % count
+    if old.modes[previous] != old.modes[following]:
+        return "the modes on the two sides of the vanishing segment differ"
+    if count == 2:
+        return _closed(problem, blocks[previous], u)
+    joined = blocks[previous].copy()
+    joined[problem.n] += blocks[following, problem.n]
+    rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
+    rows[previous] = (old.modes[previous], old.transitions[following], joined)
+    kept = [row for j, row in enumerate(rows) if j not in (i, following)]
+    return _gather(kept, old.turns)
+
+
+def _merge(problem: OrbitProblem, blocks: NDArray[np.float64], u: NDArray[np.float64], i: int) -> _Found | str:
+    """Join segment `i` with the next one where its event is met without velocity and changes nothing."""
+    old, n = problem.signature, problem.n
+    count = len(old)
+    following = (i + 1) % count
+    met, after = problem.state_on(i, 1.0), np.empty(n)
+    problem.system.compiled.call("reset", old.transitions[i], 0, met, problem.extended, after)
+    if old.modes[i] != old.modes[following]:
+        back = _way_back(problem, old.modes[following], old.modes[i], after)
+        if back is not None and not _turns_back(problem, back, old.modes[following], after):
+            return _gone(problem, old.modes[following])
+        return _TURNED
+    if old.kinds[i] != TOUCH_END and np.max(np.abs(after - met) / problem.state_scale) > _NEAR:
+        return "the event met without velocity moves the state"
+    if count == 1:
+        return _closed(problem, blocks[0], u)
+    joined = blocks[i].copy()
+    joined[n] += blocks[following, n]
+    rows = [(old.modes[j], old.transitions[j], blocks[j]) for j in range(count)]
+    rows[i] = (old.modes[i], old.transitions[following], joined)
+    kept = [row for j, row in enumerate(rows) if j != following]
+    return _gather(kept, old.turns)
+
+
+def _closed(problem: OrbitProblem, block: NDArray[np.float64], u: NDArray[np.float64]) -> _Found:
+    """Return a single segment without events, started at phase 0 where the system has a phase."""
+    old, n = problem.signature, problem.n
+    closing = CLOSED_END if problem.system.phase is None else PHASE_END
+    signature = Signature((old.modes[0],), (-1,), (closing,), old.turns)
+    row = block.copy()
+    if closing == PHASE_END:
+        row[:n] = problem.survey(u).x0
+    return signature, row[None, :]
+
+
+def _gather(rows: list[tuple[int, int, NDArray[np.float64]]], turns: int) -> _Found:
+    modes, transitions, blocks = zip(*rows, strict=True)
+    kinds = (EVENT_END,) * len(rows)
+    return Signature(tuple(modes), tuple(transitions), kinds, turns), np.array(blocks)

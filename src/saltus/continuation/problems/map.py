@@ -1,0 +1,159 @@
+"""Cycles of a map as a zero problem with a parameter: multipliers, their test functions, borders.
+
+docs/theory/cycles.md, "Test functions", derives the monitor functions.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.zero_problem import Point
+from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
+from saltus.cycles.orbit import faults_of
+from saltus.cycles.spectrum import FAINT, flip_product, multiplicity, multipliers_of, pair_product, unstable_count
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.cycles.problem import CycleProblem
+
+__all__ = ["CYCLE_POINTS", "CycleData", "CycleZeroProblem", "grows_without_bound", "in_lockstep", "rotates"]
+
+_PD = Monitor("PD")  # product of 1 + mu
+_TR = Monitor("TR")  # product of the pairs' products less 1
+
+_GROWN = 1e3  # size of a state, over that at the start, from which on a curve may grow without bound
+_RESTS = 1e-5  # change of each parameter per unit of arclength, below which such a curve does
+
+CYCLE_POINTS = ("SN", "PD", "TR", "BP", "BC")  # types of special points of a branch of cycles
+
+
+@dataclass(frozen=True)
+class CycleData:
+    """Data of a point: multipliers, the number of unstable ones, why the cycle is virtual."""
+
+    values: NDArray[np.complex128]
+    unstable: int
+    reasons: tuple[str, ...]
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers lie inside the unit circle."""
+        return self.unstable == 0 and bool(np.all(np.abs(self.values) < 1.0))
+
+
+class CycleZeroProblem(AlgebraicZeroProblem):
+    """Cycles of one itinerary as a `ZeroProblem`; see `AlgebraicZeroProblem`.
+
+    The squared arclength is the mean of that of the points, so that a doubled cycle goes as far as the single one.
+    """
+
+    critical = CYCLE_POINTS
+    single = ("SN", "BP", "PD")
+    paired = _TR
+    faint = MappingProxyType({_PD: FAINT, _TR: FAINT})
+    vanishing = "the cycle does not close there"
+    problem: CycleProblem
+
+    def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return weights: the points' mean in sizes of the states, 1 for the parameter."""
+        return np.append(1.0 / (self.problem.period * self.sizes**2), 1.0)
+
+    def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `AlgebraicZeroProblem.grown`; the same for all points."""
+        return in_lockstep(super().grown(u), self.problem.period)
+
+    def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> CycleData:
+        """See `AlgebraicZeroProblem.data`."""
+        values = multipliers_of(self.problem.slopes(u)[1])
+        return CycleData(values, unstable_count(values), tuple(faults_of(self.problem, u, self.sizes)))
+
+    def own_monitors(self, point: Point, values: NDArray[np.complex128]) -> dict[Monitor, float]:
+        """See `AlgebraicZeroProblem.own_monitors`."""
+        found = {_PD: flip_product(values)}
+        for i, guard, height in self.problem.heights(point.u):
+            name = Monitor("BC", i, guard)
+            found[name] = self._over(name, height, point)
+        if values.size > 1:
+            found[_TR] = pair_product(values)
+        return found
+
+    def _over(self, name: Monitor, height: float, point: Point) -> float:
+        if name in self._units:
+            return height / self._units[name]
+        return self.over_unit(name, height, self.problem.border(name.segment, name.transition, point.u)[1])
+
+    def own_monitor(self, name: Monitor, point: Point) -> float:
+        """See `AlgebraicZeroProblem.own_monitor`."""
+        if name.kind == "BC":
+            return self._over(name, self.problem.border(name.segment, name.transition, point.u)[0], point)
+        values = self.spectrum(point.u)
+        return flip_product(values) if name.kind == "PD" else pair_product(values)
+
+    def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """See `AlgebraicZeroProblem.spectrum`."""
+        return multipliers_of(self.problem.slopes(u)[1])
+
+    def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """See `AlgebraicZeroProblem.growth`: distances from the unit circle, those of large multipliers at most 1."""
+        sizes = np.abs(values)
+        return np.where(np.isfinite(sizes), (sizes - 1.0) / (sizes + 1.0), 1.0)
+
+    def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
+        """See `AlgebraicZeroProblem.multiplicity`."""
+        return multiplicity(values, kind)
+
+    def is_pair(self, values: NDArray[np.complex128]) -> bool:
+        """See `AlgebraicZeroProblem.is_pair`."""
+        return rotates(values)
+
+    def observed(self, index: int, point: Point) -> float:
+        """See `AlgebraicZeroProblem.observed`; the quantity at the first point."""
+        name, kind, _ = self.interest.events[index]
+        system, compiled = self.problem.system, self.problem.compiled
+        x = np.ascontiguousarray(self.problem.points(point.u)[0])
+        if kind == "state":
+            return float(x[system.states.index(name)])
+        out = np.empty(compiled.n_outputs)
+        p = compiled.extended(self.problem.parameters_at(point.u))
+        compiled.call("outputs", self.problem.itinerary[0], 0, x, p, out)
+        return float(out[system.output_names.index(name)])
+
+
+def grows_without_bound(
+    sizes: NDArray[np.float64], first: NDArray[np.float64], rates: NDArray[np.float64]
+) -> str | None:
+    """Return why a curve of cycles ends whose points run to infinity while the parameters rest; None if they do not.
+
+    Parameters
+    ----------
+    sizes, first : ndarray, shape (n,)
+        Sizes of the points, now and at the curve's start.
+    rates : ndarray, shape (parameters,)
+        Change of the varied parameters per unit of arclength.
+    """
+    grown = float(np.max(sizes / first)) > _GROWN and bool(np.all(np.abs(rates) < _RESTS))
+    return "the cycle grows without bound" if grown else None
+
+
+def in_lockstep(sizes: NDArray[np.float64], period: int) -> NDArray[np.float64]:
+    """Return the largest size of each state along a cycle, for all its points, shape (n,)."""
+    return np.tile(sizes.reshape(period, -1).max(axis=0), period)
+
+
+def rotates(values: NDArray[np.complex128]) -> bool:
+    """Return whether the two multipliers whose product is nearest to 1 are a complex pair."""
+    best, pair = math.inf, False
+    for i in range(values.size):
+        for j in range(i + 1, values.size):
+            product = complex(values[i] * values[j])
+            share = abs(product - 1.0) / math.hypot(1.0, abs(product)) if math.isfinite(abs(product)) else 1.0
+            if share < best:
+                best, pair = share, abs(values[i].imag) > 0.0 and abs(values[j].imag) > 0.0
+    return pair

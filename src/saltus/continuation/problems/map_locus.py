@@ -1,0 +1,173 @@
+"""Critical cycles of a map in two parameters as a zero problem: monitor functions of codimension two.
+
+docs/theory/cycles.md, "Loci", derives the equations and lists the monitor functions.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.core.monitor import Monitor
+from saltus.continuation.core.zero_problem import Event, Point
+from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem
+from saltus.continuation.problems.map import in_lockstep, rotates
+from saltus.cycles.critical import OnBorder, Rotation
+from saltus.cycles.normal_forms import flip_terms, fold_terms, null_vectors, rotation_terms
+from saltus.cycles.orbit import faults_of
+from saltus.cycles.spectrum import FAINT, flip_product, fold_product, multipliers_of, pair_product, unstable_count
+from saltus.equilibria.critical import Singular
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.cycles.problem import CycleProblem
+
+__all__ = ["CycleLocusData", "CycleLocusProblem"]
+
+_CP = Monitor("CP")  # coefficient of the normal form of a saddle-node
+_GPD = Monitor("GPD")  # that of a period doubling
+_CH = Monitor("CH")  # that of a Neimark-Sacker point
+_FF = Monitor("FF")  # what makes the other of the multipliers 1 and -1
+_TWISTS = {"SN": Monitor("R1"), "PD": Monitor("R2")}  # product of both null vectors
+_ANGLES = {Monitor("R1"): 1.0, Monitor("R2"): -1.0, Monitor("R3"): -0.5, Monitor("R4"): 0.0}  # their cosines
+_TR = Monitor("TR")  # pairs on the unit circle, on a locus of border collisions
+
+
+@dataclass(frozen=True)
+class CycleLocusData:
+    """Data of a point of a locus.
+
+    Attributes
+    ----------
+    values, unstable, reasons
+        As in `CycleData`; critical multipliers are not counted as unstable.
+    angle : float
+        Angle of the critical pair on a TR locus, in radians; NaN on other loci.
+    coefficient : float
+        Coefficient of the normal form on an SN, PD or TR locus; NaN on a BC locus.
+    """
+
+    values: NDArray[np.complex128]
+    unstable: int
+    reasons: tuple[str, ...]
+    angle: float = math.nan
+    coefficient: float = math.nan
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers but the critical ones lie inside the unit circle."""
+        return self.unstable == 0
+
+
+class CycleLocusProblem(AlgebraicLocusProblem):
+    """Critical cycles of one itinerary as a `ZeroProblem`; see `AlgebraicLocusProblem`."""
+
+    noise: Mapping[Monitor, float] = MappingProxyType({_CP: 1e-10, _GPD: 1e-11, _CH: 1e-10})
+    faint: Mapping[Monitor, float] = MappingProxyType(
+        dict.fromkeys([_FF, *_TWISTS.values(), *_ANGLES, Monitor("SN"), Monitor("PD"), _TR], FAINT)
+    )
+    vanishing = "the cycle does not close there"
+    problem: CycleProblem
+
+    def metric(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return weights: the points' mean in sizes of the states, 1 for each parameter."""
+        own = 1.0 / (self.problem.period * self.sizes**2)
+        return np.concatenate([own, np.zeros(self.condition.extra), [1.0, 1.0]])
+
+    def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `AlgebraicLocusProblem.grown`; the same for all points."""
+        return in_lockstep(super().grown(u), self.problem.period)
+
+    def borders(self, point: Point) -> dict[Monitor, float]:
+        """See `AlgebraicLocusProblem.borders`."""
+        found, u = {}, self.unknowns(point.u)
+        for i, guard, height in self.problem.heights(u):
+            condition = self.condition
+            if isinstance(condition, OnBorder) and (i, guard) == (condition.point, condition.guard):
+                continue
+            name = Monitor("BC", i, guard)
+            if name not in self._units:
+                self.unit(name, float(np.abs(self.problem.border(i, guard, u)[1][: self.n]) @ self.sizes))
+            found[name] = height / self._units[name]
+        return found
+
+    def special(self, point: Point) -> tuple[dict[Monitor, float], CycleLocusData]:
+        """See `AlgebraicLocusProblem.special`."""
+        u = self.unknowns(point.u)
+        J, values = self.problem.evaluate(u)[1], multipliers_of(self.problem.slopes(u)[1])
+        reasons = tuple(faults_of(self.problem, u, self.sizes))
+        if isinstance(self.condition, Singular):
+            return self._on_single(u, J, values, reasons)
+        if isinstance(self.condition, Rotation):
+            return self._on_rotations(float(point.u[self.n + self.condition.extra - 1]), u, J, values, reasons)
+        monitors = {Monitor("SN"): fold_product(values), Monitor("PD"): flip_product(values)}
+        if values.size > 1:
+            monitors[_TR] = pair_product(values)
+        return monitors, CycleLocusData(values, unstable_count(values), reasons)
+
+    def _on_single(
+        self, u: NDArray[np.float64], J: NDArray[np.float64], values: NDArray[np.complex128], reasons: tuple[str, ...]
+    ) -> tuple[dict[Monitor, float], CycleLocusData]:
+        """Return monitors and data where one multiplier is 1 or -1."""
+        q, p = self.condition.right, self.condition.left
+        fold = self.kind == "SN"
+        critical = int(np.argmin(np.abs(values - (1.0 if fold else -1.0))))
+        twist = float(p @ self.problem.closing @ q)
+        try:
+            terms = fold_terms(self.problem, u, q, p) if fold else flip_terms(self.problem, u, J, q, p)
+        except np.linalg.LinAlgError:
+            terms = math.nan
+        monitors: dict[Monitor, float] = {}
+        if values.size > 1:
+            turn = _TWISTS[self.kind]
+            monitors[turn] = twist / float(np.linalg.norm(p * self.sizes) * np.linalg.norm(q / self.sizes))
+            monitors[_FF] = (flip_product if fold else fold_product)(values, (critical,))
+        # the coefficient of a period doubling has a pole where another multiplier is 1
+        name, weighed = (_CP, terms) if fold else (_GPD, terms * monitors.get(_FF, 1.0))
+        monitors[name] = weighed / self.unit(name, weighed) if math.isfinite(weighed) else math.nan
+        head = q[: self.problem.states]
+        size = float(np.linalg.norm(head))
+        coefficient = terms / (twist * size ** (1 if fold else 2)) if twist * size != 0.0 else math.inf
+        if fold and head[np.argmax(np.abs(head))] < 0.0:
+            coefficient = -coefficient
+        rest = np.delete(values, critical)
+        return monitors, CycleLocusData(values, unstable_count(rest), reasons, coefficient=coefficient)
+
+    def _on_rotations(
+        self,
+        cosine: float,
+        u: NDArray[np.float64],
+        J: NDArray[np.float64],
+        values: NDArray[np.complex128],
+        reasons: tuple[str, ...],
+    ) -> tuple[dict[Monitor, float], CycleLocusData]:
+        """Return monitors and data where a pair is on the unit circle."""
+        monitors = {name: cosine - goal for name, goal in _ANGLES.items()}
+        angle, coefficient = math.nan, math.nan
+        if abs(cosine) < 1.0:
+            angle = math.acos(cosine)
+            mu = cmath.exp(1j * angle)
+            try:
+                coefficient = rotation_terms(self.problem, u, J, mu, null_vectors(self.problem, J, mu)).real
+            except (np.linalg.LinAlgError, ZeroDivisionError):
+                coefficient = math.nan
+        # the coefficient has poles at R1 and R2, and jumps at neither R3 nor R4
+        weighed = coefficient * (1.0 - cosine * cosine) ** 2
+        monitors[_CH] = weighed / self.unit(_CH, weighed) if math.isfinite(weighed) else math.nan
+        order = np.argsort(np.abs(np.abs(values) - 1.0) + np.abs(values.real - cosine))
+        rest = np.delete(values, order[:2])
+        return monitors, CycleLocusData(values, unstable_count(rest), reasons, angle, coefficient)
+
+    def sort_out(self, events: list[Event]) -> list[Event] | str:
+        """See `AlgebraicLocusProblem.sort_out`: without pairs of real multipliers whose product is 1."""
+        for event in events:
+            if event.point.examined.data is None:
+                return f"location: {event.point.examined.fault}"
+        return [event for event in events if event.name != _TR or rotates(event.point.examined.data.values)]

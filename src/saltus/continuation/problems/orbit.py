@@ -1,0 +1,431 @@
+"""Orbits of one signature as a zero problem with a parameter: metric, monitor functions, checks of a step.
+
+docs/theory/continuation.md derives metric and monitor functions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus.continuation.core.arclength import RESTS, ROUNDED
+from saltus.continuation.core.monitor import Monitor, at_grazing, bifurcates
+from saltus.continuation.core.zero_problem import Event, Examined, Point
+from saltus.continuation.problems.grazing import turned
+from saltus.continuation.problems.guards import INFINITE, residual_fault, unconfirmed
+from saltus.continuation.problems.margins import grazing_monitors, shadowed_rates, side_of
+from saltus.continuation.problems.phase_plane import astray, depart, solve_again
+from saltus.continuation.problems.retries import Retries
+from saltus.continuation.problems.twins import FLIPS, ZEROS, crossing_at_once, doubled_by, explains, once
+from saltus.continuation.problems.watching import Watched
+from saltus.orbits.floquet import (
+    Passage,
+    doubling_determinant,
+    height,
+    multipliers,
+    nontrivial,
+    passage,
+    unstable_count,
+)  # fmt: skip
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.quantities import read_quantity
+from saltus.orbits.sensitivities import slope_along
+from saltus.orbits.signature import CUT_END, MEAN_END, Survey
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.core.interest import Interest
+
+__all__ = ["OrbitData", "OrbitZeroProblem"]
+
+_LOW = Monitor("low")  # parameter less its lower bound
+_HIGH = Monitor("high")  # parameter less its upper bound
+_SN = Monitor("SN")  # parameter's component of the tangent
+_PD = Monitor("PD")  # determinant of a multiplier -1
+_BP = Monitor("BP")  # determinant of the bordered Jacobian
+
+CROSSINGS = "stability: more than one multiplier crosses the unit circle within the step"
+_FAINT = 1e-14  # rounding of the product of multipliers' distances, over its values at a step's ends
+_SHARPER = 1e-6  # relative Newton step up to which a further correction of an orbit in pieces is kept
+_STEADY = 1e-7  # change of the parameter per unit of arclength, up to which it rests if its ends agree
+_ONE = 1e-5  # distance of a multiplier from 1 up to which the orbit may be one of a family
+_SHORT = 1e-5  # arclength of a step up to which several multipliers may cross the unit circle in it
+_SLOWED = 0.05  # least velocity of an event at a step's end, over that at its start
+_CRITICAL = 1e-6  # height of a multiplier on the Riemann sphere up to which it is critical
+
+
+@dataclass(frozen=True)
+class OrbitData:
+    """Data of a point of a branch.
+
+    Attributes
+    ----------
+    survey : Survey
+        Dense survey of the orbit.
+    multipliers : ndarray of complex, shape (states,)
+        Floquet multipliers, largest first.
+    unstable : int
+        Number of unstable multipliers.
+    followed : tuple of complex
+        Multipliers without the trivial one, each at the index of its predecessor at the point before.
+    """
+
+    survey: Survey
+    multipliers: NDArray[np.complex128]
+    unstable: int
+    followed: tuple[complex, ...] = ()
+
+
+class OrbitZeroProblem:
+    """Orbits of one signature as a `ZeroProblem`.
+
+    Monitor functions belong to the bounds (``low``, ``high``), the bifurcations ``SN``, ``PD``, ``BP`` and ``TR``, the
+    grazings, and users' events. There is one of ``TR`` for each complex pair: the height on the Riemann sphere of its
+    multiplier above the real axis. `Monitor` explains the names.
+
+    Parameters
+    ----------
+    problem : OrbitProblem
+        The equations, meshes made.
+    u : ndarray, shape (size + 1,)
+        Unknowns of an orbit, and the parameter.
+    interest : Interest
+        Bounds and users' events.
+    """
+
+    singular = frozenset({_BP})
+    odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
+    noise: Mapping[Monitor, float] = MappingProxyType({})
+    further = 0  # unknowns between those of the orbit and the varied one
+    active_at: slice | None = None  # where among the unknowns the active parameters are, if not at their end
+    neutral = False  # whether multipliers lie on the unit circle all along, as in a conservative system
+
+    def __init__(self, problem: OrbitProblem, u: NDArray[np.float64], interest: Interest) -> None:
+        self.problem, self._retries = problem, Retries(problem)
+        self.interest, self.n = interest, problem.n
+        self._autonomous = problem.system.phase is None
+        self._logs: dict[Monitor, float] = {}
+        self._step: tuple[Point, Point] | None = None
+        self._crossed: int | None = None  # equal multipliers that cross the unit circle at once in the last step
+        self._adjust(u)
+        kinds = problem.signature.kinds
+        self._durations = {Monitor("duration", i): i for i, kind in enumerate(kinds) if kind == MEAN_END}
+        self._simple: dict[Monitor, Callable[[Point], float]] = {
+            _LOW: lambda point: _beyond(point.parameter - interest.low),
+            _HIGH: lambda point: _beyond(point.parameter - interest.high),
+            _SN: lambda point: float(point.tangent[-1]),
+            _PD: lambda point: self._sized(_PD, *doubling_determinant(problem, self.own(point.J)), point),
+            _BP: lambda point: self._sized(_BP, point.sign, point.log, point),
+        }
+        if CUT_END in kinds:
+            # products of multipliers leave out the trivial one exactly, determinants to the flow's tolerance only
+            self._simple[_SN] = lambda point: point.sign * self._product(_SN, point, 1.0)
+            self._simple[_PD] = lambda point: self._product(_PD, point, -1.0)
+            self.noise = MappingProxyType({_SN: _FAINT, _PD: _FAINT})  # both change by many powers of ten in a step
+        for vanishing, i in self._durations.items():
+            self._simple[vanishing] = lambda point, at=i * (self.n + 1) + self.n: float(point.u[at])  # type: ignore[misc]
+        self._surveyed = grazing_monitors(problem)
+        names = (*problem.system.all_states, *problem.system.output_names)
+        self._observables: dict[Monitor, Watched] = {}
+        self._turning: dict[Monitor, str] = {}
+        for i, (name, kind, value) in enumerate(interest.events):
+            if value is None:
+                self._turning[Monitor("EX", i)] = name if kind == "observable" else kind
+            elif kind == "observable":
+                self._observables[Monitor("event", i)] = Watched(read_quantity(problem.system, name), value)
+            elif kind == "freed":
+                continue
+            elif kind == "parameter":
+                self._simple[Monitor("event", i)] = lambda point, v=value: point.parameter * interest.scale - v  # type: ignore[misc]
+            else:
+                side, q = kind[:3], names.index(kind[4:])
+                self._surveyed[Monitor("event", i)] = lambda s, side=side, q=q, v=value: (  # type: ignore[misc]
+                    float(s.lows[q] if side == "min" else s.highs[q]) - v
+                )
+
+    def _adjust(self, u: NDArray[np.float64]) -> None:
+        """Take typical sizes from an orbit."""
+        problem = self.problem
+        period = float(np.abs(u[self.n : problem.size : self.n + 1]).sum())
+        self._block = np.append(1.0 / problem.state_scale**2, 0.0)
+        self._scale = np.ones(problem.size + self.further + 1)
+        table = self._scale[: problem.size].reshape(problem.segments, self.n + 1)
+        table[:, : self.n], table[:, self.n] = problem.state_scale, period
+
+    def _sized(self, name: Monitor, sign: float, log: float, point: Point) -> float:
+        """Return a determinant over its first size and over the factor of the phase condition."""
+        value = sign * math.exp(min(log - self._logs.setdefault(name, log), 600.0))
+        return value / (self.problem.facing(point.u) or math.nan)
+
+    def depart(self, point: Point) -> None:
+        """Take the point's meshes and sizes; renew the phase plane of a cycle that has turned away from it."""
+        if self._retries.leave(point):
+            self._adjust(point.u)
+        if depart(self, self.problem, point.u, point):
+            point.examined = replace(point.examined, monitors={**point.examined.monitors, **self._measured(point)})
+
+    def _product(self, name: Monitor, point: Point, mu: float) -> float:
+        """Return the product of (multiplier - `mu`) over all multipliers but the trivial one, over its first size."""
+        values = nontrivial(multipliers(self.problem, point.u, self.own(point.J)), autonomous=self._autonomous)
+        distance = complex(np.prod(values - mu)).real
+        log = math.log(max(abs(distance), 1e-300))
+        return math.copysign(math.exp(min(log - self._logs.setdefault(name, log), 600.0)), distance)
+
+    def own(self, J: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the Jacobian of the orbit's equations, of that of all equations."""
+        return J
+
+    def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residual and Jacobian."""
+        return self.problem.evaluate(u)
+
+    def accurate(self) -> bool:
+        """Return whether the meshes were fine enough at the last evaluation; refine them where they were not."""
+        return self.problem.refine()
+
+    def scale(self) -> NDArray[np.float64]:
+        """Return typical sizes of the unknowns."""
+        return self._scale
+
+    def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return weights by the trapezoidal rule over the period; a segment of zero length contributes nothing."""
+        problem = self.problem
+        weights = np.empty(problem.size + self.further + 1)
+        problem.equations.metric(u, problem.segments, self.n, self._block, weights)
+        return weights
+
+    def examine(self, point: Point, before: Point | None) -> Examined:
+        """Return monitors, data and fault of a point; solve it again where its mesh was too coarse."""
+        problem = self.problem
+        if before is not None and (fault := astray(problem, point.u)) is not None:
+            return Examined({}, fault)
+        self._sharpen(point)
+        survey = problem.survey(point.u)
+        if survey.coarse:
+            if (fault := solve_again(self, problem, point, point.u)) is not None:
+                return Examined({}, fault)
+            survey = problem.survey(point.u)
+        if before is not None and (fault := residual_fault(problem, survey, point.u)) is not None:
+            return Examined({}, fault)
+        watched = {name: watch.distance(problem, point.u) for name, watch in self._observables.items()}
+        watched |= {name: slope_along(problem, point.u, point.tangent, of) for name, of in self._turning.items()}
+        problem.prepare(point.u)
+        problem.rescale(survey)
+        self._adjust(point.u)
+        values = multipliers(problem, point.u, self.own(point.J))
+        way = self._follow(point, before, values)
+        followed = way.followed
+        unstable = unstable_count(values[: len(followed)], neutral=self.neutral)
+        data = OrbitData(survey, values, unstable, followed)
+        monitors = self._measured(point)
+        monitors |= watched | {name: value(survey) for name, value in self._surveyed.items()}
+        if abs(values[0]) < INFINITE and not self.neutral:
+            monitors |= {Monitor("TR", i): height(value) for i, value in enumerate(followed) if value.imag > 0.0}
+        point.weights = self.metric(point.u)
+        point.tangent = point.tangent / math.sqrt(float(point.weights @ point.tangent**2))
+        if before is None:
+            return Examined(monitors, None, data)
+        if _rests(before, point):
+            self._judge_fold(before, monitors, data)
+        self._step = before, point
+        self._crossed = None
+        fault = _fault(point, before, monitors, data, None if self.neutral else way)
+        if fault == CROSSINGS and (name := crossing_at_once(before.examined.data.followed, followed)) is not None:
+            ends = [height(at[name.segment]) for at in (before.examined.data.followed, followed)]
+            before.examined = replace(before.examined, monitors={**before.examined.monitors, name: ends[0]})
+            monitors[name], fault, self._crossed = ends[1], None, way.real
+        return Examined(monitors, fault, data, doubled_by(followed))
+
+    def _judge_fold(self, before: Point, monitors: dict[Monitor, float], data: OrbitData) -> None:
+        """Drop the SN monitor where the parameter rests: its sign is rounding, unless the stability changes.
+
+        Along a canard the parameter hardly moves, but a multiplier passes 1 at the fold. Along a family it stays there.
+        """
+        old: OrbitData = before.examined.data
+        away = min(abs(value - 1.0) for value in (*old.followed, *data.followed)) if old.followed else 0.0
+        if data.unstable == old.unstable or away < _ONE:
+            monitors[_SN] = math.nan
+        else:
+            known = {**before.examined.monitors, _SN: self._simple[_SN](before)}
+            before.examined = replace(before.examined, monitors=known)
+
+    def _sharpen(self, point: Point) -> None:
+        """Correct an orbit in pieces once more, since the error of the last Newton step shows in its multipliers."""
+        if CUT_END not in self.problem.signature.kinds:
+            return
+        from saltus.system.numba_tools.linear import bordered
+
+        row = point.weights * point.tangent
+        F, J = self.evaluate(point.u)
+        steps, sign, log, size, residual = bordered(J, F, row, point.u, point.u, self._scale)
+        if size < _SHARPER:
+            point.u, point.J, point.residual = point.u + steps[:, 0], J, residual
+            point.tangent = steps[:, 1] / math.sqrt(float(point.weights @ steps[:, 1] ** 2))
+            point.sign, point.log = sign, log
+
+    def _measured(self, point: Point) -> dict[Monitor, float]:
+        """Return the monitors that need no survey; the SN monitor is 0 where the parameter rests."""
+        monitors = {name: value(point) for name, value in self._simple.items()}
+        if CUT_END not in self.problem.signature.kinds and abs(monitors.get(_SN, 1.0)) < RESTS:
+            monitors[_SN] = 0.0
+        return monitors
+
+    def recover(self, point: Point) -> bool:
+        """Shorten the steps of a stiff flow near a point for stability; return whether they were shortened."""
+        return self._retries.stabilised(point, point.u)
+
+    def _follow(self, point: Point, before: Point | None, values: NDArray[np.complex128]) -> Passage:
+        """Return how the multipliers of the point before become those of a point.
+
+        Without a point before, the nearer end of the step examined last is taken.
+        """
+        own: list[complex] = nontrivial(values, autonomous=self._autonomous).tolist()
+        if before is None and self._step is not None:
+            first, last = self._step
+            if first.arc <= point.arc <= last.arc:
+                before = first if point.arc - first.arc < last.arc - point.arc else last
+        data: OrbitData | None = None if before is None else before.examined.data
+        if data is None or len(data.followed) != len(own):
+            return Passage(tuple(own), 0, 0, True)
+        return passage(data.followed, own)
+
+    def monitor(self, name: Monitor, point: Point) -> float:
+        """Return one monitor function at a point that may be corrected roughly only."""
+        if bifurcates(name):
+            self._sharpen(point)
+        if name in self._simple:
+            return self._simple[name](point)
+        if name in self._observables:
+            return self._observables[name].distance(self.problem, point.u)
+        if name in self._turning:
+            return slope_along(self.problem, point.u, point.tangent, self._turning[name])
+        if name.kind in (ZEROS, FLIPS):
+            values = multipliers(self.problem, point.u, self.own(point.J))
+            return height(self._follow(point, None, values).followed[name.segment])
+        if name.kind == "TR":
+            way = self._follow(point, None, multipliers(self.problem, point.u, self.own(point.J)))
+            value = way.followed[name.segment]
+            return height(value) if value.imag != 0.0 else math.nan
+        if name.kind == "side":
+            return side_of(self.problem, name, point.u)
+        return self._surveyed[name](self.problem.survey(point.u))
+
+    def leading(self, names: list[Monitor]) -> list[Monitor]:
+        """Return the names without rates that vanish only since a neighbouring segment has no length."""
+        vanishing = [self._durations[name] for name in names if name in self._durations]
+        shadowed = shadowed_rates(vanishing, self.problem.segments)
+        return [name for name in names if name not in shadowed]
+
+    def sort_out(self, events: list[Event]) -> list[Event] | str:
+        """Return the events without shadows of others, or the reason why the step is rejected.
+
+        At a branch point the whole Jacobian loses rank, so an SN there is a shadow. At a grazing where the field does
+        not jump, the parameter turns like the square of the vanishing duration. Every determinant then has a zero,
+        which is a shadow too. docs/theory/continuation.md, "Special points", explains both.
+        """
+        points = [event.point.arc for event in events if event.name == _BP]
+        grazings = [event.point.arc for event in events if at_grazing(event.name)]
+        kept = [e for e in events if e.name != _SN or all(abs(e.point.arc - arc) > 1e-5 for arc in points)]
+        kept = [e for e in kept if not bifurcates(e.name) or all(abs(e.point.arc - arc) > 1e-7 for arc in grazings)]
+        kept = once([e for e in kept if not self._opposite(e)])
+        long = self._step is not None and self._step[1].arc - self._step[0].arc >= _SHORT
+        twins = [event for event in kept if event.name.kind in (ZEROS, FLIPS)]
+        if self._crossed is not None:
+            located = any(explains(e.name, np.array(e.point.examined.data.followed), self._crossed) for e in twins)
+            return twins if located else CROSSINGS
+        for event in [e for e in kept if e.name.kind in ("SN", "PD", "TR")]:
+            u, data = event.point.u, event.point.examined.data
+            own = self.own(event.point.J)
+            if data is not None and unconfirmed(self.problem, event.name.kind, u, own, data.multipliers):
+                if long:
+                    return f"location: the orbit at a zero of {event.name} has no multiplier that is critical"
+                kept.remove(event)
+        first = next((e for e in kept if bifurcates(e.name) or at_grazing(e.name)), None)
+        if first is None or self._step is None or not long:
+            return kept
+        return self._unexplained(first, *self._step) or kept
+
+    def _opposite(self, event: Event) -> bool:
+        """Whether an event is one of a phase that differs from the wanted one by half a turn."""
+        watch = self._observables.get(event.name)
+        return watch is not None and watch.opposite(self.problem, event.point.u)
+
+    def _unexplained(self, event: Event, before: Point, after: Point) -> str | None:
+        """Return the reason if the first bifurcation or grazing of a step does not explain the stability of its ends.
+
+        At the event some multipliers are critical. The others must be as stable as at the step's ends. They are not if,
+        in the same step, a complex pair arises and crosses the unit circle unseen.
+        """
+        a, here, b = (point.examined.data for point in (before, event.point, after))
+        if here is None or not a.survey.admissible:
+            return event.point.examined.fault if here is None else None
+        if turned(self.problem, event.name, event.point.u):
+            return "not admissible: a segment touches its surface inside before it does where it starts"
+        if not a.followed or self.neutral or _rests(before, after):
+            return None
+        kind, followed = event.name.kind, here.followed
+        critical = {i for i, value in enumerate(followed) if abs(height(value)) < _CRITICAL}
+        if bifurcates(event.name):
+            at = -1.0 if kind == "PD" else 1.0
+            away = [abs(height(value)) if kind == "TR" else abs(value - at) for value in followed]
+            critical |= set(sorted(range(len(away)), key=away.__getitem__)[: 2 if kind == "TR" else 1])
+        unstable = sum(abs(value) > 1.0 for i, value in enumerate(followed) if i not in critical)
+        undetermined = sum(abs(value) >= INFINITE for value in followed)
+        ends = (a,) if at_grazing(event.name) else (a, b)
+        if all(unstable - undetermined <= end.unstable <= unstable + len(critical) for end in ends):
+            return None
+        return "stability changes without a bifurcation that explains it"
+
+    def crowded(self, names: list[Monitor]) -> bool:
+        """Return whether more than one bifurcation or grazing lies in a step."""
+        return sum(bifurcates(name) for name in names) + any(at_grazing(name) for name in names) > 1
+
+
+def _rests(a: Point, b: Point) -> bool:
+    """Return whether the parameter rests in a step, as along a family of orbits at one value of the parameter."""
+    slope = max(abs(float(a.tangent[-1])), abs(float(b.tangent[-1])))
+    short = abs(b.arc - a.arc) <= _SHORT
+    return slope < RESTS or (slope < _STEADY and abs(b.parameter - a.parameter) < ROUNDED and not short)
+
+
+def _beyond(distance: float) -> float:
+    """Return the distance from a bound, or zero where it is rounding."""
+    return distance if abs(distance) > 1e-12 else 0.0
+
+
+def _fault(
+    point: Point, before: Point, monitors: Mapping[Monitor, float], data: OrbitData, way: Passage | None
+) -> str | None:
+    """Return the reason why a point may not follow the point before, or None if it may."""
+    old: OrbitData = before.examined.data
+    known = before.examined.monitors
+    changed = {
+        name
+        for name, value in monitors.items()
+        if name in known and (known[name] < 0.0) != (value < 0.0) and math.isfinite(known[name] + value)
+    }
+    grazing = any(at_grazing(name) for name in changed)
+    if old.survey.admissible and not data.survey.admissible and not grazing:
+        return "not admissible: " + "; ".join(data.survey.reasons())
+    if point.arc - before.arc < _SHORT or grazing or not old.survey.admissible:
+        return None
+    if way is not None and _rests(before, point):
+        return None
+    if any(name.kind == "rate" and 0.0 < value < _SLOWED * known.get(name, 0.0) for name, value in monitors.items()):
+        return "velocity: an event is met so much slower that a touch before may be passed over"
+    if way is None:
+        return None
+    if not way.sure:
+        return "stability: multipliers may have crossed the unit circle in opposite ways"
+    if way.real + way.pairs > 1:
+        return CROSSINGS
+    simple, tori = sum(name in (_SN, _PD, _BP) for name in changed), sum(name.kind == "TR" for name in changed)
+    if way.pairs != tori or way.real > simple or (simple - way.real) % 2:
+        return "stability changes without a bifurcation that explains it"
+    return None

@@ -1,0 +1,68 @@
+"""The plane that fixes the phase of an autonomous cycle, moved along with the cycle.
+
+docs/theory/continuation.md, "Pseudo-arclength", derives it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from saltus.continuation.core.zero_problem import correct
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from saltus.continuation.core.zero_problem import Point, ZeroProblem
+    from saltus.orbits.problem import OrbitProblem
+
+__all__ = ["astray", "depart", "solve_again"]
+
+_ASTRAY = 0.3  # least cosine of the angle between flow and plane's normal at the end of a step
+_RENEWED = 0.8  # the same cosine, up to which the plane is renewed before the next step
+
+
+def astray(problem: OrbitProblem, u: NDArray[np.float64]) -> str | None:
+    """Return the reason if the flow has nearly turned into the plane, so the step to a point is too long; else None.
+
+    Where the plane is tangent to the flow, the equations have a fold and all determinants vanish. The orbits have no
+    bifurcation there.
+    """
+    facing = problem.facing(u)
+    return None if facing > _ASTRAY else "phase: the flow at the orbit's start turns too far within the step"
+
+
+def depart(zero: ZeroProblem, problem: OrbitProblem, u: NDArray[np.float64], point: Point) -> bool:
+    """Give `problem` the phase plane of a point with orbit `u`; return whether the plane was renewed.
+
+    With the plane, Jacobian, tangent and determinant of the point are renewed.
+    """
+    if not problem.slides:
+        return False
+    if point.frame is not None:
+        problem.phase_plane = point.frame
+        if problem.facing(u) > _RENEWED:
+            return False
+    from saltus.system.numba_tools.linear import bordered
+
+    problem.fix_phase(u, problem.survey(u))
+    point.frame = problem.phase_plane
+    F, point.J = zero.evaluate(point.u)
+    row = point.weights * point.tangent
+    steps, point.sign, point.log, _, _ = bordered(point.J, F, row, point.u, point.u, zero.scale())
+    point.tangent = steps[:, 1] / math.sqrt(float(point.weights @ steps[:, 1] ** 2))
+    return True
+
+
+def solve_again(zero: ZeroProblem, problem: OrbitProblem, point: Point, u: NDArray[np.float64]) -> str | None:
+    """Solve a point again on new meshes for its orbit `u`, in the same phase plane; return why that failed, or None."""
+    plane = problem.phase_plane
+    problem.start(u)
+    problem.phase_plane = plane
+    better = correct(zero, point.u, point.tangent, point.weights, 7)
+    if isinstance(better, str):
+        return better
+    point.u, point.J, point.tangent = better.u, better.J, better.tangent
+    point.sign, point.log, point.residual = better.sign, better.log, better.residual
+    return None

@@ -1,0 +1,394 @@
+"""A curve of equilibria, or of cycles of a map, as a result: what both have in common, in memory and in files."""
+
+from __future__ import annotations
+
+import json
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
+import numpy as np
+
+from saltus import checks
+from saltus.contents import Contents
+from saltus.continuation.results.curve_files import described, ragged_rows, texts_array
+from saltus.continuation.results.displacement import displaced
+from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
+from saltus.cycles.orbit import MapOrbit
+from saltus.equilibria.equilibrium import Equilibrium
+from saltus.errors import InputError
+from saltus.results import Result, frozen
+from saltus.system import HybridSystem, Map
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+__all__ = [
+    "AlgebraicCurve",
+    "OneParameter",
+    "TwoParameters",
+    "held_varied",
+    "special_rows",
+    "special_table",
+    "special_variables_of",
+]
+
+Solved = TypeVar("Solved", bound=Equilibrium | MapOrbit)
+
+_TEXTS = ("type", "label", "of", "locus", "kind")  # attributes of a special point that are texts
+_NUMBERS = ("test", "position", "arclength")  # those that are numbers
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class AlgebraicCurve(Result, Generic[Solved]):
+    """Solutions in order along a curve, and special points: the base of curves of equilibria and of cycles of maps.
+
+    Attributes
+    ----------
+    system : HybridSystem or Map
+        The system.
+    parameters : mapping of str to float
+        All parameters at the start.
+    values : ndarray
+        The varied parameters: shape (point,) for one, (point, parameter) for two.
+    stable, regular : ndarray of bool, shape (point,)
+        Whether the solution is stable, and whether it lies where its mode, or its pieces, hold.
+    residual, arclength : ndarray, shape (point,)
+        Largest residual over the sizes of its terms, and arclength from the first point.
+    special_points : SpecialPoints
+        In order along the curve; ``curve["SN1"]`` is one of them.
+    stopped : tuple of str
+        Why the curve ended, at its first and at its last point.
+    rejected : tuple of str
+        Rejected steps, with their reasons.
+    options : mapping
+        Arguments of the continuation.
+    """
+
+    system: Any
+    parameters: Mapping[str, float]
+    values: NDArray[np.float64]
+    stable: NDArray[np.bool_]
+    regular: NDArray[np.bool_]
+    residual: NDArray[np.float64]
+    arclength: NDArray[np.float64]
+    special_points: SpecialPoints[Solved]
+    stopped: tuple[str, str]
+    rejected: tuple[str, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    counted: ClassVar[str]  # what a `repr` counts
+    unnamed: ClassVar[str]  # what it calls a system without a name
+
+    def __post_init__(self) -> None:
+        kinds: dict[str, Any] = dict.fromkeys(("values", "residual", "arclength"), np.float64)
+        kinds |= {"stable": np.bool_, "regular": np.bool_}
+        for name, kind in kinds.items():
+            object.__setattr__(self, name, frozen(getattr(self, name), kind))
+
+    @property
+    @abstractmethod
+    def varied(self) -> tuple[str, ...]:
+        """Names of the parameters that vary."""
+
+    @abstractmethod
+    def _solution(self, index: int) -> Solved:
+        """Return the solution of one point."""
+
+    @abstractmethod
+    def _first_states(self) -> NDArray[np.float64]:
+        """Return the states along the curve, shape (point, state)."""
+
+    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
+        """Return what only this kind of curve has, by name."""
+        return {}
+
+    def _known_as(self, name: str) -> str:
+        """Return the name under which a column is held."""
+        return name
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __getitem__(self, label: str) -> SpecialPoint[Solved]:
+        """Return the special point of that label."""
+        known = {point.label: point for point in self.special_points}
+        return known[checks.chosen("label", label, known)]
+
+    def __iter__(self) -> Iterator[Solved]:
+        """Go through the solutions of all points."""
+        return (self._solution(i) for i in range(len(self)))
+
+    def _columns(self) -> dict[str, NDArray[np.float64]]:
+        table, states = self.values.reshape(len(self), -1), self._first_states()
+        declared = {parameter: table[:, i] for i, parameter in enumerate(self.varied)}
+        declared |= {state: states[:, i] for i, state in enumerate(self.system.states)}
+        return self._own_columns() | {"arclength": self.arclength} | declared
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """Return a quantity along the curve.
+
+        Parameters
+        ----------
+        name : str
+            A varied parameter, a state, an output or ``arclength``; of a cycle that at its first point. Of equilibria
+            also an extreme, as ``max_x``, so that they and cycles are drawn on the same axes.
+
+        Returns
+        -------
+        ndarray, shape (point,)
+            In the units of the definition.
+
+        Raises
+        ------
+        InputError
+            A quantity of another name.
+        """
+        columns, name = self._columns(), self._known_as(name)
+        outputs = [q for q in self.system.output_names if q not in columns]
+        checks.chosen("quantity", name, [*columns, *outputs])
+        if name in columns:
+            return columns[name]
+        return np.array([_output(self._solution(i), name) for i in range(len(self))])
+
+    def value_at(self, point: SpecialPoint[Solved], name: str) -> float:
+        """Return the quantity that `column` names at a special point.
+
+        Parameters
+        ----------
+        point : SpecialPoint
+            One of the curve's.
+        name : str
+            As `column` takes it.
+
+        Returns
+        -------
+        float
+            In the units of the definition.
+
+        Raises
+        ------
+        InputError
+            A quantity of another name, or no special point.
+        """
+        found, name = checks.instance("point", point, SpecialPoint).solution, self._known_as(name)
+        checks.chosen("quantity", name, dict.fromkeys([*self._columns(), *self.system.output_names]))
+        if name in self.varied:
+            return float(found.parameters[name])
+        if name in self.system.states:
+            states = found.points[0] if isinstance(found, MapOrbit) else found.state
+            return float(states[self.system.states.index(name)])
+        return float(point.arclength) if name == "arclength" else _output(found, name)
+
+    def _at_point(self, index: int) -> tuple[int, NDArray[np.float64]]:
+        """Return the place of a point, negative ones counted from the end, and all parameters there."""
+        i = range(len(self))[checks.count("index", index, -len(self), len(self) - 1)]
+        row = np.atleast_1d(self.values[i]).tolist()
+        changed = dict(self.parameters) | dict(zip(self.varied, row, strict=True))
+        return i, self.system.parameter_vector(changed)
+
+    def _shared_variables(self) -> tuple[dict[str, Any], dict[str, str]]:
+        """Return variables and attributes of a Dataset that all curves have."""
+        data: dict[str, Any] = {
+            "value": (("point", "parameter"), self.values.reshape(len(self), -1)),
+            "stable": ("point", self.stable.astype(np.int8)),
+            "regular": ("point", self.regular.astype(np.int8)),
+            "residual": ("point", self.residual),
+            "arclength": ("point", self.arclength),
+        }
+        attrs = {
+            "varied": json.dumps(list(self.varied)),
+            "parameters": json.dumps(dict(self.parameters)),
+            "definition": json.dumps(self.system.definition()),
+            "stopped_first": self.stopped[0],
+            "stopped_last": self.stopped[1],
+            "rejected": json.dumps(list(self.rejected)),
+            "options": json.dumps(dict(self.options)),
+        }
+        return data, attrs
+
+    @classmethod
+    def _shared_fields(cls, held: Contents) -> dict[str, Any]:
+        """Return the fields that `_shared_variables` wrote, but those that each kind of curve reads by itself."""
+        held.size("point")
+        point = ("point",)
+        return {
+            "stable": held.array("stable", point, bool),
+            "regular": held.array("regular", point, bool),
+            "residual": held.array("residual", point),
+            "arclength": held.array("arclength", point),
+            "stopped": (held.text("stopped_first"), held.text("stopped_last")),
+            "rejected": tuple(held.texts("rejected")),
+            "options": held.json("options", dict),
+        }
+
+    @classmethod
+    @abstractmethod
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
+        """Return `values` and the fields that only this kind of curve has, as `to_xarray` described them."""
+
+    def _described(self, what: str) -> str:
+        """Return the text of a `repr`: kind, range, ends and special points."""
+        return described(self, what, self.counted, self.unnamed)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class OneParameter:
+    """What branches have: one parameter that varies.
+
+    Attributes
+    ----------
+    parameter : str
+        The parameter. Its values along the branch are in `values`, shape (point,).
+    """
+
+    parameter: str
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """The parameter, in a tuple."""
+        return (self.parameter,)
+
+    @classmethod
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
+        held.expect(parameter=1)
+        return {"parameter": varied[0], "values": values[:, 0]}
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class TwoParameters:
+    """What loci have: a type, and two parameters that vary.
+
+    Attributes
+    ----------
+    type : str
+        Type of the locus' points.
+    names : tuple of str
+        The two parameters. Their values along the locus are in `values`, shape (point, 2).
+    coefficient : ndarray, shape (point,)
+        Coefficient of the normal form; NaN where the type has none.
+    """
+
+    type: str
+    names: tuple[str, str]
+    coefficient: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """The two parameters."""
+        return self.names
+
+    def displacement(self, of: str, parameters: Sequence[str] | None = None) -> xr.Dataset:
+        """Return how the locus moves as parameters change: exact derivatives of one of its two parameters.
+
+        The other one is held at each point, unless it is among `parameters`. docs/theory/sensitivities.md, "Special
+        points", derives them.
+
+        Parameters
+        ----------
+        of : str
+            The parameter of the locus that is displaced.
+        parameters : sequence of str, optional
+            Parameters that change; by default all but `of`. For the locus' other parameter it is the locus' own slope.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``displacement`` along ``point`` and ``parameter``; the locus' parameters and ``note`` along ``point``.
+            Where the locus turns in `of`, as at a cusp, derivatives are NaN, and ``note`` says why.
+
+        Raises
+        ------
+        InputError
+            `of` is no parameter of the locus, or a name is no other parameter.
+
+        Examples
+        --------
+        >>> from saltus import HybridSystem, continue_equilibrium, continue_locus, find_equilibrium
+        >>> fold = HybridSystem.smooth({"x": "r + h*x - a*x**3"}, {"r": 1.0, "h": 3.0, "a": 1.0})
+        >>> branch = continue_equilibrium(find_equilibrium(fold, {}, [2.0]), "r", (-4.0, 4.0))
+        >>> folds = continue_locus(branch["SN1"], ("r", "h"), {"r": (0.5, 4.0), "h": (2.0, 4.0)})
+        >>> moved = folds.displacement("r", ["a"])["displacement"].sel(parameter="a")
+        >>> bool(abs(moved + folds.values[:, 0] / 2.0).max() < 1e-9)
+        True
+        """
+        return displaced(self, of, parameters)
+
+    @classmethod
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
+        held.expect(parameter=2)
+        found = held.array("coefficient", ("point",), finite=False)
+        return {"type": held.text("type"), "names": varied, "values": values, "coefficient": found}
+
+
+def _output(solution: Any, name: str) -> float:
+    """Return an output at an equilibrium, or at the first point of a cycle."""
+    system = solution.system
+    if isinstance(solution, MapOrbit):
+        mode, state = system.mode_index(solution.itinerary[0]), solution.points[0]
+    else:
+        mode, state = system.mode_index(solution.mode), solution.state
+    compiled, out = system.compiled, np.empty(len(system.output_names))
+    p = compiled.extended(system.parameter_vector(solution.parameters))
+    compiled.call("outputs", mode, 0, np.array(state), p, out)
+    return float(out[system.output_names.index(name)])
+
+
+def held_varied(held: Contents, system: HybridSystem | Map) -> tuple[str, ...]:
+    """Return the names of the parameters that vary along a curve in a file."""
+    varied = tuple(held.texts("varied"))
+    if not varied or len(set(varied)) < len(varied) or not set(varied) <= set(system.parameter_names):
+        raise InputError("attribute 'varied'", varied, f"parameters, of {', '.join(system.parameter_names)}")
+    held.names("parameter", varied)
+    return varied
+
+
+def special_table(values: Sequence[Any], *shape: int) -> NDArray[np.float64]:
+    """Return a row for each special point, also where there is none."""
+    return np.array(values, dtype=np.float64).reshape(len(values), *shape)
+
+
+def special_variables_of(points: SpecialPoints[Any], n: int, varied: tuple[str, ...]) -> dict[str, Any]:
+    """Return what all special points have as variables of a Dataset; `n` is the number of a solution's unknowns."""
+    tangents = [np.empty(0) if point.tangent is None else point.tangent for point in points]
+    data: dict[str, Any] = {
+        f"special_{name}": ("special", texts_array([getattr(point, name) for point in points])) for name in _TEXTS
+    }
+    data |= {
+        f"special_{name}": ("special", np.array([getattr(point, name) for point in points], dtype=float))
+        for name in _NUMBERS
+    }
+    reasons = [json.dumps(list(point.solution.reasons)) for point in points]
+    values = [[point.parameters[name] for name in varied] for point in points]
+    return data | {
+        "special_value": (("special", "parameter"), special_table(values, len(varied))),
+        "special_scale": (("special", "unknown"), special_table([point.scale for point in points], n)),
+        "special_residual": ("special", np.array([point.solution.residual for point in points], dtype=float)),
+        "special_reasons": ("special", texts_array(reasons)),
+        "special_tangent": ("tangent_ragged", np.concatenate([*tangents, np.empty(0)])),
+        "special_tangent_count": ("special", np.array([row.size for row in tangents], dtype=np.int64)),
+    }
+
+
+def special_rows(held: Contents, n: int, varied: tuple[str, ...], solved: Sequence[Solved]) -> SpecialPoints[Solved]:
+    """Return the special points that `special_variables_of` wrote, with their solutions."""
+    special = ("special",)
+    text = {name: held.array(f"special_{name}", special, str) for name in _TEXTS}
+    real = {name: held.array(f"special_{name}", special) for name in _NUMBERS}
+    scales = held.array("special_scale", ("special", "unknown"), least=0.0)
+    there = held.array("special_tangent_count", special, int, least=0) > 0
+    widths = [(n + 1) * int(is_there) for is_there in there.tolist()]
+    tangents = ragged_rows(held, "special_tangent", "tangent_ragged", "special", widths)
+    points = []
+    for i, found in enumerate(solved):
+        kind, label, of, locus, side = (str(text[name][i]) for name in _TEXTS)
+        test, position, arclength = (float(real[name][i]) for name in _NUMBERS)
+        tangent = tangents[i] if tangents[i].size else None
+        points.append(
+            SpecialPoint(
+                kind, label, found, test, position, arclength, varied, of, locus, tangent, side, np.array(scales[i])
+            )
+        )  # fmt: skip
+    return SpecialPoints(points, varied)

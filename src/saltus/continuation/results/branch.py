@@ -1,0 +1,173 @@
+"""A branch of periodic orbits along one parameter."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.results.crossings import solutions_at
+from saltus.continuation.results.orbit_curve import OrbitCurve
+from saltus.orbits import PeriodicOrbit, solve_orbit
+from saltus.orbits.orbit import extremes_of
+from saltus.orbits.pieces import in_pieces
+from saltus.orbits.signature import Signature
+from saltus.orbits.solve import converge
+from saltus.orbits.unfolding import Fixed, read_fixed
+from saltus.results import frozen
+from saltus.system.plain import held_system
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from saltus.contents import Contents
+
+__all__ = ["Branch"]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Branch(OrbitCurve):
+    """Periodic orbits along one parameter.
+
+    Attributes
+    ----------
+    parameter : str
+        The parameter that varies, or a quantity, as ``max_x``. Its values along the branch are in `values`, shape
+        (point,). Types of `special_points` are SN, PD, TR, BP, GR, HB, BE, HOM, SNIC, TP, EX and users' events.
+        `OrbitCurve` lists the other attributes.
+    fixed : Fixed or None
+        Along a quantity: its name and its value at the start, and the parameter that is free.
+    freed : ndarray, shape (point,)
+        Values of the free parameter; NaN where none is free.
+    """
+
+    parameter: str
+    fixed: Fixed | None = None
+    freed: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        freed = self.freed if self.freed.size else np.full(len(self.values), np.nan)
+        object.__setattr__(self, "freed", frozen(freed))
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """The parameter, in a tuple."""
+        return (self.parameter,)
+
+    def at(self, value: float) -> tuple[PeriodicOrbit, ...]:
+        """Return the orbits of the branch at a value of its parameter, each solved there.
+
+        Parameters
+        ----------
+        value : float
+            The value, or that of the quantity along which the branch goes.
+
+        Returns
+        -------
+        tuple of PeriodicOrbit
+            In order along the branch; more than one where it turns.
+
+        Raises
+        ------
+        InputError
+            The branch does not come to the value.
+        ConvergenceError
+            Newton's method does not find the orbit between two points of the branch.
+
+        Examples
+        --------
+        >>> from saltus import HybridSystem, continue_orbit, find_orbit
+        >>> spring = HybridSystem.smooth(
+        ...     {"x": "v", "v": "-0.1*v - x - x**3 + 0.5*cos(theta)"}, {"w": 1.0}, phase=("theta", "w")
+        ... )
+        >>> response = continue_orbit(find_orbit(spring, {"w": 1.2}, [0.0, 0.0]), "w", (1.0, 2.5))
+        >>> [(round(orbit.max["x"], 6), orbit.stable) for orbit in response.at(2.0)]
+        [(2.083176, True), (1.973689, False), (0.1675, True)]
+        """
+        return solutions_at(self, value, lambda a, b, share: self._attempts(a, b, share, value), extremes_of)
+
+    def _solution(self, index: int) -> PeriodicOrbit:
+        return self.orbit(index)
+
+    def _attempts(
+        self, first: PeriodicOrbit, last: PeriodicOrbit, share: float, value: float
+    ) -> Iterator[Callable[[], PeriodicOrbit]]:
+        """Yield what solves for an orbit at a value, from a guess between two neighbours and from the nearer one."""
+        guesses = [(first.form, first.unknowns), (last.form, last.unknowns)]
+        if share > 0.5:
+            guesses.reverse()
+        if first.form == last.form:
+            guesses.insert(0, (first.form, (1.0 - share) * first.unknowns + share * last.unknowns))
+        return (partial(self._converged, form, u, first, value) for form, u in guesses)
+
+    def _converged(self, form: Signature, u: NDArray[np.float64], like: PeriodicOrbit, value: float) -> PeriodicOrbit:
+        if self.fixed is None:
+            p = self.system.parameter_vector({**like.parameters, self.parameter: value})
+            return in_pieces(converge(self.system, form, u, p, self.tolerance))
+        blocks = u.reshape(len(form), -1)
+        guess = replace(like, form=form, states=blocks[:, :-1], durations=blocks[:, -1])
+        segments = [(mode, transition or None, x0, duration) for mode, transition, x0, duration in guess.segments]
+        return solve_orbit(
+            self.system, like.parameters, segments, fix={self.parameter: value},
+            free=self.fixed.free or None, tolerance=self.tolerance,
+        )  # fmt: skip
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """Return a quantity along the branch.
+
+        Parameters
+        ----------
+        name : str
+            As `OrbitCurve.column` takes it, or the free parameter.
+
+        Returns
+        -------
+        ndarray, shape (point,)
+            In the units of the definition.
+
+        Raises
+        ------
+        InputError
+            A quantity of another name.
+        """
+        if self.fixed is not None and self.fixed.free and name == self.fixed.free:
+            return self.freed
+        return super().column(name)
+
+    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
+        return {}
+
+    def _parameters(self, index: int) -> dict[str, float]:
+        if self.fixed is None:
+            return super()._parameters(index)
+        free = {self.fixed.free: float(self.freed[index])} if self.fixed.free else {}
+        return dict(self.parameters) | free
+
+    def _fixed(self, index: int) -> Fixed | None:
+        return None if self.fixed is None else replace(self.fixed, value=float(self.values[index]))
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the branch as a Dataset: points against ``point``, special points against ``special``."""
+        dataset = super().to_xarray()
+        if self.fixed is not None:
+            dataset["freed"] = ("point", self.freed)
+            dataset.attrs["fixed"] = json.dumps(self.fixed.as_list())
+        return dataset
+
+    @classmethod
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...]) -> dict[str, Any]:
+        held.expect(parameter=1)
+        fields: dict[str, Any] = {"parameter": varied[0], "values": cls._varied_columns(held)[0]}
+        fixed = read_fixed(held, held_system(held))
+        if fixed is not None:
+            fields |= {"fixed": fixed, "freed": held.array("freed", ("point",), finite=False)}
+        return fields
+
+    def __repr__(self) -> str:
+        return self._described("Branch")

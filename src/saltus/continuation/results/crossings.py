@@ -1,0 +1,190 @@
+"""All solutions of a branch at a value of its parameter, each solved there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from saltus import checks
+from saltus.continuation.results.special_points import Solution
+from saltus.errors import ConvergenceError, InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.results.special_points import SpecialPoints
+
+__all__ = ["OneParameterCurve", "comes_to", "solutions_at"]
+
+_APART = 1e-9  # distance in arclength below which a special point is a point of the branch
+_END = 1e-12  # difference of an end from a value, over the value or the range, that is rounding
+_ROUNDING = 1e-9  # size of a state, over the largest one's, that may be rounding of 0
+_PERHAPS = 1e-3  # the same of the nearest of all solutions found, as beside a grazing, where orbits grow like a root
+_NEAR = 1e-6  # share of a solution's size by which it may be further from its guess than both neighbours are apart
+
+
+class OneParameterCurve(Protocol[Solution]):
+    """What is asked of a branch: its parameter, points, special points and solutions."""
+
+    @property
+    def parameter(self) -> str:
+        """Name of the parameter."""
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """Values of the parameter, shape (point,)."""
+
+    @property
+    def arclength(self) -> NDArray[np.float64]:
+        """Arclength from the first point, shape (point,)."""
+
+    @property
+    def special_points(self) -> SpecialPoints[Solution]:
+        """The special points."""
+
+    def _solution(self, index: int) -> Solution:
+        """Return the solution of one point."""
+
+
+def comes_to(curve: OneParameterCurve[Solution], value: float) -> bool:
+    """Return whether the points of a branch come to a value of its parameter, but for rounding."""
+    least, largest, rounding = float(curve.values.min()), float(curve.values.max()), _rounding(curve, value)
+    return least - rounding <= value <= largest + rounding
+
+
+def _rounding(curve: OneParameterCurve[Solution], value: float) -> float:
+    return _END * max(abs(value), float(np.ptp(curve.values)))
+
+
+def solutions_at(
+    curve: OneParameterCurve[Solution],
+    value: float,
+    attempts: Callable[[Solution, Solution, float], Iterable[Callable[[], Solution]]],
+    extent: Callable[[Solution], NDArray[np.float64]],
+) -> tuple[Solution, ...]:
+    """Return the solutions of a branch at a value of its parameter, in order along it.
+
+    Parameters
+    ----------
+    curve : OneParameterCurve
+        The branch.
+    value : float
+        The value.
+    attempts : callable
+        Given neighbours and the share of the way between them: what solves there, from one guess after the other.
+    extent : callable
+        Sizes by which solutions are compared.
+
+    Raises
+    ------
+    InputError
+        The branch does not come to the value.
+    ConvergenceError
+        No solution is found between two neighbours.
+    """
+    value = checks.number("value", value)
+    found = [_between(curve, value, crossing, attempts, extent) for crossing in _crossings(curve, value)]
+    if not found:
+        reached = [*curve.values.tolist(), *(point.value(curve.parameter) for point in curve.special_points)]
+        low, high = min(reached), max(reached)
+        raise InputError(curve.parameter, value, f"between {low:.9g} and {high:.9g}, where the branch is")
+    return tuple(found)
+
+
+def _between(
+    curve: OneParameterCurve[Solution],
+    value: float,
+    crossing: tuple[Node, Node, float],
+    attempts: Callable[[Solution, Solution, float], Iterable[Callable[[], Solution]]],
+    extent: Callable[[Solution], NDArray[np.float64]],
+) -> Solution:
+    a, b, share = crossing
+    first, last = (
+        curve.special_points[node.which].solution if node.is_special else curve._solution(node.which) for node in (a, b)
+    )
+    if a is b:
+        return first
+    low, high = extent(first), extent(last)
+    sizes = np.maximum(np.abs(low), np.abs(high))
+    sizes = np.maximum(sizes, max(_ROUNDING * float(sizes.max()), 1e-300))
+    reach = float(np.linalg.norm((high - low) / sizes)) + _NEAR
+    best, least = None, reach + _PERHAPS
+    failed: list[ConvergenceError] = []
+    apart: list[float] = []
+    for attempt in attempts(first, last, share):
+        try:
+            solution = attempt()
+        except ConvergenceError as error:
+            failed.append(error)  # the next guess may be nearer; where none is, this is told below
+            continue
+        away = float(np.linalg.norm((extent(solution) - low - share * (high - low)) / sizes))
+        if away <= reach:
+            return solution
+        apart.append(away)
+        if away < least:
+            best, least = solution, away
+    if best is not None:
+        return best
+    what = f"solution at {curve.parameter} = {value:.9g}, between points at {a.value:.9g} and {b.value:.9g}"
+    tried = [f"Newton's method fails from {len(failed)} guesses"] * bool(failed)
+    tried += [f"from {len(apart)} it leads to one {min(apart, default=0.0):.3g} of its size away"] * bool(apart)
+    residual = min((error.residual for error in failed), default=min(apart, default=math.inf))
+    hint = f"{', '.join(tried)}; trace the branch with shorter steps there"
+    raise ConvergenceError(what, residual, sum(error.iterations for error in failed), hint)
+
+
+class Node(NamedTuple):
+    """A point or special point of a branch.
+
+    Attributes
+    ----------
+    arclength, value : float
+        Where it is, and its parameter.
+    which : int
+        Which point or special point it is.
+    is_special : bool
+        Whether it is a special point.
+    turns : bool
+        Whether the parameter turns there.
+    """
+
+    arclength: float
+    value: float
+    which: int
+    is_special: bool
+    turns: bool
+
+
+def _crossings(curve: OneParameterCurve[Solution], value: float) -> Iterator[tuple[Node, Node, float]]:
+    """Yield neighbours before and after each place where a branch takes a value, and the share of the way between them.
+
+    Next to a turn the parameter grows like the square of the way; elsewhere it is taken to be linear. Where a node has
+    the value itself, it is both of them, and the share is 0. So it is with an end that misses the value by rounding.
+    """
+    arclength, values = curve.arclength.tolist(), curve.values.tolist()
+    nodes = [Node(arc, v, i, False, False) for i, (arc, v) in enumerate(zip(arclength, values, strict=True))]
+    for i, special in enumerate(curve.special_points):
+        if min(abs(special.arclength - arc) for arc in arclength) > _APART:
+            turns = special.type in ("SN", "TP")
+            nodes.append(Node(special.arclength, special.value(curve.parameter), i, True, turns))
+    nodes.sort()
+    short = [
+        end
+        for end, inner in ((nodes[0], nodes[1:2]), (nodes[-1], nodes[-2:-1]))
+        if abs(end.value - value) <= _rounding(curve, value)
+        and all((end.value - value) * (b.value - value) > 0.0 for b in inner)
+    ]
+    for at, b in enumerate(nodes):
+        if b.value == value or b in short:
+            yield b, b, 0.0
+        a = nodes[at - 1]
+        if at > 0 and (a.value - value) * (b.value - value) < 0.0:
+            share = (value - a.value) / (b.value - a.value)
+            if a.turns:
+                share = math.sqrt(share)
+            elif b.turns:
+                share = 1.0 - math.sqrt(1.0 - share)
+            yield a, b, share

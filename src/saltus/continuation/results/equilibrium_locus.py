@@ -1,0 +1,90 @@
+"""A locus as a result: critical equilibria along two parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.results.algebraic_curve import TwoParameters
+from saltus.continuation.results.equilibrium_curve import EquilibriumCurve
+from saltus.continuation.results.special_points import SpecialPoint
+from saltus.equilibria import Equilibrium
+from saltus.results import frozen
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from saltus.contents import Contents
+
+__all__ = ["EquilibriumLocus"]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class EquilibriumLocus(TwoParameters, EquilibriumCurve):
+    """Critical equilibria along two parameters, with the parameters' values in `values`, shape (point, 2).
+
+    Special points of an SN locus are ``CP`` (cusp), ``BT`` (Bogdanov-Takens) and ``ZH`` (zero-Hopf). Those of an HB
+    locus are ``GH`` (generalised Hopf), ``BT``, ``ZH`` and ``HH`` (double Hopf). A BE locus has ``SN`` and ``HB``:
+    there the equilibrium is critical too. At ``BE`` a boundary of the mode is met. At ``TP`` the parameter
+    `SpecialPoint.of` turns. `TwoParameters` and `EquilibriumCurve` list the
+    other attributes.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (point,)
+        Imaginary part of the critical pair on an HB locus, in radians per unit of time; NaN on other loci.
+    """
+
+    frequency: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("frequency", "coefficient"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
+        return {"frequency": self.frequency, "coefficient": self.coefficient}
+
+    def point(self, index: int) -> SpecialPoint[Equilibrium]:
+        """Return one point of the locus as a special point of the locus' type; another locus can start from it.
+
+        Parameters
+        ----------
+        index : int
+            The point; negative ones count from the end.
+
+        Returns
+        -------
+        SpecialPoint
+            Of the locus' type.
+
+        Raises
+        ------
+        InputError
+            There is no such point.
+        """
+        found = self.equilibrium(index)
+        at = range(len(self))[index]
+        label, scale = (
+            f"{self.type} point {at}",
+            np.maximum(np.ptp(self.states, axis=0), 1e-3 * np.abs(self.states).max()),
+        )
+        arc = float(self.arclength[at])
+        return SpecialPoint(self.type, label, found, 0.0, at, arc, self.names, scale=scale)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the locus as a Dataset: points against ``point``, special points against ``special``."""
+        dataset = super().to_xarray()
+        dataset["frequency"], dataset["coefficient"] = ("point", self.frequency), ("point", self.coefficient)
+        return dataset.assign_attrs(type=self.type)
+
+    @classmethod
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
+        found = held.array("frequency", ("point",), finite=False)
+        return super()._own_fields(held, varied, values) | {"frequency": found}
+
+    def __repr__(self) -> str:
+        return self._described(f"{self.type} locus of equilibria")

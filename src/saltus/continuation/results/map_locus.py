@@ -1,0 +1,89 @@
+"""A locus as a result: critical cycles of a map along two parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.problems.map import in_lockstep
+from saltus.continuation.results.algebraic_curve import TwoParameters
+from saltus.continuation.results.map_curve import MapCurve
+from saltus.continuation.results.special_points import SpecialPoint
+from saltus.cycles.orbit import MapOrbit
+from saltus.results import frozen
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from saltus.contents import Contents
+
+__all__ = ["MapLocus"]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class MapLocus(TwoParameters, MapCurve):
+    """Critical cycles of a map along two parameters, with the parameters' values in `values`, shape (point, 2).
+
+    Special points of an SN locus are ``CP`` (cusp), ``R1`` and ``FF`` (fold-flip). Those of a PD locus are ``GPD``,
+    ``R2`` and ``FF``. Those of a TR locus are ``CH`` (Chenciner) and ``R1`` to ``R4``. A BC locus has ``SN``, ``PD``
+    and ``TR``: there the cycle is critical too. At ``BC`` another border is met. At ``TP`` the parameter
+    `SpecialPoint.of` turns. `TwoParameters` and `MapCurve` list the
+    other attributes.
+
+    Attributes
+    ----------
+    angle : ndarray, shape (point,)
+        Angle of the critical pair on a TR locus, in radians; NaN on other loci.
+    """
+
+    angle: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("angle", "coefficient"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    def _own_columns(self) -> dict[str, NDArray[np.float64]]:
+        return {"angle": self.angle, "coefficient": self.coefficient}
+
+    def point(self, index: int) -> SpecialPoint[MapOrbit]:
+        """Return one point of the locus as a special point of the locus' type; another locus can start from it.
+
+        Parameters
+        ----------
+        index : int
+            The point; negative ones count from the end.
+
+        Returns
+        -------
+        SpecialPoint
+            Of the locus' type.
+
+        Raises
+        ------
+        InputError
+            There is no such point.
+        """
+        found = self.orbit(index)
+        at = range(len(self))[index]
+        moduli = np.abs(self.points).max(axis=0)
+        scale = in_lockstep(np.maximum(np.ptp(self.points, axis=0), 1e-3 * moduli.max()).ravel(), self.period)
+        arc = float(self.arclength[at])
+        return SpecialPoint(self.type, f"{self.type} point {at}", found, 0.0, at, arc, self.names, scale=scale)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the locus as a Dataset: cycles against ``point``, special points against ``special``."""
+        dataset = super().to_xarray()
+        dataset["angle"], dataset["coefficient"] = ("point", self.angle), ("point", self.coefficient)
+        return dataset.assign_attrs(type=self.type)
+
+    @classmethod
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
+        found = held.array("angle", ("point",), finite=False)
+        return super()._own_fields(held, varied, values) | {"angle": found}
+
+    def __repr__(self) -> str:
+        return self._described(f"{self.type} locus")

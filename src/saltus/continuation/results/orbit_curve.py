@@ -1,0 +1,159 @@
+"""A curve of periodic orbits as a result that is saved: along one parameter or two, with its special points."""
+
+from __future__ import annotations
+
+import json
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from saltus.contents import Contents
+from saltus.continuation.results.curve_files import (
+    column_name,
+    complex_table,
+    described,
+    ragged_rows,
+    special_points_of,
+    special_variables,
+)
+from saltus.continuation.results.orbit_columns import OrbitColumns
+from saltus.continuation.results.special_points import SpecialPoints
+from saltus.errors import InputError
+from saltus.orbits.orbit import TOLERANCES
+from saltus.orbits.signature import signature_from
+from saltus.orbits.unfolding import read_fixed
+from saltus.system.plain import held_parameters, held_system
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+__all__ = ["OrbitCurve"]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class OrbitCurve(OrbitColumns):
+    """Orbits in order along a curve, their properties, and special points: the base of `Branch` and `Locus`."""
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the curve as a Dataset: points against ``point``, special points against ``special``."""
+        import xarray as xr
+
+        signatures = [form.names(self.system) for form in self.forms]
+        written = [" -> ".join(f"{mode}:{transition}" for mode, transition in names) for names in signatures]
+        n = len(self.system.all_states)
+        table = self.values.reshape(len(self), -1)
+        data: dict[str, Any] = {name: ("point", values) for name, values in self._own_columns().items()}
+        data |= {
+            "x0": (("point", "state"), self.x0),
+            "multiplier_re": (("point", "multiplier"), self.multipliers.real),
+            "multiplier_im": (("point", "multiplier"), self.multipliers.imag),
+            "stable": ("point", self.stable.astype(np.int8)),
+            "admissible": ("point", self.admissible.astype(np.int8)),
+            "period": ("point", self.period),
+            "residual": ("point", self.residual),
+            "arclength": ("point", self.arclength),
+            "form": ("point", self.form),
+            "signature": ("point", np.array([written[form] for form in self.form.tolist()], dtype=object)),
+            "unknown": ("ragged", np.concatenate([*self.unknowns, np.empty(0)])),
+            "unknown_count": ("point", np.array([len(u) for u in self.unknowns], dtype=np.int64)),
+        }
+        skip = None if self.system.phase is None else self.system.phase[0]
+        for i, q in enumerate(self.quantities):
+            if q != skip:
+                data[f"min_{q}"] = ("point", self.lows[:, i])
+                data[f"max_{q}"] = ("point", self.highs[:, i])
+        each = ("point", "quantity")
+        data |= {"lows": (each, self.lows), "highs": (each, self.highs), "means": (each, self.means)}
+        data |= {"harmonic_re": (each, self.harmonics.real), "harmonic_im": (each, self.harmonics.imag)}
+        forms = list(dict.fromkeys([*self.forms, *(point.orbit.form for point in self.special_points)]))
+        data |= special_variables(self.special_points, self.varied, self.multipliers.shape[1], forms, self.system)
+        coords = {
+            "state": list(self.system.states),
+            "quantity": list(self.quantities),
+            "parameter": list(self.varied),
+        }
+        taken = {*data, *coords, *(dim for dims, *_ in data.values() for dim in np.atleast_1d(dims))}
+        columns = [column_name(name, taken) for name in self.varied]
+        data = {column: ("point", table[:, i]) for i, column in enumerate(columns)} | data
+        attrs = {
+            "varied": json.dumps(list(self.varied)),
+            "columns": json.dumps(columns),
+            "parameters": json.dumps(dict(self.parameters)),
+            "definition": json.dumps(self.system.definition()),
+            "forms": json.dumps([[f.modes, f.transitions, f.kinds, f.turns] for f in forms]),
+            "signatures": json.dumps(signatures),
+            "n_forms": len(self.forms),
+            "stopped_first": self.stopped[0],
+            "stopped_last": self.stopped[1],
+            "rejected": json.dumps(list(self.rejected)),
+            "options": json.dumps(dict(self.options)),
+            "tolerance": self.tolerance,
+            "ragged": f"unknown: unknown_count numbers for each point: state ({n}) and duration of each segment",
+        }
+        return xr.Dataset(data, coords=coords, attrs=attrs)
+
+    @classmethod
+    def _varied_columns(cls, held: Contents) -> list[NDArray[np.float64]]:
+        """Return the values of the varied parameters, shape (point,) each, as `to_xarray` described them."""
+        columns = held.texts("columns" if "columns" in held.dataset.attrs else "varied")  # absent from earlier files
+        if len(columns) != len(held.texts("varied")):
+            raise InputError("attribute 'columns'", columns, "one for each varied parameter")
+        return [held.array(column, ("point",)) for column in columns]
+
+    @classmethod
+    @abstractmethod
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...]) -> dict[str, Any]:
+        """Return the fields that only this kind of curve has, and `values`, as `to_xarray` described them."""
+
+    @classmethod
+    def _read(cls, held: Contents) -> Self:
+        point = ("point",)
+        system = held_system(held)
+        parameters, varied = held_parameters(held, system), tuple(held.texts("varied"))
+        fixed = read_fixed(held, system)
+        known = system.parameter_names if fixed is None else (fixed.quantity,)
+        if not varied or len(set(varied)) < len(varied) or not set(varied) <= set(known):
+            raise InputError("attribute 'varied'", varied, f"of {', '.join(known)}")
+        quantities = (*system.all_states, *system.output_names)
+        for name, wanted in (("state", system.states), ("quantity", quantities), ("parameter", varied)):
+            held.names(name, wanted)
+        held.expect(multiplier=len(system.states))
+        held.size("point")
+        forms = [signature_from(form) for form in held.json("forms", list)]
+        for form in forms:
+            form.check(system)
+        n_forms = held.count("n_forms", most=len(forms))
+        number = held.array("form", point, int, least=0, most=n_forms - 1)
+        wide, tolerance = len(system.all_states) + 1, held.number("tolerance", *TOLERANCES)
+        points = special_points_of(held, system, (parameters, varied, fixed), forms, tolerance)
+        return cls(
+            system=system,
+            parameters=parameters,
+            x0=held.array("x0", ("point", "state")),
+            multipliers=complex_table(held, "multiplier", ("point", "multiplier")),
+            stable=held.array("stable", point, bool),
+            admissible=held.array("admissible", point, bool),
+            period=held.array("period", point),
+            residual=held.array("residual", point, finite=False),
+            arclength=held.array("arclength", point, finite=False),
+            lows=held.array("lows", ("point", "quantity"), finite=False),
+            highs=held.array("highs", ("point", "quantity"), finite=False),
+            means=held.array("means", ("point", "quantity"), finite=False),
+            harmonics=complex_table(held, "harmonic", ("point", "quantity")),
+            forms=tuple(forms[:n_forms]),
+            form=number,
+            unknowns=ragged_rows(held, "unknown", "ragged", "point", [len(forms[i]) * wide for i in number.tolist()]),
+            special_points=SpecialPoints(points, varied),
+            stopped=(held.text("stopped_first"), held.text("stopped_last")),
+            rejected=tuple(held.texts("rejected")),
+            options=held.json("options", dict),
+            tolerance=tolerance,
+            **cls._own_fields(held, varied),
+        )
+
+    def _described(self, what: str) -> str:
+        """Return the text of a `repr`: kind, range, ends and special points."""
+        return described(self, what, "orbits")

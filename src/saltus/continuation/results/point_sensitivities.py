@@ -1,0 +1,190 @@
+"""How a special point moves along its branch as other parameters change.
+
+docs/theory/sensitivities.md, "Special points", derives the equations. The point solves those of its branch together
+with the conditions that make it critical. This system is regular, also where the equations alone are not.
+
+References
+----------
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000, ch. 3 and 4 (bordered systems); Moore,
+in Numerical Methods for Bifurcation Problems, Birkhaeuser 1984, 355-367 (branch points).
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from saltus.continuation.problems.critical_points import CriticalOrbit, critical_cycle, critical_equilibrium
+from saltus.continuation.problems.extents import extents
+from saltus.continuation.problems.map import in_lockstep
+from saltus.cycles.orbit import MapOrbit, itinerary_of
+from saltus.cycles.problem import CycleProblem
+from saltus.equilibria.problem import EquilibriumProblem
+from saltus.errors import InputError
+from saltus.orbits.critical import Branching, scaling
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from saltus.equilibria import Equilibrium
+    from saltus.equilibria.critical import Condition
+    from saltus.orbits.orbit import PeriodicOrbit
+
+__all__ = ["Place", "moved_cycle", "moved_equilibrium", "moved_orbit"]
+
+_REGULAR = 1e-11  # least singular value of a regular system, over the largest
+_FORCED = 1e-6  # forcing by a parameter, over the equations' change by it, up to which a branch point persists
+_ORBITS = ("SN", "PD", "TR", "BP", "GR")  # types of special points that move, of orbits
+_EQUILIBRIA = ("SN", "HB", "BE")  # the same, of equilibria
+_CYCLES = ("SN", "PD", "TR", "BC")  # the same, of cycles of maps
+
+
+class Place(NamedTuple):
+    """What is asked of a special point.
+
+    Attributes
+    ----------
+    kind : str
+        Its type.
+    along : str
+        The parameter of its branch.
+    others : tuple of str
+        Parameters that change.
+    sizes : ndarray or None
+        Typical sizes of the states, where they are known.
+    """
+
+    kind: str
+    along: str
+    others: tuple[str, ...]
+    sizes: NDArray[np.float64] | None = None
+
+    def active(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return the parameter of the branch and the others, in the system's order."""
+        return tuple(name for name in names if name == self.along or name in self.others)
+
+    def check(self, known: tuple[str, ...]) -> None:
+        """Raise `InputError` for a type of special point that does not move as these do."""
+        if self.kind not in known:
+            raise InputError(
+                "type", self.kind, f"one of {', '.join(known)}", "no derivatives are known of other points"
+            )
+
+    def split(self, J: NDArray[np.float64], names: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the columns of the branch's parameter, (rows, 1), and of the others, from those of all active ones."""
+        return J[:, [names.index(self.along)]], J[:, [names.index(name) for name in self.others]]
+
+
+def moved_orbit(orbit: PeriodicOrbit, place: Place) -> NDArray[np.float64]:
+    """Return the derivatives of the branch's parameter at a special point of orbits by the others, shape (others,).
+
+    NaN where a branch point does not persist as a parameter changes.
+
+    Raises
+    ------
+    InputError
+        The type is another one, or the orbit is not critical. The parameter of the branch does not move through the
+        point.
+    """
+    place.check(_ORBITS)
+    names = place.active(orbit.system.parameter_names)
+    values = np.array([orbit.parameters[name] for name in names])
+    critical = CriticalOrbit(place.kind, orbit, names, np.ones(len(names)), values, place.sizes, (place.along,))
+    if place.kind == "SN":
+        problem, u = critical.problem(orbit.form, orbit.unknowns)
+        J = problem.resolve(u)[1]
+        columns, rows = scaling(problem, J, u)
+        return _folded(
+            rows[:, None] * J[:, : problem.size] * columns, rows[:, None] * J[:, problem.size :], place, names
+        )
+    problem, u, condition, extra = critical.extended()
+    J, size = problem.resolve(u)[1], problem.size
+    _, gradient, further = condition.evaluate(u, extra, J)
+    columns, _ = scaling(problem, J, u)
+    forced = condition.forcing[:, None] if isinstance(condition, Branching) else np.zeros((size, extra.size))
+    own, others = place.split(np.vstack([J[:, size:], gradient[:, size:]]), names)
+    matrix = np.hstack(
+        [np.vstack([J[:, :size] * columns, gradient[:, :size] * columns]), np.vstack([forced, further]), own]
+    )
+    moved = _solved(matrix, others, place)
+    slopes = moved[-1]
+    if isinstance(condition, Branching):
+        change = np.linalg.norm(others[:size] / np.linalg.norm(condition.forcing), axis=0)
+        slopes = np.where(np.abs(moved[size]) <= _FORCED * change, slopes, np.nan)
+    return np.asarray(slopes)
+
+
+def moved_equilibrium(solution: Equilibrium, place: Place) -> NDArray[np.float64]:
+    """Return the derivatives of the branch's parameter at a special point of equilibria, as `moved_orbit` does."""
+    place.check(_EQUILIBRIA)
+    system, names = solution.system, place.active(solution.system.parameter_names)
+    p, active = system.parameter_vector(solution.parameters), [system.parameter_names.index(name) for name in names]
+    problem = EquilibriumProblem(system, system.mode_index(solution.mode), p, active, np.ones(len(names)))
+    u = np.append(solution.state, p[active])
+    sizes = extents(problem, u) if place.sizes is None else place.sizes
+    return _moved(problem, u, sizes, place, names, partial(critical_equilibrium, place.kind, solution, problem))
+
+
+def moved_cycle(solution: MapOrbit, place: Place) -> NDArray[np.float64]:
+    """Return the derivatives of the branch's parameter at a special point of cycles, as `moved_orbit` does."""
+    place.check(_CYCLES)
+    system, names = solution.system, place.active(solution.system.parameter_names)
+    p, active = system.parameter_vector(solution.parameters), [system.parameter_names.index(name) for name in names]
+    problem = CycleProblem(system, itinerary_of(system, solution.itinerary), p, active, np.ones(len(names)))
+    u = np.append(solution.points.ravel(), p[active])
+    sizes = in_lockstep(extents(problem, u), problem.period) if place.sizes is None else place.sizes
+    return _moved(problem, u, sizes, place, names, partial(critical_cycle, place.kind, solution, problem))
+
+
+def _moved(
+    problem: EquilibriumProblem | CycleProblem,
+    u: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    place: Place,
+    names: tuple[str, ...],
+    critical: Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[Condition, NDArray[np.float64]]],
+) -> NDArray[np.float64]:
+    """Return the derivatives at a special point of algebraic equations; critical: makes the condition."""
+    n, J = problem.n, problem.evaluate(u)[1]
+    if place.kind == "SN":
+        return _folded(J[:, :n] * sizes / sizes[:, None], J[:, n:] / sizes[:, None], place, names)
+    condition, extra = critical(u, sizes)
+    _, gradient, further = condition.evaluate(u, extra, J)
+    own, others = place.split(np.vstack([J[:, n:], gradient[:, n:]]), names)
+    states = np.vstack([J[:, :n], gradient[:, :n]]) * sizes
+    matrix = np.hstack([states, np.vstack([np.zeros((n, extra.size)), further]), own])
+    return np.asarray(_solved(matrix, others, place)[-1])
+
+
+def _folded(
+    A: NDArray[np.float64], by: NDArray[np.float64], place: Place, names: tuple[str, ...]
+) -> NDArray[np.float64]:
+    """Return how a fold moves: the left null vector of A takes the change of all unknowns out of the equations."""
+    left = np.linalg.svd(A)[0][:, -1]
+    own, others = place.split(by, names)
+    along = float(left @ own[:, 0])
+    if not abs(along) > _FORCED * float(np.linalg.norm(own)):
+        raise _unmoved(place)
+    return np.asarray(-(left @ others) / along)
+
+
+def _solved(matrix: NDArray[np.float64], others: NDArray[np.float64], place: Place) -> NDArray[np.float64]:
+    """Return the derivatives of all unknowns of a square system, the parameter of the branch last."""
+    rows = 1.0 / np.maximum(np.abs(matrix).max(axis=1, keepdims=True), 1e-300)
+    sizes = np.maximum(np.abs(rows * matrix).max(axis=0), 1e-300)
+    scaled = rows * matrix / sizes
+    values = np.linalg.svd(scaled, compute_uv=False)
+    if not values[-1] > _REGULAR * values[0]:
+        raise _unmoved(place)
+    return np.asarray(-np.linalg.solve(scaled, rows * others) / sizes[:, None])
+
+
+def _unmoved(place: Place) -> InputError:
+    hint = "two special points meet there, or it turns in this parameter"
+    return InputError(
+        f"{place.kind} along {place.along}", "not isolated", "a point that the parameter passes once", hint
+    )

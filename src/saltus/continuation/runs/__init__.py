@@ -1,0 +1,1 @@
+"""Calls under way: starts, directions, events, and what goes on behind them."""

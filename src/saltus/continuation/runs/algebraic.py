@@ -1,0 +1,385 @@
+"""One continuation of equilibria, or of cycles of a map, along a parameter: its start, its directions, its events."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from saltus.continuation.core.arclength import RESTS, StepControl, follow
+from saltus.continuation.core.multiple import crossing_point
+from saltus.continuation.core.zero_problem import Event, Point, correct, start_point
+from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, closes
+from saltus.continuation.runs.options import read_value
+from saltus.continuation.runs.run import Going, OneParameterRun
+from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, join, traced, turned
+from saltus.equilibria.critical import solve_branch_point, solve_saddle_node
+from saltus.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from saltus.continuation.problems.boundary import Crossing
+    from saltus.cycles.orbit import MapOrbit
+    from saltus.equilibria.equilibrium import Equilibrium
+
+__all__ = ["AlgebraicRun", "read_point_events"]
+
+_AT_START = 1e-10  # test function, over its usual size, up to which a start is critical
+_BESIDE = 1e-3  # arclength from a multiple point at which the branch is regular
+_ASIDE = 1e-4  # arclength by which a critical start is moved aside
+_FURTHER = (1e-3, 1e-2, 5e-2)  # the same in turn, where the parameter still rests
+_ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state is on the surface
+_STILL = 1e-11  # change of the parameter that is rounding
+_AT_REST = 1e-7  # the same, below which the parameter does not move
+_TURNING = 1e-5  # arclength from a branch point within which the parameter turns because of it
+_VERTEX = 0.05  # arclength from a branch point within which the parameter rests if it turns there
+_AT_ONE_VALUE = 1e-9  # change of the parameter meanwhile
+_RESTS = 1e-5  # change of the parameter per unit of arclength, below which a branch may grow without bound
+_GROWN = 1e3  # size of a state, over that at the start, from which on it may
+_DOUBLED = 2.0  # growth of a size while the parameter rests, after which the parameter's way is compared
+_MARKS = 3  # points of comparison: two such growths
+_ROUNDED = 1e-15  # change of the parameter that is its rounding
+_MOST_GROWN = 1e100  # size of a state, over that at the start, up to which a branch is followed
+_NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
+
+
+def read_point_events(
+    solution: Equilibrium | MapOrbit, parameter: str, events: Mapping[str, float | str]
+) -> tuple[tuple[str, str, float | None], ...]:
+    """Return (name, kind, value) for each user's event; kind is ``parameter``, ``state`` or ``output``.
+
+    The value is None where an extremum is asked for.
+    """
+    system, found = solution.system, []
+    kinds = dict.fromkeys(system.output_names, "output") | dict.fromkeys(system.states, "state")
+    kinds |= {parameter: "parameter"}
+    for name, given in events.items():
+        value = read_value(name, given)
+        if name not in kinds:
+            raise InputError("events", name, f"one of {', '.join(kinds)}", nearest(name, kinds))
+        if value is None and name == parameter:
+            raise InputError("events", name, "a state or an output", "where the branch turns in it is an SN")
+        found.append((name, kinds[name], value))
+    return tuple(found)
+
+
+class AlgebraicRun(OneParameterRun):
+    """One call of a continuation of solutions of an `AlgebraicProblem`.
+
+    Parameters
+    ----------
+    solution : Equilibrium or MapOrbit
+        Where the branch starts.
+    *options
+        As `OneParameterRun` takes them.
+    """
+
+    odd = AlgebraicZeroProblem.odd
+    what: ClassVar[str]  # what a branch consists of
+    border: ClassVar[str]  # type of special points at which the solutions belong to another mode or piece
+    at_border: ClassVar[str]  # what such a point is
+
+    def __init__(self, solution: Any, *options: Any) -> None:
+        super().__init__(*options)
+        self.solution = solution
+        self.first_sizes: NDArray[np.float64] = np.empty(0)
+        self._blunt: set[int] = set()  # numbers of the points before folds that Newton's method does not find
+        self._marks: list[tuple[NDArray[np.float64], float]] = []  # sizes and parameter since it rests, at doublings
+
+    @abstractmethod
+    def equations(self, form: Any, u: NDArray[np.float64], sizes: NDArray[np.float64] | None) -> AlgebraicZeroProblem:
+        """Return the zero problem of a mode or an itinerary near `u`, the unknowns of the given sizes."""
+
+    @abstractmethod
+    def given(self) -> tuple[Any, NDArray[np.float64]]:
+        """Return the mode or the itinerary of the start, and its unknowns without the parameter."""
+
+    @abstractmethod
+    def solution_at(self, branch: Any, u: NDArray[np.float64]) -> Any:
+        """Return the solution with the unknowns `u`."""
+
+    @abstractmethod
+    def crossing(self, branch: Any, event: Event) -> tuple[str, Crossing]:
+        """Return what is met at a border, and what goes on there."""
+
+    @abstractmethod
+    def inside(self, branch: Any, event: Any) -> float:
+        """Return the sign of a border's monitor function on the regular side."""
+
+    def returned(self, half: OneSide, branch: Any, point: Point) -> bool:
+        """Return whether a branch has come back to a border at which it was before, on the same side of it."""
+        return False
+
+    def leaves(self, branch: Any, point: Point) -> str | None:
+        """Return why the solutions next to a border do not belong to the equations behind it; None where they do."""
+        return None
+
+    def ended(self, branch: Any, point: Point, kind: str) -> str | None:
+        """Return why a branch ends at an event of its own, that is no special point; None where it does not."""
+        return None
+
+    def closed_up(self, branch: Any, point: Point) -> str | None:
+        """Return why a branch ends at a branch point; None where it does not."""
+        return None
+
+    def unbounded(self, point: Point) -> str | None:
+        """Return why a branch ends at a point from which it grows without bound; None where it does not.
+
+        At a saddle-node the parameter rests as well, but the states do not grow meanwhile. At the vertex of a pitchfork
+        they grow from 0, but the parameter moves the more the larger they are; on the way to infinity it does the less.
+        """
+        grown, runs = self._grown(point), False
+        if abs(float(point.tangent[-1])) >= _RESTS:
+            self._marks = []
+        else:
+            sizes = 1.0 / np.sqrt(point.weights[:-1])
+            if not self._marks or float(np.max(sizes / self._marks[-1][0])) > _DOUBLED:
+                self._marks = [*self._marks[-2:], (sizes, point.parameter)]
+            runs = grown > _GROWN and len(self._marks) == _MARKS and self._comes_to_rest()
+        return f"the {self.what} grows without bound" if runs or grown > _MOST_GROWN else None
+
+    def _comes_to_rest(self) -> bool:
+        """Return whether the parameter moves less in the last doubling of the states than in the one before."""
+        (first, p), (middle, q), (last, r) = self._marks
+        before, now = (
+            abs(end - start) / math.log(float(np.max(larger / smaller)))
+            for start, end, smaller, larger in ((p, q, first, middle), (q, r, middle, last))
+        )
+        return now <= before or now < _ROUNDED * max(abs(r), 1.0)
+
+    def _grown(self, point: Point) -> float:
+        """Return the largest ratio of a state's size at a point to its size at the start."""
+        return 1.0 / math.sqrt(float((point.weights[:-1] * self.first_sizes**2).min()))
+
+    def starts(self, branch: Any, origin: Point) -> list[Point]:
+        """Return the start of a branch in all forms in which the branch may come back to it."""
+        return [origin]
+
+    def joined(self, directions: str) -> BothSides:
+        """Return the branch in both directions."""
+        start = self.begin(directions)
+        with self.reporter:
+            halves = traced(start, lambda: self.begin(directions), self.trace, directions)
+        return join(start, halves, "branch")
+
+    def begin(self, directions: str) -> tuple[AlgebraicZeroProblem, Point]:
+        """Return the equations and the first point, its tangent towards growing parameter."""
+        self._marks, self._blunt = [], set()
+        form, x = self.given()
+        u = np.append(x, self.start_value(self.solution.parameters))
+        branch = self.equations(form, u, None)
+        try:
+            point = start_point(branch, u)
+        except (ValueError, np.linalg.LinAlgError) as error:
+            raise self.irregular(self.what, self.solution.parameters[self.name], error) from None
+        point.examined = branch.examine(point, None)
+        self.first_sizes = branch.sizes.copy()
+        return branch, self._aside(branch, point, directions)
+
+    def _aside(self, branch: AlgebraicZeroProblem, point: Point, directions: str) -> Point:
+        """Return a start that is not critical: a critical one is moved a little, away from where the branch goes.
+
+        Where the parameter rests, as at a fold, the start is moved until the parameter moves.
+        """
+        rests = abs(float(point.tangent[-1])) <= RESTS
+        critical = [name for name, value in point.examined.monitors.items() if name.kind in branch.critical
+                    and name.kind != "SN" and (abs(value) < _AT_START or math.isnan(value))]  # fmt: skip
+        if not critical and not rests:
+            return point
+        sign = 1.0 if directions == "down" else -1.0
+        for length in (_ASIDE, *_FURTHER) if rests else (_ASIDE,):
+            moved = self._moved(branch, turned(point, sign, self.odd), length)
+            if moved is not None and (not rests or abs(float(moved.tangent[-1])) > RESTS):
+                return turned(moved, sign, self.odd)
+        return point
+
+    def _moved(self, branch: AlgebraicZeroProblem, way: Point, length: float) -> Point | None:
+        """Return the solution a step of a length along a branch; None where there is none within the bounds."""
+        short = StepControl(initial=length, smallest=length / 16.0, largest=length)
+        for item in follow(branch, way, short, log=[]):
+            if isinstance(item, Point):
+                if not self.interest.low < item.parameter < self.interest.high:
+                    return None
+                item.arc = 0.0
+                item.examined = branch.examine(item, None)
+                return item
+            if isinstance(item, str):
+                break
+        return None
+
+    def trace(self, start: tuple[Any, Point], sign: float) -> OneSide:
+        """Return one direction of the branch, with those folds at which the parameter turns.
+
+        On a line at one value of the parameter, and on the way to infinity, its sign of growth is rounding.
+        """
+        half = super().trace(start, sign)
+        values = np.array([start[1].parameter, *(point.parameter for _, point in half.points)])
+        half.specials = [found for found in half.specials if found.name != "SN" or self._turns(values, found)]
+        return half
+
+    def _turns(self, values: NDArray[np.float64], found: Found) -> bool:
+        """Return whether the parameter, with its values at the points of a branch, turns at a fold."""
+        after, at = found.after + 1, float(found.solution.parameters[self.name]) / self.scale
+        if after + 1 >= values.size:
+            return True  # the branch ends there
+        moved = np.where(np.abs(values - at) > _STILL + 16.0 * math.ulp(at), values - at, 0.0)
+        before, beyond = moved[:after][moved[:after] != 0.0], moved[after:][moved[after:] != 0.0]
+        # a branch may start next to a fold
+        return bool(beyond.size > 0 and (before.size == 0 or before[-1] * beyond[0] > 0.0))
+
+    def piece(
+        self,
+        half: OneSide,
+        branch: AlgebraicZeroProblem,
+        point: Point,
+        start: tuple[AlgebraicZeroProblem, Point],
+        first: float | None,
+    ) -> str | Going:
+        """Follow the solutions of one mode or itinerary; see `OneParameterRun.piece`."""
+        last = point
+        ahead = partial(branch.ahead, self.control)
+        for item in follow(branch, point, self.control, log=self.log, first_step=first, ahead=ahead):
+            if isinstance(item, str):
+                return f"{self.place(last)}: {item}"
+            if isinstance(item, Event):
+                if (end := self._event(half, branch, item)) is not None:
+                    return end
+                continue
+            starts = self.starts(*start) if branch is start[0] else []
+            met = (closes(origin, last, item, self.control, branch.problem.circles) for origin in starts)
+            if (same := next((origin for origin in met if origin is not None), None)) is not None:
+                half.points.append((branch, same))
+                half.closed = True
+                share = float(item.weights @ ((same.u - last.u) * (item.u - last.u))) / (item.arc - last.arc)
+                # the step leads beyond the start, where the branch was before
+                half.specials = [found for found in half.specials if found.arc < last.arc + share]
+                return "the branch is closed"
+            if (end := self.keep(half, branch, item)) is not None:
+                return end
+            last = item
+            if (end := self.unbounded(item)) is not None:
+                return f"{self.place(item)}: {end}"
+        raise AssertionError("follow ends with a reason")
+
+    def _event(self, half: OneSide, branch: AlgebraicZeroProblem, event: Event) -> str | Going | None:
+        kind, point = event.name.kind, event.point
+        if kind in ("low", "high"):
+            return self.at_bound(half, branch, point, kind)
+        if (end := self.ended(branch, point, kind)) is not None:
+            half.points.append((branch, point))
+            return f"{self.place(point)}: {end}"
+        if kind in ("event", "EX"):
+            name, of, stop = self.asked(event.name)
+            half.specials.append(replace(self.found(name, branch, event, half), of=of))
+            return self.end_at(half, branch, point, stop)
+        name = kind = branch.type_of(event.name)
+        blunt = False  # whether Newton's method finds no fold at an SN
+        count = branch.multiplicity(point.examined.data.values, kind)
+        if kind in ("SN", "BP") and (count == 1 or kind == "BP"):
+            if count > 1:
+                u = self._together(branch, half.points[-1][1] if half.points else point, point, count)
+            else:
+                solve = solve_branch_point if kind == "BP" else solve_saddle_node
+                u = solve(branch.problem, point.u, branch.sizes)
+            if u is not None and float(point.weights @ (u - point.u) ** 2) < _NEAR**2:
+                point.u = u
+            blunt = u is None
+        if kind == "SN" and any(f.name == "BP" and abs(f.arc - point.arc) < _TURNING for f in half.specials):
+            return None
+        if kind in ("SN", "BP"):
+            # next to the vertex of a pitchfork the parameter rests, so the turn may be placed beside the BP
+            beside = [f for f in half.specials if f.name != kind and self._same_turn(f, point)]
+            if kind == "SN" and blunt and any(f.name == "BP" for f in beside):
+                return None
+            if kind == "BP":
+                half.specials = [f for f in half.specials if not (f in beside and f.after in self._blunt)]
+            if kind == "SN" and blunt:
+                self._blunt.add(len(half.points))
+        if kind != self.border:
+            half.specials.append(self.found(name, branch, event, half))
+            if kind == "BP" and (end := self.closed_up(branch, point)) is not None:
+                half.points.append((branch, point))
+                return f"{self.place(point)}: {end}"
+            return self.end_at(half, branch, point, name)
+        if self.returned(half, branch, point):
+            half.points.append((branch, point))
+            return f"{self.place(point)}: {self.at_border}, from which on the branch is followed already"
+        of, crossing = self.crossing(branch, event)
+        half.specials.append(replace(self.found(name, branch, event, half), of=of, kind=crossing.kind))
+        if (end := self.end_at(half, branch, point, name)) is not None:
+            return end
+        if self.control.at_grazing == "pass":
+            return None
+        half.points.append((branch, point))
+        if crossing.u is None:
+            return f"{self.place(point)}: {self.at_border}, {crossing.reason}"
+        return self._switch(branch, crossing, point)
+
+    def _same_turn(self, found: Found, point: Point) -> bool:
+        """Return whether a special point found before may be the turn of the parameter at a point."""
+        away = abs(float(found.solution.parameters[self.name]) / self.scale - point.parameter)
+        return found.name in ("SN", "BP") and abs(found.arc - point.arc) < _VERTEX and away < _AT_ONE_VALUE
+
+    def _together(
+        self, branch: AlgebraicZeroProblem, last: Point, point: Point, count: int
+    ) -> NDArray[np.float64] | None:
+        """Return where several values become critical at once, located between two points beside; None if unknown."""
+
+        def growth(u: NDArray[np.float64]) -> float:
+            values = branch.growth(branch.spectrum(u))
+            return float(np.mean(values[np.argsort(np.abs(values))[:count]]))
+
+        sides = [
+            correct(branch, point.u + way * _BESIDE * last.tangent, last.tangent, last.weights, self.control.iterations)
+            for way in (-1.0, 1.0)
+        ]
+        a, b = sides
+        if isinstance(a, str) or isinstance(b, str):
+            return None
+        return crossing_point(branch.evaluate, growth, (a, b), branch.scale(), count)
+
+    def _switch(self, branch: AlgebraicZeroProblem, crossing: Crossing, old: Point) -> str | Going:
+        """Return equations, point and step to go on with beyond a border, or why no branch does."""
+        assert crossing.u is not None
+        beside = self.equations(crossing.beside, crossing.u, branch.sizes)
+        try:
+            point = start_point(beside, crossing.u)
+        except (ValueError, np.linalg.LinAlgError) as error:
+            return f"{self.place(old)}: {self.at_border}, no branch goes on: {error}"
+        if abs(float(point.tangent[-1])) < _AT_REST:
+            return f"{self.place(old)}: {self.at_border}, beyond it all lie at one value of {self.name}"
+        point = turned(point, crossing.sign(point), self.odd)
+        point.arc = old.arc
+        found = beside.examine(point, None)
+        if (beyond := self.leaves(beside, point)) is not None:
+            return f"{self.place(old)}: {self.at_border}, {beyond}"
+        # on a surface the sign of its event function is rounding: the point counts as on the regular side
+        monitors = {
+            name: _ON_SURFACE * self.inside(beside, name)
+            if name.kind == self.border and abs(value) < _ON_SURFACE else value
+            for name, value in found.monitors.items()
+        }  # fmt: skip
+        point.examined = replace(found, monitors=monitors)
+        return beside, point, self.control.initial
+
+    def found(self, name: str, branch: AlgebraicZeroProblem, event: Event, half: OneSide) -> Found:
+        """Return a special point of one direction, behind the points found so far."""
+        point = event.point
+        solution = self.solution_at(branch, point.u)
+        p = {**solution.parameters, self.name: self.value(point)}
+        tangent = None
+        if name == "BP":  # it is undetermined at the point itself: the last point's is taken
+            last = half.points[-1][1] if half.points else point
+            tangent = last.tangent.copy()
+            tangent[-1] *= self.scale
+        return Found(
+            name, replace(solution, parameters=p), event.value, len(half.points), point.arc, tangent=tangent,
+            scale=branch.sizes.copy(),
+        )  # fmt: skip

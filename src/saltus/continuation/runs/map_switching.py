@@ -1,0 +1,111 @@
+"""Cycles of the other branches that meet at a special point of a map: doubled ones, those of a branch point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from saltus.continuation.core.multiple import branches_at, crossing
+from saltus.continuation.problems.map import CycleZeroProblem
+from saltus.continuation.results.special_points import SpecialPoint
+from saltus.continuation.runs.branching import everywhere, other_branches, parameter_scale, stepped
+from saltus.cycles.normal_forms import null_vectors
+from saltus.cycles.orbit import MapOrbit, cycle_at
+from saltus.cycles.solve import sizes_of
+from saltus.errors import ConvergenceError, InputError
+from saltus.system.angles import wrapped
+
+__all__ = ["doubled_cycle", "other_cycles"]
+
+_AMPLITUDES = tuple(1e-3 * 0.25**k for k in range(8))  # steps onto the doubled branch, in sizes of the states, in turn
+
+
+def other_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
+    """Return a cycle of each other branch that meets the point's own one.
+
+    Raises
+    ------
+    InputError
+        The point is no PD or BP.
+    ConvergenceError
+        No cycle of the other branch was found.
+    """
+    if point.type == "PD":
+        return doubled_cycles(point)
+    if point.type != "BP":
+        raise InputError("point", point.type, "of type PD or BP", "no other branch meets there")
+    orbit, name = point.cycle, point.varied[-1]
+    problem = orbit.problem(name)
+    u = np.append(orbit.points.ravel(), orbit.parameters[name])
+    if problem.period % 2 == 0 and point.tangent is not None:
+        half = problem.n // 2
+        apart = wrapped(u[:half] - u[half:-1], problem.circles[problem.circles < half])
+        if np.allclose(apart, 0.0, rtol=0.0, atol=1e-5 * float(np.abs(u[:-1]).max())):
+            return [_single(orbit)]
+    return [
+        cycle_at(problem, *found) for found in other_branches(problem, u, point.tangent, CycleZeroProblem, point.scale)
+    ]
+
+
+def _single(orbit: MapOrbit) -> MapOrbit:
+    """Return the cycle of half the period at the point to which a doubled one has shrunk."""
+    half = orbit.period // 2
+    first, places = orbit.points[:half], orbit.system.angle_places
+    again = orbit.points[half:].copy()
+    again[:, places] = (first + wrapped(again - first, places))[:, places]
+    points = 0.5 * (first + again)
+    names = orbit.system.piece_names
+    problem = orbit.problem().along(tuple(names.index(name) for name in orbit.itinerary[:half]))
+    u = points.ravel()
+    for _ in range(3):
+        F, J = problem.evaluate(u)
+        u = u - np.linalg.solve(J, F)
+    return cycle_at(problem, u, sizes_of(problem, u))
+
+
+def doubled_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
+    """Return the cycles of doubled period beside a period doubling: several where several multipliers are -1."""
+    orbit, name = point.cycle, point.varied[-1]
+    single = orbit.problem(name)
+    u = np.append(orbit.points.ravel(), orbit.parameters[name])
+    doubled = single.along(single.itinerary * 2)
+    start = np.concatenate([u[:-1], u[:-1], u[-1:]])
+    known = sizes_of(doubled, start) if point.scale is None else np.tile(point.scale, 2)
+    J, scale = doubled.evaluate(start)[1], parameter_scale(single, u, point.scale)
+    scaled = J[:, :-1] * known
+    scaled /= np.abs(scaled).max(axis=1, keepdims=True)
+    if crossing(np.linalg.svd(scaled, compute_uv=False)) < 2:
+        return [doubled_cycle(point)]
+    doubled.scales[0], start[-1] = scale, start[-1] / scale
+    A = single.evaluate(u)[1]
+    own = -np.linalg.solve(A[:, :-1], A[:, -1]) * scale
+    found = branches_at(
+        doubled.evaluate, start, np.append(known, 1.0), np.concatenate([own, own, [1.0]]), "doubled cycle"
+    )
+    return [cycle_at(doubled, v, known) for v in found]
+
+
+def doubled_cycle(point: SpecialPoint[MapOrbit], level: int = 0) -> MapOrbit:
+    """Return the cycle of doubled period beside a period doubling, the `level`-th of a cascade, counted from 0."""
+    orbit, name = point.cycle, point.varied[-1]
+    single = orbit.problem(name)
+    u = np.append(orbit.points.ravel(), orbit.parameters[name])
+    q = null_vectors(single, single.evaluate(u)[1], -1.0)[0].real
+    scale = parameter_scale(single, u, point.scale)
+    problem = single.along(single.itinerary * 2)
+    problem.scales[0] = scale
+    start = np.concatenate([u[:-1], u[:-1], [u[-1] / scale]])
+    sizes = sizes_of(problem, start) if point.scale is None else np.tile(point.scale, 2)
+    direction = np.concatenate([q, -q, [0.0]])
+    direction = direction / float(np.abs(direction[:-1] / sizes).max())
+    reason = ""
+    for amplitude in _AMPLITUDES:
+        branch = CycleZeroProblem(problem, sizes, everywhere(scale))
+        found = stepped(branch, start, 0.5**level * amplitude * direction, sizes)
+        if isinstance(found, str):
+            reason = found
+            continue
+        doubled = cycle_at(problem, found, sizes)
+        if doubled.regular or not orbit.regular:
+            return doubled
+        reason = "; ".join(doubled.reasons)
+    raise ConvergenceError("doubled cycle", _AMPLITUDES[-1], len(_AMPLITUDES), reason)

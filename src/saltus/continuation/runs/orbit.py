@@ -1,0 +1,400 @@
+"""One call of `continue_orbit`: both directions of a branch from its start, through grazings into other signatures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.core.arclength import StepControl, follow
+from saltus.continuation.core.monitor import Monitor, at_grazing
+from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, start_point
+from saltus.continuation.problems.ends.closure import passes
+from saltus.continuation.problems.ends.period_halving import halved
+from saltus.continuation.problems.ends.shrinking import equilibrium_ahead
+from saltus.continuation.problems.ends.slowing import grazing_ahead
+from saltus.continuation.problems.ends.unbounded import (
+    grows_at_last,
+    grows_for_ever,
+    period_of,
+    swells_at_last,
+    swells_for_ever,
+    too_stiff,
+    vanishes_at_last,
+)
+from saltus.continuation.problems.grazing import Neighbour, neighbour
+from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
+from saltus.continuation.problems.twins import type_of
+from saltus.continuation.runs.run import OneParameterRun
+from saltus.continuation.runs.to_homoclinic import end_unbounded
+from saltus.continuation.runs.two_sided import Found, OneSide, turned
+from saltus.errors import InputError
+from saltus.orbits.critical import solve_branch_point
+from saltus.orbits.cuts import cut, stretched
+from saltus.orbits.floquet import distance_from_circle
+from saltus.orbits.orbit import PeriodicOrbit, orbit_at
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.rounds import divided
+from saltus.orbits.signature import Signature, Survey
+from saltus.orbits.unfolding import Fixed
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+__all__ = ["BranchRun"]
+
+_TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
+_SHRUNK = 1e-6  # ranges of a cycle's states, over those on its branch, up to which it is an equilibrium
+_TOGETHER = 1e-9  # duration, over the period, up to which a contact ends at the grazing of another one
+_NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
+
+
+class BranchRun(OneParameterRun):
+    """One call of `continue_orbit`: start and options, which both directions share."""
+
+    odd = OrbitZeroProblem.odd
+
+    def __init__(self, orbit: PeriodicOrbit, *options: Any) -> None:
+        super().__init__(*options)
+        self.orbit = orbit
+        self.fixed: Fixed | None = None
+
+    def freed(self, branch: OrbitZeroProblem, point: Point) -> float:
+        """Return the freed parameter at a point; NaN where none is freed."""
+        return math.nan
+
+    def equations(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
+        """Return the zero problem of a signature near `u`."""
+        p, index = self.orbit.system.parameter_vector(self.orbit.parameters), self.orbit.system.parameter_names
+        scale, tolerance = np.array([self.scale]), self.orbit.tolerance
+        problem = OrbitProblem(self.orbit.system, signature, p, [index.index(self.name)], scale, tolerance)
+        problem.start(u)
+        return self.zero_problem(problem, u)
+
+    def zero_problem(self, problem: OrbitProblem, u: NDArray[np.float64]) -> OrbitZeroProblem:
+        """Return the zero problem of segment equations near `u`, meshes made."""
+        return OrbitZeroProblem(problem, u, self.interest)
+
+    def first(self) -> tuple[OrbitZeroProblem, NDArray[np.float64]]:
+        """Return equations and unknowns of the orbit at which the branch starts."""
+        u = np.append(self.orbit.unknowns, self.start_value(self.orbit.parameters))
+        return self.equations(self.orbit.form, u), u
+
+    def start(self, branch: OrbitZeroProblem, u: NDArray[np.float64]) -> Point:
+        """Return the first point of the branch."""
+        return start_point(branch, u)
+
+    def orbit_of(self, branch: OrbitZeroProblem, point: Point) -> PeriodicOrbit:
+        """Return the orbit of a point."""
+        data = point.examined.data
+        return orbit_at(branch.problem, point.u, point.J, data.survey, data.multipliers)
+
+    def halved(self, branch: OrbitZeroProblem, point: Point) -> Point | None:
+        """Return a branch point at which the period halves, located; None where it does not halve."""
+        return halved(branch, point)
+
+    def sharpened(self, branch: OrbitZeroProblem, point: Point) -> Point:
+        """Return a branch point located by equations that are regular there."""
+        return _sharpened(branch, point)
+
+    def shrinks(self, branch: OrbitZeroProblem, before: Point, point: Point) -> tuple[OrbitZeroProblem, Point] | None:
+        """Return equations and point of the equilibrium a few steps ahead to which orbits shrink, or None."""
+        return equilibrium_ahead(branch, before, point)
+
+    def _cut(
+        self, half: OneSide, branch: OrbitZeroProblem, item: Point
+    ) -> tuple[OrbitZeroProblem, Point, float] | str | None:
+        """Return the branch with its orbits cut into more pieces, a point and a step; None where no cut is due.
+
+        Where more pieces are needed than are allowed, this is told.
+        """
+        if not stretched(branch.problem, item.J):
+            return None
+        problem, u = cut(branch.problem, item.u, item.J)
+        if len(problem.signature) > (most := self.control.pieces):
+            return f"{self.place(item)}: an orbit so unstable that it needs more than {most} pieces"
+        finer = self.zero_problem(problem, u)
+        try:
+            point = start_point(finer, u)
+        except ValueError:
+            return None
+        # the first piece starts at the old place: its tangent gives the direction of the branch
+        own = np.append(np.arange(branch.n), -1)
+        along = float((item.weights[own] * item.tangent[own]) @ point.tangent[own])
+        point = replace(point, tangent=math.copysign(1.0, along) * point.tangent, arc=item.arc)
+        point.sign = math.copysign(1.0, along) * point.sign
+        point.examined = finer.examine(point, None)
+        step = item.arc - half.points[-2][1].arc if len(half.points) > 1 else self.control.initial
+        return finer, point, step
+
+    def begin(self) -> tuple[OrbitZeroProblem, Point]:
+        """Return the equations and the first point, its tangent towards growing parameter."""
+        branch, u = self.first()
+        try:
+            point = self.start(branch, u)
+        except InputError:
+            raise
+        except ValueError as error:
+            value = float(u[-1]) * self.scale
+            raise self.irregular("periodic orbit", value, error, self.advice()) from None
+        if stretched(branch.problem, point.J):
+            problem, u = cut(branch.problem, point.u, point.J)
+            branch = self.zero_problem(problem, u)
+            point = start_point(branch, u)
+        found = branch.examine(point, None)
+        for name, value in found.monitors.items():
+            if name.kind == "EX" and math.isnan(value):
+                raise InputError("events", self.interest.events[name.segment][0], "of orbits that have its derivative")
+        self._check_events(found)
+        # a start at a grazing counts as on its admissible side, whatever the rounding
+        monitors = {
+            name: _TOUCHING if at_grazing(name) and abs(value) < SAME * SAME else value
+            for name, value in found.monitors.items()
+        }
+        data: OrbitData = found.data
+        if any(value == _TOUCHING and name.kind in ("duration", "rate") for name, value in monitors.items()):
+            # multipliers mean nothing at a grazing
+            monitors = {name: value for name, value in monitors.items() if name.kind != "TR"}
+            data = replace(data, followed=())
+        point.examined = replace(found, monitors=monitors, data=data)
+        return branch, point
+
+    def _check_events(self, found: Examined) -> None:
+        """Raise `InputError` where an event asks for a quantity that is no number on part of the first orbit."""
+        system, survey = self.orbit.system, found.data.survey
+        names = (*system.all_states, *system.output_names)
+        for i, (name, kind, value) in enumerate(self.interest.events):
+            known = found.monitors.get(Monitor("EX" if value is None else "event", i), 0.0)
+            if kind[4:] in names:
+                known += (survey.lows if kind.startswith("min") else survey.highs)[names.index(kind[4:])]
+            if math.isnan(known) and not name.startswith("velocity("):  # an orbit without the event may be the first
+                raise InputError("events", name, "a quantity that is a number all along the orbits", "NaN at the start")
+
+    def advice(self) -> str:
+        """Return what to do where a branch along a parameter starts at an orbit of a family."""
+        family = self.orbit.fixed is not None and self.orbit.fixed.family
+        return "the orbit is one of a family: vary a quantity, as 'period'" if family else ""
+
+    def piece(
+        self,
+        half: OneSide,
+        branch: OrbitZeroProblem,
+        point: Point,
+        start: tuple[OrbitZeroProblem, Point],
+        first: float | None,
+    ) -> str | tuple[OrbitZeroProblem, Point, float]:
+        """Follow the orbits of one signature; see `OneParameterRun.piece`."""
+        last = point
+        for item in follow(branch, point, self.control, log=self.log, first_step=first):
+            if isinstance(item, str):
+                if (slowed := grazing_ahead(half.points)) is not None and (
+                    end := self._event(half, branch, slowed)
+                ) is not None:
+                    return end
+                if (grown := grows_at_last(half.points)) is not None:
+                    return self._unbounded(half, grown)
+                return f"{self.place(last)}: {self._why(branch, half, item)}"
+            if isinstance(item, Event):
+                end = self._event(half, branch, item)
+                if end is not None:
+                    return end
+                continue
+            same = branch.problem.signature == start[0].problem.signature and not (
+                branch is start[0] and last.arc == 0.0
+            )
+            if same and passes(branch, branch.problem, start[1], last, item, self.control, branch.active_at):
+                half.points.append((start[0], start[1]))
+                half.closed = True
+                return "the branch is closed"
+            end = self.keep(half, branch, item)
+            if (rest := self.shrinks(branch, last, item)) is not None:
+                return self._shrunk(half, *rest)
+            if end is not None:
+                return end
+            last = item
+            if (grown := grows_for_ever(half.points)) is not None:
+                return self._unbounded(half, grown)
+            if (swollen := swells_for_ever(half.points)) is not None:
+                return f"{self.place(item)}: {swollen}"
+            if (finer := self._cut(half, branch, item)) is not None:
+                return finer
+        raise AssertionError("follow ends with a reason")
+
+    def _why(self, branch: OrbitZeroProblem, half: OneSide, item: str) -> str:
+        """Return why no step succeeds behind the last point; `item` if nothing better is known."""
+        points = half.points
+        return too_stiff(branch.problem) or swells_at_last(points) or vanishes_at_last(points) or item
+
+    def _unbounded(self, half: OneSide, grown: str) -> str:
+        """End a branch whose period grows without bound: at the homoclinic orbit, where one is located."""
+        reason = self.ends_unbounded(half, grown)
+        return f"{self.place(half.points[-1][1])}: {reason}"
+
+    def ends_unbounded(self, half: OneSide, grown: str) -> str:
+        """Append long cycles and the homoclinic orbit to a branch; return why it ends. `grown` tells of the period."""
+        return end_unbounded(half, self.interest)
+
+    def _shrunk(self, half: OneSide, piece: OrbitZeroProblem, end: Point) -> str:
+        """End a branch at the Hopf point that is its last point."""
+        orbit = self.orbit_of(piece, end)
+        half.specials.append(Found("HB", orbit, _amplitude(orbit), len(half.points), end.arc))
+        half.points.append((piece, end))
+        return f"{self.place(end)}: the cycle shrinks to an equilibrium"
+
+    def _event(
+        self, half: OneSide, branch: OrbitZeroProblem, event: Event
+    ) -> str | tuple[OrbitZeroProblem, Point, float] | None:
+        kind = event.name.kind
+        point = event.point
+        if kind in ("low", "high"):
+            if (swollen := swells_at_last(half.points)) is not None:
+                return f"{self.place(half.points[-1][1])}: {swollen}"
+            return self.at_bound(half, branch, point, kind)
+        if kind in ("event", "EX"):
+            name, of, stop = self.asked(event.name)
+            half.specials.append(replace(self._found(name, branch, event, half), of=of))
+            return self.end_at(half, branch, point, stop)
+        name = "GR" if at_grazing(event.name) else type_of(event.name)
+        if name == "BP" and (birth := self.halved(branch, point)) is not None:
+            half.specials.append(self._found(name, branch, replace(event, point=birth), half))
+            half.points.append((branch, birth))
+            return f"{self.place(birth)}: the period halves"
+        if name != "GR":
+            if name == "BP":
+                event = replace(event, point=self.sharpened(branch, point))
+            half.specials.append(self._found(name, branch, event, half))
+            return self.end_at(half, branch, event.point, name)
+        if any(s.name == "GR" and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
+            return None
+        if self._is_point(half, branch, point):
+            point.examined = _as_before(point.examined, half.points[-1][1].examined.data)
+            half.specials.append(self._found("BE", branch, event, half))
+            half.points.append((branch, point))
+            return f"{self.place(point)}: the cycle shrinks to a boundary equilibrium"
+        if self.control.at_grazing == "pass":
+            half.specials.append(self._found(name, branch, event, half))
+            return self.end_at(half, branch, point, name)
+        found = neighbour(branch.problem, _leaving(branch, event), point.u)
+        half.specials.append(self._found(name, branch, event, half))
+        if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
+            fewer = self.equations(found.signature, found.u)
+            orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
+            half.specials[-1] = replace(half.specials[-1], solution=orbit)
+        half.points.append((branch, point))
+        if name in self.stops:
+            return f"{self.place(point)}: grazing"
+        if isinstance(found, str):
+            return f"{self.place(point)}: grazing, {found}"
+        return self._switch(found, point)
+
+    def _is_point(self, half: OneSide, branch: OrbitZeroProblem, point: Point) -> bool:
+        """Return whether the autonomous cycle of a point is an equilibrium, by the sizes of the branch's cycles."""
+        if branch.problem.system.phase is not None or not half.points:
+            return False
+        surveys = [item.examined.data.survey for _, item in half.points]
+        n = branch.problem.n
+        largest = np.max([survey.highs[:n] - survey.lows[:n] for survey in surveys], axis=0)
+        own = point.examined.data.survey
+        return bool(np.all(own.highs[:n] - own.lows[:n] <= _SHRUNK * largest))
+
+    def _found(self, name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
+        point, orbit = event.point, self.orbit_of(branch, event.point)
+        value = event.value
+        if name == "PD":
+            finite = orbit.multipliers[np.isfinite(orbit.multipliers)]
+            value = float(np.abs(finite + 1.0).min())
+        elif name == "TR":
+            value = distance_from_circle(orbit.multipliers)
+        tangent = None
+        if name == "BP":  # it is undetermined at the point itself: the last point's is taken
+            last = half.points[-1][1] if half.points else point
+            tangent = (last if last.u.size == point.u.size else point).tangent
+            tangent = np.append(tangent[: branch.problem.size], tangent[-1])
+        return Found(name, orbit, value, len(half.points), point.arc, tangent=tangent)
+
+    def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitZeroProblem, Point, float]:
+        """Return equations, point and step to go on with in the neighbouring signature, or why no branch does.
+
+        The point is a first admissible orbit beyond the grazing.
+        """
+        branch = self.equations(found.signature, found.u)
+        if (once := divided(branch.problem, found.u, 2, SAME * branch.problem.state_scale)) is not None:
+            found = Neighbour(*once)
+            branch = self.equations(found.signature, found.u)
+        try:
+            point = start_point(branch, found.u)
+        except ValueError as error:
+            return f"{self.place(old)}: grazing, no branch goes on: {error}"
+        point.arc = old.arc
+        onward = math.copysign(1.0, float(old.tangent[-1]))
+        for probe in (1e-5, 1e-6, 1e-4):
+            for sign in (onward, -onward):
+                start = turned(point, sign, branch.odd)
+                start.examined = Examined({}, None, OrbitData(_INADMISSIBLE, np.empty(0, complex), 0))
+                trial = follow(
+                    branch, start, StepControl(initial=probe, smallest=probe / 4, largest=probe),
+                     log=[],
+                )  # fmt: skip
+                item = next(trial)
+                if isinstance(item, Point) and _beyond_grazings(branch.problem, item):
+                    item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
+                    return branch, item, min(self.control.initial, 1e-3)
+        return f"{self.place(old)}: grazing, no admissible orbit beyond it"
+
+
+# Survey of a grazing from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.
+_INADMISSIBLE = Survey(
+    1, False, np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3))
+)
+
+
+def _leaving(branch: OrbitZeroProblem, event: Event) -> Monitor:
+    """Return the monitor function of a grazing by which a branch goes on: a contact that ends comes before a new one.
+
+    Where an orbit arrives at one that repeats itself, a round's contact ends as another round's begins. Which of the
+    two is located first is rounding.
+    """
+    own: Monitor = event.name
+    if own.kind != "margin":
+        return own
+    rounding = _TOGETHER * period_of(branch, event.point)
+    monitors: Mapping[Monitor, float] = event.point.examined.monitors
+    return next((name for name, value in monitors.items() if name.kind == "duration" and abs(value) <= rounding), own)
+
+
+def _beyond_grazings(problem: OrbitProblem, point: Point) -> bool:
+    """Return whether a point is admissible and all its monitor functions of grazings are on that side."""
+    monitors, transitions = point.examined.monitors.items(), problem.system.transitions
+    grazings = (
+        # an event in both directions has no admissible side
+        abs(value) if name.kind == "side" and transitions[name.transition].direction == 0 else value
+        for name, value in monitors
+        if at_grazing(name) and not math.isnan(value)
+    )
+    return point.examined.data.survey.admissible and all(value > 0.0 for value in grazings)
+
+
+def _as_before(examined: Examined, last: OrbitData) -> Examined:
+    """Return the data of a cycle that is a point with the multipliers of the last one that is none."""
+    data = replace(examined.data, multipliers=last.multipliers, unstable=last.unstable)
+    return Examined(examined.monitors, examined.fault, data)
+
+
+def _sharpened(branch: OrbitZeroProblem, point: Point) -> Point:
+    """Return a branch point located by equations that are regular there; unchanged where they have no solution."""
+    u = solve_branch_point(branch.problem, point.u, branch.evaluate(point.u)[1])
+    if u is None or float(point.weights @ (u - point.u) ** 2) > _NEAR**2:
+        return point
+    found = replace(point, u=u, J=branch.evaluate(u)[1])
+    found.examined = branch.examine(found, None)
+    return point if found.examined.data is None else found
+
+
+def _amplitude(orbit: PeriodicOrbit) -> float:
+    """Return half the range of the state that varies most."""
+    n = len(orbit.system.states)
+    return 0.5 * float(np.max(orbit.highs[:n] - orbit.lows[:n]))

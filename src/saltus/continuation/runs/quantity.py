@@ -1,0 +1,118 @@
+"""One call of `continue_orbit` along a quantity of the orbits, as their maximum or period."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.continuation.core.arclength import RESTS
+from saltus.continuation.core.interest import Interest
+from saltus.continuation.core.zero_problem import Point, start_point
+from saltus.continuation.problems.ends.shrinking import at_rest, centre_ahead
+from saltus.continuation.problems.orbit import OrbitZeroProblem
+from saltus.continuation.problems.quantity import QuantityZeroProblem
+from saltus.continuation.runs.orbit import BranchRun
+from saltus.continuation.runs.two_sided import OneSide
+from saltus.errors import InputError
+from saltus.orbits.fixing import Wish, unfolded_at
+from saltus.orbits.orbit import PeriodicOrbit, orbit_at
+from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.quantities import read_quantity
+from saltus.orbits.unfolding import UnfoldedEquations
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.orbits.signature import Signature
+
+__all__ = ["QuantityRun"]
+
+
+class QuantityRun(BranchRun):
+    """One call of `continue_orbit` along a quantity: start and options, which both directions share."""
+
+    def __init__(self, orbit: PeriodicOrbit, parameter: str, interest: Interest, *options: Any) -> None:
+        super().__init__(orbit, parameter, interest, *options)
+        assert orbit.fixed is not None
+        self.quantity = read_quantity(orbit.system, parameter)
+        free = orbit.fixed.free
+        self._active = [orbit.system.parameter_names.index(free)] if free else []
+        wish = Wish(self.quantity, interest.scale, free)
+        self._known, u = unfolded_at(orbit.problem(), orbit.unknowns, wish)
+        self._scales = self._known.problem.scales
+        self._home = float(u[-1])
+        self._freed = orbit.fixed
+
+    def first(self) -> tuple[OrbitZeroProblem, NDArray[np.float64]]:
+        """Return equations and unknowns of the orbit at which the branch starts."""
+        inner = np.append(self.orbit.unknowns, self._home)
+        value = self.quantity.value(self._known.problem, inner) / self.scale
+        self.fixed = replace(self._freed, quantity=self.name, value=value * self.scale)
+        u = np.append(inner, self.met(value))
+        return self.equations(self.orbit.form, u), u
+
+    def equations(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
+        """Return the zero problem of a signature near `u`."""
+        p = self.orbit.system.parameter_vector(self.orbit.parameters)
+        tolerance = self.orbit.tolerance
+        problem = OrbitProblem(self.orbit.system, signature, p, self._active, self._scales, tolerance)
+        problem.start(u)
+        return self.zero_problem(problem, u)
+
+    def zero_problem(self, problem: OrbitProblem, u: NDArray[np.float64]) -> OrbitZeroProblem:
+        """Return the zero problem of segment equations near `u`, meshes made."""
+        equations = UnfoldedEquations(problem, self.quantity, float(u[-1]) * self.scale)
+        equations.turn_gap(u[:-1], problem.resolve(u)[1])
+        equations.measure(u[:-1])
+        return QuantityZeroProblem(equations, u, self.interest, self._home if self._freed.family else None)
+
+    def start(self, branch: OrbitZeroProblem, u: NDArray[np.float64]) -> Point:
+        """Return the first point of the branch; raise `InputError` where the quantity rests there."""
+        point = start_point(branch, u)
+        if abs(float(point.tangent[-1])) < RESTS:
+            raise InputError("parameter", self.name, "a quantity that varies from orbit to orbit", "it rests here")
+        return point
+
+    def orbit_of(self, branch: OrbitZeroProblem, point: Point) -> PeriodicOrbit:
+        """Return the orbit of a point, with what was fixed and freed."""
+        data, u = point.examined.data, point.u[:-1].copy()
+        if self._freed.family:
+            u[branch.problem.size] = self._home
+        fixed = replace(self._freed, quantity=self.name, value=point.parameter * self.scale)
+        return orbit_at(branch.problem, u, branch.own(point.J), data.survey, data.multipliers, fixed)
+
+    def halved(self, branch: OrbitZeroProblem, point: Point) -> Point | None:
+        """Return None: where the period halves along a quantity is not located."""
+        return None
+
+    def sharpened(self, branch: OrbitZeroProblem, point: Point) -> Point:
+        """Return a branch point as it was located."""
+        return point
+
+    def ends_unbounded(self, half: OneSide, grown: str) -> str:
+        """Return why a branch along a quantity ends: its homoclinic orbit is not located."""
+        return grown
+
+    def shrinks(self, branch: OrbitZeroProblem, before: Point, point: Point) -> tuple[OrbitZeroProblem, Point] | None:
+        """Return equations and point of the equilibrium a few steps ahead to which orbits shrink, or None."""
+        found = centre_ahead(branch.problem, before, point, family=self._freed.family)
+        if found is None:
+            return None
+        problem, u, multipliers = found
+        value = self.quantity.value(problem, u) / self.scale
+        ahead = point.parameter - before.parameter
+        inside = self.interest.low <= value <= self.interest.high
+        if not (inside and math.isfinite(value) and (value - point.parameter) * ahead >= 0.0):
+            return None
+        end = np.append(u, value)
+        return at_rest(self.zero_problem(problem, end), branch.problem, point, end, multipliers)
+
+    def freed(self, branch: OrbitZeroProblem, point: Point) -> float:
+        """Return the freed parameter at a point; NaN where none is freed."""
+        if not self._freed.free:
+            return math.nan
+        inner = self._home if self._freed.family else float(point.u[branch.problem.size])
+        return inner * float(self._scales[0])

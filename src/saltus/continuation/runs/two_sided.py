@@ -1,0 +1,203 @@
+"""The two directions of a curve from its start, with their special points, and how they are joined."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from saltus.continuation.core.zero_problem import Examined, Point
+from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.continuation.core.monitor import Monitor
+    from saltus.continuation.problems.ends.connection import Homoclinic
+    from saltus.cycles import MapOrbit
+    from saltus.equilibria import Equilibrium
+    from saltus.orbits.orbit import PeriodicOrbit
+
+__all__ = ["BothSides", "Found", "OneSide", "join", "traced", "turned"]
+
+Start = TypeVar("Start")
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A special point of one direction.
+
+    Attributes
+    ----------
+    name : str
+        Type, or the name of a user's event.
+    solution : PeriodicOrbit, Equilibrium or MapOrbit
+        An orbit in the signature in which it is shown, an equilibrium, or a cycle of a map.
+    value : float
+        Test function.
+    after : int
+        Number of points of the direction before it.
+    arc : float
+        Arclength from the start.
+    of, tangent, kind, scale, homoclinic
+        As in `SpecialPoint`.
+    """
+
+    name: str
+    solution: PeriodicOrbit | Equilibrium | MapOrbit
+    value: float
+    after: int
+    arc: float
+    of: str = ""
+    tangent: NDArray[np.float64] | None = None
+    kind: str = ""
+    scale: NDArray[np.float64] | None = None
+    homoclinic: Homoclinic | None = None
+
+
+_AT_END = 1e-6  # distance from a curve's end, in arclength, up to which a turn of a parameter belongs to the end
+
+
+@dataclass
+class OneSide:
+    """Points and special points of one direction of a curve, and why it ended."""
+
+    points: list[Any] = field(default_factory=list)
+    specials: list[Found] = field(default_factory=list)
+    stopped: str = ""
+    closed: bool = False
+    interrupted: bool = False
+
+
+@dataclass
+class BothSides:
+    """Both directions of a curve in one order.
+
+    Attributes
+    ----------
+    rows : list of (piece, point)
+        Equations and point of each point of the curve.
+    arcs : list of float
+        Arclength of each, from the start.
+    specials : list of (Found, position, arclength)
+        Special points, in order along the curve.
+    offset : int
+        Index of the start among the rows.
+    stopped : tuple of str
+        Why the curve ended, at its first and at its last point.
+    """
+
+    rows: list[Any]
+    arcs: list[float]
+    specials: list[tuple[Found, float, float]]
+    offset: int
+    stopped: tuple[str, str]
+
+    def special_points(self, varied: tuple[str, ...], locus: str = "") -> SpecialPoints[Any]:
+        """Return the special points, numbered by type."""
+        counts: dict[str, int] = {}
+        points: list[SpecialPoint[Any]] = []
+        for found, position, arc in self.specials:
+            counts[found.name] = counts.get(found.name, 0) + 1
+            label = f"{found.name}{'_' if locus and found.name[-1].isdigit() else ''}{counts[found.name]}"
+            points.append(
+                SpecialPoint(
+                    found.name, label, found.solution, found.value, position, arc - self.arcs[0], varied, found.of,
+                    locus, found.tangent, found.kind, found.scale, found.homoclinic,
+                )
+            )  # fmt: skip
+        return SpecialPoints(points, varied)
+
+    def fields(self) -> dict[str, Any]:
+        """Return the fields of `OrbitCurve` that a branch and a locus fill in the same way."""
+        states = len(self.rows[0][0].problem.system.states)
+        forms = list(dict.fromkeys(piece.problem.signature for piece, _ in self.rows))
+        data = [point.examined.data for _, point in self.rows]
+        n = self.rows[0][0].problem.n
+        return {
+            "x0": np.array([d.survey.x0[:states] for d in data]),
+            "multipliers": np.array([d.multipliers for d in data]),
+            "stable": np.array([d.unstable == 0 for d in data]),
+            "admissible": np.array([d.survey.admissible for d in data]),
+            "period": np.array([point.u[n : piece.problem.size : n + 1].sum() for piece, point in self.rows]),
+            "residual": np.array([d.survey.residual for d in data]),
+            "arclength": np.array(self.arcs) - self.arcs[0],
+            "lows": np.array([d.survey.lows for d in data]),
+            "highs": np.array([d.survey.highs for d in data]),
+            "means": np.array([d.survey.means for d in data]),
+            "harmonics": np.array([d.survey.harmonics for d in data]),
+            "forms": tuple(forms),
+            "form": np.array([forms.index(piece.problem.signature) for piece, _ in self.rows]),
+            "unknowns": tuple(point.u[: piece.problem.size] for piece, point in self.rows),
+            "stopped": self.stopped,
+        }
+
+
+def traced(
+    start: Start, again: Callable[[], Start], trace: Callable[[Start, float], OneSide], directions: str
+) -> list[OneSide]:
+    """Return the wanted directions of a curve; the second is left out if the first is closed or interrupted.
+
+    The second direction begins anew, from the same data as the first: meshes, sizes and units that equations and
+    points have at the end of one direction are none of the other's. A parameter that turns at the very end of a curve,
+    as where it is tangent to another one, is no turning point: nothing comes behind it.
+
+    Parameters
+    ----------
+    start : Start
+        Where the first direction starts.
+    again : callable
+        Makes the start anew.
+    trace : callable
+        Follows the curve in one direction, given its start and the sign of the start's tangent.
+    directions : {"both", "up", "down"}
+        The wanted directions.
+    """
+    halves: list[OneSide] = []
+    for sign in {"both": (-1.0, 1.0), "up": (1.0,), "down": (-1.0,)}[directions]:
+        if halves and (halves[0].closed or halves[0].interrupted):
+            break
+        half = trace(again() if halves else start, sign)
+        if not half.closed and half.points:
+            end = half.points[-1][1].arc
+            half.specials = [found for found in half.specials if found.name != "TP" or abs(found.arc - end) > _AT_END]
+        halves.append(half)
+    return halves
+
+
+def turned(point: Point, sign: float, odd: Collection[Monitor]) -> Point:
+    """Return a point; where `sign` < 0, its tangent and the monitor functions named in `odd` are reversed.
+
+    So are those of extrema, which are derivatives along the tangent.
+    """
+    if sign >= 0.0:
+        return point
+    known = point.examined.monitors.items()
+    monitors = {name: -value if name in odd or name.kind == "EX" else value for name, value in known}
+    examined = Examined(monitors, point.examined.fault, point.examined.data)
+    return replace(point, tangent=-point.tangent, sign=-point.sign, examined=examined)
+
+
+def join(start: Any, halves: list[OneSide], what: str) -> BothSides:
+    """Join the directions from the row `start`: the first reversed, then the second; `what` names the curve."""
+    rows, arcs, offset = [start], [0.0], 0
+    specials: list[tuple[Found, float, float]] = []
+    if len(halves) == 2:
+        back = halves[0]
+        offset = len(back.points)
+        rows = [*reversed(back.points), start]
+        arcs = [-point.arc for _, point in rows]
+        specials = [(found, offset - found.after - 0.5, -found.arc) for found in reversed(back.specials)]
+    ahead = halves[-1]
+    rows += ahead.points
+    arcs += [point.arc for _, point in ahead.points]
+    if ahead.closed:
+        arcs[-1] = arcs[-2]  # the last point is the start again
+    specials += [(found, offset + found.after + 0.5, found.arc) for found in ahead.specials]
+    reasons = [half.stopped for half in halves]
+    stopped = (reasons[0], reasons[1]) if len(reasons) == 2 else ("the start", reasons[0])
+    if halves[0].closed:
+        stopped = (f"the {what} is closed", f"the {what} is closed")
+    return BothSides(rows, arcs, specials, offset, stopped)

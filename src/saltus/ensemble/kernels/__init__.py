@@ -1,0 +1,1 @@
+"""Compiled steps and lives of lanes."""

@@ -1,0 +1,1 @@
+"""Compiled fields and spectra."""

@@ -1,0 +1,1 @@
+"""Compiled steps of motions, their events and derivatives."""

@@ -1,0 +1,398 @@
+"""The compiled event-driven flow: adaptive steps of order 8, every crossing of a step, landings by stepping anew.
+
+A step is taken whole, then the event functions of the mode are followed along its dense output. The first crossing that
+counts is landed on by Runge-Kutta steps from the start of the step: docs/theory/flow.md.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from numba import float64, int64
+
+from saltus.flow.kernels.crossing import DEGREE, PIECE, Ends, Fit, seek
+from saltus.flow.kernels.landing import Room, first_event
+from saltus.flow.kernels.order import NEVER
+from saltus.flow.kernels.polynomial import DEPTH, ROOTS
+from saltus.flow.kernels.side import EventEnds, SideRoom, side_after
+from saltus.flow.kernels.stages import error_norm
+from saltus.flow.kernels.state import (
+    AGAIN,
+    AT_WRAP,
+    BOUND,
+    CHATTERING,
+    DONE,
+    DURATION,
+    EPSILON,
+    ERROR_BEFORE,
+    EVENT_NOT_FINITE,
+    EVENTS,
+    FIELD_NOT_FINITE,
+    FIRED,
+    FIRST_STEP,
+    HOP_RUN,
+    LEFT_DOMAIN,
+    MODE,
+    MODE_BEFORE,
+    N_EVENTS,
+    N_STEPS,
+    RATE_AFTER,
+    RESET_NOT_FINITE,
+    RESIDUAL,
+    STARTING,
+    STEP,
+    STEP_BEFORE,
+    STEP_UNDERFLOW,
+    T_LOW,
+    TRIES,
+    TWO_PI,
+    UNBOUNDED,
+    WRAPS,
+    Crossings,
+    T,
+    advance,
+    chatters,
+    event_pointers,
+    record_event,
+    record_step,
+    state_pointers,
+    step_pointers,
+    system_pointers,
+)
+from saltus.flow.kernels.step import FIELD, ROUNDING, dense_output, first_step, full_step, size_of_terms, step_factor
+from saltus.system.compiled import FUNCTIONS
+from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.pointers import INNER, PART, call, outlined, pointer, stack
+
+EVENT = FUNCTIONS.index("event")
+EVENT_X = FUNCTIONS.index("event_x")
+RESET = FUNCTIONS.index("reset")
+GUARD = FUNCTIONS.index("guard")
+HOP_RUN_MOST = 3  # hops in a row, each lower than rounding, from one event to itself: more are chattering
+SHORTEST = 1e-250  # shortest step, in the system's time; no step is below four roundings of the time either
+
+
+class Stride(NamedTuple):
+    """A step about to be taken: its length, whether it ends at `t_end` or a wrap, whether at a wrap, whether at `t_end`."""
+
+    h: float
+    ends: bool
+    wraps: bool
+    last: bool
+
+
+@njit(**INNER)
+def _begin(system, tolerances, state, mode, room):
+    """Begin a segment: its first slope and step, and on which side of every event it starts; a status.
+
+    Where a motion begins on the surface of an event, `side` holds what is known of its side; see `EventDrivenMotion`
+    and `side_after`.
+    """
+    outlined()
+    addresses, n, p, x, event = system.addresses, system.n, system.p, state.x, room.event
+    numbers, counts, side = state.numbers, state.counts, state.side
+    call(addresses[FIELD], mode, 0, x, 0, p, state.slopes, 0)
+    for e in range(n):
+        if not abs(state.slopes[e]) < math.inf:
+            return FIELD_NOT_FINITE
+    numbers[STEP] = state.first_steps[mode]
+    if numbers[STEP] <= 0.0:
+        numbers[STEP] = first_step(
+            addresses,
+            mode,
+            n,
+            system.n_states,
+            p,
+            x,
+            state.slopes,
+            tolerances.rtol,
+            tolerances.atol,
+            room.y,
+            room.x_end,
+        )
+    numbers[FIRST_STEP] = numbers[STEP_BEFORE] = 0.0
+    for k in range(system.n_transitions):
+        if system.transitions[3 * k] != mode:
+            continue
+        call(addresses[EVENT_X], k, 0, x, 0, p, event, 0)
+        state.value[k] = event[0]
+        if not abs(event[0]) < math.inf:
+            return EVENT_NOT_FINITE
+        if k == counts[FIRED]:
+            numbers[RATE_AFTER] = event[1]
+        reach = (ROUNDING + 4.0 * numbers[RESIDUAL]) * size_of_terms(pointer(event, 2), n, state.size)
+        state.on[k] = 1 if abs(event[0]) <= reach else 0
+        if state.on[k] == 0:
+            side[k] = 1 if event[0] > 0.0 else -1
+        elif counts[FIRED] >= 0 and counts[MODE_BEFORE] != mode:
+            side[k] = 0
+    counts[STARTING] = 0
+    return DONE
+
+
+@njit(**PART)
+def _stride(system, state, left):
+    """The next step: as long as the tolerance allows, but not beyond the time wanted or the phase's wrap."""
+    phase = system.phase
+    wraps, last = False, True
+    if phase > 0.0:
+        to_wrap = (TWO_PI - state.x[system.n - 1]) / phase
+        if to_wrap <= left + 1e-13 * TWO_PI / phase:
+            wraps = True
+            last = to_wrap >= left - 1e-13 * TWO_PI / phase
+            left = to_wrap
+    tried = state.numbers[STEP]
+    ends = left <= 1.01 * tried
+    h = left if ends else (tried if left >= 2.0 * tried else 0.5 * left)
+    return Stride(h, ends, wraps and ends, last)
+
+
+@njit(**PART)
+def _try(system, tolerances, state, mode, stride, x_end, y):
+    """Take a step to x_end: whether it is accepted, its error and the next step over this one."""
+    addresses, n, p, h, slopes = system.addresses, system.n, system.p, stride.h, state.slopes
+    full_step(addresses, mode, n, p, h, state.x, slopes, y, x_end)
+    error = error_norm(slopes, n, int64(0), system.n_states, h, state.x, x_end, tolerances.rtol, tolerances.atol)
+    factor = step_factor(error, h, state.numbers)
+    accepted = error <= 1.0
+    if accepted:
+        if stride.wraps:
+            x_end[n - 1] = TWO_PI
+        call(addresses[FIELD], mode, 0, x_end, 0, p, slopes, 12 * n)
+        for e in range(n):
+            accepted = accepted and abs(slopes[12 * n + e]) < math.inf
+    if not accepted and (not error >= 0.0 or error <= 1.0 or error == math.inf):
+        factor = 0.2
+    return accepted, error, factor
+
+
+@njit(**INNER)
+def _shorten(system, state, mode, h, factor, event):
+    """Set the next step after one that was not accepted.
+
+    The field may have a kink on a surface ahead. A step that ends just past it makes the landing exact.
+    """
+    outlined()
+    numbers = state.numbers
+    numbers[STEP] = h * factor
+    for k in range(system.n_transitions):
+        if system.transitions[3 * k] == mode and state.on[k] == 0:
+            call(system.addresses[EVENT], k, 0, state.x, 0, system.p, event, 0)
+            ahead = -1.05 * event[0] / event[1]
+            if numbers[STEP] < ahead < 0.8 * h:
+                numbers[STEP] = ahead
+
+
+@njit(**PART)
+def _underflows(numbers):
+    """Whether the next step is lost in the rounding of the time."""
+    return numbers[STEP] <= 4.0 * EPSILON * numbers[T] or numbers[STEP] < SHORTEST
+
+
+@njit(**PART)
+def _go_on(system, state, mode, stride, t_end, crossings, ends, room):
+    """Take the state to the end of a step without an event; a status."""
+    n, x, slopes, numbers = system.n, state.x, state.slopes, state.numbers
+    for e in range(n):
+        state.size[e] = max(abs(x[e]), abs(room.x_end[e]), stride.h * abs(slopes[e]))
+        x[e] = room.x_end[e]
+        slopes[e] = slopes[12 * n + e]
+    advance(numbers, stride.h)
+    if stride.ends and stride.last:
+        numbers[T], numbers[T_LOW] = t_end, 0.0
+    call(system.addresses[GUARD], mode, 0, x, 0, system.p, room.guard, 0)
+    if not room.guard[0] > 0.0:
+        return LEFT_DOMAIN
+    for k in range(system.n_transitions):
+        if system.transitions[3 * k] == mode:
+            state.value[k] = ends.value[k]
+            state.side[k] = crossings.before[k] if crossings.n_found[k] % 2 == 0 else -crossings.before[k]
+            state.on[k] = ends.stays[k]
+    return DONE
+
+
+@njit(**INNER)
+def _wrap(system, state, mode, events, room):
+    """Set the phase, which is at its wrap, back to 0, and record the wrap."""
+    outlined()
+    n, x, event = system.n, state.x, room.event
+    for e in range(n):
+        room.y[e] = x[e]
+    x[n - 1] = 0.0
+    state.counts[WRAPS] += 1
+    record_event(events, state, n, int64(-1), system.phase, room.y, x, mode, mode)
+    for k in range(system.n_transitions):
+        if system.transitions[3 * k] == mode:
+            call(system.addresses[EVENT], k, 0, x, 0, system.p, event, 0)
+            state.value[k] = event[0]
+
+
+@njit(**INNER)
+def _sides_after(system, state, mode, fired, fraction, crossings):
+    """Set the sides of a mode's events at a landing; one at the same time waits for its turn, unless it was passed."""
+    outlined()
+    for k in range(system.n_transitions):
+        if system.transitions[3 * k] == mode:
+            state.side[k] = crossings.before[k]
+            for j in range(crossings.n_found[k]):
+                if crossings.found[ROOTS * k + j] < fraction - (0.0 if k == fired else 1e-9) or j < crossings.passed[k]:
+                    state.side[k] = -state.side[k]
+
+
+@njit(**INNER)
+def _wrap_first(system, state, mode, events, room):
+    """Pass the phase's wrap right behind a landing, before its event, which happens at once after it."""
+    outlined()
+    n, x, y, landing = system.n, state.x, room.y, room.landing
+    for e in range(n):
+        x[e] = y[e] = landing[e]
+        state.size[e] = room.landing_size[e]
+    x[n - 1] -= TWO_PI
+    y[n - 1], landing[n - 1] = TWO_PI, 0.0
+    state.counts[WRAPS] += 1
+    state.counts[FIRED], state.counts[STARTING] = int64(-1), 1
+    record_event(events, state, n, int64(-1), system.phase, y, landing, mode, mode)
+
+
+@njit(**INNER)
+def _happen(system, state, mode, fired, events, room):
+    """Let the event landed on happen: the reset, the mode after it; a status."""
+    outlined()
+    n, landing, after, event = system.n, room.landing, room.after, room.event
+    numbers, counts = state.numbers, state.counts
+    call(system.addresses[EVENT_X], fired, 0, landing, 0, system.p, event, 0)
+    rate = event[1]
+    hops = (
+        fired == counts[FIRED]
+        and mode == counts[MODE_BEFORE]
+        and 0.25 * max(abs(numbers[RATE_AFTER]), abs(rate)) * numbers[DURATION]
+        <= ROUNDING * size_of_terms(pointer(event, 2), n, room.landing_size)
+    )
+    counts[HOP_RUN] = counts[HOP_RUN] + 1 if hops else 0
+    call(system.addresses[RESET], fired, 0, landing, 0, system.p, after, 0)
+    target = system.transitions[3 * fired + 1]
+    record_event(events, state, n, fired, rate, landing, after, mode, target)
+    if numbers[DURATION] > 0.0:
+        state.first_steps[mode] = min(numbers[FIRST_STEP], 2.0 * numbers[DURATION])
+    for e in range(n):
+        state.x[e] = after[e]
+        state.size[e] = max(room.landing_size[e], abs(after[e]))
+        if not abs(after[e]) < math.inf:
+            return RESET_NOT_FINITE
+    if target == mode:
+        ends, scratch = EventEnds(landing, after, state.size), SideRoom(room.y, room.x_end, event)
+        state.side[fired] = side_after(system, fired, state.side[fired], rate, ends, scratch)
+    counts[MODE] = target
+    counts[MODE_BEFORE] = mode
+    counts[FIRED] = fired
+    counts[EVENTS] += 1
+    counts[STARTING] = 1
+    if chatters(counts, numbers, system.phase) or counts[HOP_RUN] > HOP_RUN_MOST:
+        return CHATTERING
+    return DONE
+
+
+@njit(**PART)
+def _one_step(system, tolerances, state, goal, steps, events, work):
+    """Begin a segment where one begins, take a step, and let its first event happen; a status."""
+    room, dense, crossings, ends, fit = work
+    n, p = system.n, system.p
+    numbers, counts, mode = state.numbers, state.counts, state.counts[MODE]
+    if counts[STARTING] == 1:
+        status = _begin(system, tolerances, state, mode, room)
+        if status != DONE:
+            return status
+    stride = _stride(system, state, (goal.t_end - numbers[T]) - numbers[T_LOW])
+    h = stride.h
+    accepted, error, factor = _try(system, tolerances, state, mode, stride, room.x_end, room.y)
+    if not accepted:
+        _shorten(system, state, mode, h, factor, room.event)
+        return STEP_UNDERFLOW if _underflows(numbers) else DONE
+    active = False
+    for k in range(system.n_transitions):
+        active = active or system.transitions[3 * k] == mode
+    if active or steps.room > 0:
+        dense_output(system.addresses, mode, n, p, h, state.x, room.x_end, state.slopes, room.y, dense)
+    status = seek(system, tolerances, state, mode, h, room.x_end, dense, crossings, ends, fit, room.y, room.event)
+    if status != DONE:
+        numbers[STEP] = 0.5 * h
+        if _underflows(numbers):
+            return STEP_UNDERFLOW if status == AGAIN else status
+        return DONE
+    crossed = False
+    for k in range(system.n_transitions):
+        crossed = crossed or crossings.n_found[k] > 0
+    fired, dt, fraction = int64(-1), h, NEVER
+    if crossed:
+        fired, dt, fraction = first_event(system, state, mode, h, crossings, room)
+    if numbers[FIRST_STEP] == 0.0:
+        numbers[FIRST_STEP] = h * min(factor, max(1.0, 0.5 * factor))
+    if fired < 0:
+        for e in range(system.n_states):
+            if not abs(room.x_end[e]) < BOUND:
+                return UNBOUNDED
+        if steps.room > 0:
+            record_step(steps, state, n, h, mode, dense)
+        status = _go_on(system, state, mode, stride, goal.t_end, crossings, ends, room)
+        if status != DONE:
+            return status
+        numbers[STEP] = max(h * factor, numbers[STEP]) if stride.ends else h * factor
+        numbers[STEP_BEFORE], numbers[ERROR_BEFORE] = h, max(error, 1e-4)
+        if stride.wraps:
+            _wrap(system, state, mode, events, room)
+        return DONE
+    if steps.room > 0 and dt > 0.0:
+        dense_output(system.addresses, mode, n, p, dt, state.x, room.landing, room.trial, room.y, dense)
+        record_step(steps, state, n, dt, mode, dense)
+    advance(numbers, dt)
+    _sides_after(system, state, mode, fired, fraction, crossings)
+    if system.phase > 0.0 and room.landing[n - 1] > TWO_PI - AT_WRAP:
+        _wrap_first(system, state, mode, events, room)
+        return DONE
+    return _happen(system, state, mode, fired, events, room)
+
+
+@njit(**PART)
+def _laid_out(block, integers, n, n_transitions):
+    """Room for a step within two blocks of the stack."""
+    event = pointer(block, 28 * n)
+    room = Room(
+        block, pointer(block, n), pointer(block, 2 * n), pointer(block, 4 * n), pointer(block, 3 * n),
+        pointer(block, 5 * n), event, pointer(block, 30 * n + 2),
+    )  # fmt: skip
+    value = pointer(block, 30 * n + 3)
+    found = pointer(value, n_transitions)
+    values = pointer(found, ROOTS * n_transitions)
+    fit = Fit(values, pointer(values, DEGREE + 1), pointer(values, 2 * (DEGREE + 1)), pointer(values, 3 * (DEGREE + 1)))
+    crossings = Crossings(
+        found, integers, pointer(integers, 2 * n_transitions), pointer(integers, n_transitions),
+        pointer(integers, 4 * n_transitions),
+    )  # fmt: skip
+    ends = Ends(value, pointer(integers, 3 * n_transitions))
+    return room, pointer(block, 21 * n), crossings, ends, fit
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def run_kernel(system, tolerances, goal, state, steps, events):
+    """Follow a hybrid flow until a time, a number of phase wraps or events, or a full buffer; a status."""
+    n, n_transitions, budget = system.n, system.n_transitions, goal.budget
+    system, state = system_pointers(system), state_pointers(state)
+    steps, events = step_pointers(steps), event_pointers(events)
+    block = stack(float64, 30 * n + 3 + n_transitions * (ROOTS + 1) + 3 * (DEGREE + 1) + DEPTH * PIECE)
+    integers = stack(int64, 5 * n_transitions)
+    work = _laid_out(block, integers, n, n_transitions)
+    counts, numbers = state.counts, state.numbers
+    counts[N_STEPS] = counts[N_EVENTS] = 0
+    while True:
+        if counts[WRAPS] >= goal.wraps or counts[EVENTS] >= goal.events:
+            return DONE
+        if (goal.t_end - numbers[T]) - numbers[T_LOW] <= 0.0:
+            return DONE
+        if budget <= 0 or counts[N_EVENTS] == events.room or (steps.room > 0 and counts[N_STEPS] == steps.room):
+            return AGAIN
+        budget -= 1
+        counts[TRIES] += 1
+        status = _one_step(system, tolerances, state, goal, steps, events, work)
+        if status != DONE:
+            return status

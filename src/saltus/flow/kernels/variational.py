@@ -1,0 +1,333 @@
+"""Compiled variational equations of a hybrid motion: its steps taken again with a frame, saltation, orthonormalisation.
+
+`run_kernel` follows the motion and leaves its steps and events. Each step is taken again with the columns of a frame
+beside the state. A whole step has the same stages of the state as the motion; a step too long for the frame, as where
+the motion rests, is taken in parts. At an event the frame passes through the saltation matrix. After every part and
+event the frame is made orthonormal, and the logarithms of its columns' lengths are summed. See docs/theory/lyapunov.md.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from saltus.flow.kernels.event import run_kernel
+from saltus.flow.kernels.stages import error_norm, stage
+from saltus.flow.kernels.state import (
+    AGAIN,
+    DONE,
+    EPSILON,
+    N_EVENTS,
+    N_STEPS,
+    T_LOW,
+    Goal,
+    T,
+    event_pointers,
+    step_pointers,
+    system_pointers,
+)
+from saltus.system.compiled import FUNCTIONS
+from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.pointers import INNER, call, keep, outlined, pointer
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+FIELD = FUNCTIONS.index("field")
+VARY = FUNCTIONS.index("vary")
+EVENT_X = FUNCTIONS.index("event_x")
+RESET_X = FUNCTIONS.index("reset_x")
+
+# Places in `places`.
+ROW = 0  # the row under way
+LIVE = 1  # columns that have not collapsed
+GRAZED = 2  # events that were grazed
+N_PLACES = 3
+GRAZING = 1e-14  # normal velocity, over its terms, below which it is zero and there is no saltation matrix
+COLLAPSED = 64.0 * EPSILON  # length of a column after an event, over its terms, that is rounding: its direction is lost
+LOOSER = 1e3  # tolerance of the frame, over that of the motion
+LOOSEST = 1e-4  # largest tolerance of the frame, relative
+SHORTEST = 1e-12  # part of a step at which the frame still errs where the field's Jacobian is not finite
+CLEAR = 1e-4  # normal velocity, over its terms, above which no grazing makes columns small
+
+
+class Rows(NamedTuple):
+    """Stretches of a motion, one after the other.
+
+    Parameters
+    ----------
+    times : ndarray, shape (row,)
+        The time at which each ends; or
+    wraps : ndarray of int64, shape (row,)
+        the count of wraps.
+    growth : ndarray, shape (row, columns)
+        Logarithms of the columns' growth in each row, -inf from the row on in which one collapses.
+    ends : ndarray, shape (row,)
+        Times at which they ended.
+    """
+
+    times: NDArray[np.float64]
+    wraps: NDArray[np.int64]
+    growth: NDArray[np.float64]
+    ends: NDArray[np.float64]
+
+
+class Frame(NamedTuple):
+    """Perturbations of a motion, and room for their sizes and growth: pointers.
+
+    Parameters
+    ----------
+    columns : int
+        How many.
+    vectors : float64 pointer, (n, columns)
+        The perturbations.
+    terms : float64 pointer, (columns,)
+        Size of the terms of each perturbation.
+    gains : float64 pointer, (columns,)
+        Logarithms of growth in a part of a step.
+    """
+
+    columns: int
+    vectors: Any
+    terms: Any
+    gains: Any
+
+
+class Room(NamedTuple):
+    """Room for a step of state and frame, of length n (1 + columns): pointers to 13 slopes, to its start and its end."""
+
+    slopes: Any
+    y: Any
+    trial: Any
+
+
+@njit(**INNER)
+def _take(addresses, mode, n, columns, h, p, slopes, y, trial):
+    """Take a step of state and frame from y to trial; the error of the frame, whose columns have length 1 in y."""
+    outlined()
+    length = n * (1 + columns)
+    call(addresses[VARY], mode, columns, y, 0, p, slopes, 0)
+    for i in range(1, 13):
+        stage(i, slopes, length, h, y, trial)
+        if i < 12:
+            call(addresses[VARY], mode, columns, trial, 0, p, slopes, i * length)
+    return error_norm(slopes, length, n, n * columns, h, y, trial, 0.0, 1.0)
+
+
+@njit(**INNER)
+def _carry(system, mode, x, h, frame, live, longest, tolerance, growth, room):
+    """Carry a frame over a step of the state from x, orthonormal at its end; how many columns live, and `longest`.
+
+    The step is taken in parts not longer than `longest`. They become shorter until the frame's error is below
+    `tolerance` times the shortest length to which an orthonormal column shrinks.
+    """
+    outlined()
+    n, columns, terms, gains, y, trial = system.n, frame.columns, frame.terms, frame.gains, room.y, room.trial
+    for c in range(columns):
+        terms[c] = 0.0
+    for e in range(n):
+        y[e] = x[e]
+    for e in range(n * columns):
+        y[n + e] = frame.vectors[e]
+    left = h
+    while left > 0.0:
+        part = left if left <= longest else left / math.ceil(left / longest)
+        error = _take(system.addresses, mode, n, columns, part, system.p, room.slopes, y, trial) / tolerance
+        remaining = live
+        if error <= 1.0:
+            for c in range(columns):
+                gains[c] = 0.0
+            remaining = _orthonormalise(pointer(trial, n), n, columns, live, terms, gains)
+            least = 0.0
+            for c in range(remaining):
+                least = min(least, gains[c])
+            error *= math.exp(-least)
+        if not error <= 1.0:
+            longest = part * (max(0.2, 0.9 * error**-0.125) if error < math.inf else 0.2)
+            if longest < SHORTEST * h:
+                growth[0] = math.nan
+                return live, math.inf
+            continue
+        live = remaining
+        for c in range(columns):
+            growth[c] += gains[c]
+        for e in range(n * (1 + columns)):
+            y[e] = trial[e]
+        if part < h:
+            longest = part * (min(5.0, 0.9 * error**-0.125) if error > 0.0 else 5.0)
+        else:
+            longest = math.inf
+        left = left - part if part < left else 0.0
+    for e in range(n * columns):
+        frame.vectors[e] = y[n + e]
+    return live, longest
+
+
+@njit(**INNER)
+def _saltate(addresses, k, mode, target, n, columns, before, after, p, frame, terms, work):
+    """Carry a frame over an event; whether there is a saltation matrix, the event not being grazed.
+
+    terms: (columns,), the size of the terms of each column; 0 where the event is not clear of a grazing, as small
+    columns are then no rounding. work: (n^2 + 5 n + 2 + 2 columns,).
+    """
+    outlined()
+    event, f1, f2, column = work, pointer(work, 2 + 2 * n), pointer(work, 2 + 3 * n), pointer(work, 2 + 4 * n)
+    jacobian = pointer(work, 2 + 5 * n)
+    row, sizes = pointer(jacobian, n * n), pointer(jacobian, n * n + columns)
+    call(addresses[EVENT_X], k, 0, before, 0, p, event, 0)
+    rate, gradient = event[1], pointer(event, 2)
+    call(addresses[FIELD], mode, 0, before, 0, p, f1, 0)
+    scale = 0.0
+    for e in range(n):
+        scale += abs(gradient[e] * f1[e])
+    if not abs(rate) > GRAZING * scale:
+        return False
+    call(addresses[FIELD], target, 0, after, 0, p, f2, 0)
+    call(addresses[RESET_X], k, 0, before, 0, p, jacobian, 0)
+    # how much later each perturbed motion meets the surface, and the terms of that
+    for c in range(columns):
+        row[c] = sizes[c] = terms[c] = 0.0
+        for e in range(n):
+            row[c] += gradient[e] * frame[e * columns + c] / rate
+            sizes[c] += abs(gradient[e] * frame[e * columns + c] / rate)
+    # frame := Dg frame + (f2 - Dg f1) row, a column at a time
+    for c in range(columns):
+        for e in range(n):
+            column[e] = frame[e * columns + c]
+        for i in range(n):
+            total, size = f2[i] * row[c], abs(f2[i]) * sizes[c]
+            for j in range(n):
+                entry = jacobian[i * n + j]
+                total += entry * (column[j] - f1[j] * row[c])
+                size += abs(entry) * (abs(column[j]) + abs(f1[j]) * sizes[c])
+            frame[i * columns + c] = total
+            if abs(rate) > CLEAR * scale:
+                terms[c] += size
+    return True
+
+
+@njit(**INNER)
+def _length(frame, n, columns, c):
+    total = 0.0
+    for e in range(n):
+        total += frame[e * columns + c] ** 2
+    return math.sqrt(total)
+
+
+@njit(**INNER)
+def _orthonormalise(frame, n, columns, live, terms, growth):
+    """Make the first `live` columns orthonormal, in order, adding the logarithms of their lengths to `growth`.
+
+    Modified Gram-Schmidt, a second time for a column that lost half its length. A column that vanishes, or is shorter
+    than its rounding, `COLLAPSED` of its terms, is taken out and those after it move up. Returns how many are left.
+    """
+    outlined()
+    c = 0
+    while c < live:
+        length = _length(frame, n, columns, c)
+        for _ in range(2):
+            earlier = length
+            for b in range(c):
+                product = 0.0
+                for e in range(n):
+                    product += frame[e * columns + b] * frame[e * columns + c]
+                for e in range(n):
+                    frame[e * columns + c] -= product * frame[e * columns + b]
+            if c > 0:
+                length = _length(frame, n, columns, c)
+            if length > 0.5 * earlier:
+                break
+        if length <= COLLAPSED * terms[c]:
+            live -= 1
+            for d in range(c, live):
+                terms[d] = terms[d + 1]
+                for e in range(n):
+                    frame[e * columns + d] = frame[e * columns + d + 1]
+            for e in range(n):
+                frame[e * columns + live] = 0.0
+            continue
+        growth[c] += math.log(length)
+        for e in range(n):
+            frame[e * columns + c] /= length
+        c += 1
+    return live
+
+
+@njit(**INNER)
+def _pass(system, event, events, frame, live, growth, places, work):
+    """Carry a frame over one of the events that are stored; how many columns live."""
+    outlined()
+    n, which = system.n, pointer(events.which, 3 * event)
+    before, after = pointer(events.ends, 2 * event * n), pointer(events.ends, (2 * event + 1) * n)
+    if _saltate(
+        system.addresses,
+        which[0],
+        which[1],
+        which[2],
+        n,
+        frame.columns,
+        before,
+        after,
+        system.p,
+        frame.vectors,
+        frame.terms,
+        work,
+    ):
+        return _orthonormalise(frame.vectors, n, frame.columns, live, frame.terms, growth)
+    places[GRAZED] += 1
+    return live
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def growth_kernel(system, tolerances, budget, state, steps, events, rows, vectors, places):
+    """Follow a motion with a frame, row after row, until the last row ends or `budget` steps are spent; a status.
+
+    The records are those of `run_kernel`. Changed in place: vectors, (n, columns); places; what rows hold.
+    """
+    n, columns = vectors.shape
+    length, start = n * (1 + columns), (n + 2) * (n + 3) + 3 * columns
+    block = np.empty(start + 15 * length + columns)
+    work = pointer(block, columns)
+    room = Room(pointer(block, start), pointer(block, start + 13 * length), pointer(block, start + 14 * length))
+    frame = Frame(columns, pointer(vectors, 0), pointer(block, 0), pointer(block, start + 15 * length))
+    laws, sums = system_pointers(system), pointer(rows.growth, 0)
+    taken, passed, counts = step_pointers(steps), event_pointers(events), pointer(state.counts, 0)
+    last_event, live = np.iinfo(np.int64).max, places[LIVE]
+    tolerance, longest = min(LOOSER * tolerances.rtol, LOOSEST), math.inf
+    status = DONE
+    while places[ROW] < rows.times.size:
+        row = places[ROW]
+        if budget <= 0:
+            status = AGAIN
+            break
+        goal = Goal(rows.times[row], rows.wraps[row], last_event, budget)
+        status = run_kernel(system, tolerances, goal, state, steps, events)
+        budget -= max(counts[N_STEPS], 1)
+        growth = pointer(sums, row * columns)
+        event = 0
+        for step in range(counts[N_STEPS] + 1):
+            # events at the time at which a step begins come before it, those after the last step at the end
+            while event < counts[N_EVENTS] and (
+                step == counts[N_STEPS] or passed.times[event] <= taken.times[2 * step]
+            ):
+                if passed.which[3 * event] >= 0:
+                    live = _pass(laws, event, passed, frame, live, growth, places, work)
+                    longest = math.inf
+                event += 1
+            if step < counts[N_STEPS]:
+                x, h = pointer(taken.starts, step * n), taken.times[2 * step + 1]
+                live, longest = _carry(
+                    laws, taken.modes[step], x, h, frame, live, longest, tolerance, growth, room
+                )  # fmt: skip
+        if status == DONE:
+            rows.ends[row] = state.numbers[T] + state.numbers[T_LOW]
+            for c in range(live, columns):
+                growth[c] = -math.inf
+            places[ROW] += 1
+        elif status != AGAIN:
+            break
+    places[LIVE] = live
+    keep(block)
+    return status

@@ -1,0 +1,1 @@
+"""Compiled equations of orbits and what is surveyed along them."""

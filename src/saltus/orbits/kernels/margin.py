@@ -1,0 +1,202 @@
+"""Compiled distances of a segment from the surfaces of events: docs/theory/orbits.md, "Admissibility"."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from numba import int64
+
+from saltus.flow.kernels.crossing import SHRINKS
+from saltus.flow.kernels.segment import EVENT_X
+from saltus.orbits.kernels.curve import FINE, GUARD, fine, held, lowest, sample, turning
+from saltus.orbits.signature import BEYOND, BOUNDARY, EARLY, SECTION, WHOLE
+from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.pointers import INNER, call, outlined, pointer
+
+LEVEL = 1e-8  # share of an event function's variation within which a segment is as a whole equally far from its surface
+ZERO = 1e-13  # share of an event function's variation below which it is rounding
+BRIEF = 1e-4  # share of the period below which a segment is too short to show such a distance
+
+
+class Surface(NamedTuple):
+    """The surface of a transition, as a segment's fine samples show it.
+
+    Attributes
+    ----------
+    transition : int
+        Which.
+    at : int
+        Where in margins and places the segment's entry for it is.
+    sign : float
+        Sign by which the event function is multiplied, so that it is positive before the event.
+    height : pointer to float64
+        Event function times `sign` at the samples.
+    small : float
+        Height below which a height is rounding of 0.
+    least : float
+        The same where only the rounding of numbers counts.
+    """
+
+    transition: int
+    at: int
+    sign: float
+    height: object
+    small: float
+    least: float
+
+
+@njit(**INNER)
+def margin(view, curve, k, head, transition, before, closed, room, found):
+    """Note how near a segment comes to the surface of transition `k`; return BEYOND and EARLY where they are due.
+
+    head: the segment. transition, before: the events at its end and at its start. closed: whether it has none.
+    """
+    outlined()
+    total = curve.count * FINE
+    height, sign = pointer(room.heights, k * (total + 1)), -1.0 if view.directions[k] > 0 else 1.0
+    size, top, bottom = 0.0, height[0], height[0]
+    for j in range(total + 1):
+        size = max(size, abs(height[j]))
+        top, bottom = max(top, height[j]), min(bottom, height[j])
+    call(view.functions[EVENT_X], k, 0, curve.nodes, 0, view.p, room.slope, 0)
+    reach, at, bad = 0.0, head * view.transitions + k, 0
+    for e in range(view.n):
+        reach += abs(room.slope[2 + e]) * view.sizes[e]
+    small = 1e-9 * (1e-3 * reach + size)
+    if view.directions[k] == 0 and height[0 if abs(height[0]) > small else 1] < 0.0:
+        sign, top, bottom = -1.0, -bottom, -top
+        for j in range(total + 1):
+            height[j] = -height[j]
+    level = curve.duration > BRIEF * view.period and top - bottom <= LEVEL * reach + 1e-14 * size
+    passed = top < -small and view.directions[k] != 0 and view.surfaces[k] == BOUNDARY
+    if k != transition and k != before and (level or passed):
+        holds = held(view, curve, k, room.x, room.one)
+        if passed and holds == total + 1:
+            bad |= BEYOND
+        if level:
+            if holds > 0 and view.surfaces[k] != SECTION:
+                distance = sign * height[0] if view.directions[k] == 0 else height[0]
+                found.margins[at] = distance if abs(distance) > ZERO * reach else 0.0
+                found.places[at] = WHOLE
+            return bad
+    surface = Surface(k, at, sign, height, small, ZERO * (reach + size))
+    more, seen = _touches(view, curve, surface, k == transition, k == before, room, found)
+    bad |= more
+    return bad | _at_seam(view, curve, surface, seen, room, found) if closed else bad
+
+
+@njit(**INNER)
+def _touches(view, curve, surface, ends, begins, room, found):
+    """Note the least distances inside a segment; return EARLY where it is due, and whether it was before the surface.
+
+    ends, begins: whether the surface is that of the event at the segment's end, or at its start.
+    """
+    outlined()
+    height, small, total, bad = surface.height, surface.small, curve.count * FINE, 0
+    armed = seen = unmet = False
+    last = _told_up_to(curve, surface) if ends else total
+    for j in range(total + 1):
+        if 2 <= j <= last and height[j - 1] < height[j - 2] and height[j - 1] <= height[j] and seen and not unmet:
+            bad |= _touch(view, curve, surface, 1.0, j - 1, room, found)
+        # from beyond the surface the motion may come back through it for a moment, and meet the event then
+        if 2 <= j and not armed and height[j - 2] < height[j - 1] >= height[j] and height[j - 1] <= small:
+            fa, fm, fb = -height[j - 2], -height[j - 1], -height[j]
+            if fm <= max(fa, fb) - fm:
+                bad |= _touch(view, curve, surface, -1.0, j - 1, room, found)
+        # an event that has just happened does not happen again as the motion passes on through its surface
+        starts = j == 1 and abs(height[0]) <= small and curve.duration > 0.0 and not begins
+        if 0 < j < total and height[j] < -small and (armed or starts):
+            # one who has passed while the condition did not hold is beyond, and meets the event no more
+            early, jumps = _crossed(view, curve, surface, j, armed, room)
+            bad |= early
+            unmet = early == 0 and not jumps
+            armed, seen = False, seen and not jumps
+        if j == total and not ends and armed and height[j] < -small:
+            bad |= EARLY
+        if height[j] > small:
+            armed = seen = True
+            unmet = False
+    return bad, seen
+
+
+@njit(**INNER)
+def _told_up_to(curve, surface):
+    """Return the last fine sample that tells how near a segment comes to the surface at which it ends.
+
+    Where it meets the surface with a velocity, heights next to the end are rounding; where it touches it, they count.
+    """
+    height, total = surface.height, curve.count * FINE
+    last = total
+    while last > 0 and height[last] <= surface.least:
+        last -= 1
+    before = max(last - FINE, 0)
+    steep = height[last] * _left(curve, before) >= 0.5 * height[before] * _left(curve, last)
+    return last if steep else total
+
+
+@njit(**INNER)
+def _left(curve, j):
+    """Return the time from a fine sample to the segment's end, over its duration."""
+    place = fine(curve, j)
+    return (1.0 - place) * (1.0 - place) * (1.0 + 2.0 * place)
+
+
+@njit(**INNER)
+def _touch(view, curve, surface, way, j, room, found):
+    """Note the least height (way 1) or the greatest (-1) near a fine sample; return EARLY where the surface is passed."""
+    height, k = surface.height, surface.transition
+    fa, fm, fb = way * height[j - 1], way * height[j], way * height[j + 1]
+    what = view.n + view.outputs + k
+    place, least = lowest(view, curve, what, way * surface.sign, j, fa, fm, fb, room.x, room.out)
+    return _noted(view, surface, least, place, room, found)
+
+
+@njit(**INNER)
+def _noted(view, surface, least, place, room, found):
+    """Keep a least distance where the condition holds and none is less yet; return EARLY where it is beyond the surface."""
+    call(view.functions[GUARD], view.modes + surface.transition, 0, room.x, 0, view.p, room.one, 0)
+    if not room.one[0] > 0.0 or not least < found.margins[surface.at]:
+        return 0
+    found.margins[surface.at], found.places[surface.at] = least, place
+    return EARLY if least < -surface.small else 0
+
+
+@njit(**INNER)
+def _crossed(view, curve, surface, j, armed, room):
+    """Return EARLY where the condition holds as the surface is passed, before the fine sample `j`; and whether it is not.
+
+    A function that jumps, or has a pole, changes its sign without being zero: that is no event.
+    """
+    above, below = surface.height[j - 1], surface.height[j]
+    apart = abs(above) + abs(below)
+    low, high, what = fine(curve, j - 1), fine(curve, j), view.n + view.outputs + surface.transition
+    for _ in range(50 if armed else 0):
+        place = 0.5 * (low + high)
+        value = sample(view, curve, what, surface.sign, place, room.x, room.out)
+        if value < 0.0:
+            high, below = place, value
+        else:
+            low, above = place, value
+    if armed and abs(above - below) > max(SHRINKS * apart, surface.small):
+        return 0, True
+    sample(view, curve, int64(0), 1.0, low, room.x, room.out)
+    call(view.functions[GUARD], view.modes + surface.transition, 0, room.x, 0, view.p, room.one, 0)
+    return EARLY if room.one[0] > 0.0 else 0, False
+
+
+@njit(**INNER)
+def _at_seam(view, curve, surface, seen, room, found):
+    """Note an extremum where a segment without events begins, which is no end; return EARLY where it is due."""
+    outlined()
+    height, total, bad = surface.height, curve.count * FINE, 0
+    what = view.n + view.outputs + surface.transition
+    for side in range(2):
+        up = 1.0 if side == 0 else -1.0
+        fa, fm, fb = up * height[total - 1], up * height[0], up * height[1]
+        if not (fm <= fa and fm <= fb and fm < max(fa, fb)):
+            continue
+        if not (seen if side == 0 else not seen and fm <= max(fa, fb) - fm):
+            continue
+        place, least = turning(view, curve, what, up * surface.sign, room.x, room.out)
+        bad |= _noted(view, surface, least, place, room, found)
+    return bad

@@ -1,0 +1,1 @@
+"""What compiled functions share: how they are compiled and kept, pointers, bits, small linear systems."""

@@ -1,0 +1,86 @@
+"""Compiled linear algebra for the small dense systems of orbits and branches."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import int64
+
+from saltus.system.numba_tools.machine_code import njit
+from saltus.system.numba_tools.pointers import INNER, keep, pointer
+
+
+@njit(cache=True, error_model="numpy")
+def solve(matrix, rhs):
+    """Solve matrix x = rhs in place (both are overwritten) and return the sign and log of |det|; sign 0 where singular.
+
+    matrix: (m, m); rhs: (m, k).
+    """
+    return solve_flat(pointer(matrix, 0), pointer(rhs, 0), rhs.shape[0], rhs.shape[1])
+
+
+@njit(**INNER)
+def solve_flat(matrix, rhs, m, k):
+    """Solve as `solve` does, on pointers."""
+    sign, log = 1.0, 0.0
+    for i in range(m):
+        pivot, best = i, abs(matrix[i * m + i])
+        for r in range(i + 1, m):
+            if abs(matrix[r * m + i]) > best:
+                pivot, best = r, abs(matrix[r * m + i])
+        if not best > 0.0:
+            return 0.0, -np.inf
+        if pivot != i:
+            sign = -sign
+            for c in range(i, m):
+                matrix[i * m + c], matrix[pivot * m + c] = matrix[pivot * m + c], matrix[i * m + c]
+            for c in range(k):
+                rhs[i * k + c], rhs[pivot * k + c] = rhs[pivot * k + c], rhs[i * k + c]
+        if matrix[i * m + i] < 0.0:
+            sign = -sign
+        log += math.log(best)
+        for r in range(i + 1, m):
+            factor = matrix[r * m + i] / matrix[i * m + i]
+            if factor != 0.0:
+                for c in range(i + 1, m):
+                    matrix[r * m + c] -= factor * matrix[i * m + c]
+                for c in range(k):
+                    rhs[r * k + c] -= factor * rhs[i * k + c]
+    for c in range(k):
+        for i in range(m - 1, -1, -1):
+            total = rhs[i * k + c]
+            for j in range(i + 1, m):
+                total -= matrix[i * m + j] * rhs[j * k + c]
+            rhs[i * k + c] = total / matrix[i * m + i]
+    return sign, log
+
+
+@njit(cache=True, error_model="numpy")
+def bordered(J, F, row, u, guess, scale):
+    """Solve (J; row) (du, t) = (-F, 0; -row (u - guess), 1).
+
+    J: (m, m + 1); F: (m,); the others (m + 1,). Returns the two solutions, (m + 1, 2), sign and log of the determinant,
+    the largest |du| and the largest |F|, both over `scale`.
+    """
+    m, wide = F.size, F.size + 1
+    block, solutions = np.empty(wide * wide), np.empty((wide, 2))
+    matrix, rhs = pointer(block, 0), pointer(solutions, 0)
+    ahead = top = size = 0.0
+    for i in range(m):
+        for j in range(wide):
+            matrix[i * wide + j] = J[i, j]
+        rhs[2 * i] = -F[i]
+        rhs[2 * i + 1] = 0.0
+        top = max(top, abs(F[i]) / scale[i])
+    for j in range(wide):
+        matrix[m * wide + j] = row[j]
+        ahead += row[j] * (u[j] - guess[j])
+    rhs[2 * m] = -ahead
+    rhs[2 * m + 1] = 1.0
+    sign, log = solve_flat(matrix, rhs, wide, int64(2))
+    keep(block)
+    for j in range(wide):
+        change = abs(rhs[2 * j]) / scale[j]
+        size = change if not change < size else size
+    return solutions, sign, log, size, top
