@@ -18,8 +18,8 @@ from scipy.integrate import solve_ivp
 
 import saltus
 from saltus import afm
-from saltus.afm.figures import fig8, fig9, fig10, sections
-from saltus.afm.galerkin import coefficients
+from saltus.afm.paper.figures import fig8, fig9, fig10, sections
+from saltus.afm.paper.galerkin import coefficients
 from saltus.basins import Attractors, Grid, find_attractors
 from saltus.basins.map.labelling import TOLERANCE
 from saltus.ensemble.ensemble import Ensemble, regions_of

@@ -22,7 +22,7 @@ from basin_peers import EventDriven, Heyoka, Model, by_scipy, grids, states_of_b
 from measure import interleaved, machine, show
 
 from saltus import BasinOptions
-from saltus.afm.figures import sections
+from saltus.afm.paper.figures import sections
 from saltus.basins import map_basins
 from saltus.basins.map.labelling import TOLERANCE
 
@@ -52,7 +52,7 @@ FIGURES = """
 import json, resource, sys, time
 from pathlib import Path
 begin = time.perf_counter()
-from saltus.afm.figures import {name}
+from saltus.afm.paper.figures import {name}
 out = Path(sys.argv[1])
 found = list({name}.compute(out / "{name}.zarr", {resolution}))
 labels = sum(basins.grid.size / basins.orbits_per_second for _, basins in found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from measure import interleaved, machine, show
 
 import saltus
-from saltus.afm.figures import fig3, runner
+from saltus.afm.paper.figures import fig3, runner
 
 AUTO = 0.6
 """Seconds, on another day, of AUTO-07p for 200 points of a fold locus (0.6 to 0.9); it sought no further points."""

@@ -16,9 +16,9 @@ from scipy.integrate import solve_ivp
 
 import saltus
 from saltus import afm
-from saltus.afm.figures import fig7, fig7a
-from saltus.afm.galerkin import coefficients
-from saltus.afm.regimes import settled_orbit
+from saltus.afm.paper.figures import fig7, fig7a
+from saltus.afm.paper.galerkin import coefficients
+from saltus.afm.paper.regimes import settled_orbit
 from saltus.flow.poincare import iterate
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.pointers import call

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import saltus
 from saltus import afm
-from saltus.afm.galerkin import coefficients
+from saltus.afm.paper.galerkin import coefficients
 from saltus.flow.motion import EventDrivenMotion, start_state
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.numba_tools.pointers import call

@@ -19,8 +19,8 @@ import numpy as np
 
 import saltus
 from saltus import afm
-from saltus.afm.curve import Curve
-from saltus.afm.routes import stays_in_contact
+from saltus.afm.curves.curve import Curve
+from saltus.afm.curves.routes import stays_in_contact
 
 VALUES = 12  # distances of each sweep
 SETTLES = 4.0  # periods that a sweep drops, over the largest quality factor

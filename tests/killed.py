@@ -18,7 +18,7 @@ from PIL import Image
 
 import mutated
 from saltus import SweepOptions, find_attractors, load, map_basins, run_sweep
-from saltus.afm.figures.files import write_figure
+from saltus.afm.paper.figures.files import write_figure
 from saltus.basins.attractors.found import Search
 from saltus.basins.map.basins import Basins
 from saltus.sweeps import record
@@ -151,7 +151,7 @@ class Figures:
             pyplot.close("all")
 
     def check(self, folder: Path) -> None:
-        from saltus.afm.figures.files import read_results
+        from saltus.afm.paper.figures.files import read_results
 
         assert read_results(folder / "fig.nc") == {"one": self.result}
         assert len(json.loads((folder / "fig.json").read_text())["numbers"]) == 5000

@@ -27,7 +27,7 @@ def _run(capsys, *args: str) -> tuple[int, str, str]:
 @pytest.fixture
 def figure(monkeypatch):
     """A figure that is computed at once; its `act` can be replaced."""
-    import saltus.afm.figures as figures
+    import saltus.afm.paper.figures as figures
 
     class Branch:
         def __repr__(self):

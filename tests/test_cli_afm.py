@@ -16,10 +16,10 @@ import pytest
 
 import saltus
 from saltus import afm, cli
-from saltus.afm.configuration import model_of, read_experiment
-from saltus.afm.modelling import model
-from saltus.afm.sets import entries_of, names, text_of
-from saltus.afm.stable_orbits import stable_orbits
+from saltus.afm.curves.stable_orbits import stable_orbits
+from saltus.afm.files.configuration import model_of, read_experiment
+from saltus.afm.files.sets import entries_of, names, text_of
+from saltus.afm.model.modelling import model
 from test_cli import HEAVY, _run
 
 LEVER = text_of("lever-s")

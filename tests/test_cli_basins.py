@@ -364,8 +364,8 @@ def test_a_plane_of_any_direction_is_read(tmp_path):
 
 
 def test_the_example_configurations_can_be_read():
-    from saltus.afm.configuration import model_of
-    from saltus.afm.variations import tapping_mode_with
+    from saltus.afm.files.configuration import model_of
+    from saltus.afm.paper.variations import tapping_mode_with
     from saltus.basins.map.config import read_config, system_of
     from saltus.basins.map.grid import Grid
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from saltus import afm
-from saltus.afm.units import QUANTITIES
+from saltus.afm.probe.units import QUANTITIES
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -13,7 +13,7 @@ import pytest
 
 import mutated
 from saltus import InputError, load
-from saltus.afm.figures.files import read_results
+from saltus.afm.paper.figures.files import read_results
 from saltus.files import write_sealed
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem

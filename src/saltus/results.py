@@ -53,9 +53,9 @@ _HOMES = {
     "Sweep": "saltus.sweeps.sweep",
     "Fit": "saltus.fitting.result",
     "Optimum": "saltus.optimisation.optimum",
-    "Curve": "saltus.afm.curve",
-    "Bistability": "saltus.afm.bistable_region",
-    "FrequencyShift": "saltus.afm.shift_curve",
+    "Curve": "saltus.afm.curves.curve",
+    "Bistability": "saltus.afm.curves.bistable_region",
+    "FrequencyShift": "saltus.afm.fm.shift_curve",
     "LyapunovSpectrum": "saltus.sweeps.lyapunov",
 }
 _STORE = "zarr.json"  # file by which a folder is known as a Zarr store

@@ -17,10 +17,10 @@ from PIL import Image
 
 import saltus
 from saltus import afm
-from saltus.afm.animation import Scene, animate
-from saltus.afm.beam import mode_shape
-from saltus.afm.cantilever_motion import hertz_profile, motion_of
-from saltus.afm.sample import tip_force
+from saltus.afm.paper.sample import tip_force
+from saltus.afm.pictures.animation import Scene, animate
+from saltus.afm.pictures.cantilever_motion import hertz_profile, motion_of
+from saltus.afm.probe.beam import mode_shape
 from saltus.errors import InputError, SaltusError
 
 SETUP = afm.table1()

@@ -7,7 +7,7 @@ import pytest
 
 import saltus
 from saltus import afm
-from saltus.afm import fold_search
+from saltus.afm.curves import fold_search
 from saltus.errors import InputError
 
 matplotlib.use("Agg")

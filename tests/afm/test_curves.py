@@ -11,7 +11,7 @@ import xarray as xr
 
 import saltus
 from saltus import InputError, afm
-from saltus.afm.model_parts import parts_of
+from saltus.afm.model.model_parts import parts_of
 
 # Lever S of the design: jumps, grazing and readings found by an independent event-exact code as well.
 PROBE = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)

@@ -13,7 +13,7 @@ import pytest
 
 import saltus.basins.map.grid
 from basin_sections import made
-from saltus.afm.figures import fig10, runner
+from saltus.afm.paper.figures import fig10, runner
 
 RESOLUTION = 10
 

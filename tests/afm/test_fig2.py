@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from oracles.tapping import Tapping
-from saltus.afm.figures import fig2, runner
-from saltus.afm.figures.files import read_results
+from saltus.afm.paper.figures import fig2, runner
+from saltus.afm.paper.figures.files import read_results
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,8 @@ import pytest
 
 import saltus
 from saltus import afm
-from saltus.afm import figures
-from saltus.afm.figures import FIGURES, fig3, runner
+from saltus.afm.paper import figures
+from saltus.afm.paper.figures import FIGURES, fig3, runner
 from saltus.errors import InputError
 
 # Reference values at a tolerance of 1e-14, not computed by what is tested here.

@@ -17,8 +17,8 @@ from mpl_toolkits.mplot3d import proj3d
 
 import saltus
 from saltus import afm
-from saltus.afm.figures import fig4, runner
-from saltus.afm.figures.files import read_results
+from saltus.afm.paper.figures import fig4, runner
+from saltus.afm.paper.figures.files import read_results
 from saltus.errors import InputError
 from saltus.plotting import style
 from saltus.plotting.space import stretches_of

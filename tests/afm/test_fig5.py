@@ -14,8 +14,8 @@ from matplotlib.colors import to_rgb
 
 import saltus
 from saltus import afm
-from saltus.afm.figures import fig5, runner
-from saltus.afm.figures.files import read_results
+from saltus.afm.paper.figures import fig5, runner
+from saltus.afm.paper.figures.files import read_results
 from saltus.plotting.space import stretches_of
 
 LOCI = ["SN_1", "SN_2", "grazing", "SN_1_D_rep_0.1", "SN_1_D_rep_30", "SN_1_D_att_0.025", "SN_1_D_att_0.14"]

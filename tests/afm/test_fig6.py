@@ -16,8 +16,8 @@ from matplotlib.colors import to_hex
 
 import saltus
 from saltus import afm
-from saltus.afm.figures import fig6, runner
-from saltus.afm.figures.files import read_results
+from saltus.afm.paper.figures import fig6, runner
+from saltus.afm.paper.figures.files import read_results
 
 A0 = 1.0 / 300.0
 KEYS = ["D_att_1", "D_rep_1", "omega", "min_z"]

@@ -13,8 +13,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from saltus import Sweep
-from saltus.afm.figures import fig7, fig7a, runner
-from saltus.afm.figures.files import read_results
+from saltus.afm.paper.figures import fig7, fig7a, runner
+from saltus.afm.paper.figures.files import read_results
 
 
 @pytest.fixture(scope="module")

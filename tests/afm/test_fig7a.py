@@ -15,8 +15,8 @@ import pytest
 
 import saltus
 from saltus import afm
-from saltus.afm.figures import fig7a, runner
-from saltus.afm.figures.files import read_results
+from saltus.afm.paper.figures import fig7a, runner
+from saltus.afm.paper.figures.files import read_results
 from saltus.plotting.space import stretches_of
 
 # Of the response at D_rep_2 = 4, followed in steps 125 times smaller, which pass over none.

@@ -15,7 +15,7 @@ from PIL import Image
 
 from basin_sections import made
 from saltus import load
-from saltus.afm.figures import fig8, runner
+from saltus.afm.paper.figures import fig8, runner
 from saltus.errors import SaltusError
 from saltus.plotting.volume import check_renderer
 

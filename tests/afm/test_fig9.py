@@ -14,8 +14,8 @@ from matplotlib.colors import to_rgb
 
 from basin_sections import made
 from saltus import load
-from saltus.afm.figures import fig9, runner
-from saltus.afm.figures.files import read_results
+from saltus.afm.paper.figures import fig9, runner
+from saltus.afm.paper.figures.files import read_results
 from saltus.errors import InputError
 
 RESOLUTION = 24

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from saltus.afm import Cantilever, DMTSample, table1
-from saltus.afm.beam import mode_shape, mode_shape_integrals, wavenumbers
-from saltus.afm.galerkin import coefficients
+from saltus.afm.paper.galerkin import coefficients
+from saltus.afm.probe.beam import mode_shape, mode_shape_integrals, wavenumbers
 from saltus.errors import InputError
 
 EPS = np.finfo(float).eps

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from saltus import InputError, afm
-from saltus.afm.instrument_files import READERS
-from saltus.afm.unit_conversion import factor_between
+from saltus.afm.files.instrument_files import READERS
+from saltus.afm.files.unit_conversion import factor_between
 
 SWEEP = {"f_kHz": "x", "amplitude_nm": "Amp", "lag_deg": "Phase"}
 

@@ -12,8 +12,8 @@ import pytest
 from scipy.optimize import brentq
 
 from saltus import afm
-from saltus.afm.tip_mass import modes_with_mass
-from saltus.afm.units import QUANTITIES, check_changes, checked
+from saltus.afm.probe.tip_mass import modes_with_mass
+from saltus.afm.probe.units import QUANTITIES, check_changes, checked
 from saltus.errors import InputError
 
 BEAM = afm.Cantilever(length=240e-6, width=64e-6, thickness=2.1e-6, density=2300.0, young=176e9)

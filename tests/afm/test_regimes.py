@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from saltus import afm
-from saltus.afm.regimes import settled_orbit, tapping_modes
+from saltus.afm.paper.regimes import settled_orbit, tapping_modes
 from saltus.errors import InputError
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from saltus.afm import Cantilever, Setup, table1, tapping_mode
-from saltus.afm.variations import VALUES, tapping_mode_with, varied
+from saltus.afm.paper.variations import VALUES, tapping_mode_with, varied
 from saltus.errors import InputError
 
 

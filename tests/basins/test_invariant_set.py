@@ -27,7 +27,7 @@ class Oscillators:
     """The modes of the cantilever in flight without the van der Waals force, in closed form."""
 
     def __init__(self, n, dampings):
-        from saltus.afm.galerkin import coefficients
+        from saltus.afm.paper.galerkin import coefficients
 
         setup = afm.table1()
         known = coefficients(setup.cantilever, setup.sample, setup.eta, n)

@@ -99,7 +99,7 @@ def reproduce(
     animate: Annotated[bool, typer.Option("--animate", help="Film fig8 turning, as well.")] = False,
 ) -> None:
     """Compute a figure of the paper, with its data and special points."""
-    from saltus.afm.figures import FIGURES, runner
+    from saltus.afm.paper.figures import FIGURES, runner
 
     if figure == "list":
         for name, line in FIGURES.items():
@@ -142,7 +142,7 @@ def animate(
     width: Annotated[int, typer.Option(help="Width in pixels.")] = 800,
 ) -> None:
     """Film the cantilever, tapping on a periodic orbit, beside its phase portrait and the force."""
-    from saltus.afm.movies import checked_movie
+    from saltus.plotting.movies import checked_movie
 
     checked_movie(out, fps)
     with interruptible(), status() as progress:

@@ -22,8 +22,8 @@ from saltus.cli.console import (
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
-    from saltus.afm.curve import Curve
-    from saltus.afm.stable_orbits import StableOrbits
+    from saltus.afm.curves.curve import Curve
+    from saltus.afm.curves.stable_orbits import StableOrbits
     from saltus.fitting import Fit
 
 __all__ = ["group"]
@@ -51,7 +51,7 @@ def curve(
     """Follow all orbits along distance or frequency: jumps, grazings, the ways in and out."""
     out = _checked_out(out, plot)
     with interruptible():
-        from saltus.afm.configuration import read_experiment
+        from saltus.afm.files.configuration import read_experiment
 
         experiment = read_experiment(config)
         with bar("from afar") as progress:
@@ -78,7 +78,7 @@ def fit(
     """
     out = _checked_out(out, plot)
     with interruptible():
-        from saltus.afm.configuration import read_experiment
+        from saltus.afm.files.configuration import read_experiment
 
         with bar("the first curve") as progress:
             found = read_experiment(config).fitted(data, progress)
@@ -124,8 +124,8 @@ def observe(
     that settle elsewhere add more. One with a small basin that no way from afar reaches may be missed.
     """
     with interruptible():
-        from saltus.afm.configuration import read_experiment
-        from saltus.afm.stable_orbits import stable_orbits
+        from saltus.afm.curves.stable_orbits import stable_orbits
+        from saltus.afm.files.configuration import read_experiment
 
         experiment = read_experiment(config)
         with bar("from afar") as progress:
@@ -139,8 +139,8 @@ def observe(
 
 def _tell_observables(curve: Curve, found: StableOrbits) -> None:
     """Print the observables of orbits, one a column."""
-    from saltus.afm.orbit_observables import observables
-    from saltus.afm.readings import readings_of
+    from saltus.afm.model.orbit_observables import observables
+    from saltus.afm.model.readings import readings_of
 
     place = ", ".join(f"{name} = {found.orbits[0].parameters[name]:.10g}" for name in ("Zc_nm", "f_kHz"))
     told = [f"{len(found.orbits)} stable"] + [f"{found.unstable} unstable"] * bool(found.unstable)
@@ -170,13 +170,13 @@ def animate(
     seconds: Annotated[float, typer.Option(help="How long the film lasts.")] = 4.0,
 ) -> None:
     """Film a stable orbit: the cantilever, its phase portrait and the force."""
-    from saltus.afm.movies import checked_movie
+    from saltus.plotting.movies import checked_movie
 
     checked_movie(out, _FPS)
     with interruptible():
         from saltus.afm import animate as film, observables
-        from saltus.afm.configuration import read_experiment
-        from saltus.afm.stable_orbits import stable_orbits
+        from saltus.afm.curves.stable_orbits import stable_orbits
+        from saltus.afm.files.configuration import read_experiment
 
         with bar("from afar") as progress:
             curve, place = read_experiment(config).around(at, progress)
@@ -194,7 +194,7 @@ def sets(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Set that is printed as TOML.")] = None,
 ) -> None:
     """List named parameter sets with their sources, or print one as a file for the other commands."""
-    from saltus.afm.sets import entries_of, names, text_of
+    from saltus.afm.files.sets import entries_of, names, text_of
 
     if name is not None:
         typer.echo(text_of(name), nl=False)

@@ -87,8 +87,8 @@ def map_(
     if (engine == "dask") != (scheduler is not None) and not estimate:
         raise InputError("--scheduler", scheduler, "given for the engine dask, and for no other")
     with interruptible():
-        from saltus.afm.configuration import model_of
-        from saltus.afm.variations import tapping_mode_with
+        from saltus.afm.files.configuration import model_of
+        from saltus.afm.paper.variations import tapping_mode_with
 
         folder = config.absolute().parent
         makers: dict[str, Callable[..., HybridSystem]] = {

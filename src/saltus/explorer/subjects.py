@@ -140,7 +140,7 @@ def built_in(key: str) -> Subject:
 
 def titles() -> Mapping[str, str]:
     """Return the models of this package by key, with a line for each."""
-    from saltus.afm.sets import entries_of, names
+    from saltus.afm.files.sets import entries_of, names
 
     found = {key: f"Tapping mode as in the paper, {modes} mode{'s' * (modes > 1)}" for key, modes in _TAPPING.items()}
     return found | {name: str(entries_of(name).get("title", name)) for name in names()}
@@ -156,11 +156,11 @@ def _tapping(key: str, modes: int) -> Subject:
 
 
 def _instrument(key: str) -> Subject:
-    from saltus.afm.configuration import named_experiment
+    from saltus.afm.files.configuration import named_experiment
 
     lines = (
         "import saltus",
-        "from saltus.afm.configuration import named_experiment",
+        "from saltus.afm.files.configuration import named_experiment",
         "",
         f"system = named_experiment({key!r}).model()",
     )

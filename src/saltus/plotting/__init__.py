@@ -37,9 +37,9 @@ _HOMES = {
     "saltus.basins.map.basins.Basins": "saltus.plotting.basin",
     "saltus.fitting.result.Fit": "saltus.plotting.fit",
     "saltus.optimisation.optimum.Optimum": "saltus.plotting.optimum",
-    "saltus.afm.curve.Curve": "saltus.afm.curve_picture",
-    "saltus.afm.bistable_region.Bistability": "saltus.afm.bistable_picture",
-    "saltus.afm.shift_curve.FrequencyShift": "saltus.afm.shift_picture",
+    "saltus.afm.curves.curve.Curve": "saltus.afm.pictures.curve_picture",
+    "saltus.afm.curves.bistable_region.Bistability": "saltus.afm.pictures.bistable_picture",
+    "saltus.afm.fm.shift_curve.FrequencyShift": "saltus.afm.pictures.shift_picture",
     "saltus.basins.measures.erosion.ErosionProfile": "saltus.plotting.erosion",
 }
 

@@ -9,7 +9,7 @@ from saltus import checks
 from saltus.afm.laws.common_regions import product, shared_parameters
 from saltus.afm.laws.prescribed import energy_per_cycle_eV, force_nN
 from saltus.afm.laws.regions import Crossing, Region
-from saltus.afm.units import checked
+from saltus.afm.probe.units import checked
 
 if TYPE_CHECKING:
     import numpy as np

@@ -10,7 +10,7 @@ import numpy as np
 from saltus import checks
 from saltus.afm.laws.common_regions import Product, product, sum_of, value_of
 from saltus.afm.laws.prescribed_states import energy_of_states_aJ
-from saltus.afm.units import ENERGY_EV
+from saltus.afm.probe.units import ENERGY_EV
 from saltus.errors import InputError
 from saltus.system.definition import Definition
 from saltus.system.evaluate import evaluate

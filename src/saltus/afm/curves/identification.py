@@ -1,0 +1,146 @@
+"""Fits of models of a probe over a sample to measured curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import checks
+from saltus.afm.curves.curves import distance_curve, frequency_curve
+from saltus.afm.curves.sheets import Tracing, sheet_again
+from saltus.afm.model.readings import check_model, formulas
+from saltus.afm.probe.units import checked
+from saltus.errors import InputError
+from saltus.fitting.estimation import FitOptions, fitted, task
+from saltus.fitting.measured import read_table
+from saltus.fitting.tracing import Retraced
+
+if TYPE_CHECKING:
+    from saltus.continuation import Branch
+    from saltus.fitting import Fit, MeasuredPoint
+    from saltus.progress import Report
+    from saltus.system import HybridSystem
+
+__all__ = ["fit"]
+
+_ALONG = ("Zc_nm", "f_kHz")  # columns along which curves are measured
+_MARGIN = 0.02  # share of the data's range by which the model's curve goes beyond it on each side
+_TURN_DEG = 360.0  # angle after which a lag repeats, in degrees
+
+
+def fit(
+    data: object,
+    model: HybridSystem,
+    vary: Mapping[str, tuple[float, float]],
+    sigma: Mapping[str, Any],
+    *,
+    jumps: bool | Sequence[MeasuredPoint] = True,
+    options: FitOptions | None = None,
+    progress: bool | Report = False,
+) -> Fit:
+    """Return the parameters with which a model fits measured distance or frequency curves best.
+
+    The curve is followed anew from afar at each set of parameters (`saltus.afm.distance_curve`,
+    `saltus.afm.frequency_curve`). `saltus.fit` has the method: nearest stable sheets, jumps as data, exact derivatives.
+
+    Parameters
+    ----------
+    data : pandas.DataFrame, xarray.Dataset or mapping of str to array
+        A column ``Zc_nm``, ``f_kHz`` or ``f_Hz``, and readings, as ``amplitude_nm`` and ``lag_deg``. The column
+        ``direction`` has ``approach`` and ``retract``, or ``up`` and ``down``. `saltus.afm.read_curve` reads it.
+    model : HybridSystem
+        A model of `saltus.afm.model`; the search starts at its values.
+    vary : mapping of str to (float, float)
+        Parameters that are sought, with least and greatest values.
+    sigma : mapping of str to float or array
+        Standard errors of the readings that are fitted, in the units of their names.
+    jumps : bool or sequence of MeasuredPoint, optional
+        Whether the jumps in the data are data, too. Without a column ``direction`` there are none.
+    options : FitOptions, optional
+        Starts, profiles, steps.
+    progress : bool or callable, optional
+        True for a bar on stderr, or a function of a `saltus.Progress`. An interrupt (Ctrl-C) ends the search with the
+        best so far.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    InputError
+        The system is no such model; data, bounds or names that cannot be used, or a parameter on which no datum
+        depends. A bound is no plausible value of its parameter.
+    ConvergenceError
+        The model has no motion at the far end of its curve, at the start.
+
+    Examples
+    --------
+    >>> from saltus import afm
+    >>> probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
+    >>> law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
+    >>> system = afm.model(probe, law, afm.Drive(A0_nm=12.0), Zc_nm=20.0)
+    >>> path = afm.distance_curve(system, (5.0, 14.0)).path("approach")
+    >>> start = afm.model(probe, afm.VanDerWaals(H_aJ=0.2, a0_nm=0.3) + afm.DMT(E_GPa=1.5), afm.Drive(A0_nm=12.0),
+    ...                   Zc_nm=20.0)
+    >>> data = path[["amplitude_nm", "lag_deg"]].to_dataframe()
+    >>> found = fit(data, start, {"H_aJ": (0.01, 1.0)}, {"amplitude_nm": 0.03, "lag_deg": 0.3}, jumps=False)
+    >>> round(found["H_aJ"], 5)
+    0.12
+    """
+    check_model(model, "model")
+    options = FitOptions() if options is None else checks.instance("options", options, FitOptions)
+    table = _in_kHz(read_table(data))
+    along = _along(table)
+    for name, limits in checks.mapping("vary", vary, "bounds by parameter", known=model.parameter_names).items():
+        for limit in checks.interval(f"vary[{name!r}]", limits, finite=True):
+            checked(name, limit, insists="choose plausible bounds")
+    known = formulas(model)
+    for name in sigma:
+        if units := [reading for reading in known if reading.startswith(f"{name}_")]:
+            raise InputError(f"column {name!r}", name, f"named with its unit: {' or '.join(units)}")
+    observables = {name: known[name] for name in sigma if name in known} | dict(options.observables)
+    turns = {name: _TURN_DEG for name in sigma if str(name).startswith("lag_deg")} | dict(options.turns)
+    options = replace(options, observables=observables, turns=turns)
+    bounds = _range(table[along].to_numpy(), along)
+
+    steps = options.steps
+    make, how = distance_curve if along == "Zc_nm" else frequency_curve, Tracing(along, bounds, steps, False)
+
+    def whole(changes: Mapping[str, float]) -> tuple[Branch, ...]:
+        return make(model, bounds, parameters=changes, steps=steps).branches
+
+    start = {name: options.start.get(name, model.parameters[name]) for name in vary}
+    if isinstance(jumps, bool) and "direction" not in table:
+        jumps = False
+    trace = Retraced(whole(start), lambda orbit, known: sheet_again(orbit, known, how), whole)
+    return fitted(task(table, trace, bounds, vary, sigma, jumps, options), progress)
+
+
+def _in_kHz(table: Any) -> Any:
+    """Return a table whose frequencies are in kHz."""
+    if "f_Hz" not in table:
+        return table
+    if "f_kHz" in table:
+        raise InputError("data", list(table.columns), "one column of frequencies: f_kHz or f_Hz")
+    return table.assign(f_kHz=np.asarray(table["f_Hz"], dtype=float) / 1e3).drop(columns="f_Hz")
+
+
+def _along(table: Any) -> str:
+    found = [name for name in _ALONG if name in table]
+    if len(found) != 1:
+        raise InputError("data", list(table.columns), "one column of Zc_nm, f_kHz or f_Hz", "names tell the units")
+    return found[0]
+
+
+def _range(values: Any, along: str) -> tuple[float, float]:
+    """Return the range of a curve around data."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        raise InputError(f"column {along!r}", f"{len(values)} rows", "at least one number")
+    low, high = float(known.min()), float(known.max())
+    margin = _MARGIN * (high - low) or _MARGIN * abs(high)
+    return low - margin, high + margin

@@ -1,0 +1,283 @@
+"""The ways that an experiment takes along the sheets of a curve: stable stretches, and jumps between them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from saltus.afm.model.modelling import driven_mode, suffix
+from saltus.afm.model.settling import described, settled, stays_in_contact
+from saltus.continuation import Branch, SpecialPoint
+from saltus.errors import ConvergenceError
+from saltus.fitting.sheets import Stretch, stretches_of
+from saltus.fitting.tracing import orbits_at
+from saltus.orbits import PeriodicOrbit
+from saltus.orbits.orbit import extremes_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Jump", "Landing", "Way", "is_pulled_in", "way_along"]
+
+_BEYOND = (1e-3, 1e-2)  # shares of `_scale` by which a motion is moved beyond a fold; next to it nothing settles soon
+_WIDTHS = 10.0  # scale along the frequency, in widths of the resonance
+_SAME = 1e-4  # distance of extremes, over the largest one, up to which a settled motion is on a sheet
+_MOST_JUMPS = 50  # jumps on a way, at most
+_DOUBLED = 0.1  # difference of extremes just beyond a period doubling, over the largest one, that is no jump
+_ROUNDING = 1e-12  # difference of parameters, relative, that is rounding
+_END = 1e-9  # distance from the end of the range, over the range, that is rounding
+
+
+class Landing(NamedTuple):
+    """Where a stable stretch ends, and where a motion settles that starts just beyond.
+
+    Attributes
+    ----------
+    value : float
+        The parameter.
+    before : PeriodicOrbit
+        The last motion of the stretch.
+    after : PeriodicOrbit
+        The motion that settles.
+    """
+
+    value: float
+    before: PeriodicOrbit
+    after: PeriodicOrbit
+
+
+class Jump(NamedTuple):
+    """A jump on the way of an experiment.
+
+    Attributes
+    ----------
+    direction : str
+        The way on which it happens.
+    value : float
+        Distance or frequency.
+    before_nm, after_nm : float
+        Amplitudes.
+    """
+
+    direction: str
+    value: float
+    before_nm: float
+    after_nm: float
+
+
+@dataclass
+class Way:
+    """The way of an experiment.
+
+    Attributes
+    ----------
+    points : list of (int, int)
+        Sheet and point, in order.
+    first_behind : list of int
+        Places in `points` of the first ones behind a jump.
+    jumps : list of Landing
+        The jumps.
+    stopped : str
+        Why the way ends.
+    beyond : Landing or None
+        The motion on no sheet on which it ends, if it does so.
+    """
+
+    points: list[tuple[int, int]] = field(default_factory=list)
+    first_behind: list[int] = field(default_factory=list)
+    jumps: list[Landing] = field(default_factory=list)
+    stopped: str = ""
+    beyond: Landing | None = None
+
+
+def _told(orbit: PeriodicOrbit) -> str:
+    if stays_in_contact(orbit):
+        pulled = "static pull-in: " if orbit.min["elastic_nN"] < 0.0 else ""
+        return f"{pulled}beyond, the tip stays in {' and '.join(dict.fromkeys(m for m, _ in orbit.signature))}"
+    return f"the motion settles on no sheet of the curve, but on {described(orbit)}"
+
+
+def way_along(
+    branches: Sequence[Branch], sign: float, bounds: tuple[float, float], start: tuple[int, int] | None = None
+) -> Way:
+    """Return the way of an experiment through the parameter's range.
+
+    Parameters
+    ----------
+    branches : sequence of Branch
+        The sheets.
+    sign : {1.0, -1.0}
+        Whether the parameter grows or falls.
+    bounds : (float, float)
+        The parameter's range.
+    start : (int, int), optional
+        Sheet and point where the way begins; by default the stable motion nearest to the end of the range.
+    """
+    way, stretches = Way(), stretches_of(branches)
+    name, span, end = branches[0].parameter, bounds[1] - bounds[0], bounds[1 if sign > 0.0 else 0]
+
+    def reach(stretch: Stretch, *, last: bool) -> float:
+        return float(branches[stretch.sheet].values[stretch.points[-1 if last == (sign > 0.0) else 0]])
+
+    if not stretches:
+        way.stopped = "no sheet is stable"
+        return way
+    own = [
+        stretch
+        for stretch in stretches
+        if start is not None and start[0] == stretch.sheet and start[1] in stretch.points
+    ]
+    if own:
+        here = own[0]
+    else:
+        here = min(stretches, key=lambda stretch: sign * reach(stretch, last=False))
+        others = [one for one in stretches if abs(reach(one, last=False) - reach(here, last=False)) <= _END * span]
+        if name == "f_kHz" and len(others) > 1:
+            here = _from_rest(branches, others, reach(here, last=False)) or here
+    begin = -np.inf
+    while True:
+        order = here.points if sign > 0.0 else here.points[::-1]
+        way.points += [(here.sheet, i) for i in order if sign * branches[here.sheet].values[i] >= begin]
+        if abs(reach(here, last=True) - end) <= _END * span:
+            held = _held_in(branches[here.sheet], order[-1])
+            way.stopped = f"{name} = {end:.9g}: the end of the range{held and f'; the tip stays in {held}'}"
+            return way
+        if len(way.jumps) >= _MOST_JUMPS:
+            way.stopped = f"{name} = {reach(here, last=True):.9g}: no more than {_MOST_JUMPS} jumps are followed"
+            return way
+        landing = _landing(branches[here.sheet], here, sign, span)
+        if isinstance(landing, str):
+            way.stopped = landing
+            return way
+        pulled_in = name == "Zc_nm" and stays_in_contact(landing.after) and not stays_in_contact(landing.before)
+        target = None if pulled_in else _target(branches, stretches, landing.after)
+        if target is None:
+            way.stopped, way.beyond = f"{name} = {landing.value:.9g}: {_told(landing.after)}", landing
+            return way
+        if not _is_doubled(landing):
+            way.jumps.append(landing._replace(after=_at_the_end(branches[target.sheet], landing)))
+            way.first_behind.append(len(way.points))
+        here, begin = target, sign * landing.value
+
+
+def _from_rest(branches: Sequence[Branch], stretches: Sequence[Stretch], value: float) -> Stretch | None:
+    """Return the stretch on which a tip at rest settles, of several at the end of a range; None where it is on none."""
+    branch = branches[stretches[0].sheet]
+    at = {**branch.orbit(stretches[0].points[0]).parameters, branch.parameter: value}
+    found = settled(branch.system, at, np.zeros(len(branch.system.states)))
+    return _target(branches, stretches, found) if isinstance(found, PeriodicOrbit) else None
+
+
+def _is_doubled(landing: Landing) -> bool:
+    """Return whether a motion goes on with twice the period and nearly the same extremes: nothing jumps."""
+    before, after = extremes_of(landing.before), extremes_of(landing.after)
+    doubled = landing.after.form.turns == 2 * landing.before.form.turns
+    return doubled and float(np.abs(after - before).max()) <= _DOUBLED * float(np.abs(before).max())
+
+
+def _held_in(branch: Branch, point: int) -> str:
+    """Return the modes in which the tip stays at a point, or nothing where it comes off."""
+    modes = dict.fromkeys(branch.forms[branch.form[point]].modes)
+    return "" if 0 in modes else " and ".join(branch.system.mode_names[mode] for mode in modes)
+
+
+def _landing(branch: Branch, stretch: Stretch, sign: float, span: float) -> Landing | str:
+    """Return where a motion settles beyond the end of a stable stretch, or what it does instead."""
+    last = stretch.points[-1 if sign > 0.0 else 0]
+    value = float(branch.values[last])
+    ahead = [
+        point
+        for point in branch.special_points
+        if abs(point.position - last) <= 1.0 and sign * (point.value(branch.parameter) - value) >= 0.0
+    ]
+    if ahead:
+        first = min(ahead, key=lambda point: abs(point.position - last))
+        return _settled(branch, first.value(branch.parameter), first.orbit, sign * span)
+    try:
+        before = branch.orbit(last)
+    except ConvergenceError as error:
+        return f"{branch.parameter} = {value:.9g}: {error}"
+    return _settled(branch, value, before, sign * span)
+
+
+def _settled(branch: Branch, value: float, before: PeriodicOrbit, span: float) -> Landing | str:
+    """Return where a motion settles that starts beyond a value, in the direction of `span`, or what it does instead.
+
+    A branch keeps what was found, as the ways of a curve are sought again after each new sheet.
+    """
+    scale = math.copysign(min(abs(span), _scale(branch, before)), span)
+    known: dict[tuple[float, float, bytes], Landing | str] = vars(branch).setdefault("_landings", {})
+    asked = (value, scale, before.x0.tobytes())
+    if asked not in known:
+        known[asked] = _settled_beyond(branch, value, before, scale)
+    return known[asked]
+
+
+def _settled_beyond(branch: Branch, value: float, before: PeriodicOrbit, scale: float) -> Landing | str:
+    told = ""
+    for share in _BEYOND:
+        beyond = {**before.parameters, branch.parameter: value + share * scale}
+        after = settled(branch.system, beyond, before.x0)
+        if isinstance(after, PeriodicOrbit):
+            return Landing(value, before, after)
+        told = told or f"{branch.parameter} = {value:.9g}: {after}"
+    return told
+
+
+def _scale(branch: Branch, orbit: PeriodicOrbit) -> float:
+    """Return over which difference of a branch's parameter motions change, however wide the range is.
+
+    That is the size of the motion or the distance, or some widths of the resonance.
+    """
+    p, name = orbit.parameters, branch.parameter
+    if name == "f_kHz":
+        return _WIDTHS * p["f_kHz"] / p[f"Q{suffix(driven_mode(orbit.system))}"]
+    return max(abs(p[name]), orbit.max["D_nm"] - orbit.min["D_nm"])
+
+
+def is_pulled_in(branch: Branch, fold: SpecialPoint, bounds: tuple[float, float]) -> bool:
+    """Return whether motions beyond a fold at which a branch ends stay in contact."""
+    value, (low, high) = fold.value(branch.parameter), bounds
+    outwards = 1.0 if value >= float(branch.values.max()) else -1.0
+    landing = _settled(branch, value, fold.orbit, outwards * (high - low))
+    return isinstance(landing, Landing) and stays_in_contact(landing.after)
+
+
+def _at_the_end(branch: Branch, landing: Landing) -> PeriodicOrbit:
+    """Return the motion of a sheet at the value where a stretch ended, of which the settled one is a neighbour."""
+    if not float(branch.values.min()) <= landing.value <= float(branch.values.max()):
+        return landing.after
+    wanted = extremes_of(landing.after)
+    found = orbits_at(branch, landing.value) or (landing.after,)
+    return min(found, key=lambda orbit: float(np.abs(extremes_of(orbit) - wanted).max()))
+
+
+def _target(branches: Sequence[Branch], stretches: Sequence[Stretch], settled: PeriodicOrbit) -> Stretch | None:
+    """Return the stable stretch on which a settled motion lies; None where it lies on none."""
+    n, here = len(settled.system.states), settled.parameters[branches[0].parameter]
+    wanted = extremes_of(settled)
+
+    def values(stretch: Stretch) -> NDArray[np.float64]:
+        found: NDArray[np.float64] = branches[stretch.sheet].values[list(stretch.points)]
+        return found
+
+    def away(stretch: Stretch) -> float:
+        branch, at = branches[stretch.sheet], list(stretch.points)
+        columns = np.hstack([branch.lows[at][:, :n], branch.highs[at][:, :n]]).T
+        return float(
+            max(abs(np.interp(here, values(stretch), column) - w) for column, w in zip(columns, wanted, strict=True))
+        )
+
+    rounding = _ROUNDING * abs(here)
+    covering = [one for one in stretches if values(one)[0] - rounding <= here <= values(one)[-1] + rounding]
+    if not covering:
+        return None
+    nearest = min(covering, key=away)
+    for orbit in orbits_at(branches[nearest.sheet], here):
+        if orbit.stable and float(np.abs(extremes_of(orbit) - wanted).max()) <= _SAME * float(np.abs(wanted).max()):
+            return nearest
+    return None

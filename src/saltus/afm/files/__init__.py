@@ -1,0 +1,1 @@
+"""Files of experiments, of instruments, and of parameter sets."""

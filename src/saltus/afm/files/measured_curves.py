@@ -1,0 +1,245 @@
+"""Measured curves in files: columns whose names have units."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import checks
+from saltus.afm.files.instrument_files import READERS, FileColumn
+from saltus.afm.files.unit_conversion import factor_between
+from saltus.afm.model.readings import READINGS, readings_of
+from saltus.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pandas as pd
+    from numpy.typing import NDArray
+
+__all__ = ["read_curve"]
+
+_ALONG = ("Zc_nm", "f_kHz", "f_Hz")  # columns along which curves are measured
+_DIRECTION = "direction"  # column of the ways
+_WAYS = ("approach", "retract", "up", "down", "")  # what it holds
+_UNIT = re.compile(r"^\s*(.+?)[_ ]*[\(\[](.*)[\)\]]\s*$")  # a name with its unit in brackets
+_LINE = re.compile(r"(.*?)\s*#(\d+)")  # a name with the number of a curve
+
+
+def read_curve(
+    path: str | os.PathLike[str],
+    columns: Mapping[str, str] | None = None,
+    *,
+    scale: Mapping[str, float] | None = None,
+) -> pd.DataFrame:
+    r"""Return a measured curve from a file, as columns whose names have units.
+
+    The columns are one of ``Zc_nm``, ``f_kHz`` and ``f_Hz``; readings, as ``amplitude_nm`` and ``lag_deg``; and, if it
+    is known, ``direction``: ``approach`` or ``retract``, ``up`` or ``down``.
+
+    A CSV file with these names in its header needs no `columns`. Lines that begin with ``#`` are comments.
+    `DataFrame.to_csv` with ``index=False`` writes such a file. Other headers have units in brackets.
+
+    Files of instruments are ``.nid`` and ``.nhf`` of Nanosurf, and Igor binary waves (``.ibw``), which need
+    ``saltus[files]``. An error lists the columns that the file has. Names are those of channels, with their frame or
+    segment where there are several: ``"Spec forward: Amplitude"``. ``"Amplitude #2"`` is the second of several curves.
+    ``"x"`` are the scaled rows of a wave. ``"Frequency sweep: Dim0"`` is what a frame of a ``.nid`` file goes along.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    columns : mapping of str to str, optional
+        Names of the file's columns by the names of those wanted. Numbers are converted from the units of the file.
+    scale : mapping of str to float, optional
+        Factors by which numbers of the file are multiplied instead, as ``{"amplitude_nm": 52.0}`` for a detector of 52
+        nm/V. A column without a unit needs one.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `saltus.afm.fit` takes it. An empty cell is NaN.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is broken, or has no such column. A column has no unit, another unit, cells that are no
+        numbers, or another length. A package that reads the file is missing.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = f"{folder}/tune.csv"
+    ...     with open(file, "w") as stream:
+    ...         _ = stream.write("Freq (Hz),Amp (pm),direction\n299500,7250,up\n")
+    ...     read_curve(file, {"f_kHz": "Freq (Hz)", "amplitude_nm": "Amp (pm)", "direction": "direction"})
+       f_kHz  amplitude_nm direction
+    0  299.5          7.25        up
+    """
+    import pandas as pd
+
+    path = checks.path("path", path)
+    factors = checks.mapping("scale", scale, "columns to factors")
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        table = _cells(path)
+        if columns is None and not factors:
+            return _named(table)
+        found = [_csv_column(str(name), list(table[name])) for name in table.columns]
+    else:
+        found = reader(path)
+    if columns is None:
+        raise InputError("columns", columns, f"given, by names of the file's columns: {_listed(found)}")
+    wanted = checks.mapping("columns", columns, "names that are wanted to names of the file's columns")
+    _check_names(list(wanted))
+    for name in factors:
+        checks.chosen("scale", name, [one for one in wanted if one != _DIRECTION])
+    told: dict[str, list[str] | NDArray[np.float64]] = {}
+    for name, source in wanted.items():
+        checks.text(f"columns[{name!r}]", source, "the name of a column of the file")
+        if name == _DIRECTION and reader is not None:
+            hint = "table.assign(direction='approach') adds it"
+            raise InputError("columns", list(wanted), "without 'direction', which only text files have", hint)
+        column, line = _picked(source, found)
+        if name == _DIRECTION:
+            told[name] = _ways(line.tolist())
+            continue
+        told[name] = _factor(name, column, factors, found) * _numbers(column.name, line)
+    sizes = {name: len(values) for name, values in told.items()}
+    if len(set(sizes.values())) > 1:
+        raise InputError("columns", sizes, "columns of one length", "they belong to different curves")
+    return pd.DataFrame(told)
+
+
+def _cells(path: Path) -> pd.DataFrame:
+    """Return the cells of a CSV file as they are written, without the spaces around them."""
+    import pandas as pd
+
+    try:
+        table = pd.read_csv(path, comment="#", skipinitialspace=True, dtype=str, keep_default_na=False)
+    except (OSError, ValueError) as error:
+        told = getattr(error, "strerror", None) or str(error)
+        raise InputError("path", str(path), "a CSV file that can be read", told) from error
+    table.columns = pd.Index([str(name).strip() for name in table.columns])
+    for name in table.columns:
+        table[name] = [str(cell).strip() for cell in table[name]]
+    return table
+
+
+def _named(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the table of a CSV file whose header has the names of a curve's columns."""
+    import pandas as pd
+
+    _check_names(list(table.columns))
+    for name in table.columns:
+        if name == _DIRECTION:
+            table[name] = _ways(table[name])
+        else:
+            table[name] = pd.Series(_numbers(name, table[name].to_numpy(dtype=object)))
+    return table
+
+
+def _csv_column(name: str, cells: Sequence[str]) -> FileColumn:
+    """Return a column of a CSV file with the unit in its header; its numbers are read when it is picked."""
+    found = _UNIT.match(name)
+    unit = found[2] if found else None
+    if unit is None and name in (*_ALONG, *READINGS):
+        unit = _unit_of(name)
+    return FileColumn(name, unit, (np.array(cells, dtype=object),))
+
+
+def _ways(cells: Sequence[str]) -> list[str]:
+    for way in dict.fromkeys(cells):
+        checks.chosen(_DIRECTION, way, _WAYS)
+    return list(cells)
+
+
+def _picked(source: str, found: Sequence[FileColumn]) -> tuple[FileColumn, NDArray[Any]]:
+    """Return the column of a name, and what it has of one curve."""
+    numbered, number = _LINE.fullmatch(source), None
+    same = _called(source, found)
+    if not same and numbered:
+        same, number = _called(numbered[1], found), int(numbered[2])
+    if len(same) != 1:
+        hint = "" if same else nearest(source, [one.name for one in found])
+        raise InputError("column", source, f"one of the file's: {_listed(same or found)}", hint)
+    column, count = same[0], len(same[0].lines)
+    if number is None and count > 1:
+        raise InputError("column", source, f"one of {count} curves", f"name it with its number, as '{source} #1'")
+    if number is not None and not 1 <= number <= count:
+        raise InputError("column", source, f"one of the curves 1 to {count}")
+    return column, column.lines[(number or 1) - 1]
+
+
+def _called(name: str, found: Sequence[FileColumn]) -> list[FileColumn]:
+    """Return the columns of a name; else those that have it in their frames or segments."""
+    return [one for one in found if one.name == name] or [one for one in found if one.name.endswith(f": {name}")]
+
+
+def _factor(name: str, column: FileColumn, factors: Mapping[str, float], found: Sequence[FileColumn]) -> float:
+    """Return by what the numbers of a column are multiplied."""
+    if name in factors:
+        factor = checks.number(f"scale[{name!r}]", factors[name])
+        if factor == 0.0:
+            raise InputError(f"scale[{name!r}]", factor, "another factor than 0")
+        return factor
+    unit = _unit_of(name)
+    hint = f"or give a factor, as scale={{{name!r}: 1.0}}"
+    if column.unit is None:
+        raise InputError("column", column.name, f"one with a unit, {hint}", f"the file has {_listed(found)}")
+    converted = factor_between(column.unit, unit)
+    if converted is None:
+        raise InputError(f"unit of {column.name!r}", column.unit, f"one of a quantity in {unit or '1 or %'}", hint)
+    return converted
+
+
+def _unit_of(name: str) -> str:
+    """Return the unit that the name of a curve's column has."""
+    return "Hz" if name == "f_Hz" else readings_of(name).unit
+
+
+def _listed(columns: Sequence[FileColumn]) -> str:
+    """Return the columns of a file as a list with units and numbers of curves."""
+    return ", ".join(
+        f"{one.name} ({'no unit' if one.unit is None else one.unit})"
+        + (f" #1 to #{len(one.lines)}" if len(one.lines) > 1 else "")
+        for one in columns
+    )
+
+
+def _numbers(name: str, cells: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the numbers of a column; of a text file, those in its cells."""
+    if cells.dtype == float:
+        return cells
+    return np.array([_number(name, row, cell) for row, cell in enumerate(cells.tolist(), 1)], dtype=float)
+
+
+def _number(name: str, row: int, cell: str) -> float:
+    """Return the number in a cell, exactly as it is written; NaN for an empty one."""
+    try:
+        return float(cell or "nan")
+    except ValueError:
+        raise InputError(f"column {name!r}, row {row}", cell, "a number") from None
+
+
+def _check_names(names: Sequence[str]) -> None:
+    """Raise `InputError` where the columns are not those of a curve."""
+    known = [*_ALONG, *READINGS, _DIRECTION]
+    for name in names:
+        first = re.sub(r"_[2-9]\d*$", "", name)
+        if first in known:
+            continue
+        bare = found[1] if (found := _UNIT.match(name)) else name
+        wanted = [one for one in known if one.split("_")[0].lower() == bare.split("_")[0].lower()]
+        hint = f"name it with its unit: {' or '.join(wanted)}" if wanted else nearest(name, known)
+        raise InputError("column", name, f"one of {', '.join(known)}", hint)
+    along = [name for name in names if name in _ALONG]
+    if len(along) != 1:
+        raise InputError("columns", names, f"exactly one of {', '.join(_ALONG)}")
+    if not any(re.sub(r"_[2-9]\d*$", "", name) in READINGS for name in names):
+        raise InputError("columns", names, f"at least one reading: {', '.join(READINGS)}")

@@ -1,0 +1,1 @@
+"""Frequency modulation: shifts, amplitude loops, self-excitation."""

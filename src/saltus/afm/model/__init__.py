@@ -1,0 +1,1 @@
+"""The hybrid system of probe, law and drives, and what is read from its motions."""

@@ -1,0 +1,1 @@
+"""The dimensionless model of tapping mode, its parameters and figures."""

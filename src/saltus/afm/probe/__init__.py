@@ -1,0 +1,1 @@
+"""The instrument: probe, drive, their units, the shapes of a beam."""
