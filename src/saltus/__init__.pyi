@@ -36,9 +36,6 @@ from .continuation import (
     grazing_orbits as grazing_orbits,
     switch_branch as switch_branch,
 )
-from .cycles import (
-    MapOrbit as MapOrbit,
-)
 from .equilibria import (
     Equilibrium as Equilibrium,
     find_equilibrium as find_equilibrium,
@@ -68,8 +65,9 @@ from .flow import (
     Trajectory as Trajectory,
     simulate as simulate,
 )
-from .iteration import (
+from .maps import (
     Iterates as Iterates,
+    MapOrbit as MapOrbit,
     iterate as iterate,
 )
 from .optimisation import (

@@ -33,8 +33,8 @@ __all__ = ["READ", "Result", "dataset_in", "frozen", "load", "look", "netcdf", "
 # The module of each kind of result.
 _HOMES = {
     "Trajectory": "saltus.flow.trajectory",
-    "Iterates": "saltus.iteration.iterates",
-    "MapOrbit": "saltus.cycles.orbit",
+    "Iterates": "saltus.maps.iterates",
+    "MapOrbit": "saltus.maps.orbit",
     "PeriodicOrbit": "saltus.orbits.orbit",
     "Equilibrium": "saltus.equilibria.equilibrium",
     "EquilibriumBranch": "saltus.continuation.results.equilibrium_branch",

@@ -5,7 +5,7 @@ import pytest
 
 import saltus
 from saltus import FitOptions, InputError, MeasuredPoint, afm
-from saltus.fitting.sheets import sheets_of
+from saltus.continuation.results.sheets import sheets_of
 
 TRUE = {"H_aJ": 0.12, "E_GPa": 1.5, "c_uNs_m": 2.0, "Zc_nm": 8.5}
 SIGMA = {"amplitude_nm": 0.03, "lag_deg": 0.3}

@@ -17,10 +17,10 @@ from saltus import (
     find_orbit,
 )
 from saltus.continuation.problems.ends.unbounded import levels_off
-from saltus.cycles.orbit import cycle_at
-from saltus.cycles.problem import CycleProblem
 from saltus.equilibria.equilibrium import equilibrium_at
 from saltus.equilibria.problem import EquilibriumProblem
+from saltus.maps.orbit import cycle_at
+from saltus.maps.problem import CycleProblem
 
 CLOCK = HybridSystem(
     ("x", "v"), {"F": 0.05, "W": 0.6, "u": 1.0},

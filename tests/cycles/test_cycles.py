@@ -10,7 +10,7 @@ import pytest
 import saltus
 from known_maps import henon, logistic, tent
 from saltus import ConvergenceError, HybridSystem, InputError, Map, MapDivergenceError, Mode, Transition
-from saltus.cycles.spectrum import multipliers_of
+from saltus.maps.spectrum import multipliers_of
 
 
 @pytest.mark.parametrize("r", [1.5, 2.5, 3.3, 3.9])

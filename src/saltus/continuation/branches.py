@@ -28,7 +28,7 @@ from saltus.continuation.runs.options import (
 from saltus.continuation.runs.orbit import BranchRun
 from saltus.continuation.runs.quantity import QuantityRun
 from saltus.continuation.runs.two_sided import OneSide, join, traced
-from saltus.cycles import MapOrbit
+from saltus.maps import MapOrbit
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.progress import Report, Reporter
 

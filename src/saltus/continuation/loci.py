@@ -23,8 +23,8 @@ from saltus.continuation.runs.options import (
     read_stops,
 )
 from saltus.continuation.runs.orbit_locus import OrbitLocusRun
-from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
+from saltus.maps import MapOrbit
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.progress import Report, Reporter
 

@@ -20,9 +20,9 @@ from saltus.continuation.runs.births import cycle_born, equilibrium_of_cycle, ot
 from saltus.continuation.runs.map_switching import other_cycles
 from saltus.continuation.runs.options import check_along_parameter
 from saltus.continuation.runs.sizes import other_than, upwards
-from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.errors import ConvergenceError, InputError
+from saltus.maps import MapOrbit
 from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.normal_forms import null_vectors
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at

@@ -15,10 +15,10 @@ from saltus.ensemble.labels import NOT_DONE, UNDECIDED, Boxes, Found, Motions, S
 from saltus.ensemble.traps import Traps
 from saltus.errors import InputError
 from saltus.flow.variational import Average, Growth
-from saltus.iteration.code import MapCode, code_of
-from saltus.iteration.growth import growth_of_map
-from saltus.iteration.iterates import path_from
-from saltus.iteration.kernels.steps import DONE, images
+from saltus.maps.code import MapCode, code_of
+from saltus.maps.growth import growth_of_map
+from saltus.maps.iterates import path_from
+from saltus.maps.kernels.steps import DONE, images
 from saltus.system.angles import refuse
 from saltus.system.tiling import pieces_error
 from saltus.work import processors

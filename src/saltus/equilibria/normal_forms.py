@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from saltus.equilibria.find import state_sizes
+from saltus.algebraic.newton import state_sizes
 from saltus.errors import InputError
 
 if TYPE_CHECKING:

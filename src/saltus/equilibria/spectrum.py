@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from saltus.algebraic.products import combined, pairs
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -13,12 +14,10 @@ if TYPE_CHECKING:
 __all__ = [
     "FAINT",
     "NEUTRAL",
-    "combined",
     "eigenvalues",
     "kind_of",
     "multiplicity",
     "pair_product",
-    "pairs",
     "unstable_count",
 ]
 
@@ -92,34 +91,3 @@ def pair_product(values: NDArray[np.complex128], without: tuple[int, ...] = ()) 
         first, second = first[kept], second[kept]
     sizes = np.abs(values[first]) + np.abs(values[second])
     return float(combined((values[first] + values[second]) / np.where(sizes > 0.0, sizes, np.inf)))
-
-
-@lru_cache(maxsize=64)
-def pairs(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the places of all pairs of n values."""
-    first, second = np.triu_indices(n, 1)
-    return first, second
-
-
-def combined(factors: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return the sign of products of factors, times (sum of 1/abs(factor)^2)^(-1/2): it vanishes as a factor does.
-
-    A product of many factors below 1 would fade with their number. Factors that are complex come in pairs.
-
-    Parameters
-    ----------
-    factors : ndarray of complex, shape (..., factors)
-        Factors of each product.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> float(combined(np.array([-0.1 + 0j] * 31))).__round__(6)
-    -0.01796
-    """
-    from saltus.equilibria.kernels import spectrum as kernels
-
-    found = np.empty(factors.shape[:-1])
-    rows = np.ascontiguousarray(factors, dtype=np.complex128).reshape(found.size, factors.shape[-1])
-    kernels.combine(rows, found.reshape(-1))
-    return found

@@ -11,6 +11,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation import Branch, StepControl, continue_orbit
+from saltus.continuation.many.retracing import Retraced
 from saltus.errors import ConvergenceError, InputError
 from saltus.fitting.jumps import read_points
 from saltus.fitting.measured import Channel, Measured, MeasuredPoint, read_measured
@@ -18,7 +19,6 @@ from saltus.fitting.optimum import Minimum, Objective, covariance, degeneracies,
 from saltus.fitting.profiles import Profiles
 from saltus.fitting.result import Fit
 from saltus.fitting.search import searched
-from saltus.fitting.tracing import Retraced
 from saltus.progress import Reporter
 
 if TYPE_CHECKING:

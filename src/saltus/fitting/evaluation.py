@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.continuation.results.sheets import WITHIN, Sheet, sheets_of
 from saltus.errors import ConvergenceError, InputError
 from saltus.fitting.jumps import point_near
-from saltus.fitting.sheets import WITHIN, Sheet, sheets_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
+from saltus.continuation.results.sheets import MOVING, Sheet
 from saltus.errors import InputError
 from saltus.fitting.measured import Measured, MeasuredPoint
-from saltus.fitting.sheets import MOVING, Sheet
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

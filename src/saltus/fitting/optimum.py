@@ -20,8 +20,8 @@ from saltus.fitting.evaluation import Evaluation
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.continuation.many.retracing import Retraced
     from saltus.fitting.measured import Measured
-    from saltus.fitting.tracing import Retraced
     from saltus.progress import Reporter
 
 __all__ = [

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 
 from saltus import checks
-from saltus.cycles import MapOrbit
-from saltus.cycles.solve import find_cycle
 from saltus.errors import ConvergenceError, DefinitionError, InputError, SaltusError, StiffnessError
 from saltus.flow.landings import warn_of
 from saltus.flow.sizes import ATOL, RTOL, STEPS_KEPT, sizes_along, sizes_on_the_way
+from saltus.maps import MapOrbit
+from saltus.maps.solve import find_cycle
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.pieces import in_pieces
 from saltus.orbits.rounds import divided, rounds_of

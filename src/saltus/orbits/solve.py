@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from saltus import checks
-from saltus.cycles import MapOrbit
-from saltus.cycles.solve import solve_cycle
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.sticking import check_continuous
+from saltus.maps import MapOrbit
+from saltus.maps.solve import solve_cycle
 from saltus.orbits.cuts import check_measured, cut, held, piece_maps, stretched
 from saltus.orbits.families import ISOLATED, check_moves, of_a_family, why_a_family
 from saltus.orbits.fixing import Wish, check_family, read_fix, solve_fixed, unfolded_at, within_family

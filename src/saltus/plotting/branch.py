@@ -12,8 +12,8 @@ from saltus.continuation.results.branch import Branch
 from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.results.special_points import SpecialPoint
-from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
+from saltus.maps import MapOrbit
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ import numpy as np
 
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.results.special_points import SpecialPoints
-from saltus.cycles import MapOrbit
-from saltus.cycles.orbit import itinerary_of
+from saltus.maps import MapOrbit
+from saltus.maps.orbit import itinerary_of
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_branch
 from saltus.plotting.iterates import draw_cobweb

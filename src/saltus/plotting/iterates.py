@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.errors import InputError
-from saltus.iteration.iterates import Iterates
+from saltus.maps.iterates import Iterates
 from saltus.plotting import plot, style
 
 if TYPE_CHECKING:

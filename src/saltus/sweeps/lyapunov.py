@@ -16,7 +16,7 @@ from saltus.errors import InputError
 from saltus.flow.motion import starting_mode, tolerances_of
 from saltus.flow.sizes import ATOL, fitting_atol
 from saltus.flow.variational import BATCHES, CONFIDENCE, Average, Growth, growth_along
-from saltus.iteration.growth import growth_of_map
+from saltus.maps.growth import growth_of_map
 from saltus.results import Result, frozen
 from saltus.system import HybridSystem, Map
 from saltus.system.maps import flowing

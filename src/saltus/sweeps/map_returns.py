@@ -10,10 +10,10 @@ import numpy as np
 from saltus.errors import DivergenceError, InputError
 from saltus.flow.poincare import PoincareReturns
 from saltus.flow.variational import Average, Growth
-from saltus.iteration.code import code_of
-from saltus.iteration.growth import growth_of_map
-from saltus.iteration.iterates import path_from
-from saltus.iteration.observing import check_map_observables, observe_states
+from saltus.maps.code import code_of
+from saltus.maps.growth import growth_of_map
+from saltus.maps.iterates import path_from
+from saltus.maps.observing import check_map_observables, observe_states
 from saltus.results import frozen
 from saltus.system.angles import on_circles, wrapped
 

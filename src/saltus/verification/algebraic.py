@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from saltus.cycles.orbit import MapOrbit
     from saltus.equilibria import Equilibrium
+    from saltus.maps.orbit import MapOrbit
 
 __all__ = ["CycleCheck", "EquilibriumCheck", "sizes_of"]
 

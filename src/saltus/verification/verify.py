@@ -14,9 +14,9 @@ from saltus import checks
 from saltus.continuation.results.algebraic_curve import AlgebraicCurve
 from saltus.continuation.results.orbit_columns import OrbitColumns
 from saltus.continuation.results.special_points import SpecialPoint
-from saltus.cycles.orbit import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
+from saltus.maps.orbit import MapOrbit
 from saltus.orbits import PeriodicOrbit
 from saltus.verification.algebraic import CycleCheck, EquilibriumCheck, sizes_of
 from saltus.verification.orbits import OrbitCheck

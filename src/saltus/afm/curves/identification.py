@@ -13,10 +13,10 @@ from saltus.afm.curves.curves import distance_curve, frequency_curve
 from saltus.afm.curves.sheets import Tracing, sheet_again
 from saltus.afm.model.readings import check_model, formulas
 from saltus.afm.probe.units import checked
+from saltus.continuation.many.retracing import Retraced
 from saltus.errors import InputError
 from saltus.fitting.estimation import FitOptions, fitted, task
 from saltus.fitting.measured import read_table
-from saltus.fitting.tracing import Retraced
 
 if TYPE_CHECKING:
     from saltus.continuation import Branch

@@ -12,9 +12,9 @@ import numpy as np
 from saltus.afm.model.modelling import driven_mode, suffix
 from saltus.afm.model.settling import described, settled, stays_in_contact
 from saltus.continuation import Branch, SpecialPoint
+from saltus.continuation.many.retracing import orbits_at
+from saltus.continuation.results.sheets import Stretch, stretches_of
 from saltus.errors import ConvergenceError
-from saltus.fitting.sheets import Stretch, stretches_of
-from saltus.fitting.tracing import orbits_at
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.orbit import extremes_of
 

@@ -23,10 +23,10 @@ from saltus.afm.model.settling import (
     stays_in_contact,
 )
 from saltus.continuation import Branch, StepControl, continue_orbit
+from saltus.continuation.many.retracing import is_on, orbits_at
 from saltus.continuation.many.way import is_interrupted
+from saltus.continuation.results.sheets import stretches_of
 from saltus.errors import ConvergenceError, SaltusError
-from saltus.fitting.sheets import stretches_of
-from saltus.fitting.tracing import is_on, orbits_at
 from saltus.orbits import PeriodicOrbit, find_orbit, solve_orbit
 from saltus.system.evaluate import evaluate
 

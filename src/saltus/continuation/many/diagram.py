@@ -16,10 +16,10 @@ from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.runs.equilibrium import continue_equilibrium
 from saltus.continuation.switching import other_solutions
-from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium, find_equilibrium
 from saltus.equilibria.problem import check_autonomous
 from saltus.errors import InputError, SaltusError
+from saltus.maps import MapOrbit
 from saltus.orbits import PeriodicOrbit, solve_orbit
 from saltus.progress import Progress, Report, Reporter
 from saltus.system import HybridSystem, Map

@@ -15,8 +15,8 @@ from saltus.continuation.results.special_points import SpecialPoint
 from saltus.continuation.runs.map_switching import doubled_cycle
 from saltus.continuation.runs.options import check_along_parameter, checked_interval, read_steps
 from saltus.continuation.switching import doubled_orbit
-from saltus.cycles import MapOrbit
 from saltus.errors import ConvergenceError, InputError
+from saltus.maps import MapOrbit
 from saltus.progress import Progress, Report, Reporter
 
 __all__ = ["follow_cascade"]

@@ -19,7 +19,7 @@ from saltus.system.tiling import piece_at
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.cycles.problem import CycleProblem
+    from saltus.maps.problem import CycleProblem
 
 __all__ = ["TOGETHER", "beyond_border"]
 

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.algebraic.conditions import Singular
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.problems.grazing import Neighbour, neighbour, touching
-from saltus.cycles.critical import OnBorder, Rotation
-from saltus.equilibria.critical import Boundary, Hopf, Singular
+from saltus.equilibria.critical import Boundary, Hopf
 from saltus.errors import InputError
+from saltus.maps.critical import OnBorder, Rotation
 from saltus.orbits.critical import TOUCHING, Branching, Condition, Critical, Grazing, TorusCondition, vanishing_segment
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
@@ -24,11 +25,11 @@ from saltus.orbits.signature import WHOLE, Signature
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.cycles import MapOrbit
-    from saltus.cycles.problem import CycleProblem
+    from saltus.algebraic.conditions import Condition as EquilibriumCondition
     from saltus.equilibria import Equilibrium
-    from saltus.equilibria.critical import Condition as EquilibriumCondition
     from saltus.equilibria.problem import EquilibriumProblem
+    from saltus.maps import MapOrbit
+    from saltus.maps.problem import CycleProblem
 
 __all__ = ["CriticalOrbit", "critical_cycle", "critical_equilibrium"]
 

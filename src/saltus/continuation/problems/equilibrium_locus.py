@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.algebraic.conditions import Singular
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Event, Point
 from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem
 from saltus.continuation.problems.equilibrium import has_pair, row_units
-from saltus.equilibria.critical import Hopf, Singular
+from saltus.equilibria.critical import Hopf
 from saltus.equilibria.equilibrium import faults_of
 from saltus.equilibria.normal_forms import lyapunov_coefficient
 from saltus.equilibria.spectrum import eigenvalues, pair_product, unstable_count
@@ -25,7 +26,7 @@ from saltus.equilibria.spectrum import eigenvalues, pair_product, unstable_count
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.equilibria.critical import Condition
+    from saltus.algebraic.conditions import Condition
     from saltus.equilibria.problem import EquilibriumProblem
 
 __all__ = ["EquilibriumLocusData", "EquilibriumLocusProblem"]

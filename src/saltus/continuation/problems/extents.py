@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.equilibria.find import responses, state_sizes
+from saltus.algebraic.newton import responses, state_sizes
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from saltus.equilibria.algebraic import AlgebraicProblem
+    from saltus.algebraic.protocol import AlgebraicProblem
 
 __all__ = ["extents"]
 

@@ -15,13 +15,13 @@ import numpy as np
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
-from saltus.cycles.orbit import faults_of
-from saltus.cycles.spectrum import FAINT, flip_product, multiplicity, multipliers_of, pair_product, unstable_count
+from saltus.maps.orbit import faults_of
+from saltus.maps.spectrum import FAINT, flip_product, multiplicity, multipliers_of, pair_product, unstable_count
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.cycles.problem import CycleProblem
+    from saltus.maps.problem import CycleProblem
 
 __all__ = ["CYCLE_POINTS", "CycleData", "CycleZeroProblem", "grows_without_bound", "in_lockstep", "rotates"]
 

@@ -14,20 +14,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.algebraic.conditions import Singular
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Event, Point
 from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem
 from saltus.continuation.problems.map import in_lockstep, rotates
-from saltus.cycles.critical import OnBorder, Rotation
-from saltus.cycles.normal_forms import flip_terms, fold_terms, null_vectors, rotation_terms
-from saltus.cycles.orbit import faults_of
-from saltus.cycles.spectrum import FAINT, flip_product, fold_product, multipliers_of, pair_product, unstable_count
-from saltus.equilibria.critical import Singular
+from saltus.maps.critical import OnBorder, Rotation
+from saltus.maps.normal_forms import flip_terms, fold_terms, null_vectors, rotation_terms
+from saltus.maps.orbit import faults_of
+from saltus.maps.spectrum import FAINT, flip_product, fold_product, multipliers_of, pair_product, unstable_count
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.cycles.problem import CycleProblem
+    from saltus.maps.problem import CycleProblem
 
 __all__ = ["CycleLocusData", "CycleLocusProblem"]
 

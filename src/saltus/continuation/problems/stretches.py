@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.algebraic.products import combined, pairs
 from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.returning import first_return
 from saltus.continuation.core.zero_problem import Examined, Point, cubic
-from saltus.equilibria.spectrum import FAINT, NEUTRAL, combined, pairs
+from saltus.equilibria.spectrum import FAINT, NEUTRAL
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

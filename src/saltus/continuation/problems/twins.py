@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from saltus.continuation.core.monitor import Monitor
-from saltus.cycles.spectrum import multiplicity
+from saltus.maps.spectrum import multiplicity
 from saltus.orbits.floquet import height
 
 if TYPE_CHECKING:

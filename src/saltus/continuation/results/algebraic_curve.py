@@ -15,7 +15,7 @@ from saltus.contents import Contents
 from saltus.continuation.results.curve_files import described, ragged_rows, texts_array
 from saltus.continuation.results.displacement import displaced
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
-from saltus.cycles.orbit import MapOrbit
+from saltus.maps.orbit import MapOrbit
 from saltus.equilibria.equilibrium import Equilibrium
 from saltus.errors import InputError
 from saltus.results import Result, frozen

@@ -12,7 +12,7 @@ from saltus.contents import Contents
 from saltus.continuation.results.cascade import Doublings
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
-from saltus.cycles.orbit import MapOrbit, itinerary_of
+from saltus.maps.orbit import MapOrbit, itinerary_of
 from saltus.errors import InputError
 from saltus.system.maps import Map
 

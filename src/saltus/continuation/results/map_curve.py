@@ -22,9 +22,9 @@ from saltus.continuation.results.algebraic_curve import (
 from saltus.continuation.results.crossings import solutions_at
 from saltus.continuation.results.curve_files import complex_table
 from saltus.continuation.results.special_points import SpecialPoints
-from saltus.cycles.orbit import MapOrbit, cycle_at, itinerary_of
-from saltus.cycles.problem import CycleProblem
-from saltus.cycles.solve import solve_cycle
+from saltus.maps.orbit import MapOrbit, cycle_at, itinerary_of
+from saltus.maps.problem import CycleProblem
+from saltus.maps.solve import solve_cycle
 from saltus.errors import InputError
 from saltus.results import frozen
 from saltus.system.maps import Map

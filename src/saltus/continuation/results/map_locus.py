@@ -11,7 +11,7 @@ from saltus.continuation.problems.map import in_lockstep
 from saltus.continuation.results.algebraic_curve import TwoParameters
 from saltus.continuation.results.map_curve import MapCurve
 from saltus.continuation.results.special_points import SpecialPoint
-from saltus.cycles.orbit import MapOrbit
+from saltus.maps.orbit import MapOrbit
 from saltus.results import frozen
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from saltus.algebraic.conditions import solve_branch_point, solve_saddle_node
 from saltus.continuation.core.arclength import RESTS, StepControl, follow
 from saltus.continuation.core.multiple import crossing_point
 from saltus.continuation.core.zero_problem import Event, Point, correct, start_point
@@ -17,7 +18,6 @@ from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, closes
 from saltus.continuation.runs.options import read_value
 from saltus.continuation.runs.run import Going, OneParameterRun
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, join, traced, turned
-from saltus.equilibria.critical import solve_branch_point, solve_saddle_node
 from saltus.errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation.problems.boundary import Crossing
-    from saltus.cycles.orbit import MapOrbit
     from saltus.equilibria.equilibrium import Equilibrium
+    from saltus.maps.orbit import MapOrbit
 
 __all__ = ["AlgebraicRun", "read_point_events"]
 

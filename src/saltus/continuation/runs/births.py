@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.algebraic.newton import without_rounding
 from saltus.continuation.core.interest import Interest
 from saltus.continuation.core.zero_problem import correct
 from saltus.continuation.problems.equilibrium import EquilibriumZeroProblem
@@ -17,7 +18,7 @@ from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.runs.branching import other_branches, parameter_scale
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.equilibrium import equilibrium_at
-from saltus.equilibria.find import solve_equilibrium, without_rounding
+from saltus.equilibria.find import solve_equilibrium
 from saltus.equilibria.normal_forms import HopfTerms, check_no_zero, hopf_terms
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import ConvergenceError, InputError

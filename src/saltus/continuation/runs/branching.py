@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from saltus.algebraic.newton import state_sizes, without_rounding
 from saltus.continuation.core.interest import Interest
 from saltus.continuation.core.multiple import branches_at, crossing
 from saltus.continuation.core.zero_problem import Point, correct
-from saltus.equilibria.find import state_sizes, without_rounding
 from saltus.errors import ConvergenceError, InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.algebraic.protocol import AlgebraicProblem
     from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
-    from saltus.equilibria.algebraic import AlgebraicProblem
 
 __all__ = ["everywhere", "other_branches", "parameter_scale", "stepped"]
 

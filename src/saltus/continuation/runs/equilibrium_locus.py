@@ -17,9 +17,9 @@ from saltus.equilibria.problem import EquilibriumProblem
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.algebraic.conditions import Condition
     from saltus.continuation.core.monitor import Monitor
     from saltus.continuation.core.zero_problem import Point
-    from saltus.equilibria.critical import Condition
 
 __all__ = ["EquilibriumLocusRun"]
 

@@ -17,8 +17,8 @@ from saltus.continuation.problems.map import CYCLE_POINTS, CycleZeroProblem, in_
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.runs.algebraic import AlgebraicRun, read_point_events
 from saltus.continuation.runs.options import asked_types, checked_interval, read_stops, unit_of
-from saltus.cycles.orbit import MapOrbit, cycle_at, itinerary_of
-from saltus.cycles.problem import CycleProblem
+from saltus.maps.orbit import MapOrbit, cycle_at, itinerary_of
+from saltus.maps.problem import CycleProblem
 from saltus.progress import Report, Reporter
 from saltus.system.angles import wrapped
 

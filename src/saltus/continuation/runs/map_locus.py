@@ -12,15 +12,15 @@ from saltus.continuation.problems.map_locus import CycleLocusProblem
 from saltus.continuation.results.map_locus import MapLocus
 from saltus.continuation.runs.algebraic_locus import AlgebraicLocusRun
 from saltus.continuation.runs.map import cycle_fields
-from saltus.cycles.orbit import MapOrbit, cycle_at, itinerary_of
-from saltus.cycles.problem import CycleProblem
+from saltus.maps.orbit import MapOrbit, cycle_at, itinerary_of
+from saltus.maps.problem import CycleProblem
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from saltus.algebraic.conditions import Condition
     from saltus.continuation.core.monitor import Monitor
     from saltus.continuation.core.zero_problem import Point
-    from saltus.equilibria.critical import Condition
 
 __all__ = ["CycleLocusRun"]
 

@@ -8,10 +8,10 @@ from saltus.continuation.core.multiple import branches_at, crossing
 from saltus.continuation.problems.map import CycleZeroProblem
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.continuation.runs.branching import everywhere, other_branches, parameter_scale, stepped
-from saltus.cycles.normal_forms import null_vectors
-from saltus.cycles.orbit import MapOrbit, cycle_at
-from saltus.cycles.solve import sizes_of
 from saltus.errors import ConvergenceError, InputError
+from saltus.maps.normal_forms import null_vectors
+from saltus.maps.orbit import MapOrbit, cycle_at
+from saltus.maps.solve import sizes_of
 from saltus.system.angles import wrapped
 
 __all__ = ["doubled_cycle", "other_cycles"]

@@ -12,9 +12,9 @@ from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.core.monitor import BIFURCATIONS
 from saltus.continuation.problems.watching import EXTREMUM
 from saltus.continuation.results.special_points import SpecialPoint
-from saltus.cycles import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError, nearest
+from saltus.maps import MapOrbit
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.quantities import Quantity, read_quantity
 from saltus.system import HybridSystem, Map

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from saltus.continuation.core.monitor import Monitor
     from saltus.continuation.problems.ends.connection import Homoclinic
-    from saltus.cycles import MapOrbit
     from saltus.equilibria import Equilibrium
+    from saltus.maps import MapOrbit
     from saltus.orbits.orbit import PeriodicOrbit
 
 __all__ = ["BothSides", "Found", "OneSide", "join", "traced", "turned"]

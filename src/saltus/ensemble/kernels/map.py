@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from saltus.ensemble.kernels.lanes import SCALAR, after_visit, box_of, ended, fate, floor
 from saltus.ensemble.labels import UNDECIDED
-from saltus.iteration.kernels.steps import advanced
+from saltus.maps.kernels.steps import advanced
 from saltus.system.numba_tools.machine_code import njit
 
 FOLLOWED = -1  # all motions have their labels

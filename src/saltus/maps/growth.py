@@ -9,8 +9,8 @@ import numpy as np
 from saltus import checks
 from saltus.errors import InputError
 from saltus.flow.variational import ROWS, Average, Growth
-from saltus.iteration.code import LIMIT, STRETCH, code_of, error_of
-from saltus.iteration.kernels import steps as kernels
+from saltus.maps.code import LIMIT, STRETCH, code_of, error_of
+from saltus.maps.kernels import steps as kernels
 from saltus.results import frozen
 
 if TYPE_CHECKING:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.cycles.orbit import MapOrbit, cycle_at, itinerary_of
-from saltus.cycles.problem import CycleProblem
-from saltus.equilibria.find import solve_zero, state_sizes
+from saltus.algebraic.newton import solve_zero, state_sizes
 from saltus.errors import ConvergenceError, DefinitionError, InputError
-from saltus.iteration.code import code_of
-from saltus.iteration.iterates import path_from
+from saltus.maps.code import code_of
+from saltus.maps.iterates import path_from
+from saltus.maps.orbit import MapOrbit, cycle_at, itinerary_of
+from saltus.maps.problem import CycleProblem
 from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents
-from saltus.cycles.problem import CycleProblem
-from saltus.cycles.spectrum import NEUTRAL, multipliers_of
 from saltus.errors import InputError
+from saltus.maps.problem import CycleProblem
+from saltus.maps.spectrum import NEUTRAL, multipliers_of
 from saltus.results import Result, frozen
 from saltus.system.angles import TURN
 from saltus.system.evaluate import evaluate

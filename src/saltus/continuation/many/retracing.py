@@ -9,8 +9,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from saltus.continuation import Branch
 from saltus.continuation.many.way import is_interrupted
+from saltus.continuation.results.branch import Branch
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.orbit import extremes_of

@@ -11,7 +11,7 @@ from saltus.system.numba_tools.machine_code import njit
 
 @njit(cache=True, error_model="numpy")
 def combine(factors, found):
-    """Write `saltus.equilibria.spectrum.combined` of each row of factors, (rows, factors), complex, to found, (rows,)."""
+    """Write `saltus.algebraic.products.combined` of each row of factors, (rows, factors), complex, to found, (rows,)."""
     for i in range(found.size):
         least, total, product = math.inf, 0.0, complex(1.0)
         for factor in factors[i]:

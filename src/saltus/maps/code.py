@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.errors import MapDivergenceError, SaltusError
-from saltus.iteration.kernels import steps as kernels
+from saltus.maps.kernels import steps as kernels
 from saltus.system.compiled import FUNCTIONS
 from saltus.system.tiling import pieces_error
 

@@ -21,8 +21,8 @@ from saltus.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.cycles.orbit import MapOrbit
-    from saltus.cycles.problem import CycleProblem
+    from saltus.maps.orbit import MapOrbit
+    from saltus.maps.problem import CycleProblem
 
 __all__ = ["flip_terms", "fold_terms", "map_normal_form", "null_vectors", "rotation_terms"]
 

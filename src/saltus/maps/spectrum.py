@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.equilibria.spectrum import combined
+from saltus.algebraic.products import combined
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.continuation import Branch, SpecialPoint
+from saltus.continuation.results.branch import Branch
+from saltus.continuation.results.special_points import SpecialPoint
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.orbit import extremes_of

@@ -1,6 +1,7 @@
 """Conditions that make a cycle critical: a pair of multipliers on the unit circle, a point on a border.
 
-Those of a multiplier at 1 or -1 are `saltus.equilibria.critical.Singular`. docs/theory/cycles.md, "Loci", derives them.
+Those of a multiplier at 1 or -1 are `saltus.algebraic.conditions.Singular`.
+docs/theory/cycles.md, "Loci", derives them.
 
 References
 ----------
@@ -16,7 +17,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.cycles.problem import CycleProblem
+    from saltus.maps.problem import CycleProblem
 
 __all__ = ["OnBorder", "Rotation"]
 
@@ -63,7 +64,7 @@ class Rotation:
     def evaluate(
         self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """See `saltus.equilibria.critical.Condition.evaluate`; v lies in a plane, of fixed length along a vector."""
+        """See `saltus.algebraic.conditions.Condition.evaluate`; v lies in a plane, of fixed length along a vector."""
         n, still, sizes = self.n, np.zeros(u.size - self.n), self.sizes
         v, w, c = extra[:n], extra[n : 2 * n], float(extra[2 * n])
         matrix = self._matrix(J, c)
@@ -117,7 +118,7 @@ class OnBorder:
     def evaluate(
         self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """See `saltus.equilibria.critical.Condition.evaluate`."""
+        """See `saltus.algebraic.conditions.Condition.evaluate`."""
         value, gradient = self.problem.border(self.point, self.guard, u)
         return np.array([value]), gradient[None, :], np.zeros((1, 0))
 

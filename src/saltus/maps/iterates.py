@@ -13,9 +13,9 @@ import numpy as np
 from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
-from saltus.iteration.code import LIMIT, STRETCH, MapCode, code_of, error_of
-from saltus.iteration.kernels import steps as kernels
-from saltus.iteration.observing import observe_states
+from saltus.maps.code import LIMIT, STRETCH, MapCode, code_of, error_of
+from saltus.maps.kernels import steps as kernels
+from saltus.maps.observing import observe_states
 from saltus.results import Result, frozen
 from saltus.system.evaluate import evaluate
 from saltus.system.maps import Map

@@ -1,1 +1,0 @@
-"""Compiled iterations of maps."""
