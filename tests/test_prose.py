@@ -13,6 +13,7 @@ import ast
 import inspect
 import pkgutil
 import re
+import runpy
 import tomllib
 from itertools import pairwise
 from pathlib import Path
@@ -55,6 +56,15 @@ def test_files_that_the_page_names_exist(page):
 def test_names_of_the_package_on_a_page_exist(page):
     for name in re.findall(r"`(saltus(?:\.\w+)+)`", page.read_text(encoding="utf-8")):
         assert pkgutil.resolve_name(name) is not None
+
+
+def test_the_map_of_files_is_the_one_that_its_tool_writes():
+    tool = runpy.run_path(str(ROOT / "tools" / "file_map.py"))
+    assert tool["page"]() == text_of("docs/files.md"), "run python tools/file_map.py"
+
+
+def test_the_architecture_stays_short():
+    assert len(text_of("docs/architecture.md").splitlines()) <= 200
 
 
 def test_the_table_of_floors_is_the_contract():
