@@ -19,7 +19,7 @@ from saltus import afm, cli
 from saltus.afm.curves.stable_orbits import stable_orbits
 from saltus.afm.files.configuration import model_of, read_experiment
 from saltus.afm.files.sets import entries_of, names, text_of
-from saltus.afm.model.modelling import model
+from saltus.afm.models.modelling import model
 from test_cli import HEAVY, _run
 
 LEVER = text_of("lever-s")

@@ -11,7 +11,7 @@ import xarray as xr
 
 import saltus
 from saltus import InputError, afm
-from saltus.afm.model.model_parts import parts_of
+from saltus.afm.models.parts import values_of
 
 # Lever S of the design: jumps, grazing and readings found by an independent event-exact code as well.
 PROBE = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
@@ -119,7 +119,7 @@ def test_what_a_model_is_made_of_has_the_values_that_are_held_and_all_modes_and_
     drive = afm.Drive(A0_nm=20.0) + afm.Drive(A0_nm=1.0, mode=2, ratio="19/3", phase_deg=30.0)
     system = afm.model(probe, afm.Hertz(E_GPa=1.0), drive, Zc_nm=40.0)
     held = {name: value for name, value in system.parameters.items() if name != "E_GPa"}
-    told = parts_of(system, held | {"Q_2": 500.0})
+    told = values_of(system, held | {"Q_2": 500.0})
     assert told["probe"] == {"k_N_m": [2.0, 78.5], "f0_kHz": [70.0, 438.7], "Q": [150.0, 500.0], "R_nm": 10.0}
     assert told["law"]["parameters"] == {"E_GPa": None}
     assert told["drive"] == [{"A0_nm": 20.0}, {"A0_nm": 1.0, "ratio": pytest.approx(19 / 3), "phase_deg": 30.0}]

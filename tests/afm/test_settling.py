@@ -9,7 +9,7 @@ import saltus
 from saltus import InputError, PeriodicOrbit, afm
 from saltus.afm.files.configuration import read_experiment
 from saltus.afm.files.sets import text_of
-from saltus.afm.model.settling import described, settled
+from saltus.afm.models.settling import described, settled
 
 NECKS = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3) + afm.DMT(E_GPa=1.0)
 NECKS = NECKS + afm.Neck(gamma_N_m=0.072, h_nm=1.0, on_nm=1.0, off_nm=3.0)
@@ -168,5 +168,5 @@ def test_a_motion_of_a_probe_in_vacuum_settles(monkeypatch):
     found = settled(system, system.parameters, [5.0, 0.0])
     assert isinstance(found, PeriodicOrbit)
     assert found.stable
-    monkeypatch.setattr("saltus.afm.model.settling._MOST", 1000.0)
+    monkeypatch.setattr("saltus.afm.models.settling._MOST", 1000.0)
     assert settled(system, system.parameters, [5.0, 0.0]) == "the motion has not settled after 1000 periods"

@@ -16,9 +16,10 @@ from .laws.law import Law as Law
 from .laws.long_range import DLVO as DLVO, Hydration as Hydration, LennardJones as LennardJones, Morse as Morse
 from .laws.regions import Crossing as Crossing, Region as Region
 from .laws.viscous import SLS as SLS, Dashpot as Dashpot, KelvinVoigt as KelvinVoigt
-from .model.attractor_regimes import name_by_regime as name_by_regime
-from .model.modelling import model as model
-from .model.orbit_observables import observables as observables
+from .models.attractor_regimes import name_by_regime as name_by_regime
+from .models.modelling import model as model
+from .models.orbit_observables import observables as observables
+from .models.parts import parts_of as parts_of
 from .paper.regimes import settled_orbit as settled_orbit
 from .paper.sample import DMTSample as DMTSample, tip_force as tip_force
 from .paper.table1 import table1 as table1

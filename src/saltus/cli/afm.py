@@ -139,8 +139,8 @@ def observe(
 
 def _tell_observables(curve: Curve, found: StableOrbits) -> None:
     """Print the observables of orbits, one a column."""
-    from saltus.afm.model.orbit_observables import observables
-    from saltus.afm.model.readings import readings_of
+    from saltus.afm.models.orbit_observables import observables
+    from saltus.afm.models.readings import readings_of
 
     place = ", ".join(f"{name} = {found.orbits[0].parameters[name]:.10g}" for name in ("Zc_nm", "f_kHz"))
     told = [f"{len(found.orbits)} stable"] + [f"{found.unstable} unstable"] * bool(found.unstable)

@@ -22,6 +22,7 @@ from saltus.system.parts import (
     clean_phase,
     clean_transition,
     interval_text,
+    kept_data,
     mapping_of,
     names_of,
     number_of,
@@ -57,6 +58,7 @@ class Definition:
         regimes: Mapping[str, Sequence[str]] | None = None,
         let: Mapping[str, Any] | None = None,
         angles: Iterable[str] = (),
+        made_of: Mapping[str, Any] | None = None,
         name: str = "",
     ) -> None:
         if not isinstance(name, str):
@@ -81,6 +83,7 @@ class Definition:
         self.parameter_bounds = {key: clean_bounds(key, interval) for key, interval in bounds.items()}
         regimes = mapping_of(regimes, "regimes", "of names to sequences of modes")
         self.regimes = {key: texts_of(visited, f"regime {key!r}", "names of modes") for key, visited in regimes.items()}
+        self.made_of = kept_data(made_of, "made_of")
         self._check_structure(names.let)
         self._check_choices()
         self.parameter_vector({})
@@ -147,6 +150,7 @@ class Definition:
             "parameter_bounds": {key: list(value) for key, value in self.parameter_bounds.items()},
             "regimes": {key: list(value) for key, value in self.regimes.items()},
             **({"angles": list(self.angles)} if self.angles else {}),
+            **({"made_of": self.made_of} if self.made_of else {}),
         }  # fmt: skip
 
     @classmethod

@@ -65,7 +65,9 @@ def _file(kind: Kind, system: Definition, variant: tuple[object, ...]) -> Path:
     from importlib.metadata import version
 
     mathematics = {
-        key: value for key, value in system.definition().items() if key not in ("name", "groups", "regimes", "angles")
+        key: value
+        for key, value in system.definition().items()
+        if key not in ("name", "groups", "regimes", "angles", "made_of")
     }
     mathematics["parameters"] = list(system.parameters)
     for key in ("positive", "parameter_bounds"):

@@ -61,6 +61,9 @@ class HybridSystem(Definition):
         written out when the system is made; a quantity to look at is an output.
     angles : iterable of str, optional
         States on a circle, in radians: expressions must have the period 2 pi in each, and orbits close modulo 2 pi.
+    made_of : mapping of str to plain data, optional
+        What the expressions were made of: numbers, texts, lists and mappings that are kept with the definition and in
+        files. No motion depends on them.
     name : str, optional
         What the system is called in its `repr` and in files.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,6 +22,7 @@ __all__ = [
     "clean_phase",
     "clean_transition",
     "interval_text",
+    "kept_data",
     "listed",
     "mapping_of",
     "names_of",
@@ -120,6 +122,22 @@ def names_of(names: Sequence[str], where: str) -> tuple[str, ...]:
 def mapping_of(value: Any, where: str, what: str) -> Mapping[Any, Any]:
     """Return a mapping."""
     return as_definition(checks.mapping, where, value, what.removeprefix("of "))
+
+
+def kept_data(value: Any, where: str) -> dict[str, Any]:
+    """Return a copy of plain data that a definition keeps, as they come back from a file.
+
+    Examples
+    --------
+    >>> kept_data({"probe": {"Q": (100.0, 400.0)}}, "made_of")
+    {'probe': {'Q': [100.0, 400.0]}}
+    """
+    data = mapping_of(value, where, "of texts to plain data")
+    try:
+        kept: dict[str, Any] = json.loads(json.dumps(dict(data)))
+    except (TypeError, ValueError) as error:
+        raise DefinitionError(where, list(data), "plain data, as JSON holds them", str(error)) from None
+    return kept
 
 
 def sequence_of(value: Any, where: str, what: str) -> tuple[Any, ...]:

@@ -30,6 +30,7 @@ _TEXT = (str,)
 _NUMBER = (int, float)
 _TEXTS = [(str,)]
 _OPTIONAL = (str, type(None))
+_ANY = (str, int, float, bool, type(None), list, tuple, Mapping)  # whatever JSON holds
 # Keys that must be there.
 _NEEDED = ("states", "parameters", "modes", "transitions", "field", "source", "target", "event", "pieces", "image")
 
@@ -53,6 +54,7 @@ _FORM: Mapping[str, Any] = {
     "parameter_bounds": {"": [_NUMBER]},
     "regimes": {"": _TEXTS},
     "angles": _TEXTS,
+    "made_of": {"": _ANY},
 }  # fmt: skip
 
 # What `Map.definition` returns, in the same form.
@@ -86,7 +88,7 @@ def check_plain(definition: Any) -> None:
 
 def _check(value: Any, form: Any, where: str) -> None:
     if isinstance(form, tuple):
-        if not isinstance(value, form) or isinstance(value, bool):
+        if not isinstance(value, form) or (isinstance(value, bool) and bool not in form):
             raise DefinitionError(where, value, " or ".join(kind.__name__ for kind in form))
     elif isinstance(form, list):
         if not isinstance(value, list | tuple):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.afm.model.readings import check_model
+from saltus.afm.models.parts import check_model
 from saltus.continuation import Locus
 from saltus.continuation.results.prefixed import own_attributes, prefixed_part, side_by_side
 from saltus.errors import InputError

@@ -13,8 +13,8 @@ import numpy as np
 
 from saltus import checks
 from saltus.afm.curves.routes import Jump, Landing, Way, way_along
-from saltus.afm.model.model_parts import parts_of
-from saltus.afm.model.readings import CONVENTIONS, check_model, formulas, readings_of, regime, shown_phase, turns_of
+from saltus.afm.models.parts import check_model, values_of
+from saltus.afm.models.readings import CONVENTIONS, formulas, readings_of, regime, shown_phase, turns_of
 from saltus.contents import Contents
 from saltus.continuation import Branch
 from saltus.continuation.results.branch_files import RAGGED, branches_of, branches_together
@@ -406,7 +406,7 @@ class Curve(Result):
             coords["harmonic"] = ("harmonic", np.array(orders))
         data["regime"] = ("point", [regime(virial) for virial in self.column("virial_eV")], {"long_name": "regime"})
         held = {name: value for name, value in self.branches[0].parameters.items() if name != self.along}
-        attrs = {name: json.dumps(part) for name, part in parts_of(self.system, held).items()} | {
+        attrs = {name: json.dumps(part) for name, part in values_of(self.system, held).items()} | {
             "along": self.along, "low": self.bounds[0], "high": self.bounds[1], "of": json.dumps(self.of),
             "definition": json.dumps(self.system.definition()), "phase_convention": self.phase_convention,
             "ragged": RAGGED, "failures": json.dumps(self.failures),

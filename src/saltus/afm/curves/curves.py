@@ -9,9 +9,10 @@ from saltus import checks
 from saltus.afm.curves.curve import Curve
 from saltus.afm.curves.routes import is_pulled_in
 from saltus.afm.curves.sheets import CLEAR, CLEAR_NM, STEPS, Tracing, free_amplitude, free_orbit, reached, traced, whole
-from saltus.afm.model.modelling import driven_mode, frequency_of, suffix
-from saltus.afm.model.readings import formulas
-from saltus.afm.model.settling import periods_of_patience
+from saltus.afm.models.modelling import frequency_of
+from saltus.afm.models.parts import driven_mode, suffix
+from saltus.afm.models.readings import formulas
+from saltus.afm.models.settling import periods_of_patience
 from saltus.afm.probe.units import check_changes
 from saltus.continuation import StepControl, continue_orbit
 from saltus.orbits import PeriodicOrbit, find_orbit

@@ -10,7 +10,8 @@ import numpy as np
 from saltus import checks
 from saltus.afm.curves.bistable_region import PLANE, Bistability, turns_of
 from saltus.afm.curves.curves import approach_jumps, from_afar
-from saltus.afm.model.readings import check_model, drives_of
+from saltus.afm.models.parts import check_model
+from saltus.afm.models.readings import drives_of
 from saltus.afm.probe.units import check_changes
 from saltus.continuation import Locus, SpecialPoint, StepControl, continue_locus, continue_orbit
 from saltus.errors import ConvergenceError, InputError, SaltusError

@@ -11,7 +11,8 @@ import numpy as np
 from saltus import checks
 from saltus.afm.curves.curves import distance_curve, frequency_curve
 from saltus.afm.curves.sheets import Tracing, sheet_again
-from saltus.afm.model.readings import check_model, formulas
+from saltus.afm.models.parts import check_model
+from saltus.afm.models.readings import formulas
 from saltus.afm.probe.units import checked
 from saltus.continuation.many.retracing import Retraced
 from saltus.errors import InputError

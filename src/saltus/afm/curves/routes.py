@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.afm.model.modelling import driven_mode, suffix
-from saltus.afm.model.settling import described, settled, stays_in_contact
+from saltus.afm.models.parts import driven_mode, suffix
+from saltus.afm.models.settling import described, settled, stays_in_contact
 from saltus.continuation import Branch, SpecialPoint
 from saltus.continuation.many.retracing import orbits_at
 from saltus.continuation.results.sheets import Stretch, stretches_of

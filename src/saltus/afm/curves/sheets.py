@@ -12,9 +12,9 @@ import numpy as np
 
 from saltus.afm.curves.curve import Curve
 from saltus.afm.curves.routes import is_pulled_in
-from saltus.afm.model.modelling import driven_mode, suffix
-from saltus.afm.model.readings import drives_of, turns_of
-from saltus.afm.model.settling import (
+from saltus.afm.models.parts import driven_mode, parts_of, suffix
+from saltus.afm.models.readings import drives_of, turns_of
+from saltus.afm.models.settling import (
     Known,
     described,
     periods_of_patience,
@@ -290,8 +290,7 @@ def _missing(
     system: HybridSystem, parameters: Mapping[str, float], bends: NDArray[np.float64], mode: int
 ) -> NDArray[np.float64]:
     """Return by how much the tip's force in a mode would bend the probe more than it is bent; at a rest by nothing."""
-    modes = [name for name in system.states if name.startswith("z")]
-    softness = sum(1.0 / parameters[f"k_N_m{suffix(i)}"] for i in range(1, len(modes) + 1))
+    softness = sum(1.0 / parameters[f"k_N_m{suffix(i)}"] for i in range(1, parts_of(system).probe.modes + 1))
     states = np.zeros((len(bends), len(system.all_states)))
     states[:, 0] = bends
     return np.asarray(evaluate(system, "force_nN", states, mode, parameters) * softness - bends)

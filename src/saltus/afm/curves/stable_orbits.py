@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.afm.model.settling import settled_orbit, starts_about
+from saltus.afm.models.settling import settled_orbit, starts_about
 from saltus.errors import SaltusError
 from saltus.orbits.orbit import extremes_of
 

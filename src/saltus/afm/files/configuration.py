@@ -16,8 +16,8 @@ from saltus.afm.files.measured_curves import read_curve
 from saltus.afm.files.sets import entries_of
 from saltus.afm.laws import adhesive, contact, long_range, viscous
 from saltus.afm.laws.law import Law
-from saltus.afm.model.modelling import model
-from saltus.afm.model.readings import CONVENTIONS
+from saltus.afm.models.modelling import model
+from saltus.afm.models.readings import CONVENTIONS
 from saltus.afm.probe.drive import Drive, Drives
 from saltus.afm.probe.probe import Probe
 from saltus.config_files import attribute_of, called, read_toml

@@ -12,7 +12,7 @@ import numpy as np
 from saltus import checks
 from saltus.afm.files.instrument_files import READERS, FileColumn
 from saltus.afm.files.unit_conversion import factor_between
-from saltus.afm.model.readings import READINGS, readings_of
+from saltus.afm.models.readings import READINGS, readings_of
 from saltus.errors import InputError, nearest
 
 if TYPE_CHECKING:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from saltus.afm.model.readings import check_model, turns_of
+from saltus.afm.models.parts import check_model
+from saltus.afm.models.readings import turns_of
 from saltus.afm.probe.units import checked
 from saltus.errors import InputError
 from saltus.system import HybridSystem

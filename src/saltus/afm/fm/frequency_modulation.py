@@ -11,7 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.afm.fm.self_excitation import excited_mode, self_excited
 from saltus.afm.fm.shift_curve import FrequencyShift, shift_readings
-from saltus.afm.model.modelling import suffix
+from saltus.afm.models.parts import suffix
 from saltus.afm.probe.units import check_changes
 from saltus.errors import ConvergenceError, SaltusError
 from saltus.flow import simulate

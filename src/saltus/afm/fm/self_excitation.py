@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from saltus.afm.model.modelling import suffix
-from saltus.afm.model.readings import check_model, drives_of
+from saltus.afm.models.parts import parts_of, suffix
 from saltus.afm.probe.units import checked
 from saltus.errors import InputError
 from saltus.system import HybridSystem
@@ -22,16 +21,12 @@ def excited_mode(system: HybridSystem) -> int:
     InputError
         The system is no model with one drive of one mode, given by the free amplitude at its natural frequency.
     """
-    check_model(system, "system")
-    field = next(iter(system.definition()["modes"].values()))["field"]
-    driven = [
-        number
-        for number in range(1, len(field) + 1)
-        if f"k_N_m{(end := suffix(number))}*A0_nm/Q{end}*{_WAVE}" in field.get(f"v{number}_nm_us", "")
-    ]
-    if drives_of(system) != [1] or len(driven) != 1:
+    drives = parts_of(system).drives.parts
+    first = drives[0]
+    plain = first.A0_nm is not None and first.at == "f0" and not first.phase_deg
+    if system.phase is None or len(drives) != 1 or not plain:
         raise InputError("system", system.name or "a hybrid system", f"a model with {_DRIVEN}")
-    return driven[0]
+    return first.mode
 
 
 def self_excited(system: HybridSystem, A_nm: float, *, check: bool = True) -> HybridSystem:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.afm.model.modelling import suffix
-from saltus.afm.model.readings import READINGS, Reading, check_model
+from saltus.afm.models.parts import check_model, suffix
+from saltus.afm.models.readings import READINGS, Reading
 from saltus.afm.probe.units import ENERGY_EV
 from saltus.results import Result, frozen
 from saltus.system.plain import held_system

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.afm.pictures.cantilever_motion import hertz_profile, is_model, modes_of, motion_of
+from saltus.afm.models.parts import is_model
+from saltus.afm.pictures.cantilever_motion import hertz_profile, modes_of, motion_of
 from saltus.errors import InputError
 from saltus.plotting.movies import checked_movie, write_movie
 from saltus.progress import Report, Reporter

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from saltus import checks
+from saltus.afm.models.parts import is_model, parts_of
 from saltus.afm.paper.regimes import tapping_modes
 from saltus.afm.probe.beam import mode_shape
 from saltus.errors import InputError
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from saltus.orbits import PeriodicOrbit
     from saltus.system import HybridSystem
 
-__all__ = ["Motion", "hertz_profile", "is_model", "modes_of", "motion_of"]
+__all__ = ["Motion", "hertz_profile", "modes_of", "motion_of"]
 
 _SHORT = 1e-6  # time over which the gap's rate is a difference, over the period
 _RADIUS = 10.0  # nm; radius of the tip as drawn, where the law does not have it
@@ -65,18 +65,6 @@ class Motion:
     radius: float
 
 
-def is_model(system: HybridSystem) -> bool:
-    """Return whether a system is one of `saltus.afm.model`, in nm and us.
-
-    Examples
-    --------
-    >>> from saltus.afm import table1, tapping_mode
-    >>> is_model(tapping_mode(table1()))
-    False
-    """
-    return "deflection_nm" in system.output_names
-
-
 def modes_of(system: HybridSystem) -> int:
     """Return how many modes of the cantilever a system has.
 
@@ -92,7 +80,7 @@ def modes_of(system: HybridSystem) -> int:
     2
     """
     if is_model(system):
-        return sum(re.fullmatch(r"z\d+_nm", name) is not None for name in system.states)
+        return parts_of(system).probe.modes
     return tapping_modes(system)
 
 

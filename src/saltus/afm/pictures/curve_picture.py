@@ -8,7 +8,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.afm.curves.curve import Curve
-from saltus.afm.model.readings import readings_of
+from saltus.afm.models.readings import readings_of
 from saltus.plotting import plot, style
 from saltus.plotting.branch import draw_pieces, draw_special, pieces_of
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from saltus import checks
-from saltus.afm.model.orbit_observables import observables
+from saltus.afm.models.orbit_observables import observables
 from saltus.basins import Attractors
 
 __all__ = ["name_by_regime"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from saltus import checks
 from saltus.afm.laws.common_regions import Product, in_brackets, named, product, sum_of
 from saltus.afm.laws.law import Law
+from saltus.afm.models.parts import Parts, kept, suffix
 from saltus.afm.probe.drive import Drive, Drives
 from saltus.afm.probe.probe import Probe
 from saltus.afm.probe.units import checked, quantity_of
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from saltus.afm.laws.regions import Region
 
-__all__ = ["driven_mode", "frequency_of", "model", "suffix"]
+__all__ = ["frequency_of", "model"]
 
 _LEAST_Q = math.sqrt(0.5)  # quality factor from which on the response has a peak
 _OMEGA = "0.002*pi"  # angular frequency per us of 1 kHz
@@ -116,32 +116,14 @@ def model(
         if part.mode > probe.modes:
             raise InputError("mode", part.mode, f"a mode of the probe, up to {probe.modes}")
     f = checked("f_kHz", _frequency(probe, drives.parts[0].mode, f_kHz), plausible=check)
-    return HybridSystem(
-        **_Writing(probe, product(law.parts, probe.R_nm), drives, {"Zc_nm": gap, "f_kHz": f}).definition
-    )
-
-
-def suffix(number: int) -> str:
-    """Return what a parameter's name ends with that belongs to a mode or a drive: nothing for the first.
-
-    Examples
-    --------
-    >>> suffix(1), suffix(2)
-    ('', '_2')
-    """
-    return "" if number == 1 else f"_{number}"
+    writing = _Writing(probe, product(law.parts, probe.R_nm), drives, {"Zc_nm": gap, "f_kHz": f})
+    system = HybridSystem(**writing.definition, made_of=kept(probe, law, drives))
+    vars(system)["_parts"] = Parts(probe, law, drives)
+    return system
 
 
 def _frequency(probe: Probe, mode: int, f_kHz: float | str) -> Any:
     return frequency_of(f_kHz, list(probe.f0_kHz)[mode - 1], list(probe.Q)[mode - 1])  # type: ignore[arg-type]
-
-
-def driven_mode(system: HybridSystem) -> int:
-    """Return which mode the first drive of a model acts on, from 1; the first of several."""
-    drive = re.compile(r"\b(A0_nm|F0_nN|Y_nm)\b")
-    field = system.modes[system.mode_names[0]].field
-    rates = {i: field[f"v{i}_nm_us"] for i in range(1, len(system.states) + 1) if f"v{i}_nm_us" in field}
-    return min(i for i, rate in rates.items() if drive.search(rate))
 
 
 def frequency_of(f_kHz: float | str, f0: float, Q: float) -> Any:

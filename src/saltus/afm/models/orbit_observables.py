@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from saltus import checks
-from saltus.afm.model.readings import READINGS, check_model, formulas, regime, shown_between, turns_of
+from saltus.afm.models.parts import check_model
+from saltus.afm.models.readings import READINGS, formulas, regime, shown_between, turns_of
 from saltus.orbits.orbit import PeriodicOrbit
 
 __all__ = ["Observables", "observables"]
@@ -25,7 +26,7 @@ class Observables(Mapping[str, Any]):
 
     Examples
     --------
-    >>> from saltus.afm.model.orbit_observables import observables
+    >>> from saltus.afm.models.orbit_observables import observables
     """
 
     def __init__(self, orbit: PeriodicOrbit, values: Mapping[str, Any]) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from fractions import Fraction
 from typing import NamedTuple
 
 from saltus import checks
-from saltus.afm.model.modelling import driven_mode, suffix
+from saltus.afm.models.parts import check_model, driven_mode, parts_of, suffix
 from saltus.afm.probe.units import ENERGY_EV
 from saltus.errors import InputError
 from saltus.system import HybridSystem
@@ -16,7 +17,6 @@ __all__ = [
     "CONVENTIONS",
     "READINGS",
     "Reading",
-    "check_model",
     "drives_of",
     "formulas",
     "readings_of",
@@ -25,9 +25,6 @@ __all__ = [
     "shown_phase",
     "turns_of",
 ]
-
-_DRIVEN = re.compile(r"(A0_nm|F0_nN|Y_nm)(?:_(\d+))?")
-_NEEDED = {"deflection_nm", "force_nN", "drive_pW", "medium_pW", "sample_pW", "virial_aJ"}
 
 
 class Reading(NamedTuple):
@@ -79,17 +76,9 @@ CONVENTIONS = {
 _SHOWN = "shown_phase_deg"  # reading of conventions other than lag90
 
 
-def check_model(system: HybridSystem, argument: str) -> None:
-    """Raise `InputError` where a system is none of `saltus.afm.model`."""
-    checks.instance(argument, system, HybridSystem)
-    if not set(system.output_names) >= _NEEDED:
-        raise InputError(argument, system.name or "a hybrid system", "one of saltus.afm.model")
-
-
 def drives_of(system: HybridSystem) -> list[int]:
     """Return the numbers of a model's drives, from 1."""
-    found = (_DRIVEN.fullmatch(name) for name in system.parameter_names)
-    return sorted(int(name[2] or 1) for name in found if name is not None)
+    return list(range(1, len(parts_of(system).drives.parts) + 1))
 
 
 def turns_of(system: HybridSystem) -> int:
@@ -102,8 +91,7 @@ def turns_of(system: HybridSystem) -> int:
     """
     if system.phase is None:
         raise InputError("system", system.name, "a driven model", "frequency_shift has readings of a self-excited one")
-    divisor = re.fullmatch(r".*/(\d+)", system.phase[1])
-    return int(divisor[1]) if divisor else 1
+    return parts_of(system).drives.turns
 
 
 def formulas(system: HybridSystem, of: str | int = "deflection", phase_convention: str = "lag90") -> dict[str, str]:
@@ -129,7 +117,8 @@ def formulas(system: HybridSystem, of: str | int = "deflection", phase_conventio
         The system is no such model, the probe has no such mode, or there is no such convention.
     """
     check_model(system, "system")
-    if free := [name for name in system.states if re.fullmatch(r"theta_\d+", name)]:
+    drives = parts_of(system).drives.parts
+    if free := [f"theta_{number}" for number, drive in enumerate(drives, 1) if not drive.repeats]:
         hint = f"no motion of it repeats while {', '.join(free)} turns freely: simulate it"
         raise InputError("system", system.name, "a model whose drives repeat", hint)
     checks.chosen("phase_convention", phase_convention, CONVENTIONS)
@@ -137,8 +126,8 @@ def formulas(system: HybridSystem, of: str | int = "deflection", phase_conventio
     waves = {}
     for number in drives_of(system):
         end = suffix(number)
-        order = round(system.parameters.get(f"ratio{end}", 1.0) * turns)
-        lead = f" + phase_deg{end}" if f"phase_deg{end}" in system.parameters else ""
+        order = int(Fraction(drives[number - 1].ratio) * turns)
+        lead = f" + phase_deg{end}" if drives[number - 1].phase_deg else ""
         waves[f"amplitude_nm{end}"] = f"amplitude({seen}, {order})"
         waves[f"lag_deg{end}"] = lag = f"90 - degrees(phase({seen}, {order})){lead}"
         if phase_convention != "lag90":
@@ -230,5 +219,4 @@ def _subject(system: HybridSystem, of: str | int) -> str:
     if isinstance(of, str):
         checks.chosen("of", of, ("deflection", "tip"), instead=", or the number of a mode")
         return "deflection_nm" if of == "deflection" else "D_nm"
-    modes = sum(re.fullmatch(r"z\d+_nm", name) is not None for name in system.states)
-    return f"z{checks.count('of', of, 1, modes, 'modes')}_nm"
+    return f"z{checks.count('of', of, 1, parts_of(system).probe.modes, 'modes')}_nm"
