@@ -1,4 +1,4 @@
-"""Fixtures: the systems of `systems`, each defined once a run."""
+"""Fixtures: the systems of `systems`, each defined once a run. At the end of a run, how much was compiled in it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import gc
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read where numpy is imported: threads of small products only wait
+
+from typing import Any
 
 import hypothesis
 import pytest
@@ -21,6 +23,61 @@ gc.set_threshold(50_000, 50, 50)
 # the same examples in each run, however busy the machine
 hypothesis.settings.register_profile("saltus", deadline=None, derandomize=True, print_blob=True)
 hypothesis.settings.load_profile("saltus")
+
+
+class Compilations:
+    """How many functions Numba compiles in a run, in all its processes, and how long that takes.
+
+    Attributes
+    ----------
+    functions : int
+        Functions lowered to machine code.
+    seconds : float
+        Time in Numba's compiler.
+    """
+
+    def __init__(self) -> None:
+        self.functions, self.seconds = 0, 0.0
+
+    def pytest_sessionstart(self) -> None:
+        """Listen to Numba, once saltus has told it where to keep code."""
+        from saltus.system.cache import let_numba_cache
+
+        let_numba_cache()
+        from numba.core import event
+
+        counter = self
+
+        class Lowered(event.Listener):  # type: ignore[misc]
+            def on_start(self, event: Any) -> None:
+                counter.functions += event.data["name"].startswith("native_lowering")
+
+            def on_end(self, event: Any) -> None:
+                """Nothing ends that is counted."""
+
+        self._timer = event.TimingListener()
+        event.register("numba:run_pass", Lowered())
+        event.register("numba:compiler_lock", self._timer)
+
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """Add this process's time; a worker sends its numbers."""
+        self.seconds += self._timer.duration if self._timer.done else 0.0
+        if hasattr(session.config, "workeroutput"):
+            session.config.workeroutput["compilations"] = (self.functions, self.seconds)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any) -> None:
+        """Add what a worker has compiled."""
+        functions, seconds = getattr(node, "workeroutput", {}).get("compilations", (0, 0.0))
+        self.functions, self.seconds = self.functions + functions, self.seconds + seconds
+
+    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        """Print the numbers."""
+        terminalreporter.write_line(f"compiled: {self.functions} functions in {self.seconds:.0f} s")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(Compilations(), "compilations")
 
 
 @pytest.fixture(scope="session")
