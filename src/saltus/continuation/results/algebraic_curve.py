@@ -12,7 +12,8 @@ import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents
-from saltus.continuation.results.curve_files import described, ragged_rows, texts_array
+from saltus.continuation.results.curve import SolutionCurve
+from saltus.continuation.results.curve_files import ragged_rows, texts_array
 from saltus.continuation.results.displacement import displaced
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
 from saltus.maps.orbit import MapOrbit
@@ -42,60 +43,23 @@ _NUMBERS = ("test", "position", "arclength")  # those that are numbers
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class AlgebraicCurve(Result, Generic[Solved]):
+class AlgebraicCurve(SolutionCurve[Solved]):
     """Solutions in order along a curve, and special points: the base of curves of equilibria and of cycles of maps.
 
     Attributes
     ----------
-    system : HybridSystem or Map
-        The system.
-    parameters : mapping of str to float
-        All parameters at the start.
-    values : ndarray
-        The varied parameters: shape (point,) for one, (point, parameter) for two.
-    stable, regular : ndarray of bool, shape (point,)
-        Whether the solution is stable, and whether it lies where its mode, or its pieces, hold.
-    residual, arclength : ndarray, shape (point,)
-        Largest residual over the sizes of its terms, and arclength from the first point.
-    special_points : SpecialPoints
-        In order along the curve; ``curve["SN1"]`` is one of them.
-    stopped : tuple of str
-        Why the curve ended, at its first and at its last point.
-    rejected : tuple of str
-        Rejected steps, with their reasons.
-    options : mapping
-        Arguments of the continuation.
+    regular : ndarray of bool, shape (point,)
+        Whether the solution lies where its mode, or its pieces, hold.
     """
 
-    system: Any
-    parameters: Mapping[str, float]
-    values: NDArray[np.float64]
-    stable: NDArray[np.bool_]
     regular: NDArray[np.bool_]
-    residual: NDArray[np.float64]
-    arclength: NDArray[np.float64]
-    special_points: SpecialPoints[Solved]
-    stopped: tuple[str, str]
-    rejected: tuple[str, ...] = ()
-    options: Mapping[str, Any] = field(default_factory=dict)
 
-    counted: ClassVar[str]  # what a `repr` counts
-    unnamed: ClassVar[str]  # what it calls a system without a name
-
-    def __post_init__(self) -> None:
-        kinds: dict[str, Any] = dict.fromkeys(("values", "residual", "arclength"), np.float64)
-        kinds |= {"stable": np.bool_, "regular": np.bool_}
-        for name, kind in kinds.items():
-            object.__setattr__(self, name, frozen(getattr(self, name), kind))
+    kinds = SolutionCurve.kinds | {"regular": np.bool_}
 
     @property
-    @abstractmethod
-    def varied(self) -> tuple[str, ...]:
-        """Names of the parameters that vary."""
-
-    @abstractmethod
-    def _solution(self, index: int) -> Solved:
-        """Return the solution of one point."""
+    def sound(self) -> NDArray[np.bool_]:
+        """See `SolutionCurve.sound`: `regular`."""
+        return self.regular
 
     @abstractmethod
     def _first_states(self) -> NDArray[np.float64]:
@@ -108,18 +72,6 @@ class AlgebraicCurve(Result, Generic[Solved]):
     def _known_as(self, name: str) -> str:
         """Return the name under which a column is held."""
         return name
-
-    def __len__(self) -> int:
-        return len(self.values)
-
-    def __getitem__(self, label: str) -> SpecialPoint[Solved]:
-        """Return the special point of that label."""
-        known = {point.label: point for point in self.special_points}
-        return known[checks.chosen("label", label, known)]
-
-    def __iter__(self) -> Iterator[Solved]:
-        """Go through the solutions of all points."""
-        return (self._solution(i) for i in range(len(self)))
 
     def _columns(self) -> dict[str, NDArray[np.float64]]:
         table, states = self.values.reshape(len(self), -1), self._first_states()
@@ -184,10 +136,8 @@ class AlgebraicCurve(Result, Generic[Solved]):
 
     def _at_point(self, index: int) -> tuple[int, NDArray[np.float64]]:
         """Return the place of a point, negative ones counted from the end, and all parameters there."""
-        i = range(len(self))[checks.count("index", index, -len(self), len(self) - 1)]
-        row = np.atleast_1d(self.values[i]).tolist()
-        changed = dict(self.parameters) | dict(zip(self.varied, row, strict=True))
-        return i, self.system.parameter_vector(changed)
+        i = self._place(index)
+        return i, self.system.parameter_vector(self._parameters_at(i))
 
     def _shared_variables(self) -> tuple[dict[str, Any], dict[str, str]]:
         """Return variables and attributes of a Dataset that all curves have."""
@@ -198,16 +148,7 @@ class AlgebraicCurve(Result, Generic[Solved]):
             "residual": ("point", self.residual),
             "arclength": ("point", self.arclength),
         }
-        attrs = {
-            "varied": json.dumps(list(self.varied)),
-            "parameters": json.dumps(dict(self.parameters)),
-            "definition": json.dumps(self.system.definition()),
-            "stopped_first": self.stopped[0],
-            "stopped_last": self.stopped[1],
-            "rejected": json.dumps(list(self.rejected)),
-            "options": json.dumps(dict(self.options)),
-        }
-        return data, attrs
+        return data, self._kept_attributes()
 
     @classmethod
     def _shared_fields(cls, held: Contents) -> dict[str, Any]:
@@ -219,19 +160,13 @@ class AlgebraicCurve(Result, Generic[Solved]):
             "regular": held.array("regular", point, bool),
             "residual": held.array("residual", point),
             "arclength": held.array("arclength", point),
-            "stopped": (held.text("stopped_first"), held.text("stopped_last")),
-            "rejected": tuple(held.texts("rejected")),
-            "options": held.json("options", dict),
+            **cls._kept_fields(held),
         }
 
     @classmethod
     @abstractmethod
     def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
         """Return `values` and the fields that only this kind of curve has, as `to_xarray` described them."""
-
-    def _described(self, what: str) -> str:
-        """Return the text of a `repr`: kind, range, ends and special points."""
-        return described(self, what, self.counted, self.unnamed)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

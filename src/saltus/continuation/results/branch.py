@@ -92,9 +92,6 @@ class Branch(OrbitCurve):
         """
         return solutions_at(self, value, lambda a, b, share: self._attempts(a, b, share, value), extremes_of)
 
-    def _solution(self, index: int) -> PeriodicOrbit:
-        return self.orbit(index)
-
     def _attempts(
         self, first: PeriodicOrbit, last: PeriodicOrbit, share: float, value: float
     ) -> Iterator[Callable[[], PeriodicOrbit]]:
@@ -143,9 +140,9 @@ class Branch(OrbitCurve):
     def _own_columns(self) -> dict[str, NDArray[np.float64]]:
         return {}
 
-    def _parameters(self, index: int) -> dict[str, float]:
+    def _parameters_at(self, index: int) -> dict[str, float]:
         if self.fixed is None:
-            return super()._parameters(index)
+            return super()._parameters_at(index)
         free = {self.fixed.free: float(self.freed[index])} if self.fixed.free else {}
         return dict(self.parameters) | free
 

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 __all__ = [
     "column_name",
     "complex_table",
-    "described",
     "ragged_rows",
     "special_points_of",
     "special_variables",
@@ -45,30 +44,6 @@ def column_name(name: str, taken: Collection[str]) -> str:
     if "(" in name:
         return "varied_quantity"
     return f"varied_{name}" if name in taken else name
-
-
-def described(curve: Any, what: str, solutions: str, unnamed: str = "a hybrid system") -> str:
-    """Return the text of a curve's `repr`: kind, range, ends and special points.
-
-    Parameters
-    ----------
-    curve : OrbitCurve or AlgebraicCurve
-        The curve.
-    what : str
-        Its kind in words.
-    solutions : str
-        What its points are, as ``orbits``.
-    unnamed : str
-        What the system is called where it has no name.
-    """
-    of = curve.system.name or unnamed
-    lines = [f"{what} of {of}: {len(curve)} {solutions}, {int(curve.stable.sum())} stable"]
-    for name, column in zip(curve.varied, curve.values.reshape(len(curve), -1).T, strict=True):
-        ends = (column.min(), column.max()) if len(curve) else (np.nan, np.nan)
-        lines[0] += ", {} from {:.9g} to {:.9g}".format(name, *ends)
-    lines += [f"  began: {curve.stopped[0]}", f"  ended: {curve.stopped[1]}"]
-    lines += [f"  {line}" for line in repr(curve.special_points).splitlines()]
-    return "\n".join(lines)
 
 
 def special_variables(

@@ -58,10 +58,7 @@ class EquilibriumCurve(AlgebraicCurve[Equilibrium]):
 
     counted, unnamed = "equilibria", "a hybrid system"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name, kind in (("states", np.float64), ("eigenvalues", np.complex128), ("mode", np.int64)):
-            object.__setattr__(self, name, frozen(getattr(self, name), kind))
+    kinds = AlgebraicCurve.kinds | {"states": np.float64, "eigenvalues": np.complex128, "mode": np.int64}
 
     def _solution(self, index: int) -> Equilibrium:
         return self.equilibrium(index)

@@ -40,10 +40,7 @@ class EquilibriumLocus(TwoParameters, EquilibriumCurve):
 
     frequency: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("frequency", "coefficient"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+    kinds = EquilibriumCurve.kinds | dict.fromkeys(("frequency", "coefficient"), np.float64)
 
     def _own_columns(self) -> dict[str, NDArray[np.float64]]:
         return {"frequency": self.frequency, "coefficient": self.coefficient}

@@ -50,10 +50,7 @@ class Locus(OrbitCurve):
     angle: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     coefficient: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("angle", "coefficient"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+    kinds = OrbitCurve.kinds | dict.fromkeys(("angle", "coefficient"), np.float64)
 
     @property
     def varied(self) -> tuple[str, ...]:

@@ -67,10 +67,7 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
 
     counted, unnamed = "cycles", "a map"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name, kind in (("points", np.float64), ("multipliers", np.complex128), ("form", np.int64)):
-            object.__setattr__(self, name, frozen(getattr(self, name), kind))
+    kinds = AlgebraicCurve.kinds | {"points": np.float64, "multipliers": np.complex128, "form": np.int64}
 
     @property
     def period(self) -> int:

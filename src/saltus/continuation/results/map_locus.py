@@ -41,10 +41,7 @@ class MapLocus(TwoParameters, MapCurve):
 
     angle: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("angle", "coefficient"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+    kinds = MapCurve.kinds | dict.fromkeys(("angle", "coefficient"), np.float64)
 
     def _own_columns(self) -> dict[str, NDArray[np.float64]]:
         return {"angle": self.angle, "coefficient": self.coefficient}

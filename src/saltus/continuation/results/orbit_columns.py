@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
+from saltus.continuation.results.curve import SolutionCurve
+from saltus.continuation.results.special_points import SpecialPoint
 from saltus.errors import ConvergenceError, InputError
 from saltus.flow.formulas import Observable, read_formula
 from saltus.flow.observables import angles, observe
@@ -23,7 +24,7 @@ from saltus.orbits.sampling import motion_of
 from saltus.orbits.sensitivities import sensitivities
 from saltus.orbits.signature import CUT_END, Signature
 from saltus.orbits.unfolding import Fixed
-from saltus.results import Result, frozen
+from saltus.results import frozen
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
@@ -34,25 +35,19 @@ __all__ = ["OrbitColumns"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class OrbitColumns(Result):
+class OrbitColumns(SolutionCurve[PeriodicOrbit]):
     """Orbits in order along a curve, their properties, and special points, without files.
 
     Attributes
     ----------
-    system : HybridSystem
-        The system.
-    parameters : mapping of str to float
-        All parameters at the start.
-    values : ndarray
-        The varied parameters: shape (point,) for one, (point, parameter) for more.
     x0 : ndarray, shape (point, state)
         State at phase 0, or at the first segment's start.
     multipliers : ndarray of complex, shape (point, multiplier)
         Floquet multipliers; infinite at a grazing.
-    stable, admissible : ndarray of bool, shape (point,)
-        Whether the orbit is stable, and whether it is a motion of the system.
-    period, residual, arclength : ndarray, shape (point,)
-        Period, residual of the equations, and arclength from the first point.
+    admissible : ndarray of bool, shape (point,)
+        Whether the orbit is a motion of the system.
+    period : ndarray, shape (point,)
+        Period.
     lows, highs : ndarray, shape (point, all states + outputs)
         Extremes over the period, in the order of `quantities`.
     means, harmonics : ndarray, shape (point, all states + outputs)
@@ -63,28 +58,14 @@ class OrbitColumns(Result):
         Index of each point's signature in `forms`.
     unknowns : tuple of ndarray
         States and durations of each point's segments, as `OrbitProblem` orders them.
-    special_points : SpecialPoints
-        In order along the curve; ``curve["SN1"]`` is one of them.
-    stopped : tuple of str
-        Why the curve ended, at its first and at its last point.
-    rejected : tuple of str
-        Rejected steps, with their reasons.
-    options : mapping
-        Arguments of the continuation.
     tolerance : float
         Relative tolerance of the flow.
     """
 
-    system: HybridSystem
-    parameters: Mapping[str, float]
-    values: NDArray[np.float64]
     x0: NDArray[np.float64]
     multipliers: NDArray[np.complex128]
-    stable: NDArray[np.bool_]
     admissible: NDArray[np.bool_]
     period: NDArray[np.float64]
-    residual: NDArray[np.float64]
-    arclength: NDArray[np.float64]
     lows: NDArray[np.float64]
     highs: NDArray[np.float64]
     means: NDArray[np.float64]
@@ -92,40 +73,27 @@ class OrbitColumns(Result):
     forms: tuple[Signature, ...]
     form: NDArray[np.int64]
     unknowns: tuple[NDArray[np.float64], ...]
-    special_points: SpecialPoints
-    stopped: tuple[str, str]
-    rejected: tuple[str, ...] = ()
-    options: Mapping[str, Any] = field(default_factory=dict)
     tolerance: float = 1e-12
 
-    def __post_init__(self) -> None:
-        reals = ("values", "x0", "period", "residual", "arclength", "lows", "highs", "means")
-        kinds: dict[str, Any] = dict.fromkeys(reals, np.float64)
-        kinds |= {"multipliers": np.complex128, "harmonics": np.complex128, "form": np.int64}
-        kinds |= {"stable": np.bool_, "admissible": np.bool_}
-        for name, kind in kinds.items():
-            object.__setattr__(self, name, frozen(getattr(self, name), kind))
+    counted = "orbits"
+    kinds = SolutionCurve.kinds | {
+        **dict.fromkeys(("x0", "period", "lows", "highs", "means"), np.float64),
+        **dict.fromkeys(("multipliers", "harmonics"), np.complex128),
+        "form": np.int64,
+        "admissible": np.bool_,
+    }
 
     @property
-    @abstractmethod
-    def varied(self) -> tuple[str, ...]:
-        """Names of the parameters that vary."""
+    def sound(self) -> NDArray[np.bool_]:
+        """See `SolutionCurve.sound`: `admissible`."""
+        return self.admissible
+
+    def _solution(self, index: int) -> PeriodicOrbit:
+        return self.orbit(index)
 
     @abstractmethod
     def _own_columns(self) -> dict[str, NDArray[np.float64]]:
         """Return the columns, shape (point,) each, that only this kind of curve has."""
-
-    def __len__(self) -> int:
-        return len(self.values)
-
-    def __getitem__(self, label: str) -> SpecialPoint:
-        """Return the special point of that label."""
-        known = {point.label: point for point in self.special_points}
-        return known[checks.chosen("label", label, known)]
-
-    def __iter__(self) -> Iterator[PeriodicOrbit]:
-        """Go through the orbits of all points."""
-        return (self.orbit(i) for i in range(len(self)))
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -374,17 +342,13 @@ class OrbitColumns(Result):
         values = self.multipliers[index] if CUT_END in problem.signature.kinds else None
         return orbit_at(problem, u, problem.resolve(u)[1], values=values, fixed=self._fixed(index))
 
-    def _parameters(self, index: int) -> dict[str, float]:
-        """Return all parameters of one point's orbit."""
-        return {**self.parameters, **dict(zip(self.varied, np.atleast_1d(self.values[index]).tolist(), strict=True))}
-
     def _fixed(self, index: int) -> Fixed | None:
         """Return what is fixed of one point's orbit, and what is freed; None along parameters."""
         return None
 
     def _solved(self, index: int, active: Sequence[int] = ()) -> tuple[OrbitProblem, NDArray[np.float64]]:
         """Return the equations of one point's orbit, some parameters active, meshes made, and their solution."""
-        p, form = self.system.parameter_vector(self._parameters(index)), self.forms[self.form[index]]
+        p, form = self.system.parameter_vector(self._parameters_at(index)), self.forms[self.form[index]]
         problem = OrbitProblem(self.system, form, p, active, np.ones(len(active)), self.tolerance)
         u = np.append(self.unknowns[index], p[list(active)])
         states = len(self.system.states)

@@ -13,7 +13,6 @@ from saltus.contents import Contents
 from saltus.continuation.results.curve_files import (
     column_name,
     complex_table,
-    described,
     ragged_rows,
     special_points_of,
     special_variables,
@@ -79,17 +78,11 @@ class OrbitCurve(OrbitColumns):
         columns = [column_name(name, taken) for name in self.varied]
         data = {column: ("point", table[:, i]) for i, column in enumerate(columns)} | data
         attrs = {
-            "varied": json.dumps(list(self.varied)),
+            **self._kept_attributes(),
             "columns": json.dumps(columns),
-            "parameters": json.dumps(dict(self.parameters)),
-            "definition": json.dumps(self.system.definition()),
             "forms": json.dumps([[f.modes, f.transitions, f.kinds, f.turns] for f in forms]),
             "signatures": json.dumps(signatures),
             "n_forms": len(self.forms),
-            "stopped_first": self.stopped[0],
-            "stopped_last": self.stopped[1],
-            "rejected": json.dumps(list(self.rejected)),
-            "options": json.dumps(dict(self.options)),
             "tolerance": self.tolerance,
             "ragged": f"unknown: unknown_count numbers for each point: state ({n}) and duration of each segment",
         }
@@ -147,13 +140,7 @@ class OrbitCurve(OrbitColumns):
             form=number,
             unknowns=ragged_rows(held, "unknown", "ragged", "point", [len(forms[i]) * wide for i in number.tolist()]),
             special_points=SpecialPoints(points, varied),
-            stopped=(held.text("stopped_first"), held.text("stopped_last")),
-            rejected=tuple(held.texts("rejected")),
-            options=held.json("options", dict),
             tolerance=tolerance,
+            **cls._kept_fields(held),
             **cls._own_fields(held, varied),
         )
-
-    def _described(self, what: str) -> str:
-        """Return the text of a `repr`: kind, range, ends and special points."""
-        return described(self, what, "orbits")
