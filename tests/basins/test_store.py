@@ -53,6 +53,11 @@ def test_all_inputs_are_in_the_metadata_of_a_store(stored, both, well):
     assert np.array_equal(attributes["attractors"]["points"]["left"], both.points["left"])
 
 
+def test_the_draft_that_a_killed_process_left_is_no_part_of_the_store(stored, basins):
+    (stored.path / ".zarr.d4553c97e882.part.json").write_text("{")
+    assert np.array_equal(saltus.load(stored.path).to_xarray()["labels"], basins.labels)
+
+
 def test_any_reader_of_zarr_finds_labels_over_their_coordinates(stored, basins):
     dataset = xr.open_zarr(stored.path, chunks=None, consolidated=False)
     assert np.array_equal(dataset["x"], basins.grid.axes[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +55,10 @@ def _lazy(basins: Any) -> Any:
         return basins.labels
     import xarray as xr
 
-    whole = xr.open_zarr(basins.path, chunks=None, consolidated=False, mask_and_scale=False)["labels"]
+    with warnings.catch_warnings():
+        # a process that was killed leaves the draft of a file, which is no part of the store
+        warnings.filterwarnings("ignore", r"Object at \.\S+\.part", UserWarning)
+        whole = xr.open_zarr(basins.path, chunks=None, consolidated=False, mask_and_scale=False)["labels"]
     fixed = {name: index for name, index in zip(whole.dims, basins.labels.fixed, strict=True) if index is not None}
     return whole.isel(fixed).variable
 

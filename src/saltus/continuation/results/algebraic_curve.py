@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -16,10 +16,9 @@ from saltus.continuation.results.curve import SolutionCurve
 from saltus.continuation.results.curve_files import ragged_rows, texts_array
 from saltus.continuation.results.displacement import displaced
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
-from saltus.maps.orbit import MapOrbit
 from saltus.equilibria.equilibrium import Equilibrium
 from saltus.errors import InputError
-from saltus.results import Result, frozen
+from saltus.maps.orbit import MapOrbit
 from saltus.system import HybridSystem, Map
 
 if TYPE_CHECKING:

@@ -16,9 +16,9 @@ from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.results.prefixed import own_attributes, prefixed_part, side_by_side
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
-from saltus.maps import MapOrbit
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
+from saltus.maps import MapOrbit
 from saltus.results import Result
 from saltus.system import HybridSystem, Map
 from saltus.system.angles import wrapped

@@ -20,7 +20,6 @@ from saltus.continuation.results.special_points import SpecialPoints
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.equilibrium import equilibrium_at
 from saltus.equilibria.problem import EquilibriumProblem
-from saltus.results import frozen
 from saltus.system import HybridSystem
 from saltus.system.plain import all_parameters, held_parameters, held_system
 

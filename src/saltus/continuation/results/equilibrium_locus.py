@@ -11,7 +11,6 @@ from saltus.continuation.results.algebraic_curve import TwoParameters
 from saltus.continuation.results.equilibrium_curve import EquilibriumCurve
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.equilibria import Equilibrium
-from saltus.results import frozen
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,7 +11,6 @@ import numpy as np
 from saltus.continuation.results.displacement import displaced
 from saltus.continuation.results.orbit_curve import OrbitCurve
 from saltus.continuation.results.special_points import SpecialPoint
-from saltus.results import frozen
 
 if TYPE_CHECKING:
     import xarray as xr

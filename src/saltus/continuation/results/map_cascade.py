@@ -12,8 +12,8 @@ from saltus.contents import Contents
 from saltus.continuation.results.cascade import Doublings
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
-from saltus.maps.orbit import MapOrbit, itinerary_of
 from saltus.errors import InputError
+from saltus.maps.orbit import MapOrbit, itinerary_of
 from saltus.system.maps import Map
 
 if TYPE_CHECKING:

@@ -22,11 +22,10 @@ from saltus.continuation.results.algebraic_curve import (
 from saltus.continuation.results.crossings import solutions_at
 from saltus.continuation.results.curve_files import complex_table
 from saltus.continuation.results.special_points import SpecialPoints
+from saltus.errors import InputError
 from saltus.maps.orbit import MapOrbit, cycle_at, itinerary_of
 from saltus.maps.problem import CycleProblem
 from saltus.maps.solve import solve_cycle
-from saltus.errors import InputError
-from saltus.results import frozen
 from saltus.system.maps import Map
 from saltus.system.plain import all_parameters, held_map, held_parameters
 

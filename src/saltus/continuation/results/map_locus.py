@@ -12,7 +12,6 @@ from saltus.continuation.results.algebraic_curve import TwoParameters
 from saltus.continuation.results.map_curve import MapCurve
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.maps.orbit import MapOrbit
-from saltus.results import frozen
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,6 @@ from saltus.orbits.sensitivities import sensitivities
 from saltus.orbits.signature import CUT_END, Signature
 from saltus.orbits.unfolding import Fixed
 from saltus.results import frozen
-from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -19,10 +19,10 @@ import numpy as np
 from saltus.continuation.problems.critical_points import CriticalOrbit, critical_cycle, critical_equilibrium
 from saltus.continuation.problems.extents import extents
 from saltus.continuation.problems.map import in_lockstep
-from saltus.maps.orbit import MapOrbit, itinerary_of
-from saltus.maps.problem import CycleProblem
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import InputError
+from saltus.maps.orbit import MapOrbit, itinerary_of
+from saltus.maps.problem import CycleProblem
 from saltus.orbits.critical import Branching, scaling
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from saltus.equilibria import Equilibrium
     from saltus.algebraic.conditions import Condition
+    from saltus.equilibria import Equilibrium
     from saltus.orbits.orbit import PeriodicOrbit
 
 __all__ = ["Place", "moved_cycle", "moved_equilibrium", "moved_orbit"]

@@ -13,13 +13,13 @@ import numpy as np
 from saltus import checks
 from saltus.continuation.problems.ends.connection import Homoclinic
 from saltus.continuation.results.point_sensitivities import Place, moved_cycle, moved_equilibrium, moved_orbit
-from saltus.maps import MapOrbit
-from saltus.maps.normal_forms import map_normal_form
-from saltus.maps.spectrum import multiplicity
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.normal_forms import EquilibriumNormalForm, normal_form as equilibrium_form
 from saltus.equilibria.spectrum import multiplicity as eigenvalue_multiplicity
 from saltus.errors import InputError
+from saltus.maps import MapOrbit
+from saltus.maps.normal_forms import map_normal_form
+from saltus.maps.spectrum import multiplicity
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.multiplier_slopes import ROUGH
 from saltus.orbits.normal_forms import NORMAL_FORMS, NormalForm, normal_form

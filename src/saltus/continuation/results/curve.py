@@ -1,0 +1,142 @@
+"""A curve of solutions of any kind, as a result: along one parameter or two, with its special points."""
+
+from __future__ import annotations
+
+import json
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
+import numpy as np
+
+from saltus import checks
+from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
+from saltus.equilibria import Equilibrium
+from saltus.maps import MapOrbit
+from saltus.orbits import PeriodicOrbit
+from saltus.results import Result, frozen
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.contents import Contents
+
+__all__ = ["SolutionCurve"]
+
+Solved = TypeVar("Solved", bound=PeriodicOrbit | Equilibrium | MapOrbit)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class SolutionCurve(Result, Generic[Solved]):
+    """Solutions in order along a curve, and special points: the base of all branches and loci.
+
+    Attributes
+    ----------
+    system : HybridSystem or Map
+        The system.
+    parameters : mapping of str to float
+        All parameters at the start.
+    values : ndarray
+        The varied parameters: shape (point,) for one, (point, parameter) for two.
+    stable : ndarray of bool, shape (point,)
+        Whether the solution is stable.
+    residual, arclength : ndarray, shape (point,)
+        Residual over the sizes of its terms, and arclength from the first point.
+    special_points : SpecialPoints
+        In order along the curve; ``curve["SN1"]`` is one of them.
+    stopped : tuple of str
+        Why the curve ended, at its first and at its last point.
+    rejected : tuple of str
+        Rejected steps, with their reasons.
+    options : mapping
+        Arguments of the continuation.
+    """
+
+    system: Any
+    parameters: Mapping[str, float]
+    values: NDArray[np.float64]
+    stable: NDArray[np.bool_]
+    residual: NDArray[np.float64]
+    arclength: NDArray[np.float64]
+    special_points: SpecialPoints[Solved]
+    stopped: tuple[str, str]
+    rejected: tuple[str, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    counted: ClassVar[str]  # what a `repr` counts
+    unnamed: ClassVar[str] = "a hybrid system"  # what it calls a system without a name
+    kinds: ClassVar[dict[str, Any]] = {  # types of the arrays
+        **dict.fromkeys(("values", "residual", "arclength"), np.float64),
+        "stable": np.bool_,
+    }
+
+    def __post_init__(self) -> None:
+        for name, kind in self.kinds.items():
+            object.__setattr__(self, name, frozen(getattr(self, name), kind))
+
+    @property
+    @abstractmethod
+    def varied(self) -> tuple[str, ...]:
+        """Names of the parameters that vary."""
+
+    @property
+    @abstractmethod
+    def sound(self) -> NDArray[np.bool_]:
+        """Whether each solution is one of the system, and not of equations that hold elsewhere, shape (point,)."""
+
+    @abstractmethod
+    def _solution(self, index: int) -> Solved:
+        """Return the solution of one point."""
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __getitem__(self, label: str) -> SpecialPoint[Solved]:
+        """Return the special point of that label."""
+        known = {point.label: point for point in self.special_points}
+        return known[checks.chosen("label", label, known)]
+
+    def __iter__(self) -> Iterator[Solved]:
+        """Go through the solutions of all points."""
+        return (self._solution(i) for i in range(len(self)))
+
+    def _place(self, index: int) -> int:
+        """Return the place of a point; negative ones are counted from the end."""
+        return range(len(self))[checks.count("index", index, -len(self), len(self) - 1)]
+
+    def _parameters_at(self, index: int) -> dict[str, float]:
+        """Return all parameters of one point."""
+        return {**self.parameters, **dict(zip(self.varied, np.atleast_1d(self.values[index]).tolist(), strict=True))}
+
+    def _kept_attributes(self) -> dict[str, str]:
+        """Return attributes of a Dataset that all curves have."""
+        return {
+            "varied": json.dumps(list(self.varied)),
+            "parameters": json.dumps(dict(self.parameters)),
+            "definition": json.dumps(self.system.definition()),
+            "stopped_first": self.stopped[0],
+            "stopped_last": self.stopped[1],
+            "rejected": json.dumps(list(self.rejected)),
+            "options": json.dumps(dict(self.options)),
+        }
+
+    @staticmethod
+    def _kept_fields(held: Contents) -> dict[str, Any]:
+        """Return the fields in the attributes of a file that are read in one way for all curves."""
+        return {
+            "stopped": (held.text("stopped_first"), held.text("stopped_last")),
+            "rejected": tuple(held.texts("rejected")),
+            "options": held.json("options", dict),
+        }
+
+    def _described(self, what: str) -> str:
+        """Return the text of a `repr`: kind, range, ends and special points."""
+        of = self.system.name or self.unnamed
+        lines = [f"{what} of {of}: {len(self)} {self.counted}, {int(self.stable.sum())} stable"]
+        for name, column in zip(self.varied, self.values.reshape(len(self), -1).T, strict=True):
+            ends = (column.min(), column.max()) if len(self) else (np.nan, np.nan)
+            lines[0] += ", {} from {:.9g} to {:.9g}".format(name, *ends)
+        lines += [f"  began: {self.stopped[0]}", f"  ended: {self.stopped[1]}"]
+        lines += [f"  {line}" for line in repr(self.special_points).splitlines()]
+        return "\n".join(lines)
