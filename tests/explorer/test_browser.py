@@ -144,7 +144,7 @@ def test_a_sweep_is_stopped_and_what_is_done_is_kept(screen):
     screen.until("work", " of 2000")
     screen.page.click(".stop")
     assert "interrupted" in screen.wait("sweep1")
-    assert not screen.page.is_visible(".stop")
+    screen.page.wait_for_selector(".stop", state="hidden")
     screen.page.click(".find-orbit")
     screen.wait("orbit2")
 
