@@ -62,6 +62,16 @@ class Equilibrium(Result):
         object.__setattr__(self, "eigenvalues", frozen(self.eigenvalues, np.complex128))
 
     @property
+    def x0(self) -> NDArray[np.float64]:
+        """The state, from which a motion starts."""
+        return self.state
+
+    @property
+    def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Least and greatest value of each state: twice the state."""
+        return self.state, self.state
+
+    @property
     def stable(self) -> bool:
         """Whether all eigenvalues have negative real parts, beyond rounding."""
         return bool(np.all(self.eigenvalues.real < -NEUTRAL * float(np.abs(self.eigenvalues).max(initial=0.0))))
@@ -140,7 +150,7 @@ class Equilibrium(Result):
         )
 
     def __repr__(self) -> str:
-        of = self.system.name or "a hybrid system"
+        of = self.system.name or self.system.unnamed
         regular = "regular" if self.regular else f"virtual: {'; '.join(self.reasons)}"
         place = ", ".join(f"{name} = {value:.9g}" for name, value in zip(self.system.states, self.state, strict=True))
         values = ", ".join(_short(value) for value in self.eigenvalues.tolist())

@@ -116,7 +116,7 @@ class BasinView:
         states = self._session.system.states
         solution, start = self._solution, self._session.settings.x0
         if solution is not None:
-            start = tuple(solution.state if isinstance(solution, Equilibrium) else solution.x0)
+            start = tuple(solution.x0)
         frozen = {name: float(start[i]) for i, name in enumerate(states) if name not in (x, y)}
         free = {x: (low_x, high_x)} | ({y: (low_y, high_y)} if y != x else {})
         self._wanted(free, frozen, (_COARSE, int(self._cells.value)))

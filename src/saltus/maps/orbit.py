@@ -70,6 +70,11 @@ class MapOrbit(Result):
         return len(self.points)
 
     @property
+    def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Least and greatest value of each state on the orbit."""
+        return self.points.min(axis=0), self.points.max(axis=0)
+
+    @property
     def x0(self) -> NDArray[np.float64]:
         """The first point, shape (states,)."""
         return np.asarray(self.points[0])

@@ -180,6 +180,12 @@ class PeriodicOrbit(Result):
         sizes = np.maximum(np.abs(self.lows), np.abs(self.highs))[:n]
         return landings_beyond(self.system, self.parameters, np.array(rows, dtype=fields), sizes)
 
+    @property
+    def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Least and greatest value of each state over the period."""
+        n = len(self.system.states)
+        return self.lows[:n], self.highs[:n]
+
     @cached_property
     def min(self) -> Mapping[str, float]:
         """Least value of every state and output over the period."""

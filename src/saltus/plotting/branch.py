@@ -297,7 +297,7 @@ def _states_of(solution: Any) -> NDArray[np.float64]:
     """Return what `_Traits.states` has of a special point's solution."""
     if isinstance(solution, MapOrbit):
         return solution.points.ravel()
-    return np.asarray(solution.state if isinstance(solution, Equilibrium) else solution.x0)
+    return np.asarray(solution.x0)
 
 
 def _kinds(

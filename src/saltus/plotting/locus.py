@@ -102,9 +102,8 @@ def _draw_legend(ax: Axes, above: bool) -> None:
 def _meaning(locus: AnyLocus, stability: str) -> str:
     if stability in style.FAULTY:
         return stability
-    what = "orbits" if isinstance(locus, Locus) else locus.counted
     known = f"{locus.type}, {style.SPECIAL[locus.type].meaning}"
-    return known + (f", of unstable {what}" if stability == "unstable" else "")
+    return known + (f", of unstable {locus.counted}" if stability == "unstable" else "")
 
 
 def _draw_special(ax: Axes, locus: AnyLocus, names: list[str]) -> None:

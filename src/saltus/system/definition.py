@@ -40,6 +40,7 @@ __all__ = ["Definition"]
 class Definition:
     """The checked data of a hybrid system or a map, as `saltus.HybridSystem` takes them; all expressions are texts."""
 
+    unnamed = "a hybrid system"  # what a definition without a name is called
     part = "mode"  # what messages call a part of the definition with equations of its own
     smooth_cure = "a mode on either side, and a transition where the two are equal"  # of a field with a corner
 

@@ -114,6 +114,7 @@ class Map(Definition):
     ('right', 0.54)
     """
 
+    unnamed = "a map"
     part = "piece"
     smooth_cure = "a piece on either side, with the difference of the two as its condition"
 

@@ -218,9 +218,7 @@ class Attractors(Result):
         )
 
     def __repr__(self) -> str:
-        lines = [
-            f"Attractors of {self.system.name or ('a map' if isinstance(self.system, Map) else 'a hybrid system')}"
-        ]
+        lines = [f"Attractors of {self.system.name or self.system.unnamed}"]
         for label, name in enumerate(self.names):
             point = ", ".join(f"{value:.6g}" for value in self.points[name][0])
             lines += [f"  {label}  {name}: {self.kinds[name]}, through [{point}]", f"     {self.notes[name]}"]

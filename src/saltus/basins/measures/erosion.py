@@ -104,7 +104,7 @@ class ErosionProfile(Result):
         return known.index(checks.chosen(kind, name, known))
 
     def __repr__(self) -> str:
-        title = self.system.name or "a hybrid system"
+        title = self.system.name or self.system.unnamed
         lines = [
             f"ErosionProfile of {title}: {self.parameter} from {self.values[0]:.6g} to {self.values[-1]:.6g}, "
             f"{self.values.size} {'value' if self.values.size == 1 else 'values'}"

@@ -294,15 +294,16 @@ class _Run:
 
     def _is_known(self, branch: DiagramBranch) -> bool:
         """Return whether a branch has been followed before, by solutions away from the point at which it began."""
-        solution = branch.equilibrium if isinstance(branch, EquilibriumBranch) else branch.orbit
-        return all(self._lies_on_a_branch(solution(i)) for i in (len(branch) // 8, len(branch) - 1 - len(branch) // 8))
+        return all(
+            self._lies_on_a_branch(branch._solution(i)) for i in (len(branch) // 8, len(branch) - 1 - len(branch) // 8)
+        )
 
     def _lies_on_a_branch(self, start: Equilibrium | PeriodicOrbit | MapOrbit) -> bool:
         """Return whether an equilibrium or a fixed point lies on a branch that is known; of cycles this is not told."""
         if isinstance(start, PeriodicOrbit) or (isinstance(start, MapOrbit) and start.period > 1):
             return False
         value = start.parameters[self.parameter]
-        state = start.state if isinstance(start, Equilibrium) else start.x0
+        state = start.x0
         for branch in self.branches:
             if isinstance(branch, EquilibriumBranch):
                 states = branch.states

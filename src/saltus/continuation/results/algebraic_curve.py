@@ -129,8 +129,7 @@ class AlgebraicCurve(SolutionCurve[Solved]):
         if name in self.varied:
             return float(found.parameters[name])
         if name in self.system.states:
-            states = found.points[0] if isinstance(found, MapOrbit) else found.state
-            return float(states[self.system.states.index(name)])
+            return float(found.x0[self.system.states.index(name)])
         return float(point.arclength) if name == "arclength" else _output(found, name)
 
     def _at_point(self, index: int) -> tuple[int, NDArray[np.float64]]:

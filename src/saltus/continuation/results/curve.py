@@ -65,7 +65,6 @@ class SolutionCurve(Result, Generic[Solved]):
     options: Mapping[str, Any] = field(default_factory=dict)
 
     counted: ClassVar[str]  # what a `repr` counts
-    unnamed: ClassVar[str] = "a hybrid system"  # what it calls a system without a name
     kinds: ClassVar[dict[str, Any]] = {  # types of the arrays
         **dict.fromkeys(("values", "residual", "arclength"), np.float64),
         "stable": np.bool_,
@@ -84,6 +83,11 @@ class SolutionCurve(Result, Generic[Solved]):
     @abstractmethod
     def sound(self) -> NDArray[np.bool_]:
         """Whether each solution is one of the system, and not of equations that hold elsewhere, shape (point,)."""
+
+    @property
+    @abstractmethod
+    def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Least and greatest value of each state of each solution, shape (point, state) each."""
 
     @abstractmethod
     def _solution(self, index: int) -> Solved:
@@ -132,7 +136,7 @@ class SolutionCurve(Result, Generic[Solved]):
 
     def _described(self, what: str) -> str:
         """Return the text of a `repr`: kind, range, ends and special points."""
-        of = self.system.name or self.unnamed
+        of = self.system.name or self.system.unnamed
         lines = [f"{what} of {of}: {len(self)} {self.counted}, {int(self.stable.sum())} stable"]
         for name, column in zip(self.varied, self.values.reshape(len(self), -1).T, strict=True):
             ends = (column.min(), column.max()) if len(self) else (np.nan, np.nan)

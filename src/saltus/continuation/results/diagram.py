@@ -18,7 +18,6 @@ from saltus.continuation.results.prefixed import own_attributes, prefixed_part, 
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
-from saltus.maps import MapOrbit
 from saltus.results import Result
 from saltus.system import HybridSystem, Map
 from saltus.system.angles import wrapped
@@ -79,14 +78,8 @@ class Place:
 
 def place_of(point: SpecialPoint[Any], parameter: str) -> Place:
     """Return where a special point of orbits, of equilibria or of cycles of a map lies."""
-    solution, value = point.solution, point.parameters[parameter]
-    circles = solution.system.angle_places
-    if isinstance(solution, MapOrbit):
-        return Place(value, solution.points.min(axis=0), solution.points.max(axis=0), circles)
-    if isinstance(solution, Equilibrium):
-        return Place(value, solution.state, solution.state, circles)
-    n = len(solution.system.states)
-    return Place(value, solution.lows[:n], solution.highs[:n], circles)
+    lows, highs = point.solution.extremes
+    return Place(point.parameters[parameter], lows, highs, point.solution.system.angle_places)
 
 
 def kind_of(branch: DiagramBranch) -> str:
@@ -96,11 +89,8 @@ def kind_of(branch: DiagramBranch) -> str:
 
 def _extremes(branch: DiagramBranch) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the least and the greatest value of each state on a branch."""
-    if isinstance(branch, Branch):
-        n = len(branch.system.states)
-        return branch.lows[:, :n].min(axis=0), branch.highs[:, :n].max(axis=0)
-    points = branch.states if isinstance(branch, EquilibriumBranch) else branch.points.reshape(-1, branch.x0.shape[1])
-    return points.min(axis=0), points.max(axis=0)
+    lows, highs = branch.extremes
+    return lows.min(axis=0), highs.max(axis=0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -251,7 +241,7 @@ class Diagram(Result):
         )
 
     def __repr__(self) -> str:
-        of = self.system.name or ("a map" if isinstance(self.system, Map) else "a hybrid system")
+        of = self.system.name or self.system.unnamed
         lines = [f"Diagram of {of}: {len(self)} branches along {self.parameter}, {self.stopped}"]
         for i, (branch, origin) in enumerate(zip(self.branches, self.origins, strict=True)):
             what = kind_of(branch)

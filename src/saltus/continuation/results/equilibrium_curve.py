@@ -55,9 +55,14 @@ class EquilibriumCurve(AlgebraicCurve[Equilibrium]):
     eigenvalues: NDArray[np.complex128]
     mode: NDArray[np.int64]
 
-    counted, unnamed = "equilibria", "a hybrid system"
+    counted = "equilibria"
 
     kinds = AlgebraicCurve.kinds | {"states": np.float64, "eigenvalues": np.complex128, "mode": np.int64}
+
+    @property
+    def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See `SolutionCurve.extremes`: twice the states."""
+        return self.states, self.states
 
     def _solution(self, index: int) -> Equilibrium:
         return self.equilibrium(index)

@@ -64,7 +64,7 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
     forms: tuple[tuple[int, ...], ...]
     form: NDArray[np.int64]
 
-    counted, unnamed = "cycles", "a map"
+    counted = "cycles"
 
     kinds = AlgebraicCurve.kinds | {"points": np.float64, "multipliers": np.complex128, "form": np.int64}
 
@@ -72,6 +72,11 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
     def period(self) -> int:
         """Number of points of each cycle."""
         return int(self.points.shape[1])
+
+    @property
+    def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See `SolutionCurve.extremes`."""
+        return self.points.min(axis=1), self.points.max(axis=1)
 
     @property
     def x0(self) -> NDArray[np.float64]:

@@ -87,6 +87,12 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         """See `SolutionCurve.sound`: `admissible`."""
         return self.admissible
 
+    @property
+    def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See `SolutionCurve.extremes`."""
+        n = len(self.system.states)
+        return self.lows[:, :n], self.highs[:, :n]
+
     def _solution(self, index: int) -> PeriodicOrbit:
         return self.orbit(index)
 
