@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["PeriodicOrbit", "extremes_of", "follow_from", "orbit_at"]
+__all__ = ["PeriodicOrbit", "follow_from", "orbit_at"]
 
 MOST_FAULTS = sum(bit for bit, _ in FAULTS)  # all bits of `PeriodicOrbit.faults`
 TOLERANCES = (1e-16, 1.0)  # least and greatest relative tolerance of a flow in a file
@@ -448,9 +448,3 @@ def orbit_at(
         problem.tol,
         fixed,
     )
-
-
-def extremes_of(orbit: PeriodicOrbit) -> NDArray[np.float64]:
-    """Return least and greatest values of the states, without the phase, shape (2 states,)."""
-    n = len(orbit.system.states)
-    return np.concatenate([orbit.lows[:n], orbit.highs[:n]])

@@ -14,8 +14,8 @@ from saltus.afm.models.parts import check_model
 from saltus.afm.models.readings import drives_of
 from saltus.afm.probe.units import check_changes
 from saltus.continuation import Locus, SpecialPoint, StepControl, continue_locus, continue_orbit
+from saltus.continuation.results.crossings import extremes_of
 from saltus.errors import ConvergenceError, InputError, SaltusError
-from saltus.orbits.orbit import extremes_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -13,10 +13,10 @@ from saltus.afm.models.parts import driven_mode, suffix
 from saltus.afm.models.settling import described, settled, stays_in_contact
 from saltus.continuation import Branch, SpecialPoint
 from saltus.continuation.many.retracing import orbits_at
+from saltus.continuation.results.crossings import extremes_of
 from saltus.continuation.results.sheets import Stretch, stretches_of
 from saltus.errors import ConvergenceError
 from saltus.orbits import PeriodicOrbit
-from saltus.orbits.orbit import extremes_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

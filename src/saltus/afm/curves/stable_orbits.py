@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.afm.models.settling import settled_orbit, starts_about
+from saltus.continuation.results.crossings import extremes_of
 from saltus.errors import SaltusError
-from saltus.orbits.orbit import extremes_of
 
 if TYPE_CHECKING:
     from saltus.afm.curves.curve import Curve

@@ -11,9 +11,9 @@ import numpy as np
 
 from saltus.continuation.many.way import is_interrupted
 from saltus.continuation.results.branch import Branch
+from saltus.continuation.results.crossings import extremes_of
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit
-from saltus.orbits.orbit import extremes_of
 from saltus.orbits.solve import converge
 
 __all__ = ["Follow", "Retraced", "Trace", "is_on", "orbits_at"]

@@ -6,14 +6,14 @@ import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from saltus.continuation.results.crossings import solutions_at
+from saltus.continuation.results.crossings import extremes_of, solutions_at
 from saltus.continuation.results.orbit_curve import OrbitCurve
+from saltus.continuation.results.parameters import OneParameter
 from saltus.orbits import PeriodicOrbit, solve_orbit
-from saltus.orbits.orbit import extremes_of
 from saltus.orbits.pieces import in_pieces
 from saltus.orbits.signature import Signature
 from saltus.orbits.solve import converge
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 __all__ = ["Branch"]
 
 
+@final
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Branch(OrbitCurve):
+class Branch(OneParameter, OrbitCurve):
     """Periodic orbits along one parameter.
 
     Attributes
@@ -46,7 +47,6 @@ class Branch(OrbitCurve):
         Values of the free parameter; NaN where none is free.
     """
 
-    parameter: str
     fixed: Fixed | None = None
     freed: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
@@ -54,11 +54,6 @@ class Branch(OrbitCurve):
         super().__post_init__()
         freed = self.freed if self.freed.size else np.full(len(self.values), np.nan)
         object.__setattr__(self, "freed", frozen(freed))
-
-    @property
-    def varied(self) -> tuple[str, ...]:
-        """The parameter, in a tuple."""
-        return (self.parameter,)
 
     def at(self, value: float) -> tuple[PeriodicOrbit, ...]:
         """Return the orbits of the branch at a value of its parameter, each solved there.
@@ -158,9 +153,8 @@ class Branch(OrbitCurve):
         return dataset
 
     @classmethod
-    def _own_fields(cls, held: Contents, varied: tuple[str, ...]) -> dict[str, Any]:
-        held.expect(parameter=1)
-        fields: dict[str, Any] = {"parameter": varied[0], "values": cls._varied_columns(held)[0]}
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
+        fields = super()._own_fields(held, varied, values)
         fixed = read_fixed(held, held_system(held))
         if fixed is not None:
             fields |= {"fixed": fixed, "freed": held.array("freed", ("point",), finite=False)}

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from saltus.continuation.results.special_points import SpecialPoints
 
-__all__ = ["OneParameterCurve", "comes_to", "solutions_at"]
+__all__ = ["OneParameterCurve", "comes_to", "extremes_of", "solutions_at"]
 
 _APART = 1e-9  # distance in arclength below which a special point is a point of the branch
 _END = 1e-12  # difference of an end from a value, over the value or the range, that is rounding
@@ -47,6 +47,11 @@ class OneParameterCurve(Protocol[Solution]):
 
     def _solution(self, index: int) -> Solution:
         """Return the solution of one point."""
+
+
+def extremes_of(solution: Solution) -> NDArray[np.float64]:
+    """Return least and greatest values of the states of a solution, shape (2 states,)."""
+    return np.concatenate(solution.extremes)
 
 
 def comes_to(curve: OneParameterCurve[Solution], value: float) -> bool:

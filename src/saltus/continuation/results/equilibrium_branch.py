@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, final
 
-from saltus.continuation.results.algebraic_curve import OneParameter
 from saltus.continuation.results.crossings import solutions_at
 from saltus.continuation.results.equilibrium_curve import EquilibriumCurve
+from saltus.continuation.results.parameters import OneParameter
 from saltus.equilibria import Equilibrium, find_equilibrium
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["EquilibriumBranch"]
 
 
+@final
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class EquilibriumBranch(OneParameter, EquilibriumCurve):
     """Equilibria along one parameter.

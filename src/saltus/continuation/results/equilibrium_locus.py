@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from saltus.continuation.results.algebraic_curve import TwoParameters
 from saltus.continuation.results.equilibrium_curve import EquilibriumCurve
-from saltus.continuation.results.special_points import SpecialPoint
+from saltus.continuation.results.parameters import TwoParameters
 from saltus.equilibria import Equilibrium
 
 if TYPE_CHECKING:
@@ -21,8 +20,9 @@ if TYPE_CHECKING:
 __all__ = ["EquilibriumLocus"]
 
 
+@final
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class EquilibriumLocus(TwoParameters, EquilibriumCurve):
+class EquilibriumLocus(TwoParameters[Equilibrium], EquilibriumCurve):
     """Critical equilibria along two parameters, with the parameters' values in `values`, shape (point, 2).
 
     Special points of an SN locus are ``CP`` (cusp), ``BT`` (Bogdanov-Takens) and ``ZH`` (zero-Hopf). Those of an HB
@@ -44,32 +44,8 @@ class EquilibriumLocus(TwoParameters, EquilibriumCurve):
     def _own_columns(self) -> dict[str, NDArray[np.float64]]:
         return {"frequency": self.frequency, "coefficient": self.coefficient}
 
-    def point(self, index: int) -> SpecialPoint[Equilibrium]:
-        """Return one point of the locus as a special point of the locus' type; another locus can start from it.
-
-        Parameters
-        ----------
-        index : int
-            The point; negative ones count from the end.
-
-        Returns
-        -------
-        SpecialPoint
-            Of the locus' type.
-
-        Raises
-        ------
-        InputError
-            There is no such point.
-        """
-        found = self.equilibrium(index)
-        at = range(len(self))[index]
-        label, scale = (
-            f"{self.type} point {at}",
-            np.maximum(np.ptp(self.states, axis=0), 1e-3 * np.abs(self.states).max()),
-        )
-        arc = float(self.arclength[at])
-        return SpecialPoint(self.type, label, found, 0.0, at, arc, self.names, scale=scale)
+    def _scale(self) -> NDArray[np.float64]:
+        return np.asarray(np.maximum(np.ptp(self.states, axis=0), 1e-3 * np.abs(self.states).max()))
 
     def to_xarray(self) -> xr.Dataset:
         """Return the locus as a Dataset: points against ``point``, special points against ``special``."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Self, final
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from saltus.contents import Contents, as_json
 from saltus.continuation.problems.map import in_lockstep
 from saltus.continuation.results.algebraic_curve import (
     AlgebraicCurve,
-    OneParameter,
     held_varied,
     special_rows,
     special_table,
@@ -21,6 +20,7 @@ from saltus.continuation.results.algebraic_curve import (
 )
 from saltus.continuation.results.crossings import solutions_at
 from saltus.continuation.results.curve_files import complex_table
+from saltus.continuation.results.parameters import OneParameter
 from saltus.continuation.results.special_points import SpecialPoints
 from saltus.errors import InputError
 from saltus.maps.orbit import MapOrbit, cycle_at, itinerary_of
@@ -194,6 +194,7 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
         return super()._described(f"{what} of period {self.period}" if self.period > 1 else what)
 
 
+@final
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class MapBranch(OneParameter, MapCurve):
     """Fixed points or cycles of a map along one parameter.

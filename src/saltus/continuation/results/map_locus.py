@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
 from saltus.continuation.problems.map import in_lockstep
-from saltus.continuation.results.algebraic_curve import TwoParameters
 from saltus.continuation.results.map_curve import MapCurve
-from saltus.continuation.results.special_points import SpecialPoint
+from saltus.continuation.results.parameters import TwoParameters
 from saltus.maps.orbit import MapOrbit
 
 if TYPE_CHECKING:
@@ -22,8 +21,9 @@ if TYPE_CHECKING:
 __all__ = ["MapLocus"]
 
 
+@final
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MapLocus(TwoParameters, MapCurve):
+class MapLocus(TwoParameters[MapOrbit], MapCurve):
     """Critical cycles of a map along two parameters, with the parameters' values in `values`, shape (point, 2).
 
     Special points of an SN locus are ``CP`` (cusp), ``R1`` and ``FF`` (fold-flip). Those of a PD locus are ``GPD``,
@@ -45,30 +45,9 @@ class MapLocus(TwoParameters, MapCurve):
     def _own_columns(self) -> dict[str, NDArray[np.float64]]:
         return {"angle": self.angle, "coefficient": self.coefficient}
 
-    def point(self, index: int) -> SpecialPoint[MapOrbit]:
-        """Return one point of the locus as a special point of the locus' type; another locus can start from it.
-
-        Parameters
-        ----------
-        index : int
-            The point; negative ones count from the end.
-
-        Returns
-        -------
-        SpecialPoint
-            Of the locus' type.
-
-        Raises
-        ------
-        InputError
-            There is no such point.
-        """
-        found = self.orbit(index)
-        at = range(len(self))[index]
+    def _scale(self) -> NDArray[np.float64]:
         moduli = np.abs(self.points).max(axis=0)
-        scale = in_lockstep(np.maximum(np.ptp(self.points, axis=0), 1e-3 * moduli.max()).ravel(), self.period)
-        arc = float(self.arclength[at])
-        return SpecialPoint(self.type, f"{self.type} point {at}", found, 0.0, at, arc, self.names, scale=scale)
+        return in_lockstep(np.maximum(np.ptp(self.points, axis=0), 1e-3 * moduli.max()).ravel(), self.period)
 
     def to_xarray(self) -> xr.Dataset:
         """Return the locus as a Dataset: cycles against ``point``, special points against ``special``."""

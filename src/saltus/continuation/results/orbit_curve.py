@@ -98,7 +98,7 @@ class OrbitCurve(OrbitColumns):
 
     @classmethod
     @abstractmethod
-    def _own_fields(cls, held: Contents, varied: tuple[str, ...]) -> dict[str, Any]:
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
         """Return the fields that only this kind of curve has, and `values`, as `to_xarray` described them."""
 
     @classmethod
@@ -142,5 +142,5 @@ class OrbitCurve(OrbitColumns):
             special_points=SpecialPoints(points, varied),
             tolerance=tolerance,
             **cls._kept_fields(held),
-            **cls._own_fields(held, varied),
+            **cls._own_fields(held, varied, np.column_stack(cls._varied_columns(held))),
         )

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus.continuation.results.branch import Branch
+from saltus.continuation.results.crossings import extremes_of
 from saltus.continuation.results.special_points import SpecialPoint
 from saltus.errors import ConvergenceError, InputError
 from saltus.orbits import PeriodicOrbit
-from saltus.orbits.orbit import extremes_of
 from saltus.orbits.signature import Signature
 from saltus.orbits.solve import converge
 
