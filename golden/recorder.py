@@ -83,11 +83,19 @@ def _hashed(data: str | bytes) -> str:
     return hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()[:12]
 
 
+def _sorted(held: Any) -> str:
+    """Return the text of an attribute; one in JSON with its keys in order."""
+    try:
+        return json.dumps(json.loads(held), sort_keys=True)
+    except (TypeError, ValueError):
+        return repr(held)
+
+
 def _array(values: Any) -> list[Any]:
     """Return the hash of an array's shape and bytes, and of numbers their count, sum and sum of moduli."""
     array = np.asarray(values)
     if array.dtype.kind not in "fciub":
-        return [_hashed(_ADDRESS.sub("", repr(array.tolist())))]
+        return [_hashed(_ADDRESS.sub("", "\n".join(map(_sorted, array.ravel().tolist()))))]
     array = np.ascontiguousarray(array) + 0  # -0.0 is 0.0
     known = [_hashed(repr(array.shape).encode() + array.tobytes())]
     if array.dtype.kind == "b" or array.size == 0:
@@ -106,7 +114,7 @@ def _leaves(path: str, value: Any, depth: int) -> Any:
                 yield f"{path}{name}", _array(value[name].values)
         for name, held in sorted(value.attrs.items()):
             if name not in _UNITS:
-                yield f"{path}@{name}", [_hashed(_ADDRESS.sub("", repr(held)))]
+                yield f"{path}@{name}", [_hashed(_ADDRESS.sub("", _sorted(held)))]
     elif isinstance(value, np.ndarray | int | float | complex | np.generic):
         yield path or "value", _array(value)
     elif isinstance(value, str) or value is None:
