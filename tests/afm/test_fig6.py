@@ -148,8 +148,9 @@ def test_isolines_of_the_two_families_cross_where_their_dampings_are_equal(fig6_
 
 def test_the_critical_multiplier_is_one_all_along_the_isolines(fig6_isolines):
     for isoline in fig6_isolines.values():
-        touching = isoline.column("min_z") > A0 - 1e-9
-        assert not touching[1:-1].any(), "an isoline ends at a grazing, where a multiplier has no bound"
+        touching, arc = isoline.column("min_z") > A0 - 1e-9, isoline.arclength
+        inside = np.minimum(arc - arc[0], arc[-1] - arc) > 1e-3  # min_z is a parabola next to the grazing
+        assert not touching[inside].any(), "an isoline ends at a grazing, where a multiplier has no bound"
         assert np.abs(isoline.multipliers[~touching] - 1.0).min(axis=1).max() < 1e-5
 
 
