@@ -26,7 +26,7 @@ import pytest
 _ADDRESS = re.compile(r"0x[0-9a-f]+|/tmp/\S+")
 _DEEPEST = 6  # levels of containers and data classes that are looked into
 _LEFT_OUT = {"load", "explore", "animate"}  # functions whose results are no numbers of their own
-_UNITS = {"seconds", "elapsed", "created"}  # names of what the clock tells
+_CLOCKS = {"seconds", "elapsed", "created"}  # names of what the clock tells
 
 
 class Recorder:
@@ -43,24 +43,21 @@ class Recorder:
         def recorded(*args: Any, **kwargs: Any) -> Any:
             self.depth += 1
             try:
-                result = function(*args, **kwargs)
-            except Exception as error:
+                try:
+                    result = function(*args, **kwargs)
+                except Exception as error:
+                    self._keep(label, {"error": f"{type(error).__name__}: {error}"})
+                    raise
+                self._keep(label, result)
+                return result
+            finally:
                 self.depth -= 1
-                self._keep(label, {"error": _hashed(f"{type(error).__name__}: {_ADDRESS.sub('', str(error))}")})
-                raise
-            except BaseException:  # an interrupt that a test sends
-                self.depth -= 1
-                raise
-            self.depth -= 1
-            if self.depth == 0 and self.test:
-                self._keep(label, dict(_leaves("", result, 0)))
-            return result
 
         setattr(module, name, recorded)
 
-    def _keep(self, label: str, leaves: dict[str, Any]) -> None:
-        if self.depth == 0 and self.test:
-            self.calls.setdefault(self.test, []).append([label, leaves])
+    def _keep(self, label: str, result: Any) -> None:
+        if self.depth == 1 and self.test:
+            self.calls.setdefault(self.test, []).append([label, dict(_leaves("", result, 0))])
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_runtest_protocol(self, item: Any) -> Any:
@@ -110,10 +107,10 @@ def _leaves(path: str, value: Any, depth: int) -> Any:
         value = value.to_xarray()
     if type(value).__name__ == "Dataset" and hasattr(value, "data_vars"):
         for name in sorted(map(str, value.variables)):
-            if name not in _UNITS:
+            if name not in _CLOCKS:
                 yield f"{path}{name}", _array(value[name].values)
         for name, held in sorted(value.attrs.items()):
-            if name not in _UNITS:
+            if name not in _CLOCKS:
                 yield f"{path}@{name}", [_hashed(_ADDRESS.sub("", _sorted(held)))]
     elif isinstance(value, np.ndarray | int | float | complex | np.generic):
         yield path or "value", _array(value)

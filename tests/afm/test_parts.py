@@ -71,7 +71,7 @@ def test_a_law_of_ones_own_is_known_where_it_is_and_told_where_it_is_not():
         afm.model(ONE, found, afm.Drive(A0_nm=5.0), Zc_nm=10.0)
 
 
-@pytest.mark.parametrize("name", ["one mode", "two modes", "second mode", "force", "base"])
+@pytest.mark.parametrize("name", ["one mode", "one law", "two modes", "second mode", "force", "base"])
 def test_a_model_of_an_older_file_has_the_same_readings(name):
     system = afm.model(*PARTS[name], Zc_nm=30.0)
     older = HybridSystem.from_definition({key: v for key, v in system.definition().items() if key != "made_of"})
@@ -80,6 +80,7 @@ def test_a_model_of_an_older_file_has_the_same_readings(name):
     assert (drives_of(older), turns_of(older)) == (drives_of(system), turns_of(system))
     told, wanted = values_of(older, older.parameters), values_of(system, system.parameters)
     assert told == wanted
+    assert [part.at for part in parts_of(older).drives.parts] == [part.at for part in parts_of(system).drives.parts]
 
 
 def test_what_is_made_of_a_model_has_its_parts():

@@ -173,7 +173,7 @@ class Optimum(Result):
 
     def __repr__(self) -> str:
         what = {"maximise": "greatest", "minimise": "least"}[self.goal]
-        name = self.orbit.system.name or "a hybrid system"
+        name = self.orbit.system.name or self.orbit.system.unnamed
         lines = [f"Optimum of {name}: {what} {self.objective} = {self.best:.9g}"]
         lines += [
             f"  {parameter} = {value:.9g}, from {first:.6g}"

@@ -252,7 +252,7 @@ class Sweep(Result):
 
     def __repr__(self) -> str:
         count, settings, is_map = len(self.values), self.settings, isinstance(self.system, Map)
-        name = self.system.name or ("a map" if is_map else "a hybrid system")
+        name = self.system.name or self.system.unnamed
         what = "iterations" if is_map else f"returns to {_told(settings['section'])}"
         lines = [
             f"Sweep of {name}: {self.parameter} from {self.values[0]:.6g} to {self.values[-1]:.6g}, "

@@ -10,10 +10,10 @@ from saltus.afm.curves.curve import Curve
 from saltus.afm.curves.routes import is_pulled_in
 from saltus.afm.curves.sheets import CLEAR, CLEAR_NM, STEPS, Tracing, free_amplitude, free_orbit, reached, traced, whole
 from saltus.afm.models.modelling import frequency_of
-from saltus.afm.models.parts import driven_mode, suffix
+from saltus.afm.models.parts import driven_mode
 from saltus.afm.models.readings import formulas
 from saltus.afm.models.settling import periods_of_patience
-from saltus.afm.probe.units import check_changes
+from saltus.afm.probe.units import check_changes, suffix
 from saltus.continuation import StepControl, continue_orbit
 from saltus.orbits import PeriodicOrbit, find_orbit
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -145,18 +146,15 @@ def _begins_to_jump(
     Both may jump elsewhere, as a tip does that hardly moves any more next to the sample.
     """
 
+    @cache
     def jumps(share: float) -> list[float]:
         return approach_jumps(system, {**p, "A0_nm": A0_nm * (1.0 + share)}, Zc_nm, steps)
 
-    before: list[float] | None = None
-    for share in _BESIDE:
-        behind = jumps(share)
-        if behind and before is None:
-            before = jumps(-_BESIDE[0])
-        moved = _MOVES * (share + _BESIDE[0]) * A0_nm
-        if any(all(abs(jump - other) > moved for other in before or ()) for jump in behind):
-            return True
-    return False
+    return any(
+        all(abs(jump - before) > _MOVES * (share + _BESIDE[0]) * A0_nm for before in jumps(-_BESIDE[0]))
+        for share in _BESIDE
+        for jump in jumps(share)
+    )
 
 
 def tip_radius(

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.afm.models.parts import driven_mode, suffix
+from saltus.afm.models.parts import driven_mode
 from saltus.afm.models.settling import described, settled, stays_in_contact
+from saltus.afm.probe.units import suffix
 from saltus.continuation import Branch, SpecialPoint
 from saltus.continuation.many.retracing import orbits_at
 from saltus.continuation.results.crossings import extremes_of

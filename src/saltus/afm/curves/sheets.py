@@ -12,7 +12,7 @@ import numpy as np
 
 from saltus.afm.curves.curve import Curve
 from saltus.afm.curves.routes import is_pulled_in
-from saltus.afm.models.parts import driven_mode, parts_of, suffix
+from saltus.afm.models.parts import driven_mode, parts_of
 from saltus.afm.models.readings import drives_of, turns_of
 from saltus.afm.models.settling import (
     Known,
@@ -22,6 +22,7 @@ from saltus.afm.models.settling import (
     starts_about,
     stays_in_contact,
 )
+from saltus.afm.probe.units import suffix
 from saltus.continuation import Branch, StepControl, continue_orbit
 from saltus.continuation.many.retracing import is_on, orbits_at
 from saltus.continuation.many.way import is_interrupted

@@ -11,8 +11,7 @@ import numpy as np
 from saltus import checks
 from saltus.afm.fm.self_excitation import excited_mode, self_excited
 from saltus.afm.fm.shift_curve import FrequencyShift, shift_readings
-from saltus.afm.models.parts import suffix
-from saltus.afm.probe.units import check_changes
+from saltus.afm.probe.units import check_changes, suffix
 from saltus.errors import ConvergenceError, SaltusError
 from saltus.flow import simulate
 from saltus.orbits import PeriodicOrbit, solve_orbit

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from saltus.afm.models.parts import parts_of, suffix
-from saltus.afm.probe.units import checked
+from saltus.afm.models.parts import parts_of
+from saltus.afm.probe.units import checked, suffix
 from saltus.errors import InputError
 from saltus.system import HybridSystem
 
@@ -25,7 +25,7 @@ def excited_mode(system: HybridSystem) -> int:
     first = drives[0]
     plain = first.A0_nm is not None and first.at == "f0" and not first.phase_deg
     if system.phase is None or len(drives) != 1 or not plain:
-        raise InputError("system", system.name or "a hybrid system", f"a model with {_DRIVEN}")
+        raise InputError("system", system.name or system.unnamed, f"a model with {_DRIVEN}")
     return first.mode
 
 

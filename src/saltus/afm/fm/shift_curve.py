@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import checks
-from saltus.afm.models.parts import check_model, suffix
+from saltus.afm.models.parts import check_model
 from saltus.afm.models.readings import READINGS, Reading
-from saltus.afm.probe.units import ENERGY_EV
+from saltus.afm.probe.units import ENERGY_EV, suffix
 from saltus.results import Result, frozen
 from saltus.system.plain import held_system
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from saltus import checks
 from saltus.afm.laws.common_regions import Product, in_brackets, named, product, sum_of
 from saltus.afm.laws.law import Law
-from saltus.afm.models.parts import Parts, kept, suffix
+from saltus.afm.models.parts import Parts, drive_values, keep_parts, kept
 from saltus.afm.probe.drive import Drive, Drives
 from saltus.afm.probe.probe import Probe
-from saltus.afm.probe.units import checked, quantity_of
+from saltus.afm.probe.units import checked, quantity_of, suffix
 from saltus.errors import InputError
 from saltus.system import HybridSystem, Mode, Transition
 
@@ -118,7 +118,7 @@ def model(
     f = checked("f_kHz", _frequency(probe, drives.parts[0].mode, f_kHz), plausible=check)
     writing = _Writing(probe, product(law.parts, probe.R_nm), drives, {"Zc_nm": gap, "f_kHz": f})
     system = HybridSystem(**writing.definition, made_of=kept(probe, law, drives))
-    vars(system)["_parts"] = Parts(probe, law, drives)
+    keep_parts(system, Parts(probe, law, drives))
     return system
 
 
@@ -206,15 +206,7 @@ class _Writing:
     def parameters(self) -> dict[str, float]:
         values = dict(self.place)
         for number, part in enumerate(self.drives.parts, 1):
-            name, value = part.size
-            end = suffix(number)
-            values[name + end] = value
-            if number > 1:
-                values[f"ratio{end}"] = float(Fraction(part.ratio))
-            if part.phase_deg:
-                values[f"phase_deg{end}"] = part.phase_deg
-            if not isinstance(part.at, str):
-                values[f"at_kHz{end}"] = float(part.at)
+            values |= {name + suffix(number): value for name, value in drive_values(part, number).items()}
         for name in ("k_N_m", "f0_kHz", "Q"):
             for number, value in enumerate(getattr(self.probe, name), 1):
                 values[name + suffix(number)] = value

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
+from saltus.afm.probe.units import suffix
+
 if TYPE_CHECKING:
     from saltus.system import HybridSystem
 
@@ -27,7 +29,7 @@ def plain_parts(system: HybridSystem) -> dict[str, Any]:
     """
     p = system.parameters
     modes = sum(re.fullmatch(r"z\d+_nm", name) is not None for name in system.states)
-    ends = ["", *(f"_{i}" for i in range(2, modes + 1))]
+    ends = [suffix(i) for i in range(1, modes + 1)]
     probe = {name: [p[name + end] for end in ends] for name in ("k_N_m", "f0_kHz", "Q")}
     found = sorted((int(one[2] or 1), one[1]) for one in map(_SIZE.fullmatch, p) if one is not None)
     return {
@@ -38,15 +40,17 @@ def plain_parts(system: HybridSystem) -> dict[str, Any]:
 
 
 def _drive(system: HybridSystem, number: int, size: str) -> dict[str, Any]:
-    end = "" if number == 1 else f"_{number}"
+    end = suffix(number)
     name, p = size + end, system.parameters
     field = system.modes[system.mode_names[0]].field
     modes = [i for i in range(1, len(field) + 1) if re.search(rf"\b{name}\b", field.get(f"v{i}_nm_us", ""))]
+    mode = modes[0] if size == "A0_nm" and modes else 1
+    peaked = f"Q{suffix(mode)}" in system.parameter_bounds  # where a peak is meant, Q must be large enough for one
     return {
         size: p[name],
-        "mode": modes[0] if size == "A0_nm" and modes else 1,
+        "mode": mode,
         "ratio": p.get(f"ratio{end}", 1.0),
         "repeats": f"theta{end}" not in system.states,
         "phase_deg": p.get(f"phase_deg{end}", 0.0),
-        "at": p.get(f"at_kHz{end}", "f0"),
+        "at": p.get(f"at_kHz{end}", "peak" if peaked else "f0"),
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from saltus import checks
 from saltus.afm.laws import adhesive, contact, long_range, viscous
@@ -13,13 +13,22 @@ from saltus.afm.laws.law import Law, Sum
 from saltus.afm.models.older_models import is_older, plain_parts
 from saltus.afm.probe.drive import Drive, Drives
 from saltus.afm.probe.probe import Probe
+from saltus.afm.probe.units import suffix
 from saltus.errors import InputError
 from saltus.system import HybridSystem
 
-if TYPE_CHECKING:
-    pass
-
-__all__ = ["Parts", "UnknownLaw", "check_model", "driven_mode", "is_model", "kept", "parts_of", "suffix", "values_of"]
+__all__ = [
+    "Parts",
+    "UnknownLaw",
+    "check_model",
+    "drive_values",
+    "driven_mode",
+    "is_model",
+    "keep_parts",
+    "kept",
+    "parts_of",
+    "values_of",
+]
 
 _KEY = "saltus.afm"  # of `HybridSystem.made_of`
 _OF_MODES = ("k_N_m", "f0_kHz", "Q")  # fields of a probe of which each mode has one
@@ -133,7 +142,7 @@ def parts_of(system: HybridSystem) -> Parts:
     """
     check_model(system, "system")
     if "_parts" not in vars(system):
-        vars(system)["_parts"] = _made_again(system.made_of.get(_KEY) or plain_parts(system))
+        keep_parts(system, _made_again(system.made_of.get(_KEY) or plain_parts(system)))
     found: Parts = vars(system)["_parts"]
     return found
 
@@ -163,11 +172,28 @@ def _parts_in(data: Mapping[str, Any]) -> Parts:
     return Parts(Probe(**data["probe"], check=False), law, Drives(tuple(drives)))
 
 
+def keep_parts(system: HybridSystem, parts: Parts) -> None:
+    """Let a model hold the objects of which it was made, as long as it lives."""
+    vars(system)["_parts"] = parts
+
+
+def drive_values(drive: Drive, number: int) -> dict[str, float]:
+    """Return names, without its number, and values of the parameters that a drive gives a model."""
+    values = dict([drive.size])
+    if number > 1:
+        values["ratio"] = float(Fraction(drive.ratio))
+    if drive.phase_deg:
+        values["phase_deg"] = drive.phase_deg
+    if not isinstance(drive.at, str):
+        values["at_kHz"] = float(drive.at)
+    return values
+
+
 def check_model(system: HybridSystem, argument: str) -> None:
     """Raise `InputError` where a system is none of `saltus.afm.model`."""
     checks.instance(argument, system, HybridSystem)
     if not is_model(system):
-        raise InputError(argument, system.name or "a hybrid system", "one of saltus.afm.model")
+        raise InputError(argument, system.name or system.unnamed, "one of saltus.afm.model")
 
 
 def is_model(system: HybridSystem) -> bool:
@@ -180,17 +206,6 @@ def is_model(system: HybridSystem) -> bool:
     False
     """
     return _KEY in system.made_of or is_older(system)
-
-
-def suffix(number: int) -> str:
-    """Return what a parameter's name ends with that belongs to a mode or a drive: nothing for the first.
-
-    Examples
-    --------
-    >>> suffix(1), suffix(2)
-    ('', '_2')
-    """
-    return "" if number == 1 else f"_{number}"
 
 
 def driven_mode(system: HybridSystem) -> int:
@@ -233,15 +248,7 @@ def values_of(system: HybridSystem, values: Mapping[str, float]) -> dict[str, An
             "force_nN": dict(system.outputs["force_nN"]),
         },
         "drive": [
-            {name: values.get(name + suffix(number)) for name in _names(drive, number)}
+            {name: values.get(name + suffix(number)) for name in drive_values(drive, number)}
             for number, drive in enumerate(parts.drives.parts, 1)
         ],
     }
-
-
-def _names(drive: Drive, number: int) -> list[str]:
-    """Return the parameters of a drive, without its number."""
-    names = [drive.size[0]]
-    names += ["ratio"] if number > 1 else []
-    names += ["phase_deg"] if drive.phase_deg else []
-    return names if isinstance(drive.at, str) else [*names, "at_kHz"]

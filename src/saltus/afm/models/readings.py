@@ -8,8 +8,8 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from saltus import checks
-from saltus.afm.models.parts import check_model, driven_mode, parts_of, suffix
-from saltus.afm.probe.units import ENERGY_EV
+from saltus.afm.models.parts import check_model, driven_mode, parts_of
+from saltus.afm.probe.units import ENERGY_EV, suffix
 from saltus.errors import InputError
 from saltus.system import HybridSystem
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from saltus.afm.models.parts import suffix
+from saltus.afm.probe.units import suffix
 from saltus.errors import ConvergenceError, SaltusError, StiffnessError, shortened
 from saltus.flow.motion import starting_mode
 from saltus.flow.poincare import iterate

@@ -106,7 +106,7 @@ def tapping_modes(system: HybridSystem) -> int:
     states = (*(f"q{i + 1}" for i in range(n)), *(f"v{i + 1}" for i in range(n)))
     tapping = n > 0 and system.states == states and system.mode_names == ("flight", "contact")
     if not (tapping and {"ybar", "k", "eta", "a0"} <= set(system.parameter_names)):
-        raise InputError("system", system.name or "a hybrid system", "tapping mode", "afm.tapping_mode returns it")
+        raise InputError("system", system.name or system.unnamed, "tapping mode", "afm.tapping_mode returns it")
     return n
 
 

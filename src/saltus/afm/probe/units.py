@@ -13,7 +13,7 @@ from typing import NamedTuple
 from saltus import checks
 from saltus.errors import InputError
 
-__all__ = ["ENERGY_EV", "QUANTITIES", "Quantity", "check_changes", "checked", "quantity_of"]
+__all__ = ["ENERGY_EV", "QUANTITIES", "Quantity", "check_changes", "checked", "quantity_of", "suffix"]
 
 ENERGY_EV = 6.241509074460763  # eV in 1 aJ, by the definition of the SI
 
@@ -208,3 +208,14 @@ def _slip(quantity: Quantity, number: float) -> str:
         if _within(quantity, number * slip**power):
             return f"{slip:g} times too {too}? then it is {number * slip**power:g} {quantity.unit}".rstrip() + "; "
     return ""
+
+
+def suffix(number: int) -> str:
+    """Return what a parameter's name ends with that belongs to a mode or a drive: nothing for the first.
+
+    Examples
+    --------
+    >>> suffix(1), suffix(2)
+    ('', '_2')
+    """
+    return "" if number == 1 else f"_{number}"

@@ -157,11 +157,6 @@ class AlgebraicCurve(SolutionCurve[Solved]):
             **cls._kept_fields(held),
         }
 
-    @classmethod
-    @abstractmethod
-    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
-        """Return `values` and the fields that only this kind of curve has, as `to_xarray` described them."""
-
 
 def _output(solution: Any, name: str) -> float:
     """Return an output at an equilibrium, or at the first point of a cycle."""

@@ -32,7 +32,7 @@ __all__ = ["Branch"]
 
 @final
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Branch(OneParameter, OrbitCurve):
+class Branch(OneParameter[PeriodicOrbit], OrbitCurve):
     """Periodic orbits along one parameter.
 
     Attributes

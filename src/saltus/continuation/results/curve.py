@@ -134,6 +134,11 @@ class SolutionCurve(Result, Generic[Solved]):
             "options": held.json("options", dict),
         }
 
+    @classmethod
+    @abstractmethod
+    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
+        """Return `values` and the fields that only this kind of curve has, as `to_xarray` described them."""
+
     def _described(self, what: str) -> str:
         """Return the text of a `repr`: kind, range, ends and special points."""
         of = self.system.name or self.system.unnamed

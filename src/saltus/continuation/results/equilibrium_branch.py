@@ -5,22 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, final
+from typing import final
 
 from saltus.continuation.results.crossings import solutions_at
 from saltus.continuation.results.equilibrium_curve import EquilibriumCurve
 from saltus.continuation.results.parameters import OneParameter
 from saltus.equilibria import Equilibrium, find_equilibrium
 
-if TYPE_CHECKING:
-    pass
-
 __all__ = ["EquilibriumBranch"]
 
 
 @final
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class EquilibriumBranch(OneParameter, EquilibriumCurve):
+class EquilibriumBranch(OneParameter[Equilibrium], EquilibriumCurve):
     """Equilibria along one parameter.
 
     Types of `special_points` are ``SN``, ``BP``, ``HB``, ``BE`` (boundary equilibrium), ``EX`` (extremum) and users'

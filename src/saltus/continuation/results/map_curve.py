@@ -196,7 +196,7 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
 
 @final
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MapBranch(OneParameter, MapCurve):
+class MapBranch(OneParameter[MapOrbit], MapCurve):
     """Fixed points or cycles of a map along one parameter.
 
     Types of `special_points` are ``SN``, ``PD``, ``TR`` (Neimark-Sacker), ``BP``, ``BC`` (border collision), ``EX``

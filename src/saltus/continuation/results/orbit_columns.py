@@ -320,7 +320,7 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         InputError
             There is no such point.
         """
-        form: Signature = self.forms[self.form[checks.count("index", index, -len(self), len(self) - 1)]]
+        form: Signature = self.forms[self.form[self._place(index)]]
         return form.names(self.system)
 
     def orbit(self, index: int) -> PeriodicOrbit:
@@ -341,7 +341,7 @@ class OrbitColumns(SolutionCurve[PeriodicOrbit]):
         InputError
             There is no such point.
         """
-        index = checks.count("index", index, -len(self), len(self) - 1)
+        index = self._place(index)
         problem, u = self._solved(index)
         # of a cycle that is cut they come with the flow's directions, which the field does not give at an equilibrium
         values = self.multipliers[index] if CUT_END in problem.signature.kinds else None

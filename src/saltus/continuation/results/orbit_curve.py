@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
@@ -95,11 +94,6 @@ class OrbitCurve(OrbitColumns):
         if len(columns) != len(held.texts("varied")):
             raise InputError("attribute 'columns'", columns, "one for each varied parameter")
         return [held.array(column, ("point",)) for column in columns]
-
-    @classmethod
-    @abstractmethod
-    def _own_fields(cls, held: Contents, varied: tuple[str, ...], values: NDArray[np.float64]) -> dict[str, Any]:
-        """Return the fields that only this kind of curve has, and `values`, as `to_xarray` described them."""
 
     @classmethod
     def _read(cls, held: Contents) -> Self:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Generic, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation.results.curve import Solved
+from saltus.continuation.results.curve import SolutionCurve, Solved
 from saltus.continuation.results.displacement import displaced
 from saltus.continuation.results.special_points import SpecialPoint
 
@@ -17,13 +17,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.contents import Contents
-    from saltus.continuation.results.curve import SolutionCurve
 
 __all__ = ["OneParameter", "TwoParameters"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class OneParameter:
+class OneParameter(SolutionCurve[Solved]):
     """What branches have: one parameter that varies.
 
     Attributes
@@ -46,7 +45,7 @@ class OneParameter:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class TwoParameters(Generic[Solved]):
+class TwoParameters(SolutionCurve[Solved]):
     """What loci have: a type, and two parameters that vary.
 
     Attributes
@@ -86,10 +85,9 @@ class TwoParameters(Generic[Solved]):
         InputError
             There is no such point.
         """
-        curve = cast("SolutionCurve[Solved]", self)
-        at = curve._place(index)
-        arc, label = float(curve.arclength[at]), f"{self.type} point {at}"
-        return SpecialPoint(self.type, label, curve._solution(at), 0.0, at, arc, self.names, scale=self._scale())
+        at = self._place(index)
+        arc, label = float(self.arclength[at]), f"{self.type} point {at}"
+        return SpecialPoint(self.type, label, self._solution(at), 0.0, at, arc, self.names, scale=self._scale())
 
     def _scale(self) -> NDArray[np.float64] | None:
         """Return sizes of the unknowns, for a locus that starts from one of the points; None if unknown."""

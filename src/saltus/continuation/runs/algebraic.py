@@ -169,6 +169,17 @@ class AlgebraicRun(OneParameterRun):
             halves = traced(start, lambda: self.begin(directions), self.trace, directions)
         return join(start, halves, "branch")
 
+    def branch_fields(self, joined: BothSides) -> dict[str, Any]:
+        """Return the fields of a branch that do not depend on the kind of its solutions."""
+        return {
+            "system": self.solution.system,
+            "parameter": self.name,
+            "parameters": dict(self.solution.parameters),
+            "values": np.array([self.scale * point.parameter for _, point in joined.rows]),
+            "special_points": joined.special_points((self.name,)),
+            "rejected": self.rejected(),
+        }
+
     def begin(self, directions: str) -> tuple[AlgebraicZeroProblem, Point]:
         """Return the equations and the first point, its tangent towards growing parameter."""
         self._marks, self._blunt = [], set()

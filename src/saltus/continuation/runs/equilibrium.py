@@ -105,14 +105,7 @@ def continue_equilibrium(
     )
     joined = run.joined(directions)
     return EquilibriumBranch(
-        system=system,
-        parameter=parameter,
-        parameters=dict(equilibrium.parameters),
-        values=np.array([point.parameter * scale for _, point in joined.rows]),
-        special_points=joined.special_points((parameter,)),
-        rejected=run.rejected(),
-        options=run.options([low, high], directions, events),
-        **joined_fields(joined),
+        options=run.options([low, high], directions, events), **run.branch_fields(joined), **joined_fields(joined)
     )
 
 

@@ -59,14 +59,7 @@ def continue_cycle(
     run = _CycleRun(orbit, parameter, interest, control, stops, reporter)
     joined = run.joined(directions)
     return MapBranch(
-        system=system,
-        parameter=parameter,
-        parameters=dict(orbit.parameters),
-        values=np.array([point.parameter * scale for _, point in joined.rows]),
-        special_points=joined.special_points((parameter,)),
-        rejected=run.rejected(),
-        options=run.options([low, high], directions, events),
-        **cycle_fields(joined),
+        options=run.options([low, high], directions, events), **run.branch_fields(joined), **cycle_fields(joined)
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,9 +24,6 @@ from saltus.continuation.runs.two_sided import Found, OneSide, join, traced, tur
 from saltus.errors import InputError
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
 from saltus.orbits.signature import DIRECTION, DURATION
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["OrbitLocusRun"]
 
