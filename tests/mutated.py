@@ -46,7 +46,7 @@ from saltus.basins.measures.erosion import ErosionProfile
 from saltus.ensemble.traps import Cages, Cells, Ellipsoids, Traps
 from saltus.errors import SaltusError
 from saltus.files import write_sealed
-from saltus.results import Result, netcdf, tagged
+from saltus.result import Result, netcdf, tagged
 
 JUNK: tuple[Any, ...] = (
     None, True, -1, 0, 1, 7, 10**12, -(10**12), 10**30, 0.5, 1e308, float("nan"), float("inf"), "", "x", "<b>", "0",

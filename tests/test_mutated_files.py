@@ -18,7 +18,7 @@ from saltus.files import write_sealed
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import Signature
-from saltus.results import netcdf, tagged
+from saltus.result import netcdf, tagged
 
 
 @pytest.fixture(scope="module")
@@ -133,8 +133,8 @@ def test_a_file_that_another_program_has_written_is_read_all_the_same(held, tmp_
     path = held["array"].save(tmp_path / "a.nc")
     path.write_bytes(path.read_bytes()[:-50])
     assert load(path) == held["array"]
-    monkeypatch.setattr("saltus.results._PATIENCE", 0.0)
-    monkeypatch.setattr("saltus.results._PACE", np.inf)
+    monkeypatch.setattr("saltus.result._PATIENCE", 0.0)
+    monkeypatch.setattr("saltus.result._PACE", np.inf)
     with pytest.raises(InputError, match="must be a NetCDF file; it is damaged: reading it does not end"):
         load(path)
 

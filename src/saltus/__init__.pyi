@@ -81,7 +81,7 @@ from .orbits import (
     solve_orbit as solve_orbit,
 )
 from .progress import Progress as Progress
-from .results import (
+from .result import (
     Result as Result,
     load as load,
 )

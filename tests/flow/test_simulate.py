@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import saltus
-import saltus.results
+import saltus.result
 import systems
 from oracles.closed_forms import TableJump
 from saltus import Limits
@@ -637,7 +637,7 @@ def test_a_slow_impact_is_marked_as_grazing():
 @pytest.mark.parametrize("periods", [1, 6])
 def test_a_saved_trajectory_is_read_back_equal(afm1, tmp_path, periods):
     motion = simulate(afm1, {"Omega": 1.1}, [0.3, 0.2], periods=periods)
-    again = saltus.results.load(motion.save(tmp_path / "motion.nc"))
+    again = saltus.result.load(motion.save(tmp_path / "motion.nc"))
     assert again == motion
     times = np.linspace(0.0, motion.t_end, 99)
     assert np.array_equal(again(times), motion(times))
@@ -658,7 +658,7 @@ def test_the_dataset_tells_which_events_graze():
 
 def test_a_saved_trajectory_without_events_is_read_back_equal(ball, tmp_path):
     motion = simulate(ball, None, [1.0, 0.0], t_end=0.5)
-    assert saltus.results.load(motion.save(tmp_path / "motion.nc")) == motion
+    assert saltus.result.load(motion.save(tmp_path / "motion.nc")) == motion
     assert simulate(ball, None, [1.0, 0.0], t_end=0.6) != motion
 
 

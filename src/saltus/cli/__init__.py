@@ -165,7 +165,7 @@ def plot(
     ] = None,
 ) -> None:
     """Draw a saved result."""
-    from saltus.results import load
+    from saltus.result import load
 
     picture = checked_picture(file.with_suffix(".png") if out is None else out, "--out")
     with interruptible(), status():

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from saltus.progress import Progress, Report
-    from saltus.results import Result
+    from saltus.result import Result
 
 __all__ = [
     "FAILED",

@@ -13,7 +13,7 @@ from saltus import checks
 from saltus.contents import Contents
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system
 

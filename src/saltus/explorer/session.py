@@ -18,10 +18,10 @@ from saltus.errors import InputError, SaltusError
 from saltus.explorer.steps import Place, Step, step_from
 from saltus.explorer.subjects import Subject, system_of
 from saltus.files import whole_file, write_sealed
-from saltus.results import READ, load, netcdf, reading, result_in, tagged
+from saltus.result import READ, load, netcdf, reading, result_in, tagged
 
 if TYPE_CHECKING:
-    from saltus.results import Result
+    from saltus.result import Result
     from saltus.system import HybridSystem
 
 __all__ = ["Entry", "Session", "Settings", "folder_of", "new_folder", "removed", "sessions_in", "told_end"]

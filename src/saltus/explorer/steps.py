@@ -13,7 +13,7 @@ from saltus.errors import InputError
 
 if TYPE_CHECKING:
     from saltus.progress import Report
-    from saltus.results import Result
+    from saltus.result import Result
     from saltus.system import HybridSystem
 
 __all__ = [

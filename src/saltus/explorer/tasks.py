@@ -16,7 +16,7 @@ from saltus.explorer.subjects import system_of
 if TYPE_CHECKING:
     from saltus.orbits import PeriodicOrbit
     from saltus.progress import Report
-    from saltus.results import Result
+    from saltus.result import Result
 
 __all__ = ["Outcome", "film", "prepare", "take", "warm"]
 

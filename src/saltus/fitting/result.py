@@ -17,7 +17,7 @@ from saltus.continuation.results.branch_files import RAGGED, branches_of, branch
 from saltus.errors import InputError
 from saltus.fitting.optimum import FOUND
 from saltus.fitting.search import largest_chi2
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 from saltus.system.plain import held_system
 
 if TYPE_CHECKING:

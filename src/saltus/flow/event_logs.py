@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.flow.motion import EventDrivenMotion, check_tolerances, how_long, start_state
-from saltus.results import frozen
+from saltus.result import frozen
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

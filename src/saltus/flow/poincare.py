@@ -11,7 +11,7 @@ import numpy as np
 from saltus.errors import InputError
 from saltus.flow.motion import EventDrivenMotion, check_tolerances, domain_value, passed_event, start_state
 from saltus.flow.taylor import ORDER, STEPS_A_RETURN, TaylorRun
-from saltus.results import frozen
+from saltus.result import frozen
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

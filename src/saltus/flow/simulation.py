@@ -43,7 +43,7 @@ from saltus.flow.landings import warn_of
 from saltus.flow.motion import EventDrivenMotion, how_long, start_state, starting_mode, tolerances_of
 from saltus.flow.sizes import RTOL, followed_in_size
 from saltus.flow.trajectory import Trajectory
-from saltus.results import frozen
+from saltus.result import frozen
 from saltus.system.hybrid import HybridSystem
 from saltus.system.maps import flowing
 

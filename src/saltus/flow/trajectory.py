@@ -17,7 +17,7 @@ from saltus.flow.amplitude_spectrum import Window, spectrum
 from saltus.flow.event_tables import code_of, event_table, indices_of
 from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Motion, dense_states, observe
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 from saltus.system.evaluate import evaluate
 from saltus.system.hybrid import HybridSystem
 from saltus.system.plain import held_parameters, held_system

@@ -12,7 +12,7 @@ from saltus import checks
 from saltus.errors import InputError, StiffnessError
 from saltus.flow.motion import EventDrivenMotion, check_tolerances, start_state
 from saltus.flow.sticking import check_continuous
-from saltus.results import frozen
+from saltus.result import frozen
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -11,7 +11,7 @@ from saltus.errors import InputError
 from saltus.flow.variational import ROWS, Average, Growth
 from saltus.maps.code import LIMIT, STRETCH, code_of, error_of
 from saltus.maps.kernels import steps as kernels
-from saltus.results import frozen
+from saltus.result import frozen
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

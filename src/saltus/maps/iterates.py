@@ -16,7 +16,7 @@ from saltus.errors import InputError
 from saltus.maps.code import LIMIT, STRETCH, MapCode, code_of, error_of
 from saltus.maps.kernels import steps as kernels
 from saltus.maps.observing import observe_states
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 from saltus.system.evaluate import evaluate
 from saltus.system.maps import Map
 from saltus.system.plain import held_map, held_parameters

@@ -14,7 +14,7 @@ from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.maps.problem import CycleProblem
 from saltus.maps.spectrum import NEUTRAL, multipliers_of
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 from saltus.system.angles import TURN
 from saltus.system.evaluate import evaluate
 from saltus.system.maps import Map

@@ -12,7 +12,7 @@ from saltus import checks
 from saltus.continuation.results.prefixed import own_attributes, prefixed_part, side_by_side
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -25,7 +25,7 @@ from saltus.orbits.sensitivities import sensitivities
 from saltus.orbits.signature import CUT_END, FAULTS, Segment, Signature, Survey, path_of, signature_from
 from saltus.orbits.unfolding import Fixed, read_fixed
 from saltus.orbits.winding import winding_of
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system
 

@@ -17,7 +17,7 @@ from saltus.flow.motion import starting_mode, tolerances_of
 from saltus.flow.sizes import ATOL, fitting_atol
 from saltus.flow.variational import BATCHES, CONFIDENCE, Average, Growth, growth_along
 from saltus.maps.growth import growth_of_map
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 from saltus.system import HybridSystem, Map
 from saltus.system.maps import flowing
 from saltus.system.plain import held_any, held_parameters

@@ -14,7 +14,7 @@ from saltus.maps.code import code_of
 from saltus.maps.growth import growth_of_map
 from saltus.maps.iterates import path_from
 from saltus.maps.observing import check_map_observables, observe_states
-from saltus.results import frozen
+from saltus.result import frozen
 from saltus.system.angles import on_circles, wrapped
 
 if TYPE_CHECKING:

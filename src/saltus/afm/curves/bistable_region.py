@@ -13,7 +13,7 @@ from saltus.afm.models.parts import check_model
 from saltus.continuation import Locus
 from saltus.continuation.results.prefixed import own_attributes, prefixed_part, side_by_side
 from saltus.errors import InputError
-from saltus.results import Result
+from saltus.result import Result
 from saltus.system.plain import held_system
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from saltus.continuation.results.branch_files import RAGGED, branches_of, branch
 from saltus.continuation.results.crossings import comes_to
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
-from saltus.results import Result
+from saltus.result import Result
 from saltus.system.plain import held_system
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from saltus import checks
 from saltus.afm.models.parts import check_model
 from saltus.afm.models.readings import READINGS, Reading
 from saltus.afm.probe.units import ENERGY_EV, suffix
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 from saltus.system.plain import held_system
 
 if TYPE_CHECKING:

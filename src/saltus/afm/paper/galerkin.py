@@ -15,7 +15,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.afm.probe.beam import mode_shape_integrals, wavenumbers
-from saltus.results import frozen
+from saltus.result import frozen
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -17,7 +17,7 @@ from saltus.contents import Contents
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Traps
 from saltus.errors import InputError
 from saltus.orbits import PeriodicOrbit
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 from saltus.system import HybridSystem, Map
 from saltus.system.definition import Definition
 from saltus.system.plain import held_any, held_parameters

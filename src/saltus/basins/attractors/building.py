@@ -13,7 +13,7 @@ from saltus.basins.attractors.visited_boxes import boxes_along
 from saltus.basins.wilson import wilson
 from saltus.ensemble.traps import UNDECIDED, Cages, Cells, Ellipsoids, Traps
 from saltus.errors import ConvergenceError
-from saltus.results import frozen
+from saltus.result import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.results import frozen
+from saltus.result import frozen
 
 if TYPE_CHECKING:
     import sympy

@@ -13,7 +13,7 @@ from saltus import checks
 from saltus.contents import Contents
 from saltus.ensemble.traps import DIVERGED, Cages, Cells, Ellipsoids, Traps
 from saltus.errors import InputError
-from saltus.results import frozen
+from saltus.result import frozen
 from saltus.system.definition import Definition
 
 if TYPE_CHECKING:

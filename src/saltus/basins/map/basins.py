@@ -22,7 +22,7 @@ from saltus.basins.wilson import wilson
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED
 from saltus.errors import InputError
 from saltus.progress import ended
-from saltus.results import Result
+from saltus.result import Result
 
 if TYPE_CHECKING:
     import os

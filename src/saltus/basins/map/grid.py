@@ -15,7 +15,7 @@ import numpy as np
 from saltus import checks
 from saltus.contents import checked_texts
 from saltus.errors import InputError, nearest
-from saltus.results import frozen
+from saltus.result import frozen
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -16,7 +16,7 @@ from saltus.contents import checked_texts
 from saltus.ensemble.traps import DIVERGED, NOT_DONE, UNDECIDED
 from saltus.errors import InputError
 from saltus.files import sealed
-from saltus.results import dataset_in, frozen, netcdf
+from saltus.result import dataset_in, frozen, netcdf
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

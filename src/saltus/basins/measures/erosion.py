@@ -14,7 +14,7 @@ from saltus import checks
 from saltus.basins.map.grid import Grid
 from saltus.contents import Contents
 from saltus.errors import InputError
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 from saltus.system import HybridSystem, Map
 from saltus.system.plain import held_any, held_parameters, swept_parameter
 

@@ -13,7 +13,7 @@ from saltus.basins.map.chunked_reading import BLOCK, blocks, checked_basins, rea
 from saltus.basins.measures.distances import weights_of
 from saltus.ensemble.traps import UNDECIDED
 from saltus.errors import InputError
-from saltus.results import frozen
+from saltus.result import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

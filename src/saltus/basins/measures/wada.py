@@ -10,7 +10,7 @@ import numpy as np
 from saltus import checks
 from saltus.basins.map.chunked_reading import BLOCK, blocks, checked_basins, outcome_of, read, surroundings
 from saltus.ensemble.traps import UNDECIDED
-from saltus.results import frozen
+from saltus.result import frozen
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,7 @@ from saltus.orbits.pieces import in_pieces
 from saltus.orbits.signature import Signature
 from saltus.orbits.solve import converge
 from saltus.orbits.unfolding import Fixed, read_fixed
-from saltus.results import frozen
+from saltus.result import frozen
 from saltus.system.plain import held_system
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from saltus.continuation.results.special_points import SpecialPoint, SpecialPoin
 from saltus.errors import InputError
 from saltus.orbits.orbit import TOLERANCES
 from saltus.orbits.signature import signature_from
-from saltus.results import Result
+from saltus.result import Result
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system
 

@@ -15,7 +15,7 @@ from saltus.continuation.results.special_points import SpecialPoint, SpecialPoin
 from saltus.equilibria import Equilibrium
 from saltus.maps import MapOrbit
 from saltus.orbits import PeriodicOrbit
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

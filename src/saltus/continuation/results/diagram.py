@@ -18,7 +18,7 @@ from saltus.continuation.results.prefixed import own_attributes, prefixed_part, 
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
-from saltus.results import Result
+from saltus.result import Result
 from saltus.system import HybridSystem, Map
 from saltus.system.angles import wrapped
 from saltus.system.plain import held_any

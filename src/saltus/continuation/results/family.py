@@ -16,7 +16,7 @@ from saltus.contents import Contents
 from saltus.continuation.results.branch import Branch
 from saltus.continuation.results.branch_files import RAGGED, branches_of, branches_together
 from saltus.errors import InputError
-from saltus.results import Result, frozen
+from saltus.result import Result, frozen
 from saltus.system import HybridSystem
 from saltus.system.plain import held_system
 

@@ -24,7 +24,7 @@ from saltus.orbits.sampling import motion_of
 from saltus.orbits.sensitivities import sensitivities
 from saltus.orbits.signature import CUT_END, Signature
 from saltus.orbits.unfolding import Fixed
-from saltus.results import frozen
+from saltus.result import frozen
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from saltus.continuation import Branch, SpecialPoint
     from saltus.orbits import PeriodicOrbit
-    from saltus.results import Result
+    from saltus.result import Result
 
 __all__ = ["Segment", "compute", "draw", "run", "segments_of", "summary"]
 

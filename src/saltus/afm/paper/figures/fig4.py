@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from saltus.continuation import Branch, Locus, SpecialPoint
-    from saltus.results import Result
+    from saltus.result import Result
 
 __all__ = ["compute", "draw", "run", "summary"]
 

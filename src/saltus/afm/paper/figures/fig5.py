@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.continuation import Branch, Locus, SpecialPoint
-    from saltus.results import Result
+    from saltus.result import Result
 
 __all__ = ["compute", "draw", "run", "summary"]
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from saltus.flow import Trajectory
-    from saltus.results import Result
+    from saltus.result import Result
     from saltus.sweeps import Sweep
 
 __all__ = ["compute", "draw", "run", "summary", "sweep_of"]

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from saltus.continuation import Branch, Locus, SpecialPoint
     from saltus.orbits import PeriodicOrbit
-    from saltus.results import Result
+    from saltus.result import Result
 
 __all__ = ["SWEPT", "compute", "draw", "draw_into", "run", "summary"]
 

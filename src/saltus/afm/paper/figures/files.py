@@ -16,14 +16,14 @@ from saltus.errors import InputError
 from saltus.files import whole_file, write_sealed
 from saltus.plotting.style import check_matplotlib
 from saltus.progress import Report, Reporter
-from saltus.results import READ, netcdf, reading, result_in, tagged
+from saltus.result import READ, netcdf, reading, result_in, tagged
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.figure import Figure
 
-    from saltus.results import Result
+    from saltus.result import Result
 
 __all__ = ["read_results", "write_figure"]
 

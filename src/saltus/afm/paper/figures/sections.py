@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from saltus.basins import Basins
-    from saltus.results import Result
+    from saltus.result import Result
     from saltus.system import HybridSystem
 
 __all__ = [

@@ -280,7 +280,7 @@ _LOOK = """
 import faulthandler, json, sys
 faulthandler.dump_traceback_later(float(sys.argv[3]), exit=True)
 sys.path[:] = json.loads(sys.argv[2])
-from saltus.results import look
+from saltus.result import look
 look(sys.argv[1])
 """
 
