@@ -6,7 +6,7 @@ benchmarks/README.md, the beginning of one row's first cell there, and a column.
 The figure must be one of the numbers there, perhaps rounded. "... a second" is one over a time.
 
 Other sources are a constant, ``<!-- code: saltus.orbits.find._NEAR -->``, and a test whose text has the number,
-``<!-- tests: basins/test_entropy.py | test_name -->``.
+``<!-- tests: basins/measures/test_entropy.py | test_name -->``.
 """
 
 import ast

@@ -26,7 +26,7 @@ from saltus.errors import InputError, SaltusError
 SETUP = afm.table1()
 ETA = 60.0  # nm
 PLACES = np.linspace(0.0, 1.0, 2001)
-README_PICTURE = Path(__file__).parents[2] / "docs" / "images" / "tap.gif"
+README_PICTURE = Path(__file__).parents[3] / "docs" / "images" / "tap.gif"
 
 
 @pytest.fixture(scope="module")

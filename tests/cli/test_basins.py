@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import saltus.basins.map.grid
+from commands import run_command
 from saltus import cli
 from saltus.basins import Basins
 from saltus.cli import console
 from saltus.errors import InputError
 from saltus.progress import Progress
-from test_cli import _run
 from wells import Interrupt
 
 WELLS = """
@@ -76,7 +76,7 @@ def test_a_configuration_is_mapped_into_a_store(mapped, capsys):
 
 
 def test_the_store_told_has_grid_attractors_parts_and_inputs(mapped, capsys):
-    code, out, err = _run(capsys, "basins", "info", str(mapped[1]))
+    code, out, err = run_command(capsys, "basins", "info", str(mapped[1]))
     assert (code, err) == (0, "")
     rows = _rows(out)
     assert rows["system"] == "double well"
@@ -92,7 +92,7 @@ def test_the_store_told_has_grid_attractors_parts_and_inputs(mapped, capsys):
 
 
 def test_what_is_written_is_told_with_its_size(mapped, capsys):
-    code, out, _ = _run(capsys, "basins", str(mapped[0]), "-o", str(mapped[1]), "--resume")
+    code, out, _ = run_command(capsys, "basins", str(mapped[0]), "-o", str(mapped[1]), "--resume")
     assert code == 0
     assert out.splitlines()[-1].startswith(f"written  {mapped[1]}  (")
     assert "all 120 cells done" in out
@@ -109,11 +109,11 @@ def test_an_interrupted_run_says_how_to_go_on_and_goes_on_to_the_same_labels(map
     store = config.with_name("part.zarr")
     with monkeypatch.context() as patch:
         patch.setattr(cli.basins, "bar", interrupting)
-        code, out, err = _run(capsys, "basins", str(config), "-o", str(store))
+        code, out, err = run_command(capsys, "basins", str(config), "-o", str(store))
     assert code == 130
     assert f"kept  {store}" in out
     assert err == "saltus: interrupted: 60 of 120 cells done; the same command with --resume goes on\n"
-    assert _run(capsys, "basins", str(config), "-o", str(store), "--resume")[0] == 0
+    assert run_command(capsys, "basins", str(config), "-o", str(store), "--resume")[0] == 0
     assert np.array_equal(Basins.open(store).labels, Basins.open(mapped[1]).labels)
 
 
@@ -122,13 +122,13 @@ def test_an_interrupt_before_there_is_a_store_is_told(config, capsys, monkeypatc
         raise KeyboardInterrupt
 
     monkeypatch.setattr("saltus.basins.map.mapping.find_attractors", stop)
-    found = _run(capsys, "basins", str(config), "-o", str(config.with_name("none.zarr")))
+    found = run_command(capsys, "basins", str(config), "-o", str(config.with_name("none.zarr")))
     assert found == (130, "", "saltus: interrupted before there was anything to keep\n")
 
 
 def test_resume_refuses_other_input_and_names_it(mapped, config, capsys):
     config.write_text(WELLS.replace("A = 0.05", "A = 0.06"))
-    code, _, err = _run(capsys, "basins", str(config), "-o", str(mapped[1]), "--resume")
+    code, _, err = run_command(capsys, "basins", str(config), "-o", str(mapped[1]), "--resume")
     assert code == 2
     assert "A" in err
     assert "0.05" in err
@@ -151,26 +151,26 @@ def test_resume_refuses_other_input_and_names_it(mapped, config, capsys):
 def test_resume_refuses_another_search_for_attractors_and_names_what_differs(mapped, config, capsys, old, new, told):
     config.write_text(WELLS.replace(old, new))
     wanted = f"saltus: path = {str(mapped[1])!r}: must be a new one, or that of the same input; {told}\n"
-    assert _run(capsys, "basins", str(config), "-o", str(mapped[1]), "--resume") == (2, "", wanted)
+    assert run_command(capsys, "basins", str(config), "-o", str(mapped[1]), "--resume") == (2, "", wanted)
 
 
 def test_an_existing_store_is_refused_with_a_hint(mapped, capsys):
     wanted = f"saltus: --out = {str(mapped[1])!r}: must be new; it exists: --resume goes on with it\n"
-    assert _run(capsys, "basins", str(mapped[0]), "-o", str(mapped[1])) == (2, "", wanted)
+    assert run_command(capsys, "basins", str(mapped[0]), "-o", str(mapped[1])) == (2, "", wanted)
 
 
 def test_a_store_is_asked_for(config, capsys):
     wanted = "saltus: --out = None: must be given: the store that is written; add -o STORE.zarr, or --estimate alone\n"
-    assert _run(capsys, "basins", str(config)) == (2, "", wanted)
+    assert run_command(capsys, "basins", str(config)) == (2, "", wanted)
 
 
 def test_options_may_stand_before_the_configuration(mapped, capsys):
-    assert _run(capsys, "basins", "--resume", "-o", str(mapped[1]), str(mapped[0]))[0] == 0
+    assert run_command(capsys, "basins", "--resume", "-o", str(mapped[1]), str(mapped[0]))[0] == 0
 
 
 def test_the_cost_is_told_and_nothing_is_written(config, capsys):
     before = set(config.parent.iterdir())
-    code, out, err = _run(capsys, "basins", str(config), "--estimate")
+    code, out, err = run_command(capsys, "basins", str(config), "--estimate")
     assert (code, err) == (0, "")
     rows = _rows(out)
     assert rows["cells"] == "120"
@@ -201,7 +201,7 @@ def test_the_cost_is_told_and_nothing_is_written(config, capsys):
 )
 def test_options_that_do_not_belong_together_are_told(config, capsys, options, told):
     store = config.with_name("new.zarr")
-    assert _run(capsys, "basins", str(config), "-o", str(store), *options) == (2, "", f"saltus: {told}\n")
+    assert run_command(capsys, "basins", str(config), "-o", str(store), *options) == (2, "", f"saltus: {told}\n")
     assert not store.exists()
 
 
@@ -242,26 +242,26 @@ def test_options_that_do_not_belong_together_are_told(config, capsys, options, t
 def test_what_is_wrong_in_a_configuration_is_told_in_a_line(tmp_path, capsys, text, told):
     path = tmp_path / "config.toml"
     path.write_text(text)
-    code, out, err = _run(capsys, "basins", str(path), "-o", str(tmp_path / "new.zarr"))
+    code, out, err = run_command(capsys, "basins", str(path), "-o", str(tmp_path / "new.zarr"))
     assert (code, out, err) == (2, "", f"saltus: {told.format(path=path)}\n")
 
 
 def test_a_configuration_that_is_not_there_is_told(tmp_path, capsys):
     path = tmp_path / "config.toml"
     wanted = f"saltus: config = {str(path)!r}: must be a file that can be read; No such file or directory\n"
-    assert _run(capsys, "basins", str(path), "-o", "new.zarr") == (2, "", wanted)
+    assert run_command(capsys, "basins", str(path), "-o", "new.zarr") == (2, "", wanted)
 
 
 def test_a_store_in_a_folder_that_is_not_there_is_told_before_the_work(config, capsys):
     store = config.parent / "none" / "new.zarr"
     wanted = f"saltus: --out = {str(store)!r}: must be in a folder that exists\n"
-    assert _run(capsys, "basins", str(config), "-o", str(store)) == (2, "", wanted)
+    assert run_command(capsys, "basins", str(config), "-o", str(store)) == (2, "", wanted)
 
 
 def test_info_tells_of_an_array_from_elsewhere_what_is_known(tmp_path, capsys):
     x = np.linspace(-0.95, 0.95, 20)
     disc = Basins.from_array(x[:, None] ** 2 + x**2 < 0.36, {"x": x, "y": x}, {"outside": 0, "inside": 1})
-    code, out, err = _run(capsys, "basins", "info", str(disc.save(tmp_path / "disc.zarr")))
+    code, out, err = run_command(capsys, "basins", "info", str(disc.save(tmp_path / "disc.zarr")))
     assert (code, err) == (0, "")
     rows = _rows(out)
     assert (rows["system"], rows["inside"], rows["done"]) == ("unknown", "28.0000 % of the cells", "all 400 cells done")
@@ -270,7 +270,7 @@ def test_info_tells_of_an_array_from_elsewhere_what_is_known(tmp_path, capsys):
 def test_names_from_a_file_are_shown_as_they_are(tmp_path, capsys):
     names = ("[red]a[/red]", "\x1b[31mb", "[/]", "Ω\a")
     of_them = Basins.from_array([0, 1, 2, 3], {"x": np.arange(4.0)}, {name: k for k, name in enumerate(names)})
-    code, out, err = _run(capsys, "basins", "info", str(of_them.save(tmp_path / "names.zarr")))
+    code, out, err = run_command(capsys, "basins", "info", str(of_them.save(tmp_path / "names.zarr")))
     assert (code, err) == (0, "")
     for shown in ("[red]a[/red]", r"\x1b[31mb", "[/]", r"Ω\x07"):
         assert f" {shown} " in out.replace("\n", " \n ")
@@ -290,14 +290,14 @@ def test_a_terminal_that_lacks_letters_shows_names_all_the_same(tmp_path, monkey
 
 
 def test_info_of_something_else_is_told(tmp_path, capsys):
-    code, out, err = _run(capsys, "basins", "info", str(tmp_path))
+    code, out, err = run_command(capsys, "basins", "info", str(tmp_path))
     assert (code, out) == (2, "")
     assert err.startswith(f"saltus: path = {str(tmp_path)!r}: must be a store of basins that saltus wrote; ")
     assert len(err.splitlines()) == 1
 
 
 def test_help_has_both_command_lines_and_the_options(capsys):
-    code, out, _ = _run(capsys, "basins", "--help")
+    code, out, _ = run_command(capsys, "basins", "--help")
     assert code == 0
     assert "saltus basins CONFIG.toml -o STORE.zarr" in out
     assert "saltus basins info STORE.zarr" in out
@@ -320,7 +320,7 @@ def test_a_command_that_computes_nothing_imports_nothing_heavy(args):
 @pytest.mark.parametrize("name", ["fig3", "fig9"])
 def test_an_option_that_a_figure_does_not_take_is_told(name, tmp_path, capsys):
     wanted = f"saltus: --animate = True: must be left out for {name}\n"
-    assert _run(capsys, "reproduce", name, "--animate", "-o", str(tmp_path / "new")) == (2, "", wanted)
+    assert run_command(capsys, "reproduce", name, "--animate", "-o", str(tmp_path / "new")) == (2, "", wanted)
     assert not (tmp_path / "new").exists()
 
 
@@ -369,7 +369,7 @@ def test_the_example_configurations_can_be_read():
     from saltus.basins.map.config import read_config, system_of
     from saltus.basins.map.grid import Grid
 
-    folder = Path(__file__).parents[1] / "examples" / "configs"
+    folder = Path(__file__).parents[2] / "examples" / "configs"
     sizes = {}
     for path in sorted(folder.glob("*.toml")):
         read = read_config(path)
@@ -388,5 +388,5 @@ def test_the_engine_dask_labels_as_the_processor_does(mapped, config, capsys):
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
     ) as cluster:
         options = ["--engine", "dask", "--scheduler", cluster.scheduler_address]
-        assert _run(capsys, "basins", str(config), "-o", str(store), *options)[0] == 0
+        assert run_command(capsys, "basins", str(config), "-o", str(store), *options)[0] == 0
     assert np.array_equal(Basins.open(store).labels, Basins.open(mapped[1]).labels)

@@ -197,7 +197,7 @@ map_basins(well, {}, BOX, wells(well), path=sys.argv[1], progress=lambda told: t
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal")
 def test_a_run_that_was_killed_goes_on_and_gives_the_identical_array(well, both, basins, small_units, tmp_path):
     path = tmp_path / "a.zarr"
-    paths = os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])
+    paths = os.pathsep.join([str(Path(__file__).parents[2]), *sys.path])
     victim = subprocess.Popen([sys.executable, "-c", KILLED, str(path)], env={**os.environ, "PYTHONPATH": paths})
     try:
         limit = time.monotonic() + 60.0

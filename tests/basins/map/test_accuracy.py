@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 from scipy.stats import binom
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 
 
 @pytest.fixture(scope="module")

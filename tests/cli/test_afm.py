@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 import saltus
+from commands import HEAVY, run_command
 from saltus import afm, cli
 from saltus.afm.curves.stable_orbits import stable_orbits
 from saltus.afm.files.configuration import model_of, read_experiment
 from saltus.afm.files.sets import entries_of, names, text_of
 from saltus.afm.models.modelling import model
-from test_cli import HEAVY, _run
 
 LEVER = text_of("lever-s")
 LAWS = "DMT, Hertz, VanDerWaals, SLS, Dashpot, KelvinVoigt, JKR, Neck, Schwarz, DLVO, Hydration, LennardJones, Morse"
@@ -71,7 +71,7 @@ def test_the_curve_that_is_written_is_the_one_of_the_functions(written):
 
 def test_a_curve_is_drawn_by_the_command_for_results_too(written, tmp_path, capsys):
     picture = tmp_path / "curve.svg"
-    assert _run(capsys, "plot", str(written[0] / "apd.nc"), "-o", str(picture))[0] == 0
+    assert run_command(capsys, "plot", str(written[0] / "apd.nc"), "-o", str(picture))[0] == 0
     assert "distance" in picture.read_text()
 
 
@@ -116,7 +116,10 @@ def test_an_interrupt_leaves_no_file(lever, capsys, monkeypatch):
     monkeypatch.setattr(cli.afm, "bar", interrupting)
     out = lever.with_name("apd.nc")
     wanted = (130, "", "saltus: interrupted before there was anything to keep\n")
-    assert _run(capsys, "afm", "curve", str(lever), "-o", str(out), "--plot", str(out.with_suffix(".png"))) == wanted
+    assert (
+        run_command(capsys, "afm", "curve", str(lever), "-o", str(out), "--plot", str(out.with_suffix(".png")))
+        == wanted
+    )
     assert {path.name for path in lever.parent.iterdir()} == {"lever.toml"}
 
 
@@ -129,7 +132,7 @@ def test_a_bar_is_asked_for(lever, capsys, monkeypatch):
 
     monkeypatch.setattr(cli.afm, "bar", listening)
     lever.write_text(LEVER.replace("0.5, 14.0", "13.0, 14.0"))
-    assert _run(capsys, "afm", "curve", str(lever), "-o", str(lever.with_name("apd.nc")))[0] == 0
+    assert run_command(capsys, "afm", "curve", str(lever), "-o", str(lever.with_name("apd.nc")))[0] == 0
     assert seen[-1].done > 1
 
 
@@ -141,7 +144,7 @@ def _observed(out: str) -> dict[str, list[str]]:
 
 
 def test_the_stable_orbits_at_the_distance_of_the_file_are_told(lever, capsys):
-    code, out, err = _run(capsys, "afm", "observe", str(lever))
+    code, out, err = run_command(capsys, "afm", "observe", str(lever))
     assert (code, err) == (0, "")
     assert out.splitlines()[0] == "Zc_nm = 10, f_kHz = 300: 2 stable, 1 unstable"
     rows = _observed(out)
@@ -153,24 +156,24 @@ def test_the_stable_orbits_at_the_distance_of_the_file_are_told(lever, capsys):
 
 def test_another_place_and_a_file_without_a_curve(lever, capsys):
     lever.write_text(LEVER.partition("[curve]")[0].replace("Zc_nm = 10.0\n", ""))
-    code, out, _ = _run(capsys, "afm", "observe", str(lever), "--at", "11.6")
+    code, out, _ = run_command(capsys, "afm", "observe", str(lever), "--at", "11.6")
     assert code == 0
     assert out.splitlines()[0] == "Zc_nm = 11.6, f_kHz = 300: 1 stable"
     assert _observed(out)["regime"] == ["attractive"]
     wanted = "saltus: Zc_nm = None: must be given; in the file, above its first table\n"
-    assert _run(capsys, "afm", "observe", str(lever)) == (2, "", wanted)
+    assert run_command(capsys, "afm", "observe", str(lever)) == (2, "", wanted)
 
 
 def test_a_phase_is_told_as_the_instrument_of_the_file_shows_it(lever, capsys):
     lever.write_text(LEVER.replace("range = [0.5, 14.0]", "range = [9.0, 14.0]\nphase_convention = 'bruker0'"))
-    code, out, _ = _run(capsys, "afm", "observe", str(lever))
+    code, out, _ = run_command(capsys, "afm", "observe", str(lever))
     assert code == 0
     assert _observed(out)["shown_phase_deg"] == ["degrees", "26.7502853", "-34.4512443"]
 
 
 def test_a_place_beyond_the_curve_is_told(lever, capsys):
     wanted = "saltus: Zc_nm = 99.0: must be between 0.5 and 14, where the curve is\n"
-    assert _run(capsys, "afm", "observe", str(lever), "--at", "99") == (2, "", wanted)
+    assert run_command(capsys, "afm", "observe", str(lever), "--at", "99") == (2, "", wanted)
 
 
 def test_orbits_that_no_way_from_afar_reaches_are_found_by_motions(written):
@@ -201,10 +204,10 @@ def test_a_film_of_either_regime_is_written(lever, capsys, monkeypatch):
     monkeypatch.setattr("saltus.afm.animate", film, raising=False)
     out = lever.with_name("tap.gif")
     for options in ([], ["--regime", "attractive"], ["--at", "12.0"]):
-        assert _run(capsys, "afm", "animate", str(lever), "-o", str(out), *options)[0] == 0
+        assert run_command(capsys, "afm", "animate", str(lever), "-o", str(out), *options)[0] == 0
     assert filmed == pytest.approx([10.71569893, 9.895278868, 11.6076107], rel=1e-8)
     wanted = "saltus: --regime = 'repulsive': must be a regime with a stable orbit at Zc_nm = 12: attractive\n"
-    told = _run(capsys, "afm", "animate", str(lever), "-o", str(out), "--at", "12.0", "--regime", "repulsive")
+    told = run_command(capsys, "afm", "animate", str(lever), "-o", str(out), "--at", "12.0", "--regime", "repulsive")
     assert told == (2, "", wanted)
 
 
@@ -247,7 +250,7 @@ def test_a_film_of_either_regime_is_written(lever, capsys, monkeypatch):
 )  # fmt: skip
 def test_what_is_wrong_in_a_file_is_told_in_a_line(lever, capsys, old, new, told):
     lever.write_text(LEVER.replace(old, new))
-    code, out, err = _run(capsys, "afm", "curve", str(lever), "-o", str(lever.with_name("apd.nc")))
+    code, out, err = run_command(capsys, "afm", "curve", str(lever), "-o", str(lever.with_name("apd.nc")))
     assert (code, out, err) == (2, "", f"saltus: {told.format(path=lever)}\n")
 
 
@@ -268,12 +271,12 @@ def test_values_beyond_the_plausible_are_taken_where_the_table_insists(lever):
 def test_places_that_cannot_be_written_are_told_before_the_work(lever, capsys, options, told):
     given = [option.format(folder=lever.parent) for option in options]
     wanted = f"saltus: {told.format(folder=lever.parent)}\n"
-    assert _run(capsys, "afm", "curve", str(lever), *given) == (2, "", wanted)
+    assert run_command(capsys, "afm", "curve", str(lever), *given) == (2, "", wanted)
 
 
 def test_a_picture_of_no_kind_is_told_before_the_work(lever, capsys):
     out = lever.with_name("apd.nc")
-    code, _, err = _run(capsys, "afm", "curve", str(lever), "-o", str(out), "--plot", "apd.txt")
+    code, _, err = run_command(capsys, "afm", "curve", str(lever), "-o", str(out), "--plot", "apd.txt")
     assert code == 2
     assert err.startswith("saltus: --plot = 'apd.txt': must be a picture: .")
     assert not out.exists()
@@ -296,7 +299,7 @@ def test_a_law_of_one_s_own_lies_beside_the_file(lever):
 
 
 def test_help_says_that_a_module_is_run(capsys):
-    code, out, _ = _run(capsys, "afm", "curve", "--help")
+    code, out, _ = run_command(capsys, "afm", "curve", "--help")
     assert code == 0
     assert "'module:Class' runs a module" in " ".join(out.split())
 
@@ -318,13 +321,13 @@ def test_every_set_has_a_source_and_describes_an_experiment(tmp_path):
 
 
 def test_sets_are_listed_and_printed(capsys):
-    code, out, err = _run(capsys, "afm", "sets")
+    code, out, err = run_command(capsys, "afm", "sets")
     assert (code, err) == (0, "")
     assert all(name in out for name in names())
     assert "doi:10.1115/1.4062228" in out
-    assert _run(capsys, "afm", "sets", "lever-s") == (0, LEVER, "")
+    assert run_command(capsys, "afm", "sets", "lever-s") == (0, LEVER, "")
     wanted = f"saltus: set = 'lever_s': must be one of {', '.join(names())}; did you mean 'lever-s'?\n"
-    assert _run(capsys, "afm", "sets", "lever_s") == (2, "", wanted)
+    assert run_command(capsys, "afm", "sets", "lever_s") == (2, "", wanted)
 
 
 def test_the_set_of_the_paper_is_its_table():
@@ -403,11 +406,11 @@ def test_a_measured_curve_is_fitted_by_the_command_with_columns_of_other_names(m
     names = 'columns = {Zc_nm = "Zc_nm", amplitude_nm = "Amp", lag_deg = "lag_deg"}\n'
     lever.write_text(LEVER + FIT + names)
     wanted = "saltus: column = 'Amp': must be one with a unit, or give a factor, as scale={'amplitude_nm': 1.0}; "
-    code, _, told = _run(capsys, *measured)
+    code, _, told = run_command(capsys, *measured)
     assert (code, told[: len(wanted)]) == (2, wanted)
     lever.write_text(LEVER + FIT + names + "scale = {amplitude_nm = 1.0}\n")
     picture = lever.with_name("fit.png")
-    code, said, _ = _run(capsys, *measured, "--plot", str(picture))
+    code, said, _ = run_command(capsys, *measured, "--plot", str(picture))
     assert code == 0
     assert saltus.load(lever.with_name("fit.nc"))["H_aJ"] == pytest.approx(0.12, rel=1e-6)
     assert said.splitlines()[-2:] == [f"written  {lever.with_name('fit.nc')}", f"written  {picture}"]
@@ -427,7 +430,7 @@ def test_an_interrupt_of_a_fit_keeps_the_best_so_far(measured, lever, capsys, mo
         yield stop
 
     monkeypatch.setattr(cli.afm, "bar", interrupting)
-    code, said, told = _run(capsys, *measured)
+    code, said, told = run_command(capsys, *measured)
     assert (code, told) == (130, "saltus: interrupted; kept the best so far\n")
     assert "interrupted: the best so far, after 3 evaluations" in said
     kept = saltus.load(lever.with_name("fit.nc"))
@@ -448,7 +451,7 @@ def test_an_interrupt_of_a_fit_keeps_the_best_so_far(measured, lever, capsys, mo
 )  # fmt: skip
 def test_what_the_table_fit_has_wrong_is_told(measured, lever, capsys, old, new, told):
     lever.write_text(LEVER + FIT.replace(old, new))
-    code, out, err = _run(capsys, *measured)
+    code, out, err = run_command(capsys, *measured)
     assert (code, out) == (2, "")
     assert err.startswith("saltus: ")
     assert re.search(told, err)

@@ -10,18 +10,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from saltus import cli
+from commands import HEAVY, run_command
 from saltus.errors import ConvergenceError
 
 FIGURES = ["fig2", "fig3", "fig4", "fig5", "fig6", "fig7", "fig7a", "fig8", "fig9", "fig10"]
 POINT = {"type": "SN", "omega": 0.916055296824, "min_z": 0.0116, "signature": [["flight", "theta"]], "admissible": True}
-
-
-def _run(capsys, *args: str) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as left:
-        cli.main(list(args))
-    printed = capsys.readouterr()
-    return int(left.value.code or 0), printed.out, printed.err
 
 
 @pytest.fixture
@@ -48,7 +41,7 @@ def figure(monkeypatch):
 
 
 def test_help_names_the_commands(capsys):
-    code, out, _ = _run(capsys, "--help")
+    code, out, _ = run_command(capsys, "--help")
     assert code == 0
     assert "reproduce" in out
     assert "animate" in out
@@ -57,18 +50,18 @@ def test_help_names_the_commands(capsys):
 
 
 def test_no_arguments_print_the_help_and_are_a_usage_error(capsys):
-    code, out, err = _run(capsys)
+    code, out, err = run_command(capsys)
     assert code == 2
     assert "Usage: saltus" in out + err
 
 
 def test_version_is_the_package_s(capsys, monkeypatch):
     monkeypatch.setattr("importlib.metadata.version", lambda name: f"9.8.7 of {name}")
-    assert _run(capsys, "--version") == (0, "saltus 9.8.7 of saltus\n", "")
+    assert run_command(capsys, "--version") == (0, "saltus 9.8.7 of saltus\n", "")
 
 
 def test_list_tells_each_figure_in_a_line(capsys):
-    code, out, err = _run(capsys, "reproduce", "list")
+    code, out, err = run_command(capsys, "reproduce", "list")
     assert (code, err) == (0, "")
     assert [line.split("  ")[0] for line in out.splitlines()] == FIGURES
     assert all(line.split("  ", 1)[1] for line in out.splitlines())
@@ -76,7 +69,7 @@ def test_list_tells_each_figure_in_a_line(capsys):
 
 def test_an_unknown_figure_is_answered_with_the_nearest_name(capsys):
     wanted = f"saltus: figure = 'fgi3': must be one of {', '.join(FIGURES)}; did you mean 'fig3'?\n"
-    assert _run(capsys, "reproduce", "fgi3") == (2, "", wanted)
+    assert run_command(capsys, "reproduce", "fgi3") == (2, "", wanted)
 
 
 @pytest.mark.parametrize(
@@ -89,14 +82,14 @@ def test_an_unknown_figure_is_answered_with_the_nearest_name(capsys):
     ],
 )
 def test_usage_errors_leave_with_2(capsys, args, message):
-    code, out, err = _run(capsys, *args)
+    code, out, err = run_command(capsys, *args)
     assert (code, out) == (2, "")
     assert message in err
     assert "Traceback" not in err
 
 
 def test_files_and_special_points_are_printed(capsys, tmp_path, figure):
-    code, out, err = _run(capsys, "reproduce", "fig3", "-o", str(tmp_path / "new" / "folder"))
+    code, out, err = run_command(capsys, "reproduce", "fig3", "-o", str(tmp_path / "new" / "folder"))
     assert (code, err) == (0, "")
     assert f"written  {tmp_path / 'new' / 'folder' / 'fig3.nc'}\n" in out
     row = next(line for line in out.splitlines() if "SN" in line)
@@ -107,7 +100,7 @@ def test_files_and_special_points_are_printed(capsys, tmp_path, figure):
 def test_a_figure_without_special_points_prints_its_numbers(capsys, tmp_path, figure):
     onset = {"ybar": 0.12513993027532, "omega": 0.911114298981}
     figure.content = {"figure": "fig4", "parameters": {"eta": 6e-8}, "pd_onset": onset, "turns": 3, "other": None}
-    code, out, err = _run(capsys, "reproduce", "fig4", "-o", str(tmp_path))
+    code, out, err = run_command(capsys, "reproduce", "fig4", "-o", str(tmp_path))
     assert (code, err) == (0, "")
     rows = [line.split(maxsplit=1) for line in out.splitlines()]
     assert ["pd_onset", "ybar = 0.1251399303, omega = 0.911114299"] in [[c.strip() for c in row] for row in rows]
@@ -119,17 +112,17 @@ def test_a_figure_without_special_points_prints_its_numbers(capsys, tmp_path, fi
 def test_a_figure_without_numbers_prints_its_files_alone(capsys, tmp_path, figure):
     figure.content = {"figure": "fig4", "pd_onset": None}
     wanted = f"written  {tmp_path / 'fig3.nc'}\n"
-    assert _run(capsys, "reproduce", "fig4", "-o", str(tmp_path)) == (0, wanted, "")
+    assert run_command(capsys, "reproduce", "fig4", "-o", str(tmp_path)) == (0, wanted, "")
 
 
 def test_progress_is_silent_where_stdout_is_no_terminal(capsys, tmp_path, figure):
-    assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path))[0] == 0
+    assert run_command(capsys, "reproduce", "fig3", "-o", str(tmp_path))[0] == 0
     assert figure.progress is False
 
 
 def test_progress_is_shown_on_a_terminal(capsys, tmp_path, figure, monkeypatch):
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
-    assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path))[0] == 0
+    assert run_command(capsys, "reproduce", "fig3", "-o", str(tmp_path))[0] == 0
     assert callable(figure.progress)
 
 
@@ -137,7 +130,7 @@ def test_an_output_folder_below_a_file_is_told_before_the_work(capsys, tmp_path,
     (tmp_path / "file").write_text("")
     out = tmp_path / "file" / "folder"
     wanted = f"saltus: --out = {str(out)!r}: must be a folder; {tmp_path / 'file'} is a file\n"
-    assert _run(capsys, "reproduce", "fig3", "-o", str(out)) == (2, "", wanted)
+    assert run_command(capsys, "reproduce", "fig3", "-o", str(out)) == (2, "", wanted)
     assert figure.calls == 0
 
 
@@ -145,13 +138,13 @@ def test_an_output_folder_that_is_a_file_is_told_before_the_work(capsys, tmp_pat
     path = tmp_path / "file"
     path.write_text("")
     wanted = f"saltus: --out = {str(path)!r}: must be a folder; {path} is a file\n"
-    assert _run(capsys, "reproduce", "fig3", "-o", str(path)) == (2, "", wanted)
+    assert run_command(capsys, "reproduce", "fig3", "-o", str(path)) == (2, "", wanted)
     assert figure.calls == 0
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
 def test_an_output_folder_that_nobody_can_make_is_told_before_the_work(capsys, figure):
-    code, out, err = _run(capsys, "reproduce", "fig3", "-o", "/proc/x")
+    code, out, err = run_command(capsys, "reproduce", "fig3", "-o", "/proc/x")
     assert (code, out) == (2, "")
     assert err.startswith("saltus: --out = '/proc/x': must be a folder that can be written; ")
     assert len(err.splitlines()) == 1
@@ -164,7 +157,7 @@ def test_a_read_only_output_folder_is_told_before_the_work(capsys, tmp_path, fig
         f"saltus: --out = {str(tmp_path / 'new')!r}: must be a folder that can be written; "
         f"{tmp_path} is read-only for this user\n"
     )
-    assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path / "new")) == (2, "", wanted)
+    assert run_command(capsys, "reproduce", "fig3", "-o", str(tmp_path / "new")) == (2, "", wanted)
     assert not (tmp_path / "new").exists()
     assert figure.calls == 0
 
@@ -175,7 +168,7 @@ def test_an_error_of_the_library_is_a_line_on_stderr(capsys, tmp_path, figure):
 
     figure.act = fail
     wanted = "saltus: periodic orbit: no convergence, residual 0.5 after 40 iterations; start from a nearer guess\n"
-    assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path)) == (2, "", wanted)
+    assert run_command(capsys, "reproduce", "fig3", "-o", str(tmp_path)) == (2, "", wanted)
 
 
 def test_a_full_disk_is_a_line_on_stderr(capsys, tmp_path, figure):
@@ -184,12 +177,12 @@ def test_a_full_disk_is_a_line_on_stderr(capsys, tmp_path, figure):
 
     figure.act = fail
     wanted = "saltus: fig3.png: No space left on device\n"
-    assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path)) == (2, "", wanted)
+    assert run_command(capsys, "reproduce", "fig3", "-o", str(tmp_path)) == (2, "", wanted)
 
 
 def test_an_interrupted_run_says_what_it_kept_and_where(capsys, tmp_path, figure):
     figure.interrupted = True
-    code, out, err = _run(capsys, "reproduce", "fig3", "-o", str(tmp_path))
+    code, out, err = run_command(capsys, "reproduce", "fig3", "-o", str(tmp_path))
     assert code == 130
     assert err == "saltus: interrupted; kept\n  Branch of 57 orbits\n"
     assert f"kept  {tmp_path / 'fig3.nc'}\n" in out
@@ -201,7 +194,7 @@ def test_an_interrupt_before_anything_was_computed_is_told(capsys, tmp_path, fig
 
     figure.act = stop
     wanted = "saltus: interrupted before there was anything to keep\n"
-    assert _run(capsys, "reproduce", "fig3", "-o", str(tmp_path)) == (130, "", wanted)
+    assert run_command(capsys, "reproduce", "fig3", "-o", str(tmp_path)) == (130, "", wanted)
 
 
 @pytest.fixture
@@ -229,7 +222,7 @@ def film(monkeypatch):
 def test_a_film_is_of_what_the_options_say(capsys, tmp_path, film):
     path = tmp_path / "tap.gif"
     chosen = ["--omega", "1.15", "--modes", "3", "--ybar", "0.1", "--d-att", "0.02", "--d-rep", "5"]
-    code, out, err = _run(
+    code, out, err = run_command(
         capsys,
         "animate",
         "-o",
@@ -267,14 +260,18 @@ def test_a_film_is_of_what_the_options_say(capsys, tmp_path, film):
     ],
 )
 def test_a_film_that_cannot_be_is_told_in_a_line(capsys, film, args, message):
-    assert _run(capsys, "animate", *args) == (2, "", f"saltus: {message}\n")
+    assert run_command(capsys, "animate", *args) == (2, "", f"saltus: {message}\n")
 
 
 def test_a_film_s_parameters_are_checked_by_the_model(capsys, tmp_path):
     path = tmp_path / "tap.gif"
-    assert _run(capsys, "animate", "-o", str(path), "--omega", "-1") == (2, "", "saltus: Omega = -1.0: must be > 0\n")
+    assert run_command(capsys, "animate", "-o", str(path), "--omega", "-1") == (
+        2,
+        "",
+        "saltus: Omega = -1.0: must be > 0\n",
+    )
     wanted = "saltus: orbit = 'attractve': must be one of repulsive, attractive; did you mean 'attractive'?\n"
-    assert _run(capsys, "animate", "-o", str(path), "--orbit", "attractve") == (2, "", wanted)
+    assert run_command(capsys, "animate", "-o", str(path), "--orbit", "attractve") == (2, "", wanted)
     assert not path.exists()
 
 
@@ -284,10 +281,7 @@ def test_an_interrupted_film_is_told(capsys, tmp_path, film):
 
     film.act = stop
     wanted = "saltus: interrupted before there was anything to keep\n"
-    assert _run(capsys, "animate", "-o", str(tmp_path / "tap.gif")) == (130, "", wanted)
-
-
-HEAVY = ("sympy", "numba", "xarray", "matplotlib", "scipy", "pandas", "numpy", "h5py", "pint", "rich")
+    assert run_command(capsys, "animate", "-o", str(tmp_path / "tap.gif")) == (130, "", wanted)
 
 
 LIGHT = [
