@@ -119,7 +119,7 @@ class Reference:
         end = solve_ivp(both, (0.0, period), start, method="DOP853", rtol=TOLERANCE, atol=atol).y[:, -1]
         return end[:n], end[n:].reshape(n, n)
 
-    def corrected(self, orbit: saltus.PeriodicOrbit) -> tuple[float, NDArray[np.float64], float, float]:
+    def corrected(self, orbit: saltus.results.PeriodicOrbit) -> tuple[float, NDArray[np.float64], float, float]:
         """Return the gap of an orbit, then, after Newton's steps, its nontrivial multipliers, size and period."""
         p = [orbit.parameters[name] for name in self.names]
         x, period = np.array(orbit.states[0], dtype=float), orbit.period
@@ -140,7 +140,7 @@ class Reference:
         poincare = across.T @ (np.eye(x.size) - np.outer(f, f) / (f @ f)) @ m @ across
         return first, np.linalg.eigvals(poincare), float(np.max(np.abs(m))), period
 
-    def hopf(self, point: saltus.SpecialPoint, varied: str) -> float:
+    def hopf(self, point: saltus.results.SpecialPoint, varied: str) -> float:
         """Return the parameter at which the equilibrium near a point has imaginary eigenvalues, NaN where none has."""
         n, at = point.orbit.states.shape[1], self.names.index(varied)
         p = [point.orbit.parameters[name] for name in self.names]
@@ -194,7 +194,7 @@ class Examination:
     def _note(self, start: float, size: float, what: str) -> None:
         self.row.troubles.append(Trouble(self.described.name, start, size, what))
 
-    def _start(self, number: int, value: float) -> saltus.PeriodicOrbit:
+    def _start(self, number: int, value: float) -> saltus.results.PeriodicOrbit:
         """Return the cycle at a start, from a state of its own; note where it is not once round."""
         d = self.described
         x0 = np.array(d.x0) * (1.0 + d.scatter * np.random.default_rng(number).uniform(-1.0, 1.0, len(d.x0)))
@@ -208,7 +208,7 @@ class Examination:
                 break
         return orbit
 
-    def _branch(self, orbit: saltus.PeriodicOrbit, start: float, size: float) -> None:
+    def _branch(self, orbit: saltus.results.PeriodicOrbit, start: float, size: float) -> None:
         d = self.described
         branch = saltus.continue_orbit(orbit, d.varied, d.bounds, steps=saltus.StepControl(largest=size))
         self.row.runs += 1
@@ -233,7 +233,7 @@ class Examination:
                 self._note(start, size, f"ends {ends}, in the first run {self.first_ends}")
         self._count_stability(branch, start, size)
 
-    def _confirm(self, point: saltus.SpecialPoint, start: float, size: float) -> None:
+    def _confirm(self, point: saltus.results.SpecialPoint, start: float, size: float) -> None:
         """Compare a special point with SciPy, once where several runs have it."""
         value = point.parameters[self.described.varied]
         near = SAME * max(1.0, abs(value))
@@ -281,7 +281,7 @@ class Examination:
                     start, size, f"{kind} apart by {apart:.2g}: {_listed(mine)}, in the first run {_listed(first)}"
                 )
 
-    def _compare_orbits(self, branch: saltus.Branch, start: float, size: float) -> None:
+    def _compare_orbits(self, branch: saltus.results.Branch, start: float, size: float) -> None:
         """Compare multipliers of some orbits of a branch with SciPy's."""
         for i in np.unique(np.linspace(0, len(branch) - 1, LOOKED_AT).astype(int)):
             orbit = branch.orbit(int(i))
@@ -304,7 +304,7 @@ class Examination:
                     start, size, f"multipliers at {value:.9g}: {_short(orbit.multipliers)}, SciPy {_short(multipliers)}"
                 )
 
-    def _count_stability(self, branch: saltus.Branch, start: float, size: float) -> None:
+    def _count_stability(self, branch: saltus.results.Branch, start: float, size: float) -> None:
         """Note changes in the count of unstable multipliers without a special point between."""
         counts = []
         for multipliers in branch.multipliers:

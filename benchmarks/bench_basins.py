@@ -21,10 +21,10 @@ from basin_accuracy import Truth
 from basin_peers import EventDriven, Heyoka, Model, by_scipy, grids, states_of_box, tapping, until_trapped
 from measure import interleaved, machine, show
 
-from saltus import BasinOptions
 from saltus.afm.paper.figures import sections
 from saltus.basins import map_basins
 from saltus.basins.map.labelling import TOLERANCE
+from saltus.options import BasinOptions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

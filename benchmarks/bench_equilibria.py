@@ -69,7 +69,7 @@ def main() -> None:
     rest = saltus.find_equilibrium(lorenz, x0=[8.0, 8.0, 23.0])
     steps = saltus.StepControl(largest=0.008)
 
-    def branch() -> saltus.EquilibriumBranch:
+    def branch() -> saltus.results.EquilibriumBranch:
         return saltus.continue_equilibrium(rest, "r", (1.5, 30.0), steps=steps)
 
     per = 1e3 * POINTS / len(branch())

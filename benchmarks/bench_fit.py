@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from measure import machine
 
-from saltus import FitOptions, afm
+from saltus import afm
+from saltus.options import FitOptions
 
 TRUE = {"H_aJ": 0.12, "E_GPa": 1.5, "c_uNs_m": 2.0, "Zc_nm": 8.5}
 FACTORS = ((1.35, 0.65, 1.4, 1.3), (0.65, 1.4, 0.6, 0.7), (1.4, 1.4, 1.4, 1.4))  # of the true values: 30 to 40 % off

@@ -25,7 +25,7 @@ def loci() -> None:
     branch = fig3.compute()
     steps = saltus.StepControl(initial=0.008, largest=0.008)
 
-    def locus(label: str, **options: saltus.StepControl) -> saltus.Locus:
+    def locus(label: str, **options: saltus.StepControl) -> saltus.results.Locus:
         return saltus.continue_locus(branch[label], ("Omega", "ybar"), WINDOW, **options)
 
     works = {

@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def scipy_equations(
-    orbit: saltus.PeriodicOrbit, u: NDArray[np.float64]
+    orbit: saltus.results.PeriodicOrbit, u: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The same equations with SciPy's flow; every segment ends where its event function vanishes."""
     system = orbit.system

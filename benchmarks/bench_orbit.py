@@ -44,7 +44,7 @@ def main() -> None:
     show("the way to the orbit, admissibility and extremes with it", interleaved(works, 10), {}, {})
 
 
-def scipy_multipliers(orbit: saltus.PeriodicOrbit) -> NDArray[np.complex128]:
+def scipy_multipliers(orbit: saltus.results.PeriodicOrbit) -> NDArray[np.complex128]:
     """Multipliers by SciPy's flow between event locations and saltation matrices; the one nearest to 1 is dropped."""
     system = orbit.system
     n = len(system.all_states)

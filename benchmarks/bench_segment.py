@@ -41,7 +41,7 @@ def main() -> None:
     print("\nheyoka has no row in contact: (a0 - z)^(3/2) has no Taylor series where the contact begins.")
 
 
-def report(orbit: saltus.PeriodicOrbit, segment: Segment) -> None:
+def report(orbit: saltus.results.PeriodicOrbit, segment: Segment) -> None:
     """Print the table of one segment, with errors against the flow at tolerance 1e-14."""
     compiled, mode = orbit.system.compiled, orbit.system.mode_index(segment.mode)
     x0, duration = np.ascontiguousarray(segment.state), segment.duration

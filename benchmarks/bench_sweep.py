@@ -206,13 +206,13 @@ def sweep(scipy_period: float) -> None:
         with ThreadPoolExecutor(2) as pool:
             list(pool.map(follow, np.array_split(values, 2), (tol, tol)))
 
-    def run(**options: int) -> saltus.Sweep:
+    def run(**options: int) -> saltus.results.Sweep:
         return saltus.run_sweep(
             system,
             "Omega",
             values,
             x0=x,
-            options=saltus.SweepOptions(discard=fig7.DISCARDED, keep=fig7.KEPT, quantities=["v"], **options),
+            options=saltus.options.SweepOptions(discard=fig7.DISCARDED, keep=fig7.KEPT, quantities=["v"], **options),
         )
 
     works: dict[str, Callable[[], Any]] = {

@@ -41,7 +41,7 @@ def settle(
     return motion.x, motion.mode
 
 
-def tapping_orbit() -> saltus.PeriodicOrbit:
+def tapping_orbit() -> saltus.results.PeriodicOrbit:
     """The tapping orbit of the paper's Fig. 3 at Omega = 1.05: one flight, one contact."""
     return saltus.find_orbit(afm.tapping_mode(afm.table1(), modes=1), {"Omega": OMEGA}, x0=START)
 
@@ -55,7 +55,12 @@ def variational(t, y, addresses, mode, n, p):
 
 
 def scipy_segment(
-    orbit: saltus.PeriodicOrbit, mode: int, x0: NDArray[np.float64], duration: float, tol: float, event: Any = None
+    orbit: saltus.results.PeriodicOrbit,
+    mode: int,
+    x0: NDArray[np.float64],
+    duration: float,
+    tol: float,
+    event: Any = None,
 ) -> Any:
     """SciPy's DOP853 on state and sensitivities of one segment; ends early at a terminal event, where one is given."""
     n = x0.size
@@ -66,7 +71,7 @@ def scipy_segment(
     return solve_ivp(variational, (0.0, duration), y0, **options)
 
 
-def heyoka_flight(orbit: saltus.PeriodicOrbit, tol: float) -> Callable[[], NDArray[np.float64]] | None:
+def heyoka_flight(orbit: saltus.results.PeriodicOrbit, tol: float) -> Callable[[], NDArray[np.float64]] | None:
     """A Taylor integrator of a flight with sensitivities, made once; None where heyoka is not installed."""
     try:
         import heyoka as hy
@@ -87,7 +92,7 @@ def heyoka_flight(orbit: saltus.PeriodicOrbit, tol: float) -> Callable[[], NDArr
     return run
 
 
-def _heyoka_flight_system(hy: ModuleType, orbit: saltus.PeriodicOrbit) -> list[Any]:
+def _heyoka_flight_system(hy: ModuleType, orbit: saltus.results.PeriodicOrbit) -> list[Any]:
     setup, p = afm.table1(), orbit.parameters
     c = coefficients(setup.cantilever, setup.sample, setup.eta, 1)
     q, v, theta = hy.make_vars("q1", "v1", "theta")

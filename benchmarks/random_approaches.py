@@ -14,7 +14,9 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from saltus import ChatteringError, HybridSystem, Limits, Mode, Transition, simulate
+from saltus import HybridSystem, Mode, Transition, simulate
+from saltus.errors import ChatteringError
+from saltus.options import Limits
 
 PARAMETERS = {"g": 1.0, "e": 0.5, "d": 0.0, "a": 0.0, "c": 0.0, "f": 0.0, "w": 1.0}
 UNITS = (0.0, 0.0, 0.0, -9.0, -6.0, 3.0, 6.0)  # powers of ten

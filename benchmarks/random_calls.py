@@ -67,7 +67,7 @@ class Work:
         self.system = saltus.HybridSystem.from_definition(drawn.definition)
         self.forced = drawn.definition["phase"] is not None
         self.options: dict[str, Any] = {} if drawn.mode is None else {"mode": drawn.mode}
-        self.orbit: saltus.PeriodicOrbit | None = None
+        self.orbit: saltus.results.PeriodicOrbit | None = None
 
     def ask(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         """Return what a function of saltus returns; tell that it is at work, and count its processor time."""
@@ -87,7 +87,7 @@ class Work:
         truth, until = self._truth()
         try:
             path = self.ask(saltus.simulate, self.system, {}, drawn.x0, t_end=drawn.span, **self.options)
-        except (saltus.ChatteringError, saltus.DivergenceError) as error:
+        except (saltus.errors.ChatteringError, saltus.errors.DivergenceError) as error:
             if truth is not None:
                 checks.append(("early end", self._early_end(error, truth, until)))
                 if 0.9 * error.args[0] > 0.0:
@@ -133,7 +133,7 @@ class Work:
             until = min(until, float(bad[0]) * 0.999 if bad.size else until)
         return truth, until
 
-    def _compare(self, path: saltus.Trajectory, truth: Motion, until: float) -> str:
+    def _compare(self, path: saltus.results.Trajectory, truth: Motion, until: float) -> str:
         """Return in words how a motion differs from SciPy's up to a time."""
         times = np.linspace(0.0, self.drawn.span, PLACES)
         ours = [(float(e["time"]), str(e["name"])) for e in path.events if e["kind"] == "event"]
@@ -177,7 +177,7 @@ class Work:
         self.orbit = self.ask(saltus.find_orbit, self.system, {}, self.drawn.x0, settle=400, **self.options)
         return _orbit_line(self.orbit), self._orbit_checks(self.orbit, minimal=True)
 
-    def _orbit_checks(self, orbit: saltus.PeriodicOrbit, *, minimal: bool = False) -> list[tuple[str, str]]:
+    def _orbit_checks(self, orbit: saltus.results.PeriodicOrbit, *, minimal: bool = False) -> list[tuple[str, str]]:
         """Return what SciPy says of an orbit: its motion from the middle of the first segment for a period."""
         reference = Reference(self.drawn.definition, dict(orbit.parameters))
         segment, period = orbit.segments[0], orbit.period
@@ -275,7 +275,7 @@ class Work:
         kinds = Counter(p.type for p in branch.special_points)
         return f"{len(branch)} points, {dict(kinds)}, {branch.stopped}", checks
 
-    def _special(self, point: saltus.SpecialPoint) -> str:
+    def _special(self, point: saltus.results.SpecialPoint) -> str:
         """Return what is wrong with a bifurcation by SciPy's multipliers."""
         orbit = point.orbit
         reference = Reference(self.drawn.definition, dict(orbit.parameters))
@@ -310,7 +310,7 @@ class Work:
         sweep = self.ask(
             saltus.run_sweep,
             self.system, "mu", [mu - 0.05, mu, mu + 0.05], x0=self.drawn.x0,
-            options=saltus.SweepOptions(discard=50, keep=20, section=section, workers=1, **self.options),
+            options=saltus.options.SweepOptions(discard=50, keep=20, section=section, workers=1, **self.options),
         )  # fmt: skip
         labels = sweep.labels[0].tolist()
         bare = [
@@ -387,7 +387,7 @@ def _short(values: np.ndarray) -> str:
     return "[" + ", ".join(f"{v:.5g}" for v in values) + "]"
 
 
-def _orbit_line(orbit: saltus.PeriodicOrbit) -> str:
+def _orbit_line(orbit: saltus.results.PeriodicOrbit) -> str:
     return f"T = {orbit.period:.6g}, {len(orbit.form)} segments, {orbit.form.turns} turns"
 
 

@@ -26,10 +26,8 @@ import random_fields as fields
 from scipy.integrate import solve_ivp
 
 from saltus import (
-    Branch,
     HybridSystem,
     Mode,
-    PeriodicOrbit,
     SaltusError,
     StepControl,
     continue_equilibrium,
@@ -38,6 +36,7 @@ from saltus import (
     find_orbit,
     switch_branch,
 )
+from saltus.results import Branch, PeriodicOrbit
 
 LARGEST = (0.03, 0.1, 0.3)  # largest steps of the branches; the first is looked at by SciPy
 LONGEST = 5.0  # period of cycles, over the first one's, up to which a branch is followed

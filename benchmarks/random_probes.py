@@ -114,7 +114,7 @@ def drawn(number: int, seed: int) -> Probe:
 
 def swept(one: Probe, curve: Curve) -> Counter[str]:
     """Return what a sweep up and a sweep down find, and how many of its motions are on no stable sheet."""
-    options = saltus.SweepOptions(
+    options = saltus.options.SweepOptions(
         follow="both",
         discard=int(max(FEWEST, SETTLES * one.Q)),
         keep=4,

@@ -118,7 +118,7 @@ def system(modes: int) -> saltus.HybridSystem:
     return afm.tapping_mode(afm.table1(), modes=modes)
 
 
-def draw(seed: int, start: int) -> tuple[saltus.PeriodicOrbit, str, tuple[float, float], int]:
+def draw(seed: int, start: int) -> tuple[saltus.results.PeriodicOrbit, str, tuple[float, float], int]:
     """Return an orbit, the parameter to be continued, its interval, and how many draws led to none."""
     rng = np.random.default_rng((seed, start))
     modes = int(rng.integers(1, 3))
@@ -164,7 +164,7 @@ def examine(start: int, seed: int) -> Outcome:
     )  # fmt: skip
 
 
-def differences(a: saltus.Branch, b: saltus.Branch) -> list[str]:
+def differences(a: saltus.results.Branch, b: saltus.results.Branch) -> list[str]:
     """Return in words how the special points and ends of two branches differ."""
     found = []
     if [_reason(end) for end in a.stopped] != [_reason(end) for end in b.stopped]:

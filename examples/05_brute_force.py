@@ -24,7 +24,7 @@ oscillator = saltus.HybridSystem(
     name="oscillator with a stop",
 )
 
-options = saltus.SweepOptions(discard=300, keep=100, follow="both")
+options = saltus.options.SweepOptions(discard=300, keep=100, follow="both")
 sweep = saltus.run_sweep(oscillator, "A", np.linspace(3.0, 9.0, 301), options=options)
 print(sweep)
 

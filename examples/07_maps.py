@@ -40,7 +40,7 @@ newton = saltus.Map(
     name="Newton's method",
 )
 
-options = saltus.SweepOptions(discard=1000, keep=200, criteria=saltus.Criteria(longest=32))
+options = saltus.options.SweepOptions(discard=1000, keep=200, criteria=saltus.options.Criteria(longest=32))
 along_mu = saltus.run_sweep(border, "mu", np.linspace(-0.5, 1.0, 301), x0=[-0.1], options=options)
 along_b = saltus.run_sweep(border, "b", np.linspace(-16.0, -0.5, 621), x0=[0.1], options=options)
 print(along_mu)

@@ -32,6 +32,8 @@ import systems
 import wells
 from grouped import Grouped
 from saltus import afm, basins
+from saltus.options import BasinOptions, BranchOptions, Criteria, ErosionOptions, Limits, OptimumOptions, SweepOptions
+from saltus.results import Basins, Branch, PeriodicOrbit
 
 LONGEST_MESSAGE = 300
 """Characters that a message stays below."""
@@ -185,7 +187,7 @@ VALUES: dict[str, Callable[[], Any]] = NEVER | {
     "function": lambda: lambda *_: None,
     "class": lambda: Anything,
     "class of systems": lambda: saltus.HybridSystem,
-    "class of orbits": lambda: saltus.PeriodicOrbit,
+    "class of orbits": lambda: PeriodicOrbit,
     "object": object,
     "mute": Mute,
     "list of mutes": lambda: [Mute(), Mute()],
@@ -345,9 +347,9 @@ def objects() -> Objects:
         branch=branch,
         locus=saltus.continue_locus(branch["SN1"], ("A", "e"), bounds, steps=few),
         family=saltus.continue_family(
-            orbit, "A", {"d": [1.0, 1.01]}, (0.9, 1.05), options=saltus.BranchOptions(few), workers=1
+            orbit, "A", {"d": [1.0, 1.01]}, (0.9, 1.05), options=BranchOptions(few), workers=1
         ),
-        sweep=saltus.run_sweep(system, "A", [0.5, 0.6], options=saltus.SweepOptions(discard=5, keep=3, workers=1)),
+        sweep=saltus.run_sweep(system, "A", [0.5, 0.6], options=SweepOptions(discard=5, keep=3, workers=1)),
         trajectory=saltus.simulate(system, {}, [0.0, 0.0], periods=3),
         spectrum=saltus.lyapunov_spectrum(system, {}, [0.0, 0.0], average=saltus.Average(periods=10)),
         table=basins.Basins.from_array(outside, {"x": x, "v": x}, {"a": 0, "b": 1}, {"a": [[0.0, 0.0]]}),
@@ -387,7 +389,7 @@ def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
     tapping = afm.tapping_mode(made.setup)
     tap = afm.settled_orbit(tapping, {"Omega": 1.15})
     profile = saltus.erosion_profile(
-        well, "A", [0.05], box, options=saltus.ErosionOptions(measures=["GIM"], attractors=lambda _: found)
+        well, "A", [0.05], box, options=ErosionOptions(measures=["GIM"], attractors=lambda _: found)
     )
     options = {
         "engine": "cpu", "longest": 200, "tolerance": 1e-6, "preview": False, "interval": None, "progress": False,
@@ -397,12 +399,12 @@ def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
             saltus.find_attractors, {"system": well, "parameters": {}, "region": region, "seeds": 4, "search": search}
         ),
         "map_basins, mapped": Call(
-            Grouped(saltus.map_basins, options=saltus.BasinOptions),
+            Grouped(saltus.map_basins, options=BasinOptions),
             {"system": well, "parameters": {}, "grid": box, "attractors": found, "path": None, **options},
         ),
         "erosion_profile, made": Call(
             Grouped(
-                saltus.erosion_profile, options=Grouped(saltus.ErosionOptions, basins=saltus.BasinOptions)
+                saltus.erosion_profile, options=Grouped(ErosionOptions, basins=BasinOptions)
             ),
             {
                 "system": well, "parameter": "c", "values": [0.5], "grid": box, "measures": ["GIM"], "path": None,
@@ -452,7 +454,7 @@ def _of_systems(made: Objects) -> dict[str, Call]:
         "mode_index": Call(system.mode_index, {"mode": "free"}),
         "parameter_vector": Call(system.parameter_vector, {"parameters": {}}),
         "simulate": Call(
-            Grouped(saltus.simulate, limits=saltus.Limits),
+            Grouped(saltus.simulate, limits=Limits),
             {**start, **steps, "periods": 2, "events": 100, "steps": 500},
         ),
         "simulate for a time": Call(saltus.simulate, {**start, **steps, "t_end": 3.0}),
@@ -489,16 +491,16 @@ def _of_systems(made: Objects) -> dict[str, Call]:
         ),
         "lyapunov_spectrum for a time": Call(averaged, {**start, "t_end": 5.0, "discard": 2.0}),
         "run_sweep": Call(
-            Grouped(saltus.run_sweep, options=saltus.SweepOptions),
+            Grouped(saltus.run_sweep, options=SweepOptions),
             {
                 **start, **steps, "parameter": "A", "values": [0.5], "discard": 3, "keep": 2, "follow": "up",
                 "chunks": 1, "section": None, "quantities": ["x"], "observables": ["max(x)"], "exponents": 1,
-                "criteria": saltus.Criteria(longest=1, fewest=20), "workers": 1, "client": None, "path": None,
+                "criteria": Criteria(longest=1, fewest=20), "workers": 1, "client": None, "path": None,
                 "progress": False,
             },
         ),
         "Section": Call(saltus.Section, {"event": "x - 0.5", "direction": 1}),
-        "Criteria": Call(saltus.Criteria, dict.fromkeys(("recurrence", "settling", "gap"), 0.1) | {"longest": 3}),
+        "Criteria": Call(Criteria, dict.fromkeys(("recurrence", "settling", "gap"), 0.1) | {"longest": 3}),
         "trajectory()": Call(trajectory, {"t": 1.0}),
         "mode_at": Call(trajectory.mode_at, {"t": 1.0}),
         "output": Call(trajectory.output, {"expression": "x + v", "t": [0.5, 1.0]}),
@@ -549,7 +551,7 @@ def _of_maps() -> dict[str, Call]:
             {"system": tent, **start, "mode": None, "periods": 5, "discard": 2, "exponents": 1},
         ),
         "run_sweep of a map": Call(
-            Grouped(saltus.run_sweep, options=saltus.SweepOptions),
+            Grouped(saltus.run_sweep, options=SweepOptions),
             {
                 "system": tent, **start, "mode": None, "parameter": "a", "values": [1.5], "discard": 3, "keep": 2,
                 "section": None, "quantities": ["x"], "observables": ["max(x)"], "exponents": 1, "path": None,
@@ -593,12 +595,12 @@ def _of_curves(made: Objects) -> dict[str, Call]:
             },
         ),
         "BranchOptions": Call(
-            saltus.BranchOptions, {**events, "directions": "up", "stop_at": "SN", "steps": few}
+            BranchOptions, {**events, "directions": "up", "stop_at": "SN", "steps": few}
         ),
         "continue_orbit": Call(saltus.continue_orbit, {**here, **events, **ways}),
         "continue_family": Call(
             saltus.continue_family, {
-                **here, "over": {"d": [1.0]}, "options": saltus.BranchOptions(few), "workers": 1, "client": None,
+                **here, "over": {"d": [1.0]}, "options": BranchOptions(few), "workers": 1, "client": None,
                 "progress": False,
             },
         ),
@@ -610,7 +612,7 @@ def _of_curves(made: Objects) -> dict[str, Call]:
             },
         ),
         "optimise": Call(
-            Grouped(saltus.optimise, options=saltus.OptimumOptions),
+            Grouped(saltus.optimise, options=OptimumOptions),
             {
                 "start": orbit, "maximise": "max(v)", "minimise": "", "over": ["A"], "bounds": {"A": (0.9, 1.05)},
                 "subject_to": {"min_x": (-9.0, None), "stable": False}, "margin": 0.01, "reach": 0.1, "most": 3,
@@ -704,7 +706,7 @@ def _of_basins(made: Objects) -> dict[str, Call]:
             basins.Search, {"random_seed": 1, "longest": 10, "samples": 100, "safety": 0.5, "tolerance": 1e-6}
         ),
         "map_basins": Call(
-            Grouped(saltus.map_basins, options=saltus.BasinOptions),
+            Grouped(saltus.map_basins, options=BasinOptions),
             {
                 "system": system, "parameters": {}, "grid": box, "attractors": {"seeds": "none"}, "path": None,
                 **options,
@@ -712,7 +714,7 @@ def _of_basins(made: Objects) -> dict[str, Call]:
         ),
         "erosion_profile": Call(
             Grouped(
-                saltus.erosion_profile, options=Grouped(saltus.ErosionOptions, basins=saltus.BasinOptions)
+                saltus.erosion_profile, options=Grouped(ErosionOptions, basins=BasinOptions)
             ),
             {
                 "system": system, "parameter": "A", "values": [0.5], "grid": box, "measures": ["GIM"], "path": None,
@@ -793,7 +795,7 @@ def _of_afm(made: Objects) -> dict[str, Call]:
 
 
 def _of_files(made: Objects, folder: Path) -> dict[str, Call]:
-    read = {kind.__name__: Call(kind.load, {"path": folder / "none.nc"}) for kind in (saltus.Branch, saltus.Basins)}
+    read = {kind.__name__: Call(kind.load, {"path": folder / "none.nc"}) for kind in (Branch, Basins)}
     return {
         "load": Call(saltus.load, {"path": folder / "none.nc"}),
         **{f"{name}.load": call for name, call in read.items()},

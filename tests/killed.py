@@ -17,10 +17,11 @@ import numpy as np
 from PIL import Image
 
 import mutated
-from saltus import SweepOptions, find_attractors, load, map_basins, run_sweep
+from saltus import find_attractors, load, map_basins, run_sweep
 from saltus.afm.paper.figures.files import write_figure
 from saltus.basins.attractors.found import Search
 from saltus.basins.map.basins import Basins
+from saltus.options import SweepOptions
 from saltus.sweeps import record
 
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT")

@@ -18,7 +18,6 @@ from saltus import (
     Average,
     HybridSystem,
     Mode,
-    SweepOptions,
     Transition,
     continue_equilibrium,
     continue_family,
@@ -46,6 +45,7 @@ from saltus.basins.measures.erosion import ErosionProfile
 from saltus.ensemble.traps import Cages, Cells, Ellipsoids, Traps
 from saltus.errors import SaltusError
 from saltus.files import write_sealed
+from saltus.options import SweepOptions
 from saltus.result import Result, netcdf, tagged
 
 JUNK: tuple[Any, ...] = (

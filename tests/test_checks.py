@@ -22,7 +22,6 @@ import fuzzing
 from saltus import (
     HybridSystem,
     InputError,
-    Limits,
     Mode,
     Plane,
     SaltusError,
@@ -34,6 +33,7 @@ from saltus import (
 )
 from saltus.basins import Basins, Grid
 from saltus.errors import ChatteringError, ConvergenceError, DivergenceError, nearest, shown
+from saltus.options import Limits
 
 
 def named(value: object) -> str:

@@ -15,6 +15,13 @@ MOST_ARGUMENTS = 8
 """Arguments that a public function may have; what is more goes into a dataclass of options."""
 
 
+MOST_NAMES = 45
+"""Names at the front door."""
+
+DOORS = (saltus.options, saltus.results)
+"""Modules of classes, beside the front door."""
+
+
 def public_functions():
     """All functions of the front door, by name."""
     homes = {"": saltus, "afm.": saltus.afm}
@@ -49,9 +56,28 @@ def test_a_public_function_has_few_arguments_and_one_shape_of_progress(name):
         assert (taken["progress"].annotation, taken["progress"].default) == ("bool | Report", False)
 
 
-def test_unknown_attribute_is_told():
-    with pytest.raises(AttributeError, match="No saltus attribute orbit"):
-        _ = saltus.orbit
+def test_the_front_door_has_few_names_and_each_name_one_door():
+    assert len(saltus.__all__) <= MOST_NAMES
+    names = [name for door in (saltus, *DOORS) for name in door.__all__]
+    assert len(set(names)) == len(names)
+    for door in DOORS:
+        assert all(isinstance(getattr(door, name), type) for name in door.__all__)
+        assert dir(door) == door.__all__
+
+
+@pytest.mark.parametrize("home", ["errors.StickingError", "options.SweepOptions", "results.Branch"])
+def test_a_name_that_was_at_the_front_door_is_told_where_it_is(home):
+    name = home.rpartition(".")[2]
+    with pytest.raises(AttributeError, match=rf"^saltus\.{name} is now saltus\.{home}$"):
+        getattr(saltus, name)
+    with pytest.raises(ImportError, match=rf"^saltus\.{name} is now saltus\.{home}$"):
+        exec(f"from saltus import {name}")
+
+
+@pytest.mark.parametrize("module", [saltus, *DOORS], ids=lambda module: module.__name__)
+def test_unknown_attribute_is_told(module):
+    with pytest.raises(AttributeError, match=f"No {module.__name__} attribute orbit"):
+        _ = module.orbit
 
 
 @pytest.mark.parametrize("content", [b"", b"not a file of saltus"])
@@ -83,7 +109,7 @@ def test_a_result_is_saved_and_read_back_equal(tmp_path):
     assert again == orbit
     assert again.segments[0].duration == orbit.segments[0].duration
     with pytest.raises(InputError, match="it holds a PeriodicOrbit"):
-        saltus.Branch.load(tmp_path / "orbit.nc")
+        saltus.results.Branch.load(tmp_path / "orbit.nc")
 
 
 def test_results_travel_between_processes():

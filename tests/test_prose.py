@@ -281,7 +281,7 @@ def test_a_figure_that_is_not_in_its_table_is_seen():
 
 def public_functions():
     """Functions of the front door, and methods of its classes, that take arguments."""
-    for module in (saltus, afm):
+    for module in (saltus, saltus.options, saltus.results, afm):
         for name in module.__all__:
             found = getattr(module, name)
             if inspect.isclass(found) and not issubclass(found, Exception):

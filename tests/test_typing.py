@@ -14,7 +14,9 @@ from saltus import afm
 
 SCRIPT = Path(__file__).parent / "typing" / "user_script.py"
 
-PUBLIC = [f"saltus.{name}" for name in saltus.__all__ if name != "afm"] + [f"saltus.afm.{name}" for name in afm.__all__]
+DOORS = (saltus.options, saltus.results, afm)
+
+PUBLIC = [f"{module.__name__}.{name}" for module in (saltus, *DOORS) for name in module.__all__]
 
 
 def mypy(folder):

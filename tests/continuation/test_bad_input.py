@@ -9,16 +9,8 @@ import pytest
 
 import systems
 from oracles.closed_forms import HENON, LOGISTIC
-from saltus import (
-    BranchOptions,
-    HybridSystem,
-    InputError,
-    Mode,
-    StepControl,
-    continue_orbit,
-    find_orbit,
-    solve_orbit,
-)
+from saltus import HybridSystem, InputError, Mode, StepControl, continue_orbit, find_orbit, solve_orbit
+from saltus.options import BranchOptions
 
 
 @pytest.fixture(scope="module")

@@ -262,7 +262,7 @@ def test_a_cascade_ends_at_a_grazing_whatever_the_steps(logistic):
 
 def test_a_cascade_is_saved_and_read_back_equal(cascade, tmp_path):
     again = saltus.load(cascade.save(tmp_path / "cascade.nc"))
-    assert isinstance(again, saltus.Cascade)
+    assert isinstance(again, saltus.results.Cascade)
     assert again == cascade
     assert repr(again) == repr(cascade)
     assert again.branches == cascade.branches
@@ -276,10 +276,10 @@ def test_a_cascade_travels_between_processes(cascade):
 
 
 def test_a_cascade_without_branches_is_saved_too(logistic, tmp_path):
-    none = saltus.Cascade(logistic["PD1"], (), "by hand")
+    none = saltus.results.Cascade(logistic["PD1"], (), "by hand")
     assert len(none.points) == 1
     assert math.isnan(none.limit)
-    assert saltus.Cascade.load(none.save(tmp_path / "none.nc")) == none
+    assert saltus.results.Cascade.load(none.save(tmp_path / "none.nc")) == none
 
 
 @pytest.mark.parametrize("name", ["level", "start", "count", "special_count", "point"])
@@ -303,7 +303,7 @@ def test_a_parameter_with_the_name_of_a_dimension_or_a_variable_does_no_harm(nam
 def test_what_is_wrong_with_the_dataset_of_a_cascade_is_told(cascade, change, message):
     dataset = cascade.to_xarray().copy(deep=True)
     change(dataset)
-    refuse(message, lambda: saltus.Cascade.from_xarray(dataset))
+    refuse(message, lambda: saltus.results.Cascade.from_xarray(dataset))
 
 
 def refuse(message, call):

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from oracles.textbook import TEXTBOOK, Textbook
 from saltus import (
-    EquilibriumBranch,
     HybridSystem,
     Mode,
     StepControl,
@@ -27,6 +26,7 @@ from saltus import (
     find_equilibrium,
     switch_branch,
 )
+from saltus.results import EquilibriumBranch
 
 VALUES = json.loads((Path(__file__).parents[1] / "oracles" / "textbook.json").read_text(encoding="utf-8"))
 ACCURATE = 1e-10

@@ -34,7 +34,7 @@ def test_an_orbit_alone_lies_where_its_branch_has_it(branch):
 
 
 def test_the_points_of_a_sweep_are_drawn_against_its_parameter_only(ball_on_table):
-    options = saltus.SweepOptions(discard=5, keep=4, observables=("max(z)",))
+    options = saltus.options.SweepOptions(discard=5, keep=4, observables=("max(z)",))
     sweep = saltus.run_sweep(ball_on_table, "a", [1.1, 1.2], x0=[0.6, 3.1], options=options)
     assert drawn(sweep, ("a", "z")).dots.shape == (8, 2)
     assert drawn(sweep, ("a", "max_z")).dots.shape == (2, 2)

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import saltus
-from saltus import FitOptions, InputError, MeasuredPoint, continue_orbit, find_orbit, fit
+from saltus import InputError, MeasuredPoint, continue_orbit, find_orbit, fit
 from saltus.continuation.many.retracing import Retraced
 from saltus.fitting.evaluation import Evaluation
 from saltus.fitting.jumps import jumps_in
 from saltus.fitting.measured import read_measured
 from saltus.fitting.optimum import Objective, minimised
 from saltus.fitting.search import largest_chi2
+from saltus.options import FitOptions
 from saltus.progress import Reporter
 
 TRUE = {"k": 1.0, "c": 0.1, "b": 1.0, "A": 0.5, "g": 1.0}

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from saltus import HybridSystem, Mode, SweepOptions, Transition, continue_orbit, find_orbit, run_sweep, simulate
+from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit, run_sweep, simulate
+from saltus.options import SweepOptions
 
 N = np.arange(1, 4)  # of whole turns
 

@@ -11,11 +11,11 @@ import saltus
 import saltus.result
 import systems
 from oracles.closed_forms import TableJump
-from saltus import Limits
 from saltus.errors import ChatteringError, DivergenceError, InputError
 from saltus.flow import simulation
 from saltus.flow.event_logs import events_after
 from saltus.flow.simulation import simulate
+from saltus.options import Limits
 from saltus.system.hybrid import HybridSystem, Mode, Transition
 from systems import settle
 

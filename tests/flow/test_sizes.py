@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from saltus import Average, HybridSystem, Mode, SweepOptions, Transition, lyapunov_spectrum, run_sweep, simulate
+from saltus import Average, HybridSystem, Mode, Transition, lyapunov_spectrum, run_sweep, simulate
+from saltus.options import SweepOptions
 
 UNITS = [(1e-9, 1e-6), (1e-9, 1.0), (1e-6, 1e-3), (1e9, 1e6), (1e-3, 1.0)]
 

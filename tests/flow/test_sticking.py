@@ -8,25 +8,11 @@ import numpy as np
 import pytest
 
 import systems
-from saltus import (
-    Average,
-    ChatteringError,
-    DefinitionError,
-    DivergenceError,
-    HybridSystem,
-    Limits,
-    Mode,
-    StickingError,
-    StiffnessError,
-    SweepOptions,
-    Transition,
-    find_orbit,
-    lyapunov_spectrum,
-    run_sweep,
-    simulate,
-)
+from saltus import Average, HybridSystem, Mode, Transition, find_orbit, lyapunov_spectrum, run_sweep, simulate
 from saltus.ensemble.ensemble import Ensemble
+from saltus.errors import ChatteringError, DefinitionError, DivergenceError, StickingError, StiffnessError
 from saltus.flow import variational
+from saltus.options import Limits, SweepOptions
 
 
 @pytest.fixture(scope="module")

@@ -7,18 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from saltus import (
-    Average,
-    HybridSystem,
-    Mode,
-    SweepOptions,
-    Transition,
-    find_orbit,
-    lyapunov_spectrum,
-    run_sweep,
-    simulate,
-)
+from saltus import Average, HybridSystem, Mode, Transition, find_orbit, lyapunov_spectrum, run_sweep, simulate
 from saltus.ensemble.ensemble import Ensemble
+from saltus.options import SweepOptions
 
 D, T, P = 0.4, 3.0, 2.0
 LOST = math.exp(-D * T)

@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from saltus import ChatteringError, HybridSystem, Limits, Mode, SweepOptions, Transition, run_sweep, simulate
+from saltus import HybridSystem, Mode, Transition, run_sweep, simulate
+from saltus.errors import ChatteringError
+from saltus.options import Limits, SweepOptions
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 FALL = {"flight": Mode({"z": "v", "v": "-g"})}

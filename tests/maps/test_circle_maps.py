@@ -10,7 +10,6 @@ from scipy.optimize import brentq, minimize_scalar
 from saltus import (
     Average,
     ConvergenceError,
-    DefinitionError,
     InputError,
     Map,
     continue_locus,
@@ -21,6 +20,7 @@ from saltus import (
     run_sweep,
     solve_orbit,
 )
+from saltus.errors import DefinitionError
 
 TURN = 2.0 * math.pi
 CIRCLE = Map(("x",), {"w": 0.1, "K": 0.5}, {"x": "x + w + K*sin(x)"}, angles=("x",), name="circle map")

@@ -11,7 +11,8 @@ import pytest
 
 import saltus
 from discrete import HENON, LOGISTIC, TENT, tent_of
-from saltus import DefinitionError, DivergenceError, InputError, Map, MapDivergenceError, Piece, iterate
+from saltus import InputError, Map, Piece, iterate
+from saltus.errors import DefinitionError, DivergenceError, MapDivergenceError
 
 
 def test_logistic_map_at_four_is_the_square_of_a_sine():
@@ -133,7 +134,7 @@ def test_iterates_are_saved_and_loaded_equal(tmp_path):
     assert pickle.loads(pickle.dumps(found)) == found
     again = found.to_xarray().assign_attrs(first=4)
     with pytest.raises(InputError, match="counted from 4 on"):
-        saltus.Iterates.from_xarray(again)
+        saltus.results.Iterates.from_xarray(again)
 
 
 def test_observables_are_those_of_the_states():

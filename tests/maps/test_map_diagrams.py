@@ -8,7 +8,9 @@ import pytest
 
 import saltus
 from known_maps import delayed, henon, logistic
-from saltus import DiagramOptions, Map, MapBranch, diagram
+from saltus import Map, diagram
+from saltus.options import DiagramOptions
+from saltus.results import MapBranch
 
 CUBIC = Map(("x",), {"a": 0.5}, {"x": "a*x - x**3"}, name="cubic map")
 

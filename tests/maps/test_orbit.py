@@ -9,7 +9,8 @@ import pytest
 
 import saltus
 from known_maps import henon, logistic, tent
-from saltus import ConvergenceError, HybridSystem, InputError, Map, MapDivergenceError, Mode, Transition
+from saltus import ConvergenceError, HybridSystem, InputError, Map, Mode, Transition
+from saltus.errors import MapDivergenceError
 from saltus.maps.spectrum import multipliers_of
 
 

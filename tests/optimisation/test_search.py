@@ -9,8 +9,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
 import saltus
-from saltus import InputError, OptimumOptions, continue_orbit, find_orbit, optimise
+from saltus import InputError, continue_orbit, find_orbit, optimise
 from saltus.optimisation.carrying import carried, carrying
+from saltus.options import OptimumOptions
 
 TRUE = {"k": 1.0, "c": 0.1, "b": 1.0, "A": 0.5, "g": 1.0}
 LINEAR = {"b": 0.0, "A": 1.0, "c": 0.4, "w": 0.6}
@@ -370,7 +371,7 @@ def test_a_file_whose_orbit_is_at_other_parameters_is_refused(optimum):
     dataset = optimum.to_xarray()
     dataset["value"] = dataset["value"] + 1.0
     with pytest.raises(InputError, match="the parameters of the orbit"):
-        saltus.Optimum.from_xarray(dataset)
+        saltus.results.Optimum.from_xarray(dataset)
 
 
 def test_the_picture_shows_the_way_and_active_bounds(optimum):

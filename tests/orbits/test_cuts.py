@@ -54,7 +54,7 @@ def slope(y: np.ndarray, nu: float) -> np.ndarray:
     return np.concatenate([field, (jacobian @ y[3:12].reshape(3, 3)).ravel(), [np.trace(jacobian)]])
 
 
-def by_scipy(orbit: saltus.PeriodicOrbit) -> tuple[list[float], float]:
+def by_scipy(orbit: saltus.results.PeriodicOrbit) -> tuple[list[float], float]:
     """The two multipliers and the integrated divergence of a cycle of the circuit, from SciPy's flow in pieces."""
     nu, pieces, divergence = orbit.parameters["nu"], [], 0.0
     for state, duration in zip(orbit.states, orbit.durations, strict=True):
@@ -80,14 +80,16 @@ def by_scipy(orbit: saltus.PeriodicOrbit) -> tuple[list[float], float]:
 
 
 @pytest.fixture(scope="module")
-def circuit() -> saltus.Branch:
+def circuit() -> saltus.results.Branch:
     orbit = saltus.find_orbit(CIRCUIT, {}, x0=[0.1, 0.1, 0.1])
     return saltus.continue_orbit(orbit, "nu", (-0.9, -0.4), directions="down")
 
 
 # What errors of 1e-13 a step make in the multipliers grows with the period, sixteenfold from one doubling to the next.
 @pytest.mark.parametrize(("number", "error"), [(5, 1e-6), (6, 1e-6), (7, 3e-5)])
-def test_multipliers_of_a_long_cycle_are_those_of_scipy(circuit: saltus.Branch, number: int, error: float) -> None:
+def test_multipliers_of_a_long_cycle_are_those_of_scipy(
+    circuit: saltus.results.Branch, number: int, error: float
+) -> None:
     orbit = circuit[f"PD{number}"].orbit
     assert len(orbit.form) > 1
     values, divergence = by_scipy(orbit)
@@ -107,7 +109,7 @@ def test_multipliers_keep_their_digits_as_the_period_grows_to_that_of_the_homocl
     assert "the period grows without bound" in circuit.stopped[1]
 
 
-def test_a_cut_cycle_looks_like_one_segment(circuit: saltus.Branch, tmp_path) -> None:
+def test_a_cut_cycle_looks_like_one_segment(circuit: saltus.results.Branch, tmp_path) -> None:
     orbit = circuit["PD6"].orbit
     assert orbit.signature == (("m", ""),)
     (segment,) = orbit.segments
@@ -120,7 +122,7 @@ def test_a_cut_cycle_looks_like_one_segment(circuit: saltus.Branch, tmp_path) ->
     assert len(circuit.signature(-1)) == 1
 
 
-def test_the_survey_of_a_cut_cycle_is_that_of_the_whole_one(circuit: saltus.Branch) -> None:
+def test_the_survey_of_a_cut_cycle_is_that_of_the_whole_one(circuit: saltus.results.Branch) -> None:
     orbit = circuit["SN4"].orbit
     problem, u = whole(orbit.problem(), orbit.unknowns)
     survey = problem.survey(u)

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import systems
-from saltus import HybridSystem, Mode, PeriodicOrbit, Transition, continue_orbit, solve_orbit
+from saltus import HybridSystem, Mode, Transition, continue_orbit, solve_orbit
+from saltus.results import PeriodicOrbit
 
 DIFFERENCED = 1e-8
 """Relative error of a slope by differences at four points 1e-3 apart, of values with errors of 1e-12."""

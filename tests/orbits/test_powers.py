@@ -8,17 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from saltus import (
-    Average,
-    DefinitionError,
-    DivergenceError,
-    HybridSystem,
-    Mode,
-    Transition,
-    find_orbit,
-    lyapunov_spectrum,
-    simulate,
-)
+from saltus import Average, HybridSystem, Mode, Transition, find_orbit, lyapunov_spectrum, simulate
+from saltus.errors import DefinitionError, DivergenceError
 from saltus.system.evaluate import evaluate
 
 

@@ -9,7 +9,6 @@ from scipy.optimize import brentq, fsolve
 
 from saltus import (
     ConvergenceError,
-    DefinitionError,
     HybridSystem,
     InputError,
     Mode,
@@ -25,6 +24,7 @@ from saltus import (
     solve_orbit,
     switch_branch,
 )
+from saltus.errors import DefinitionError
 
 TURN = 2.0 * math.pi
 JUNCTION = HybridSystem.smooth({"phi": "I - sin(phi)"}, {"I": 1.5}, angles=("phi",), name="junction")

@@ -10,9 +10,10 @@ import pytest
 
 import saltus
 import systems
-from saltus import HybridSystem, Mode, PeriodicOrbit, Transition, continue_orbit, find_orbit, solve_orbit
+from saltus import HybridSystem, Mode, Transition, continue_orbit, find_orbit, solve_orbit
 from saltus.errors import InputError
 from saltus.orbits.signature import CUT_END
+from saltus.results import PeriodicOrbit
 
 DIFFERENCED = 1e-6
 """Relative error of central differences of fourth order; it is mostly the rounding of values, over the step."""
@@ -350,7 +351,7 @@ def test_orbits_that_their_parameters_do_not_determine_are_refused(symmetric):
 
 
 @functools.cache
-def grazing(w: float) -> saltus.SpecialPoint:
+def grazing(w: float) -> saltus.results.SpecialPoint:
     orbit = find_orbit(systems.impact_oscillator(), {"w": w, "d": 12.0}, x0=[0.0, 0.0])
     return continue_orbit(orbit, "d", (1.0, 13.0))["GR1"]
 

@@ -20,7 +20,7 @@ def _closed():
 
 
 @pytest.fixture(scope="session")
-def tapping_orbit() -> saltus.PeriodicOrbit:
+def tapping_orbit() -> saltus.results.PeriodicOrbit:
     """The orbit of Fig. 3 at Omega = 1.05: a flight and a contact."""
     guess = [
         ("flight", "touch", [-0.717, 0.7335], 2.95),

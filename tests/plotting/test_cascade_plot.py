@@ -16,7 +16,7 @@ ACCUMULATION = 3.569945671870945
 
 
 @pytest.fixture(scope="module")
-def cascade() -> saltus.Cascade:
+def cascade() -> saltus.results.Cascade:
     start = saltus.solve_orbit(systems.carried_map(("x",), {"a": 2.5}, LOGISTIC), {}, [("carry", "map", [0.6, 0.0], 1)])
     return saltus.follow_cascade(saltus.continue_orbit(start, "a", (2.0, 3.4))["PD1"], (2.5, 4.0), doublings=3)
 
@@ -82,7 +82,7 @@ def test_options_leave_out_marks_and_legend(cascade):
 
 
 def test_a_cascade_without_branches_is_an_empty_picture(cascade):
-    assert not saltus.Cascade(cascade.start, (), "by hand").plot().lines
+    assert not saltus.results.Cascade(cascade.start, (), "by hand").plot().lines
 
 
 def test_a_wrong_name_is_answered_with_the_nearest_one(cascade):

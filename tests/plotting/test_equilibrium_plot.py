@@ -17,18 +17,18 @@ from saltus.plotting.space import stretches_of
 
 
 @pytest.fixture(scope="module")
-def takens() -> saltus.EquilibriumBranch:
+def takens() -> saltus.results.EquilibriumBranch:
     start = find_equilibrium(fields.system(fields.TAKENS, {"b1": -1.0, "b2": -1.0}), x0=[-1.0, 0.0])
     return continue_equilibrium(start, "b1", (-2.0, 2.0))
 
 
 @pytest.fixture(scope="module")
-def chua() -> saltus.EquilibriumBranch:
+def chua() -> saltus.results.EquilibriumBranch:
     return continue_equilibrium(find_equilibrium(fields.chua(), mode="inner"), "d", (-1.0, 1.0))
 
 
 @pytest.fixture(scope="module")
-def loci(takens) -> dict[str, saltus.EquilibriumLocus]:
+def loci(takens) -> dict[str, saltus.results.EquilibriumLocus]:
     window = {"b1": (-1.0, 2.0), "b2": (-2.0, 2.0)}
     return {label: continue_locus(takens[label], ("b1", "b2"), window) for label in ("SN1", "HB1")}
 

@@ -21,14 +21,14 @@ def orbit(impact_oscillator):
 
 
 @pytest.fixture(scope="module")
-def family(orbit) -> saltus.Family:
+def family(orbit) -> saltus.results.Family:
     return saltus.continue_family(orbit, "A", {"d": GAPS, "c": [0.1, 0.11, 0.12]}, (0.05, 6.0), workers=1)
 
 
 @pytest.fixture(scope="module")
-def broken(orbit) -> saltus.Family:
+def broken(orbit) -> saltus.results.Family:
     """A family whose member at d = 9 has no branch."""
-    options = saltus.BranchOptions(stop_at="GR")
+    options = saltus.options.BranchOptions(stop_at="GR")
     return saltus.continue_family(orbit, "A", {"d": [1.0, 9.0, 0.9]}, (0.5, 6.0), options=options, workers=1)
 
 
@@ -73,7 +73,7 @@ def test_stable_parts_are_solid_and_unstable_parts_dashed(family, projection):
 
 
 def test_orbits_that_are_no_motion_stay_grey(orbit):
-    options = saltus.BranchOptions(saltus.StepControl(at_grazing="pass"))
+    options = saltus.options.BranchOptions(saltus.StepControl(at_grazing="pass"))
     passed = saltus.continue_family(orbit, "A", {"d": [0.9, 1.1]}, (0.05, 1.5), options=options, workers=1)
     ax = passed.plot("A", "max_v")
     grey = [line for line in curves(ax) if line.get_color() == style.LINES["not admissible"]["color"]]
@@ -220,6 +220,6 @@ def test_a_projection_must_be_known_and_that_of_the_axes(family):
 
 
 def test_a_family_without_a_branch_cannot_be_drawn(family):
-    empty = saltus.Family(family.system, "A", {"d": [9.0]}, (None,), {0: "no way"})
+    empty = saltus.results.Family(family.system, "A", {"d": [9.0]}, (None,), {0: "no way"})
     with pytest.raises(InputError, match="^family = '1 members without a branch': must be .* to draw; no way$"):
         plot(empty)

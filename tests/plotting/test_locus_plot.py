@@ -18,7 +18,7 @@ from saltus.plotting.space import draw_in_space, draw_level, stretches_of
 
 
 @pytest.fixture(scope="session")
-def cusp_branch() -> saltus.Branch:
+def cusp_branch() -> saltus.results.Branch:
     """Fixed points of x -> r + h x - x^3, with folds where h = 1 + 3 x^2, r = -2 x^3."""
     system = HybridSystem(
         ("x", "s"),
@@ -31,17 +31,17 @@ def cusp_branch() -> saltus.Branch:
 
 
 @pytest.fixture(scope="session")
-def cusp(cusp_branch) -> saltus.Locus:
+def cusp(cusp_branch) -> saltus.results.Locus:
     return saltus.continue_locus(cusp_branch["SN1"], ("r", "h"), {"r": (-1.0, 1.0), "h": (0.5, 2.0)})
 
 
 @pytest.fixture(scope="session")
-def response(tapping_orbit) -> saltus.Branch:
+def response(tapping_orbit) -> saltus.results.Branch:
     return saltus.continue_orbit(tapping_orbit, "Omega", (0.8, 1.4))
 
 
 @pytest.fixture(scope="session")
-def loci(response) -> dict[str, saltus.Locus]:
+def loci(response) -> dict[str, saltus.results.Locus]:
     """Loci over frequency and damping: a fold's, which ends at a grazing, a doubling's likewise, a grazing's."""
     bounds = {"Omega": (0.8, 1.4), "D_att_1": (0.01, 0.2)}
     return {
@@ -214,6 +214,6 @@ def test_wrong_names_and_axes_are_told(loci, response):
 
 
 def test_a_saved_locus_is_drawn_the_same(loci, tmp_path):
-    again = saltus.Locus.load(loci["SN4"].save(tmp_path / "locus.nc"))
+    again = saltus.results.Locus.load(loci["SN4"].save(tmp_path / "locus.nc"))
     for mine, theirs in zip(_lines(loci["SN4"].plot()), _lines(again.plot()), strict=True):
         assert np.array_equal(mine.get_xydata(), theirs.get_xydata())

@@ -9,9 +9,10 @@ from matplotlib import pyplot as plt
 import saltus
 import systems
 from oracles.closed_forms import LOGISTIC
-from saltus import InputError, Sweep
+from saltus import InputError
 from saltus.plotting import plot
 from saltus.plotting.sweep import PANELS
+from saltus.results import Sweep
 
 VALUES = [2.9, 3.2, 3.5, 3.83, 4.0]
 
@@ -25,7 +26,7 @@ def sweep() -> Sweep:
         "a",
         VALUES,
         x0=[0.3, 0.0],
-        options=saltus.SweepOptions(follow="both", discard=300, keep=20, workers=1, **options),
+        options=saltus.options.SweepOptions(follow="both", discard=300, keep=20, workers=1, **options),
     )
 
 
@@ -83,7 +84,7 @@ def test_what_is_not_done_is_not_drawn(sweep):
 
     options = {"section": "map", "discard": 50, "keep": 20, "workers": 1}
     part = saltus.run_sweep(
-        sweep.system, "a", VALUES, x0=[0.3, 0.0], progress=interrupt, options=saltus.SweepOptions(**options)
+        sweep.system, "a", VALUES, x0=[0.3, 0.0], progress=interrupt, options=saltus.options.SweepOptions(**options)
     )
     ax = part.plot("x")
     ax.figure.canvas.draw()

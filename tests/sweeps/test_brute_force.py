@@ -16,18 +16,9 @@ from scipy.optimize import brentq
 import saltus
 import systems
 from oracles.closed_forms import DELAYED, HENON, LOGISTIC, ImpactOrbit, TableJump
-from saltus import (
-    Criteria,
-    HybridSystem,
-    Mode,
-    Progress,
-    Section,
-    Sweep,
-    SweepOptions,
-    Transition,
-    find_orbit,
-    run_sweep,
-)
+from saltus import HybridSystem, Mode, Progress, Section, Transition, find_orbit, run_sweep
+from saltus.options import Criteria, SweepOptions
+from saltus.results import Sweep
 from saltus.sweeps import record
 
 AMPLITUDES = np.linspace(0.05, 0.4, 15)

@@ -9,7 +9,9 @@ import pytest
 
 import saltus
 from discrete import HENON, LOGISTIC, TENT, tent_of
-from saltus import Average, DefinitionError, InputError, Map, Piece, SweepOptions, lyapunov_spectrum, run_sweep
+from saltus import Average, InputError, Map, Piece, lyapunov_spectrum, run_sweep
+from saltus.errors import DefinitionError
+from saltus.options import SweepOptions
 
 
 def test_the_logistic_map_at_four_has_the_exponent_ln_2():
@@ -84,7 +86,7 @@ def test_wrong_options_of_exponents_are_told(options, message):
 
 
 def test_a_motion_that_leaves_has_no_exponents():
-    with pytest.raises(saltus.MapDivergenceError, match="diverges at iteration"):
+    with pytest.raises(saltus.errors.MapDivergenceError, match="diverges at iteration"):
         lyapunov_spectrum(HENON, {}, [3.0, 3.0], average=Average(periods=100))
 
 

@@ -9,9 +9,10 @@ import systems
 from grouped import Grouped
 from mutated import logistic
 from oracles.closed_forms import LOGISTIC
-from saltus import Criteria, HybridSystem, InputError, Mode, Section, SweepOptions, run_sweep, simulate
+from saltus import HybridSystem, InputError, Mode, Section, run_sweep, simulate
 from saltus.errors import SaltusError
 from saltus.flow.poincare import iterate
+from saltus.options import Criteria, SweepOptions
 
 SHORT = {"discard": 1, "keep": 2}
 swept = Grouped(run_sweep, options=SweepOptions)

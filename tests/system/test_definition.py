@@ -8,7 +8,8 @@ import pytest
 import sympy
 
 import systems
-from saltus import DefinitionError, HybridSystem, InputError, Mode, Transition
+from saltus import HybridSystem, InputError, Mode, Transition
+from saltus.errors import DefinitionError
 from saltus.system.compiled import FLOW
 from saltus.system.evaluate import evaluate
 from saltus.system.generated import source_file

@@ -10,7 +10,7 @@ import pytest
 import sympy
 from hypothesis import given, strategies as st
 
-from saltus import DefinitionError
+from saltus.errors import DefinitionError
 from saltus.system.derivatives import _smooth_diff
 from saltus.system.expansion import can_be_expanded, expanded
 from saltus.system.expressions import check_name, parse, text_of

@@ -11,7 +11,8 @@ import pytest
 
 import saltus
 import systems
-from saltus import HybridSystem, Map, SweepOptions
+from saltus import HybridSystem, Map
+from saltus.options import SweepOptions
 from saltus.system import compiled, generated
 from wells import double_well
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from discrete import HENON, LOGISTIC, TENT
-from saltus import DefinitionError, HybridSystem, InputError, Map, Mode, Piece
+from saltus import HybridSystem, InputError, Map, Mode, Piece
+from saltus.errors import DefinitionError
 from saltus.system.plain import check_plain, system_from
 
 

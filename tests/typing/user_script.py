@@ -15,41 +15,43 @@ ball = HybridSystem(
     transitions=[Transition("flight", "flight", "z", -1, {"v": "-e*v"}, name="impact")],
     phase=("theta", "w"),
 )
-motion: saltus.Trajectory = saltus.simulate(ball, {"e": 0.7}, x0=[1.0, 0.0], t_end=10.0)
+motion: saltus.results.Trajectory = saltus.simulate(ball, {"e": 0.7}, x0=[1.0, 0.0], t_end=10.0)
 heights: NDArray[np.float64] = motion(np.linspace(0.0, 10.0, 101))[:, 0]
-orbit: saltus.PeriodicOrbit = saltus.find_orbit(ball, {"e": 0.7}, x0=[1.0, 0.0])
+orbit: saltus.results.PeriodicOrbit = saltus.find_orbit(ball, {"e": 0.7}, x0=[1.0, 0.0])
 period: float = orbit.period
-branch: saltus.Branch = saltus.continue_orbit(orbit, "A", (0.05, 0.5), steps=StepControl(largest=0.01))
-options = saltus.BranchOptions(StepControl(at_grazing="pass"), events={"max_z": 1.2}, stop_at=("PD", "max_z"))
-family: saltus.Family = saltus.continue_family(orbit, "A", {"e": [0.6, 0.7]}, (0.05, 0.5), options=options)
-doubled: saltus.PeriodicOrbit = saltus.switch_branch(branch["PD1"])
-signatures: list[saltus.PeriodicOrbit] = saltus.grazing_orbits(branch["GR1"])
-cascade: saltus.Cascade = saltus.follow_cascade(branch["PD1"], (0.05, 0.5), progress=True)
+branch: saltus.results.Branch = saltus.continue_orbit(orbit, "A", (0.05, 0.5), steps=StepControl(largest=0.01))
+options = saltus.options.BranchOptions(StepControl(at_grazing="pass"), events={"max_z": 1.2}, stop_at=("PD", "max_z"))
+family: saltus.results.Family = saltus.continue_family(orbit, "A", {"e": [0.6, 0.7]}, (0.05, 0.5), options=options)
+doubled: saltus.results.PeriodicOrbit = saltus.switch_branch(branch["PD1"])
+signatures: list[saltus.results.PeriodicOrbit] = saltus.grazing_orbits(branch["GR1"])
+cascade: saltus.results.Cascade = saltus.follow_cascade(branch["PD1"], (0.05, 0.5), progress=True)
 saltus.continue_orbit(orbit, "A", (0.05, 0.5), progress=lambda progress: print(progress.done, progress.text))
-locus: saltus.Locus = saltus.continue_locus(branch["SN1"], ("A", "e"), {"A": (0.0, 1.0), "e": (0.0, 1.0)})
-swept = saltus.SweepOptions(discard=300, section="impact")
-optimum: saltus.Optimum = saltus.optimise(branch, maximise="max(v)", over=["A"], subject_to={"stable": True})
+locus: saltus.results.Locus = saltus.continue_locus(branch["SN1"], ("A", "e"), {"A": (0.0, 1.0), "e": (0.0, 1.0)})
+swept = saltus.options.SweepOptions(discard=300, section="impact")
+optimum: saltus.results.Optimum = saltus.optimise(branch, maximise="max(v)", over=["A"], subject_to={"stable": True})
 active: dict[str, float] = optimum.active
-sweep: saltus.Sweep = saltus.run_sweep(
+sweep: saltus.results.Sweep = saltus.run_sweep(
     ball, "A", np.linspace(0.1, 0.2, 11), x0=[1.0, 0.0], options=swept, progress=lambda told: print(told.left)
 )
 spectrum = saltus.lyapunov_spectrum(ball, None, [1.0, 0.0], average=saltus.Average(periods=100))
 rest = saltus.find_equilibrium(ball, x0=[1.0, 0.0], mode="flight")
 eigenvalues: NDArray[np.complex128] = rest.eigenvalues
-rests: saltus.EquilibriumBranch = saltus.continue_equilibrium(rest, "g", (0.5, 2.0), stop_at="HB")
-born: saltus.PeriodicOrbit = saltus.switch_branch(rests["HB1"])
-back: saltus.Equilibrium = saltus.switch_branch(branch["HB1"])
+rests: saltus.results.EquilibriumBranch = saltus.continue_equilibrium(rest, "g", (0.5, 2.0), stop_at="HB")
+born: saltus.results.PeriodicOrbit = saltus.switch_branch(rests["HB1"])
+back: saltus.results.Equilibrium = saltus.switch_branch(branch["HB1"])
 criticality: str = rests["HB1"].normal_form.criticality
-folds: saltus.EquilibriumLocus = saltus.continue_locus(rests["SN1"], ("g", "e"), {"g": (0.0, 1.0), "e": (0.0, 1.0)})
+folds: saltus.results.EquilibriumLocus = saltus.continue_locus(
+    rests["SN1"], ("g", "e"), {"g": (0.0, 1.0), "e": (0.0, 1.0)}
+)
 tolerance: tuple[float, float] = spectrum.tolerance
-attractors: saltus.Attractors = saltus.find_attractors(ball, region={"z": (0.0, 2.0), "v": (-1.0, 1.0)})
-basins: saltus.Basins = saltus.map_basins(ball, None, {"z": (0.0, 2.0, 100), "v": (-1.0, 1.0, 100)})
+attractors: saltus.results.Attractors = saltus.find_attractors(ball, region={"z": (0.0, 2.0), "v": (-1.0, 1.0)})
+basins: saltus.results.Basins = saltus.map_basins(ball, None, {"z": (0.0, 2.0, 100), "v": (-1.0, 1.0, 100)})
 henon = saltus.Map(("x", "y"), {"a": 1.4, "b": 0.3}, {"x": "1 - a*x**2 + y", "y": "b*x"})
 tent = saltus.Map(("x",), {}, pieces={"l": saltus.Piece({"x": "x"}, "-x"), "r": saltus.Piece({"x": "-x"}, "x")})
-iterates: saltus.Iterates = saltus.iterate(henon, [0.1, 0.1], {"a": 1.3}, n=100, discard=10)
+iterates: saltus.results.Iterates = saltus.iterate(henon, [0.1, 0.1], {"a": 1.3}, n=100, discard=10)
 pieces: tuple[str, ...] = iterates.itinerary
-diagram: saltus.Sweep = saltus.run_sweep(henon, "a", [1.0, 1.2], x0=[0.1, 0.1])
-of_map: saltus.Basins = saltus.map_basins(henon, None, {"x": (-2.0, 2.0, 10), "y": (-2.0, 2.0, 10)})
+diagram: saltus.results.Sweep = saltus.run_sweep(henon, "a", [1.0, 1.2], x0=[0.1, 0.1])
+of_map: saltus.results.Basins = saltus.map_basins(henon, None, {"x": (-2.0, 2.0, 10), "y": (-2.0, 2.0, 10)})
 setup: afm.Setup = afm.table1()
 tapping: HybridSystem = afm.tapping_mode(setup, modes=2)
 probe = afm.Probe(k_N_m=(2.0, 78.5), f0_kHz=(70.0, 438.7), Q=(150.0, 450.0), R_nm=10.0)
@@ -65,7 +67,7 @@ except saltus.SaltusError as error:
 
 saltus.run_sweep(ball, "A", [0.1], discard=300)  # wrong
 saltus.run_sweep(ball, "A", [0.1], progress="bar")  # wrong
-saltus.simulate(ball, x0=[1.0, 0.0], t_end=1.0, limits=saltus.Limits(time=1.0))  # wrong
+saltus.simulate(ball, x0=[1.0, 0.0], t_end=1.0, limits=saltus.options.Limits(time=1.0))  # wrong
 saltus.find_orbits(ball)  # wrong
 saltus.iterate(ball, [1.0, 0.0])  # wrong
 saltus.simulate(henon, x0=[0.1, 0.1], t_end=1.0)  # wrong

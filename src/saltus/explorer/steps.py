@@ -294,7 +294,7 @@ class Sweep(Step):
         low, high = self.bounds
         values = f"np.linspace({low!r}, {high!r}, {self.count})"
         seen = f", observables={self.observables!r}" if self.observables else ""
-        options = f"saltus.SweepOptions(follow={self.direction!r}{seen}, workers=1)"
+        options = f"saltus.options.SweepOptions(follow={self.direction!r}{seen}, workers=1)"
         given = f"parameters={self.parameters!r}, x0={list(self.x0) or None!r}, options={options}"
         return f"saltus.run_sweep(system, {self.parameter!r}, {values}, {given})"
 

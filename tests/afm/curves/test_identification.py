@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import saltus
-from saltus import FitOptions, InputError, MeasuredPoint, afm
+from saltus import InputError, MeasuredPoint, afm
 from saltus.continuation.results.sheets import sheets_of
+from saltus.options import FitOptions
 
 TRUE = {"H_aJ": 0.12, "E_GPa": 1.5, "c_uNs_m": 2.0, "Zc_nm": 8.5}
 SIGMA = {"amplitude_nm": 0.03, "lag_deg": 0.3}

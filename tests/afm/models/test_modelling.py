@@ -427,7 +427,7 @@ def test_necks_in_some_cycles_only(neck, Zc, period, necks):
 
 @pytest.mark.parametrize("values", [{"on_nm": 0.1}, {"a0_nm": 0.7}, {"off_nm": 0.5}])
 def test_gaps_in_another_order_are_refused_by_the_domain(neck, values):
-    with pytest.raises((saltus.DivergenceError, InputError), match=r"the domain of .*mode"):
+    with pytest.raises((saltus.errors.DivergenceError, InputError), match=r"the domain of .*mode"):
         saltus.simulate(neck, values, [0.0, 0.0], periods=100)
 
 

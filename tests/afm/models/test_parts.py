@@ -113,7 +113,7 @@ def test_damaged_parts_are_told(made_of):
 
 
 def test_data_that_no_file_holds_are_refused():
-    with pytest.raises(saltus.DefinitionError, match="plain data"):
+    with pytest.raises(saltus.errors.DefinitionError, match="plain data"):
         HybridSystem.smooth({"x": "-x"}).from_definition(
             HybridSystem.smooth({"x": "-x"}).definition() | {"made_of": {"a": object()}}
         )

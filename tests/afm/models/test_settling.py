@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import saltus
-from saltus import InputError, PeriodicOrbit, afm
+from saltus import InputError, afm
 from saltus.afm.files.configuration import read_experiment
 from saltus.afm.files.sets import text_of
 from saltus.afm.models.settling import described, settled
+from saltus.results import PeriodicOrbit
 
 NECKS = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3) + afm.DMT(E_GPa=1.0)
 NECKS = NECKS + afm.Neck(gamma_N_m=0.072, h_nm=1.0, on_nm=1.0, off_nm=3.0)

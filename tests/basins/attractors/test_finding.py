@@ -8,24 +8,14 @@ import re
 import numpy as np
 import pytest
 
-from saltus import (
-    Attractors,
-    HybridSystem,
-    InputError,
-    Mode,
-    Transition,
-    afm,
-    find_attractors,
-    find_orbit,
-    simulate,
-    solve_orbit,
-)
+from saltus import HybridSystem, InputError, Mode, Transition, afm, find_attractors, find_orbit, simulate, solve_orbit
 from saltus.basins.attractors.finding import attractors_from
 from saltus.basins.attractors.found import Found, Search, Stay
 from saltus.basins.attractors.search import AttractorSearch
 from saltus.basins.wilson import wilson
 from saltus.ensemble.ensemble import Ensemble
 from saltus.ensemble.traps import UNDECIDED, Ellipsoids, Traps
+from saltus.results import Attractors
 
 QUICK = Search(samples=400)
 

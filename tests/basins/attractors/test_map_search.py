@@ -11,12 +11,14 @@ from scipy.stats import qmc
 
 import saltus
 from discrete import HENON, LOGISTIC, TENT
-from saltus import BasinOptions, DefinitionError, InputError, Map, Piece, find_attractors, map_basins
+from saltus import InputError, Map, Piece, find_attractors, map_basins
 from saltus.basins.attractors.found import Search
 from saltus.basins.map.labelling import Labelling
 from saltus.basins.measures.integrity import global_integrity, integrity_factor
 from saltus.ensemble.map_ensemble import MapEnsemble
 from saltus.ensemble.traps import DIVERGED, UNDECIDED
+from saltus.errors import DefinitionError
+from saltus.options import BasinOptions
 from wells import Interrupt
 
 SQUARE = {"x": (-2.0, 2.0), "y": (-2.0, 2.0)}

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 import systems
-from saltus import Attractors, BasinOptions, HybridSystem, InputError, Mode, find_attractors, map_basins
+from saltus import HybridSystem, InputError, Mode, find_attractors, map_basins
 from saltus.basins.attractors import search as recurrence
 from saltus.basins.attractors.found import Search
 from saltus.basins.map.cost import estimate_cost
 from saltus.basins.map.labelling import units_of
 from saltus.basins.map.patience import decay_periods, patience_for
+from saltus.options import BasinOptions
+from saltus.results import Attractors
 
 QUICK = {"seeds": 64, "search": Search(samples=300)}
 

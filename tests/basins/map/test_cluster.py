@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import saltus.basins.map.cluster
-from saltus import BasinOptions, InputError
+from saltus import InputError
 from saltus.basins import map_basins
 from saltus.ensemble.traps import NOT_DONE
+from saltus.options import BasinOptions
 from wells import BOX, Interrupt
 
 dask = pytest.importorskip("dask")

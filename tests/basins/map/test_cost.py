@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from saltus import BasinOptions
 from saltus.basins import Grid, Search
 from saltus.basins.map.cost import Cost, _sample, estimate_cost
 from saltus.basins.map.labelling import Labelling
 from saltus.errors import InputError
+from saltus.options import BasinOptions
 from wells import BOX
 
 

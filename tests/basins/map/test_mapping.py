@@ -12,10 +12,11 @@ import pytest
 import saltus
 import saltus.basins.map.mapping
 from grouped import Grouped
-from saltus import BasinOptions, InputError
+from saltus import InputError
 from saltus.basins import Basins, Grid, Plane, Search, find_attractors, map_basins
 from saltus.basins.map.labelling import Labelling
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED, Cages, Traps
+from saltus.options import BasinOptions
 from saltus.progress import Progress
 from saltus.system import HybridSystem, Mode
 from wells import BOX, Interrupt, double_well

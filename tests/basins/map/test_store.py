@@ -18,10 +18,11 @@ from zarr.storage import LocalStore
 
 import saltus
 from grouped import Grouped
-from saltus import BasinOptions, InputError
+from saltus import InputError
 from saltus.basins import Basins, Search, map_basins
 from saltus.basins.map.labelling import ACCURACY
 from saltus.ensemble.traps import NOT_DONE
+from saltus.options import BasinOptions
 from wells import BOX, Interrupt, double_well
 
 

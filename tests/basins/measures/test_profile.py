@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 import saltus
-from saltus import BasinOptions, ErosionOptions, HybridSystem, InputError, Mode
+from saltus import HybridSystem, InputError, Mode
 from saltus.basins.measures.erosion import ErosionProfile
 from saltus.basins.measures.integrity import local_integrity
 from saltus.basins.measures.profile import erosion_profile
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.errors import ConvergenceError
+from saltus.options import BasinOptions, ErosionOptions
 from saltus.plotting.erosion import plot_erosion
 
 SYSTEM = HybridSystem(

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import saltus
-from saltus import Diagram, DiagramOptions, EquilibriumBranch, HybridSystem, InputError, Mode, StepControl, diagram
+from saltus import HybridSystem, InputError, Mode, StepControl, diagram
+from saltus.options import DiagramOptions
+from saltus.results import Diagram, EquilibriumBranch
 
 
 def smooth(field, parameters, name=""):

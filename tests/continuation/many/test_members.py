@@ -20,8 +20,10 @@ import pytest
 import saltus
 import systems
 from oracles.closed_forms import HENON, LOGISTIC, ImpactOrbit, henon_fixed_point
-from saltus import BranchOptions, Family, InputError, StepControl, continue_family, continue_orbit, solve_orbit, work
+from saltus import InputError, StepControl, continue_family, continue_orbit, solve_orbit, work
 from saltus.continuation.problems.orbit import OrbitZeroProblem
+from saltus.options import BranchOptions
+from saltus.results import Family
 
 GAPS = (1.2, 0.8, 1.0, 1.1)
 BOUNDS = (0.05, 6.0)
@@ -332,7 +334,7 @@ saltus.work._TRIAL = 0.0
 orbit = saltus.solve_orbit(systems.impact_oscillator(), {"w": 1.1}, [("free", "impact", [1.0, -1.3, 0.1], 5.71)])
 start = saltus.continue_orbit(orbit, "d", (1.0, 8.5), directions="up").orbit(-1)
 print("began", flush=True)
-options = saltus.BranchOptions(saltus.StepControl(largest=LARGEST, most=10**6), directions="down", stop_at="SN")
+options = saltus.options.BranchOptions(saltus.StepControl(largest=LARGEST, most=10**6), directions="down", stop_at="SN")
 family = saltus.continue_family(
     start, "A", {"d": [8.5, 1.2, 1.1, 1.0]}, (0.05, 6.0), options=options, workers=2,
     progress=lambda progress: print(progress.done, progress.text, flush=True),

@@ -12,7 +12,6 @@ from scipy.optimize import brentq
 import fields
 from saltus import (
     HybridSystem,
-    PeriodicOrbit,
     StepControl,
     continue_equilibrium,
     continue_locus,
@@ -24,6 +23,7 @@ from saltus import (
 from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
+from saltus.results import PeriodicOrbit
 
 LORENZ = (
     (24.5, 0.661109342451, 8.924846307502, 9.802971773161, 1.00964121, 1.18008e-4),

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from saltus import Sweep
 from saltus.afm.paper.figures import fig7, fig7a, runner
 from saltus.afm.paper.figures.files import read_results
+from saltus.results import Sweep
 
 
 @pytest.fixture(scope="module")

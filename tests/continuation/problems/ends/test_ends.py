@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from saltus import (
-    Branch,
     HybridSystem,
     InputError,
     Mode,
-    PeriodicOrbit,
     StepControl,
     Transition,
     continue_equilibrium,
@@ -22,6 +20,7 @@ from saltus import (
     solve_orbit,
     switch_branch,
 )
+from saltus.results import Branch, PeriodicOrbit
 
 PERIOD = 6.355799581032402
 MULTIPLIER = 0.625775114255821

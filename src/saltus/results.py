@@ -1,0 +1,5 @@
+"""What computations return; the names stand in `results.pyi`, and each is imported on first use."""
+
+from saltus.doors import opened
+
+__getattr__, __dir__, __all__ = opened(__name__, __file__)
