@@ -24,7 +24,7 @@ from .errors import (
     InputError as InputError,
     SaltusError as SaltusError,
 )
-from .explorer import explore as explore
+from .exploring import explore as explore
 from .fitting import (
     MeasuredPoint as MeasuredPoint,
     fit as fit,

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from saltus.afm.explorer_models import TAPPING
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.steps import Continue, FindOrbit, Place
-from saltus.explorer.subjects import built_in
 from screen import PATIENCE, TOKEN, Screen, browser, served
 
 pytestmark = pytest.mark.skipif(browser() is None, reason="no Chromium: pages of the explorer are not tested")
@@ -44,7 +44,7 @@ def chromium():
 @pytest.fixture(scope="module")
 def kept(home) -> Session:
     """Return the session of Fig. 3: an orbit and its branch."""
-    session = Session(built_in("tapping-mode-1"), new_folder(home / "saltus" / "explorer"))
+    session = Session(TAPPING.subject("tapping-mode-1"), new_folder(home / "saltus" / "explorer"))
     session.settings.axes = ("Omega", "min_z")
     orbit = FindOrbit(parameters={"Omega": 1.05}, x0=(-0.67, 0.75))
     session.write(session.add(orbit, orbit.run(session.system, {}, False)))

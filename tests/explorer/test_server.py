@@ -11,8 +11,9 @@ from types import SimpleNamespace
 import pytest
 
 import saltus
+from saltus.afm.explorer_models import TAPPING
 from saltus.errors import InputError, SaltusError
-from saltus.explorer.exploring import open_explorer, subject_of
+from saltus.explorer.opening import open_explorer
 from saltus.explorer.server import Address, Office, free_port
 from saltus.explorer.subjects import of_system
 from screen import TOKEN, served
@@ -73,9 +74,9 @@ def test_a_connection_from_another_origin_is_refused(address, origin, status):
 
 def test_a_host_that_others_reach_needs_a_token():
     with pytest.raises(InputError, match="--token"):
-        open_explorer(None, host="0.0.0.0", browser=False)
+        open_explorer(TAPPING, None, host="0.0.0.0", browser=False)
     with pytest.raises(InputError, match="at least 12 characters"):
-        open_explorer(None, host="0.0.0.0", token="short", browser=False)
+        open_explorer(TAPPING, None, host="0.0.0.0", token="short", browser=False)
     assert "localhost:1" in Address(port=1).names
     assert "localhost:1" not in Address(host="192.0.2.1", port=1).names
     assert Address(port=1).token != Address(port=1).token
@@ -113,7 +114,7 @@ def test_in_a_notebook_a_process_beside_the_kernel_serves_the_page(monkeypatch, 
 
 
 def test_a_session_without_results_leaves_nothing_behind(tmp_path, ball_on_table):
-    office = Office(of_system(ball_on_table), tmp_path)
+    office = Office(TAPPING, of_system(ball_on_table), tmp_path)
     office.desk("../../etc", None)
     office.desk("0123456789ab", None)
     assert len([*tmp_path.iterdir()]) == 2
@@ -122,7 +123,7 @@ def test_a_session_without_results_leaves_nothing_behind(tmp_path, ball_on_table
 
 
 def test_an_upload_that_is_no_session_leaves_nothing_behind(tmp_path, ball_on_table):
-    office = Office(of_system(ball_on_table), tmp_path)
+    office = Office(TAPPING, of_system(ball_on_table), tmp_path)
     with pytest.raises(SaltusError):
         office.uploaded(b"no session")
     assert not [*tmp_path.iterdir()]
@@ -150,4 +151,4 @@ def test_a_system_in_a_file_is_explored(tmp_path, monkeypatch):
         'import saltus\noscillator = saltus.HybridSystem.smooth({"x": "v", "v": "-x"})\n'
     )
     monkeypatch.chdir(tmp_path)
-    assert json.loads(subject_of("swing.py:oscillator").definition)["states"] == ["x", "v"]
+    assert json.loads(TAPPING.named("swing.py:oscillator").definition)["states"] == ["x", "v"]

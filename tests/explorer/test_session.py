@@ -7,10 +7,11 @@ import sys
 import pytest
 
 import saltus
+from saltus.afm.explorer_models import TAPPING
 from saltus.errors import InputError
 from saltus.explorer.session import Session, folder_of, new_folder, sessions_in
 from saltus.explorer.steps import Continue, FindOrbit, Follow, Place
-from saltus.explorer.subjects import built_in, of_file, of_system, titles
+from saltus.explorer.subjects import of_file, of_system
 
 
 def _taken(session, step):
@@ -123,10 +124,10 @@ def test_a_file_that_is_no_session_is_refused(session, tmp_path):
 
 
 def test_models_of_the_package_and_of_files_can_be_explored(tmp_path, monkeypatch):
-    assert {"tapping-mode-1", "tapping-mode-2", "lever-s"} <= set(titles())
-    assert built_in("tapping-mode-2").system.states == ("q1", "q2", "v1", "v2")
+    assert {"tapping-mode-1", "tapping-mode-2", "lever-s"} <= set(TAPPING.titles)
+    assert TAPPING.subject("tapping-mode-2").system.states == ("q1", "q2", "v1", "v2")
     with pytest.raises(InputError, match="did you mean 'lever-s'"):
-        built_in("lever_s")
+        TAPPING.subject("lever_s")
     text = 'import saltus\npendulum = saltus.HybridSystem.smooth({"x": "v", "v": "-sin(x)"})\nother = 3\n'
     (tmp_path / "swings.py").write_text(text)
     subject = of_file("swings.py:pendulum", tmp_path)

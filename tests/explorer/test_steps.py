@@ -23,6 +23,12 @@ from saltus.explorer.steps import (
     step_from,
 )
 
+
+def never(system) -> bool:
+    """Return that no orbit is filmed."""
+    return False
+
+
 PLACE = Place(of="branch1", label="SN1")
 STEPS = [
     FindOrbit(parameters={"a": 1.2}, x0=(0.6, 3.1, 0.5)),
@@ -70,13 +76,13 @@ def test_the_python_of_a_step_makes_the_same_result(step, results, ball_on_table
 
 
 def test_what_a_selected_solution_allows(results):
-    assert choices_at(Place(of="orbit1"), results).resume
-    fold = choices_at(PLACE, results)
+    assert choices_at(Place(of="orbit1"), results, never).resume
+    fold = choices_at(PLACE, results, never)
     assert (fold.follow, fold.switch, fold.cascade) == (True, "", False)
-    doubling = choices_at(Place(of="branch1", label="PD1"), results)
+    doubling = choices_at(Place(of="branch1", label="PD1"), results, never)
     assert (doubling.follow, doubling.switch, doubling.cascade, doubling.film) == (True, "orbit", True, False)
-    assert choices_at(Place(of="branch1", index=3), results) == (*("orbit", True, ""), False, False, False)
-    assert choices_at(Place(of="nothing1"), results).what == ""
+    assert choices_at(Place(of="branch1", index=3), results, never) == (*("orbit", True, ""), False, False, False)
+    assert choices_at(Place(of="nothing1"), results, never).what == ""
 
 
 def test_branches_of_equilibria_and_cycles_meet_at_a_hopf_point():
@@ -84,11 +90,11 @@ def test_branches_of_equilibria_and_cycles_meet_at_a_hopf_point():
     system = saltus.HybridSystem(("x", "y"), {"A": 1.0, "B": 1.5}, {"reaction": saltus.Mode(field)})
     found = {"equilibrium1": FindEquilibrium(x0=(1.0, 1.5)).run(system, {}, False)}
     place = Place(of="equilibrium1")
-    what = choices_at(place, found).what
+    what = choices_at(place, found, never).what
     rests = Continue(place=place, parameter="B", bounds=(1.0, 3.0), of=what).run(system, found, False)
     found["branch1"] = rests
     point = Place(of="branch1", label="HB1")
-    switch = choices_at(point, found).switch
+    switch = choices_at(point, found, never).switch
     assert switch == "orbit"
     cycles = Switch(place=point, parameter="B", bounds=(1.5, 3.0), of=switch).run(system, found, False)
     assert rests["HB1"].parameters["B"] == pytest.approx(2.0, abs=1e-10)  # 1 + A^2

@@ -190,15 +190,16 @@ def explore(
     token: Annotated[str | None, typer.Option(help="What a browser must know; random if left out.")] = None,
 ) -> None:
     """Explore a system in the browser: diagrams, orbits and basins, from click to click."""
-    from saltus.explorer.exploring import open_explorer, subject_of
+    from saltus.afm.explorer_models import TAPPING
+    from saltus.explorer.opening import open_explorer
 
-    subject = None if system is None else subject_of(system)
+    subject = None if system is None else TAPPING.named(system)
 
     def told(url: str) -> None:
         typer.echo(f"saltus explorer at {url}")
         typer.echo("Ctrl-C ends it; sessions are kept.")
 
-    open_explorer(subject, load, host=host, token=token, port=port, browser=browser, told=told)
+    open_explorer(TAPPING, subject, load, host=host, token=token, port=port, browser=browser, told=told)
 
 
 def _report(found: dict[str, Any]) -> None:

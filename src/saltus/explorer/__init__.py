@@ -1,5 +1,1 @@
 """The explorer: a page in the browser that shows diagrams, orbits and basins of a system, and goes on from a click."""
-
-from saltus.explorer.exploring import explore
-
-__all__ = ["explore"]

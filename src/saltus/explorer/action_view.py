@@ -22,6 +22,7 @@ from saltus.explorer.steps import (
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Session
+    from saltus.system import HybridSystem
 
 __all__ = ["ActionView", "StartView"]
 
@@ -87,10 +88,18 @@ class ActionView:
         Called with the `Step` to take.
     film : callable
         Called when a film of the selected orbit is asked for.
+    films : callable
+        Returns whether orbits of a system can be filmed.
     """
 
-    def __init__(self, session: Session, run: Callable[[Step], None], film: Callable[[], None]) -> None:
-        self._session, self._run = session, run
+    def __init__(
+        self,
+        session: Session,
+        run: Callable[[Step], None],
+        film: Callable[[], None],
+        films: Callable[[HybridSystem], bool],
+    ) -> None:
+        self._session, self._run, self._films = session, run, films
         names = list(session.system.parameter_names)
         self._parameter, self._second = _select("parameter", names, 120), _select("and", names[1:] or names, 120)
         self._ends, self._second_ends = _ends(session, self._parameter), _ends(session, self._second)
@@ -99,7 +108,7 @@ class ActionView:
             "switch": widgets.button("Switch branch", "switch", tip="follow the other branch that meets here"),
             "cascade": widgets.button("Cascade", "cascade", tip="follow the next four period doublings"),
             "follow": widgets.button("Follow locus", "follow", tip="follow this point over both parameters"),
-            "film": widgets.button("Film", "film", tip="film the cantilever on this orbit"),
+            "film": widgets.button("Film", "film", tip="film the motion on this orbit"),
         }
         works = {"resume": self._resume, "switch": self._switch, "cascade": self._cascade, "follow": self._follow}
         for name, work in (works | {"film": film}).items():
@@ -125,7 +134,7 @@ class ActionView:
         self._two.visible = choices.follow
 
     def _choices(self) -> Choices:
-        return choices_at(self._session.settings.selected, self._session.results)
+        return choices_at(self._session.settings.selected, self._session.results, self._films)
 
     def _place(self) -> Place:
         selected = self._session.settings.selected

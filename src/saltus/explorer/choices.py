@@ -10,14 +10,14 @@ from saltus.explorer.steps import Place, taken
 from saltus.orbits import PeriodicOrbit
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
+
+    from saltus.system import HybridSystem
 
 __all__ = ["Choices", "choices_at"]
 
 _SWITCHED = {"orbits": ("PD", "BP", "GR", "HB"), "equilibria": ("HB", "BP")}
 _FOLLOWED = {"orbits": ("SN", "PD", "TR", "BP", "GR"), "equilibria": ("SN", "HB", "BE")}
-
-_AFM = ({"z1_nm", "D_nm"}, {"q1", "v1", "z", "force"})  # states and outputs by which models that tap are known
 
 
 class Choices(NamedTuple):
@@ -43,7 +43,7 @@ class Choices(NamedTuple):
     film: bool = False
 
 
-def choices_at(place: Place | None, results: Mapping[str, Any]) -> Choices:
+def choices_at(place: Place | None, results: Mapping[str, Any], films: Callable[[HybridSystem], bool]) -> Choices:
     """Return what the solution at a place allows.
 
     Parameters
@@ -52,10 +52,12 @@ def choices_at(place: Place | None, results: Mapping[str, Any]) -> Choices:
         The place.
     results : mapping of str to Result
         The results by name.
+    films : callable
+        Returns whether orbits of a system can be filmed.
 
     Examples
     --------
-    >>> choices_at(None, {})
+    >>> choices_at(None, {}, bool)
     Choices(what='', resume=False, switch='', follow=False, cascade=False, film=False)
     """
     if place is None or place.of not in results:
@@ -65,7 +67,7 @@ def choices_at(place: Place | None, results: Mapping[str, Any]) -> Choices:
         return Choices()
     of_orbits = isinstance(solution, PeriodicOrbit)
     what = "orbit" if of_orbits else "equilibrium"
-    film = of_orbits and any(sign <= {*solution.system.states, *solution.system.output_names} for sign in _AFM)
+    film = of_orbits and films(solution.system)
     if place.label is None or not isinstance(result, Branch | EquilibriumBranch):
         return Choices(what, resume=True, film=film)
     point, kind = result[place.label], "orbits" if of_orbits else "equilibria"

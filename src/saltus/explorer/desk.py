@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from saltus.companion import Companion
 from saltus.errors import SaltusError
-from saltus.explorer.tasks import Outcome, film, prepare, take, warm
+from saltus.explorer.tasks import Outcome, prepare, take, warm
 
 if TYPE_CHECKING:
+    from saltus.explorer.application import Application
     from saltus.explorer.session import Entry, Session
     from saltus.explorer.steps import Step
     from saltus.progress import Progress
@@ -62,12 +63,14 @@ class Desk:
 
     Parameters
     ----------
+    application : Application
+        Who films.
     session : Session
         The session.
     """
 
-    def __init__(self, session: Session) -> None:
-        self.session = session
+    def __init__(self, application: Application, session: Session) -> None:
+        self.application, self.session = application, session
         self.listener = Listener()
         self._companion = Companion(prepare)
         self._jobs: dict[int, Job] = {}
@@ -110,7 +113,7 @@ class Desk:
     def film(self, orbit: Any, done: Callable[[Path], None]) -> None:
         """Film an orbit into the session's folder."""
         path = self.session.folder / "film.gif"
-        self._hand_over(Job("film", None, done), film, orbit, str(path))
+        self._hand_over(Job("film", None, done), self.application.film, orbit, str(path))
 
     def warm(self) -> None:
         """Let the companion load what basins need, as long as nothing else is wanted."""

@@ -36,10 +36,17 @@ class OrbitView:
         What is shown.
     tell : callable
         Called with an error's line; empty where there is none.
+    readings : callable
+        Returns what an instrument shows of an orbit, by name.
     """
 
-    def __init__(self, session: Session, tell: Callable[[str], None]) -> None:
-        self._session, self._tell = session, tell
+    def __init__(
+        self,
+        session: Session,
+        tell: Callable[[str], None],
+        readings: Callable[[PeriodicOrbit], Mapping[str, Any]],
+    ) -> None:
+        self._session, self._tell, self._instrument = session, tell, readings
         self._shown: Any = None
         self.title = widgets.html("orbit-title")
         self._portrait, self._series = look.figure_of("portrait", height=_HEIGHT), look.figure_of("series", height=190)
@@ -133,22 +140,24 @@ class OrbitView:
         look.fit(self._circle, [-span, span], [-span, span], 0.0)
         told = {f"{i + 1}": f"{look.complex_text(value)}   |·| = {abs(value):.9g}" for i, value in enumerate(values)}
         self._numbers.object = look.table(told, ("", "value and modulus")) if told else ""
-        self._readings.object = look.table(readings_of(shown)) if shown is not None else ""
+        self._readings.object = look.table(readings_of(shown, self._instrument)) if shown is not None else ""
 
 
-def readings_of(shown: Any) -> Mapping[str, str]:
+def readings_of(shown: Any, instrument: Callable[[PeriodicOrbit], Mapping[str, Any]]) -> Mapping[str, str]:
     """Return observables of a solution as text by name.
 
     Parameters
     ----------
     shown : PeriodicOrbit, Equilibrium or Trajectory
         The solution.
+    instrument : callable
+        Returns what an instrument shows of an orbit, by name.
 
     Examples
     --------
     >>> from saltus import HybridSystem, find_equilibrium
     >>> found = find_equilibrium(HybridSystem.smooth({"x": "a - x"}, {"a": 2.0}), x0=[1.0])
-    >>> readings_of(found)["x"]
+    >>> readings_of(found, dict)["x"]
     '2'
     """
     rows = {name: look.number(value) for name, value in shown.parameters.items()}
@@ -163,17 +172,9 @@ def readings_of(shown: Any) -> Mapping[str, str]:
     texts = [f"{kind}({name})" for name in names for kind in ("min", "max", "mean")]
     texts += [f"{kind}({name}, 1)" for name in names[:1] for kind in ("amplitude", "phase")]
     found |= {name: look.number(value) for name, value in shown.observe(*texts).items()}
-    return {**_instrument(shown), **found, **rows}
-
-
-def _instrument(orbit: PeriodicOrbit) -> dict[str, str]:
-    """Return what an instrument shows of an orbit of `saltus.afm.model`."""
-    if "deflection_nm" not in orbit.system.output_names:
-        return {}
-    from saltus.afm import observables
-
-    seen = observables(orbit)
-    return {name: look.number(value) if isinstance(value, float) else f"{value}" for name, value in seen.items()}
+    seen = instrument(shown)
+    told = {name: look.number(value) if isinstance(value, float) else f"{value}" for name, value in seen.items()}
+    return {**told, **found, **rows}
 
 
 def _signature(orbit: PeriodicOrbit) -> str:

@@ -19,11 +19,12 @@ from saltus.errors import InputError, SaltusError
 from saltus.explorer import look
 from saltus.explorer.desk import Desk
 from saltus.explorer.session import Session, folder_of, new_folder, removed, sessions_in
-from saltus.explorer.subjects import Subject, built_in, titles
 from saltus.work import uncollected
 
 if TYPE_CHECKING:
+    from saltus.explorer.application import Application
     from saltus.explorer.page import Page
+    from saltus.explorer.subjects import Subject
 
 __all__ = ["LOOPBACK", "Address", "Office", "home_folder", "serve"]
 
@@ -70,14 +71,16 @@ class Office:
 
     Parameters
     ----------
+    application : Application
+        Whose models can be chosen.
     subject : Subject or None
-        The system; None for a choice among the models of this package.
+        The system; None for a choice among the models.
     home : Path
         Folder of the sessions.
     """
 
-    def __init__(self, subject: Subject | None, home: Path) -> None:
-        self.subject, self.home = subject, home
+    def __init__(self, application: Application, subject: Subject | None, home: Path) -> None:
+        self.application, self.subject, self.home = application, subject, home
         self._desks: dict[str, Desk] = {}
 
     def desk(self, name: str | None, system: str | None = None) -> Desk:
@@ -88,7 +91,7 @@ class Office:
         name : str or None
             What the session's folder is called.
         system : str, optional
-            A model of this package, where the server has no system of its own.
+            A model of the application, where the server has no system of its own.
 
         Raises
         ------
@@ -102,12 +105,13 @@ class Office:
         return self._opened(session)
 
     def _opened(self, session: Session) -> Desk:
-        desk = Desk(session)
+        desk = Desk(self.application, session)
         self._desks[session.folder.name] = desk
         return desk
 
     def _new(self, system: str | None = None) -> Session:
-        subject = self.subject or built_in(system or next(iter(titles())))
+        models = self.application
+        subject = self.subject or models.subject(system or next(iter(models.titles)))
         session = Session(subject, new_folder(self.home))
         session.keep()
         return session
@@ -191,7 +195,7 @@ def _template(office: Office, page: Page) -> Any:
     title = page.session.system.name or Path(subject.key).name
     made.add_variable("tab", f"{title} · saltus")
     made.add_variable("subject", escape(title))
-    known = () if office.subject is not None else titles().items()
+    known = () if office.subject is not None else office.application.titles.items()
     made.add_variable("systems", [(escape(key), escape(title)) for key, title in known])
     made.add_variable("chosen", escape(subject.key))
     return made

@@ -1,23 +1,20 @@
-"""Systems that can be explored: the models of this package, one in a file of the user, or one at hand."""
+"""Systems that can be explored: a model by its key, one in a file of the user, or one at hand."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from saltus.config_files import attribute_of
-from saltus.errors import InputError, nearest
+from saltus.errors import InputError
 from saltus.system import HybridSystem
 
 if TYPE_CHECKING:
     from saltus.system import Map
 
-__all__ = ["Subject", "built_in", "of_file", "of_system", "system_of", "titles"]
-
-_TAPPING = {"tapping-mode-1": 1, "tapping-mode-2": 2}  # the paper's models, and their modes
+__all__ = ["Subject", "definition_of", "of_file", "of_system", "system_of"]
 
 
 class Subject(NamedTuple):
@@ -61,6 +58,11 @@ def system_of(definition: str) -> HybridSystem:
     return HybridSystem.from_definition(json.loads(definition))
 
 
+def definition_of(system: HybridSystem) -> str:
+    """Return the definition of a system as JSON."""
+    return json.dumps(system.definition())
+
+
 def of_system(system: HybridSystem | Map, key: str = "") -> Subject:
     """Return a system at hand as a subject; its Python is the definition in full.
 
@@ -71,9 +73,8 @@ def of_system(system: HybridSystem | Map, key: str = "") -> Subject:
     """
     if not isinstance(system, HybridSystem):
         raise InputError("system", type(system).__name__, "a HybridSystem", "a Map has `diagram` and `plot`")
-    plain = system.definition()
-    lines = ("import saltus", "", f"system = saltus.HybridSystem.from_definition({plain!r})")
-    return Subject(key or system.name or "system", json.dumps(plain), lines)
+    lines = ("import saltus", "", f"system = saltus.HybridSystem.from_definition({system.definition()!r})")
+    return Subject(key or system.name or "system", definition_of(system), lines)
 
 
 def of_file(reference: str, folder: Path) -> Subject:
@@ -93,7 +94,8 @@ def of_file(reference: str, folder: Path) -> Subject:
     """
     place, _, name = reference.rpartition(":")
     if not place or not name:
-        raise InputError("SYSTEM", reference, "FILE.py:NAME or MODULE:NAME", _hint(reference))
+        hint = f"{reference}:oscillator, where the file has oscillator = saltus.HybridSystem(...)"
+        raise InputError("SYSTEM", reference, "FILE.py:NAME or MODULE:NAME", hint if reference.endswith(".py") else "")
     path = Path(place)
     if path.suffix == ".py":
         if not (folder / path).is_file():
@@ -114,63 +116,4 @@ def of_file(reference: str, folder: Path) -> Subject:
         "",
         f"system = {name}",
     )
-    return Subject(f"{home / path.name if path.suffix == '.py' else place}:{name}", of_system(system).definition, lines)
-
-
-def built_in(key: str) -> Subject:
-    """Return a model of this package.
-
-    Raises
-    ------
-    InputError
-        There is no such model.
-
-    Examples
-    --------
-    >>> built_in("tapping-mode-1").system.states
-    ('q1', 'v1')
-    """
-    known = titles()
-    if key not in known:
-        raise InputError("SYSTEM", key, f"one of {', '.join(known)}, or FILE.py:NAME", nearest(key, known))
-    if key in _TAPPING:
-        return _tapping(key, _TAPPING[key])
-    return _instrument(key)
-
-
-def titles() -> Mapping[str, str]:
-    """Return the models of this package by key, with a line for each."""
-    from saltus.afm.files.sets import entries_of, names
-
-    found = {key: f"Tapping mode as in the paper, {modes} mode{'s' * (modes > 1)}" for key, modes in _TAPPING.items()}
-    return found | {name: str(entries_of(name).get("title", name)) for name in names()}
-
-
-def _tapping(key: str, modes: int) -> Subject:
-    from saltus.afm import table1, tapping_mode
-
-    lines = ("import saltus", "from saltus import afm", "", f"system = afm.tapping_mode(afm.table1(), modes={modes})")
-    definition = of_system(tapping_mode(table1(), modes=modes)).definition
-    x0 = (-0.67, *[0.0] * (modes - 1), 0.75, *[0.0] * (modes - 1))
-    return Subject(key, definition, lines, x0, {"Omega": (0.8, 1.4), "ybar": (0.02, 0.3)})
-
-
-def _instrument(key: str) -> Subject:
-    from saltus.afm.files.configuration import named_experiment
-
-    lines = (
-        "import saltus",
-        "from saltus.afm.files.configuration import named_experiment",
-        "",
-        f"system = named_experiment({key!r}).model()",
-    )
-    experiment = named_experiment(key)
-    along, ends = experiment.curve.get("along", ""), experiment.curve.get("range", ())
-    ranges = {along: (float(ends[0]), float(ends[1]))} if len(ends) == 2 else {}
-    return Subject(key, of_system(experiment.model()).definition, lines, (), ranges)
-
-
-def _hint(reference: str) -> str:
-    if reference.endswith(".py"):
-        return f"{reference}:oscillator, where the file has oscillator = saltus.HybridSystem(...)"
-    return nearest(reference, titles())
+    return Subject(f"{home / path.name if path.suffix == '.py' else place}:{name}", definition_of(system), lines)

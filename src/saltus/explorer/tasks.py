@@ -1,4 +1,4 @@
-"""What the companion process does for a page: steps, and films."""
+"""What the companion process does for a page: it takes steps."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import time
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from saltus.errors import SaltusError
@@ -14,14 +13,10 @@ from saltus.explorer.steps import step_from
 from saltus.explorer.subjects import system_of
 
 if TYPE_CHECKING:
-    from saltus.orbits import PeriodicOrbit
     from saltus.progress import Report
     from saltus.result import Result
 
-__all__ = ["Outcome", "film", "prepare", "take", "warm"]
-
-
-_WIDTH = 640  # of a film, in pixels
+__all__ = ["Outcome", "prepare", "take", "warm"]
 
 
 class Outcome(NamedTuple):
@@ -97,26 +92,3 @@ def warm(definition: str, x0: tuple[float, ...], progress: Report | bool) -> Non
     with warnings.catch_warnings(), suppress(SaltusError):  # whoever asks for basins is told
         warnings.simplefilter("ignore")
         map_basins(system, {}, grid, find_attractors(system, {}, region, seeds=2, motions=8))
-
-
-def film(orbit: PeriodicOrbit, path: str, progress: Report | bool) -> Path:
-    """Film an orbit of an AFM model; one of the paper's models has the paper's cantilever.
-
-    Parameters
-    ----------
-    orbit : PeriodicOrbit
-        The orbit.
-    path : str
-        The film's file.
-    progress : callable or bool
-        As every long function of saltus takes it.
-
-    Raises
-    ------
-    SaltusError
-        As `saltus.afm.animate` does.
-    """
-    from saltus.afm import animate, table1
-
-    setup = None if "deflection_nm" in orbit.system.output_names else table1()
-    return Path(animate(orbit, path, setup=setup, width=_WIDTH, progress=progress))
