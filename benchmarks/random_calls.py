@@ -255,7 +255,7 @@ class Work:
         if self.orbit is None:
             raise Skipped
         mu = self.orbit.parameters["mu"]
-        control = saltus.StepControl(most=150)
+        control = saltus.StepControl(max_points=150)
         branch = self.ask(saltus.continue_orbit, self.orbit, "mu", (mu - 0.2, mu + 0.2), steps=control)
         checks = []
         # at a grazing whose reset moves the state one multiplier is infinite

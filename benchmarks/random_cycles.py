@@ -165,7 +165,7 @@ def followed(case: Case, largest: float) -> Branch:
     longest = LONGEST * case.orbit.period
     until = {"events": {"period": longest}, "stop_at": "period"} if case.kind == "born" else {}
     return continue_orbit(
-        case.orbit, case.parameter, case.bounds, steps=StepControl(largest=largest, most=MOST), **until
+        case.orbit, case.parameter, case.bounds, steps=StepControl(largest=largest, max_points=MOST), **until
     )
 
 

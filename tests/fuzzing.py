@@ -333,7 +333,7 @@ def objects() -> Objects:
     system = systems.impact_oscillator()
     orbit = saltus.solve_orbit(system, {}, [("free", "impact", [1.0, -1.3, 0.1], 6.28)])
     branch = saltus.continue_orbit(orbit, "A", (0.09, 1.05))
-    few = saltus.StepControl(most=3)
+    few = saltus.StepControl(max_points=3)
     bounds = {"A": (0.05, 0.2), "e": (0.7, 0.9)}
     x = np.linspace(-0.95, 0.95, 20)
     outside = np.hypot(*np.meshgrid(x, x, indexing="ij")) > 0.6
@@ -419,7 +419,7 @@ def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
         "follow_cascade, followed": Call(
             saltus.follow_cascade,
             {
-                "start": doubling, "bounds": (2.5, 3.5), "doublings": 1, "steps": saltus.StepControl(most=20),
+                "start": doubling, "bounds": (2.5, 3.5), "doublings": 1, "steps": saltus.StepControl(max_points=20),
                 "progress": False,
             },
         ),
@@ -581,7 +581,7 @@ def _defined(**parts: Any) -> saltus.HybridSystem:
 
 def _of_curves(made: Objects) -> dict[str, Call]:
     orbit, branch, locus, family = made.orbit, made.branch, made.locus, made.family
-    few = saltus.StepControl(most=3)
+    few = saltus.StepControl(max_points=3)
     ways = {"directions": "up", "stop_at": "SN", "steps": few, "progress": False}
     here = {"orbit": orbit, "parameter": "A", "bounds": (0.9, 1.05)}
     events = {"events": {"max_x": 1.0}}
@@ -590,7 +590,7 @@ def _of_curves(made: Objects) -> dict[str, Call]:
         "StepControl": Call(
             saltus.StepControl,
             {
-                "initial": 0.01, "smallest": 1e-8, "largest": 0.1, "angle": 0.5, "iterations": 5, "most": 10,
+                "initial": 0.01, "smallest": 1e-8, "largest": 0.1, "angle": 0.5, "iterations": 5, "max_points": 10,
                 "at_grazing": "pass",
             },
         ),
@@ -615,7 +615,7 @@ def _of_curves(made: Objects) -> dict[str, Call]:
             Grouped(saltus.optimise, options=OptimumOptions),
             {
                 "start": orbit, "maximise": "max(v)", "minimise": "", "over": ["A"], "bounds": {"A": (0.9, 1.05)},
-                "subject_to": {"min_x": (-9.0, None), "stable": False}, "margin": 0.01, "reach": 0.1, "most": 3,
+                "subject_to": {"min_x": (-9.0, None), "stable": False}, "margin": 0.01, "reach": 0.1, "max_orbits": 3,
                 "progress": False,
             },
         ),
@@ -647,7 +647,7 @@ def _of_curves(made: Objects) -> dict[str, Call]:
 
 def _of_equilibria(made: Objects) -> dict[str, Call]:
     rests, folds = made.rests, made.folds
-    few = saltus.StepControl(most=3)
+    few = saltus.StepControl(max_points=3)
     ways = {"directions": "up", "stop_at": "SN", "steps": few, "progress": False}
     picture = {"ax": None, "special": True, "legend": True}
     return {

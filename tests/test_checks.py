@@ -203,7 +203,7 @@ def test_no_door_takes_what_is_no_number(slow, wrong):
         lambda: solve_orbit(slow, {}, [("free", None, [1.0], wrong)]),
         lambda: solve_orbit(slow, {}, [("free", None, [1.0], 1.0)], tolerance=wrong),
         lambda: StepControl(initial=wrong),
-        lambda: StepControl(most=wrong),
+        lambda: StepControl(max_points=wrong),
         lambda: Section("x", wrong),
         lambda: Grid(("x",), {"x": (wrong, 1.0, 3)}),
         lambda: Grid(("x",), {"x": (0.0, 1.0, wrong)}),

@@ -96,7 +96,8 @@ def test_step_control_wants_smallest_below_largest():
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("most", 0), ("most", -3), ("iterations", 0), ("most", 2.5), ("iterations", "many")]
+    ("field", "value"),
+    [("max_points", 0), ("max_points", -3), ("iterations", 0), ("max_points", 2.5), ("iterations", "many")],
 )
 def test_step_control_wants_positive_counts(field, value):
     with pytest.raises(InputError, match=rf"^StepControl\.{field} = {value!r}: must be "):

@@ -212,7 +212,7 @@ def test_any_point_of_a_grazing_locus_starts_a_branch(plane):
         if curve.type == "GR":
             for i in range(0, len(curve), 6):
                 where = curve.values[i, 0]
-                bounds, few = (where - 1e-4, where + 1e-4), StepControl(most=2)
+                bounds, few = (where - 1e-4, where + 1e-4), StepControl(max_points=2)
                 branch = continue_orbit(curve.orbit(i), "Omega", bounds, steps=few)
                 assert len(branch) > 1
 

@@ -143,7 +143,7 @@ ENDS = {
 def test_cycles_are_followed_from_their_birth_to_a_stated_end(name: str) -> None:
     item = TEXTBOOK[name]
     cycle = switch_branch(branch(name)["HB1"])
-    cycles = continue_orbit(cycle, item.parameter, item.bounds, steps=StepControl(most=150))
+    cycles = continue_orbit(cycle, item.parameter, item.bounds, steps=StepControl(max_points=150))
     for end, words in zip(cycles.stopped, ENDS[name], strict=True):
         assert words in end
 

@@ -302,7 +302,7 @@ def test_an_unstable_start_is_told_under_stable_alone(response):
     assert not found.orbit.stable
 
 
-@pytest.mark.parametrize("field", [{"margin": 0.0}, {"reach": -1.0}, {"most": 0}])
+@pytest.mark.parametrize("field", [{"margin": 0.0}, {"reach": -1.0}, {"max_orbits": 0}])
 def test_options_are_checked(field):
     with pytest.raises(InputError, match=f"OptimumOptions.{next(iter(field))}"):
         OptimumOptions(**field)
@@ -333,7 +333,7 @@ def test_an_interrupt_and_a_limit_of_orbits_keep_the_best_so_far(linear):
     assert found.stopped == "interrupted: the best so far"
     assert found.best > gain(0.6)
     assert A1 in seen[0].text
-    few = optimise(linear, maximise=A1, over=["w"], options=OptimumOptions(most=2))
+    few = optimise(linear, maximise=A1, over=["w"], options=OptimumOptions(max_orbits=2))
     assert few.stopped == "no more orbits are allowed: the best so far"
     assert np.isnan(few.mismatch)
 

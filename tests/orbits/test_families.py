@@ -69,7 +69,7 @@ def test_a_branch_along_a_damping_follows_the_family_without_folds(pendulum):
     u = np.array([1.0, 0.0, swing(1.0)])
     problem.start(u)
     orbit = orbit_at(problem, u, problem.resolve(u)[1])
-    branch = continue_orbit(orbit, "la", (-0.2, 0.2), steps=StepControl(most=40))
+    branch = continue_orbit(orbit, "la", (-0.2, 0.2), steps=StepControl(max_points=40))
     assert np.abs(branch.values).max() < 1e-10
     # without damping the rest is a centre: a Hopf point, and no fold
     assert {point.type for point in branch.special_points} <= {"HB"}

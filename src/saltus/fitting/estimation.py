@@ -68,7 +68,7 @@ class FitOptions:
         Parameters of which the profile likelihood is computed; None for those that correlate above 0.95.
     steps : StepControl or None
         Steps of the branches that are traced; by default those of the functions that trace them.
-    most : int
+    max_evaluations : int
         Evaluations of the search, at most.
     """
 
@@ -77,7 +77,7 @@ class FitOptions:
     start: Mapping[str, float] = field(default_factory=dict)
     profile: Sequence[str] | None = None
     steps: StepControl | None = None
-    most: int = _MOST
+    max_evaluations: int = _MOST
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def task(
         told = f"{int(outside.sum())} of {len(measured)} data outside"
         raise InputError(along, told, f"data between {bounds[0]:.9g} and {bounds[1]:.9g}, where the branch is", hint)
     measured = measured.with_points(read_points(jumps, measured, bounds))
-    checks.count("most", options.most, 1)
+    checks.count("max_evaluations", options.max_evaluations, 1)
     names, start, limits = _varied(vary, branch, options.start)
     if measured.count < len(names):
         raise InputError("data", f"{measured.count} numbers", f"at least {len(names)}, one for each varied parameter")
@@ -239,7 +239,7 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
     with Reporter(progress) as reporter:
         objective = Objective(wanted.measured, wanted.trace, names, reporter)
         _begin(objective, wanted)
-        found = searched(objective, wanted.start, bounds, wanted.options.most)
+        found = searched(objective, wanted.start, bounds, wanted.options.max_evaluations)
         refused = len(objective.failures)
         for _ in range(_REPEATED):
             spread = covariance(found.evaluation.jacobian, found.evaluation.residuals)
@@ -249,7 +249,7 @@ def fitted(wanted: Task, progress: bool | Report) -> Fit:
             del objective.failures[refused:]
             if profiles.better is None:
                 break
-            found = minimised(objective, profiles.better.values, bounds, most=wanted.options.most)
+            found = minimised(objective, profiles.better.values, bounds, most=wanted.options.max_evaluations)
     fit = Fit(
         system=wanted.trace.branches[0].system,
         along=wanted.measured.along,

@@ -48,19 +48,19 @@ class OptimumOptions:
     reach : float
         Largest change of a parameter in the first step, over its unit. The unit is its range in `bounds` and at most
         ten times its value; without bounds it is the value.
-    most : int
+    max_orbits : int
         Orbits that the search looks at, at most.
     """
 
     margin: float = 1e-3
     reach: float = 0.1
-    most: int = 200
+    max_orbits: int = 200
 
     def __post_init__(self) -> None:
         checked = {
             "margin": checks.between("OptimumOptions.margin", self.margin, 1e-8, 0.5),
             "reach": checks.between("OptimumOptions.reach", self.reach, 1e-6, 10.0),
-            "most": checks.count("OptimumOptions.most", self.most),
+            "max_orbits": checks.count("OptimumOptions.max_orbits", self.max_orbits),
         }
         for name, value in checked.items():
             object.__setattr__(self, name, value)
@@ -159,7 +159,7 @@ def optimise(
         local = task.local(first)
         if not np.all(np.isfinite(local.jacobian)):
             raise InputError("start", "two multipliers that meet", "an orbit whose multipliers have derivatives")
-        box = task.box(options.reach, options.most)
+        box = task.box(options.reach, options.max_orbits)
         _check_moves(task, local, box)
         return _optimum(task, searched(task.at, local, box), box, goal)
 

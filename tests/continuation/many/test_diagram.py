@@ -88,7 +88,7 @@ def test_several_starts_on_one_branch_are_one_branch(lorenz):
 
 
 def test_the_most_branches_are_kept_to_and_the_rest_is_told(lorenz):
-    found = diagram(lorenz, "r", (0.0, 30.0), options=DiagramOptions(most=2))
+    found = diagram(lorenz, "r", (0.0, 30.0), options=DiagramOptions(max_branches=2))
     assert len(found) == 2
     assert found.stopped == "2 branches: 2 special points are left"
 
@@ -156,7 +156,7 @@ def test_bad_input_is_told(lure, change, message):
         diagram(**given)
 
 
-@pytest.mark.parametrize("field", ["depth", "most", "equilibria"])
+@pytest.mark.parametrize("field", ["depth", "max_branches", "equilibria"])
 def test_bad_options_are_told(field):
     with pytest.raises(InputError, match=rf"DiagramOptions\.{field}"):
         DiagramOptions(**{field: "much"})
@@ -169,7 +169,7 @@ def test_a_forced_system_has_no_diagram():
 
 
 def test_steps_are_those_of_the_options(nagumo):
-    few = DiagramOptions(depth=0, equilibria=StepControl(most=5))
+    few = DiagramOptions(depth=0, equilibria=StepControl(max_points=5))
     assert len(diagram(nagumo, "I0", (-1.0, 3.0), [-1.2, -0.6], options=few)[0]) <= 11
 
 

@@ -31,10 +31,10 @@ MIXED = {"d": [1.0, 9.0, 0.9], "c": [0.1, 0.1, 0.12]}
 LOCATED = 1e-9
 """Special points are located to 1e-10 in units of the interval."""
 
-LONG = BranchOptions(StepControl(largest=2e-3, most=10**6))
+LONG = BranchOptions(StepControl(largest=2e-3, max_points=10**6))
 """Some 2000 points a branch: more than a second."""
 
-UNEQUAL = BranchOptions(StepControl(largest=2e-4, most=10**6), directions="down", stop_at="SN")
+UNEQUAL = BranchOptions(StepControl(largest=2e-4, max_points=10**6), directions="down", stop_at="SN")
 """From A = 1 down to the fold: a few points where d = 8.5, thousands where it is near 1."""
 
 
@@ -334,7 +334,8 @@ saltus.work._TRIAL = 0.0
 orbit = saltus.solve_orbit(systems.impact_oscillator(), {"w": 1.1}, [("free", "impact", [1.0, -1.3, 0.1], 5.71)])
 start = saltus.continue_orbit(orbit, "d", (1.0, 8.5), directions="up").orbit(-1)
 print("began", flush=True)
-options = saltus.options.BranchOptions(saltus.StepControl(largest=LARGEST, most=10**6), directions="down", stop_at="SN")
+steps = saltus.StepControl(largest=LARGEST, max_points=10**6)
+options = saltus.options.BranchOptions(steps, directions="down", stop_at="SN")
 family = saltus.continue_family(
     start, "A", {"d": [8.5, 1.2, 1.1, 1.0]}, (0.05, 6.0), options=options, workers=2,
     progress=lambda progress: print(progress.done, progress.text, flush=True),

@@ -464,7 +464,7 @@ def test_multipliers_at_a_doubling_hold_minus_one_however_many_impacts():
     form = TableJump(0.5)
     x = form.after_impact(1.15)
     orbit = solve_orbit(systems.ball_on_table(), {"a": 1.15}, [("flight", "impact", x, 2 * math.pi)])
-    branch = continue_orbit(orbit, "a", (1.0, 3.0), directions="up", steps=StepControl(most=150))
+    branch = continue_orbit(orbit, "a", (1.0, 3.0), directions="up", steps=StepControl(max_points=150))
     for point in branch.special_points:
         wanted = {"PD": -1.0, "SN": 1.0}.get(point.type)
         if wanted:

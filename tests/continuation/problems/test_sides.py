@@ -250,7 +250,7 @@ def test_the_other_branch_at_a_pitchfork_in_the_origin(pitchfork):
 def test_a_branch_along_which_the_parameter_rests_has_no_folds(pitchfork):
     rest = solve_orbit(pitchfork, {"b": 0.0}, [("m", "s", [0.0], 2.0 * math.pi)])
     branch = continue_orbit(rest, "p", (-1.0, 1.0))
-    family = continue_orbit(switch_branch(branch["BP1"]), "p", (-1.0, 1.0), steps=StepControl(most=60))
+    family = continue_orbit(switch_branch(branch["BP1"]), "p", (-1.0, 1.0), steps=StepControl(max_points=60))
     assert np.abs(family.values).max() < 1e-12
     assert np.abs(family.x0).max() > 0.5
     assert not family.special_points.of_type("SN")

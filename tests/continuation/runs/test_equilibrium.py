@@ -318,7 +318,7 @@ def test_progress_is_told_and_an_interrupt_keeps_what_is_done():
 
 
 def test_at_most_so_many_points():
-    branch = _branch({"x": "mu - x**2"}, {"mu": 1.0}, [1.0], "mu", (-1.0, 2.0), steps=StepControl(most=4))
+    branch = _branch({"x": "mu - x**2"}, {"mu": 1.0}, [1.0], "mu", (-1.0, 2.0), steps=StepControl(max_points=4))
     assert all(reason.endswith("4 points") for reason in branch.stopped)
 
 

@@ -57,7 +57,7 @@ class StepControl:
         Largest angle between the tangents at a step's two ends, in radians.
     iterations : int
         Most Newton iterations; a step that needs more is repeated shorter.
-    most : int
+    max_points : int
         Most points of each direction of a branch or locus.
     pieces : int
         Most pieces of a smooth orbit that is cut where its sensitivities grow. A branch of orbits ends where more are
@@ -84,14 +84,14 @@ class StepControl:
     deviation: float = 3e-4
     angle: float = 0.5
     iterations: int = 7
-    most: int = 5000
+    max_points: int = 5000
     pieces: int = 1024
     at_grazing: str = "switch"
 
     def __post_init__(self) -> None:
         for name in ("initial", "smallest", "largest", "deviation", "angle"):
             object.__setattr__(self, name, checks.positive(f"StepControl.{name}", getattr(self, name)))
-        for name in ("iterations", "most", "pieces"):
+        for name in ("iterations", "max_points", "pieces"):
             object.__setattr__(self, name, checks.count(f"StepControl.{name}", getattr(self, name)))
         checks.chosen("StepControl.at_grazing", self.at_grazing, ("switch", "pass"))
         if not self.smallest <= self.largest:

@@ -48,7 +48,7 @@ class DiagramOptions:
         Most special points between a branch and a start: 0 for the equilibria through the starts alone, 1 for what
         meets them as well (cycles at HB, equilibria at BP), 2 for doubled cycles too. Of a map 1 has the cycles of
         period 2, 2 those of period 4.
-    most : int
+    max_branches : int
         Most branches.
     equilibria, orbits : StepControl
         Steps along branches of equilibria, and along those of orbits or of cycles of a map.
@@ -60,18 +60,18 @@ class DiagramOptions:
 
     Examples
     --------
-    >>> DiagramOptions(depth=1).most
+    >>> DiagramOptions(depth=1).max_branches
     40
     """
 
     depth: int = 2
-    most: int = 40
+    max_branches: int = 40
     equilibria: StepControl = field(default_factory=StepControl)
-    orbits: StepControl = field(default_factory=lambda: StepControl(most=400))
+    orbits: StepControl = field(default_factory=lambda: StepControl(max_points=400))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "depth", checks.count("DiagramOptions.depth", self.depth, 0))
-        object.__setattr__(self, "most", checks.count("DiagramOptions.most", self.most))
+        object.__setattr__(self, "max_branches", checks.count("DiagramOptions.max_branches", self.max_branches))
         for name in ("equilibria", "orbits"):
             checks.instance(f"DiagramOptions.{name}", getattr(self, name), StepControl)
 
@@ -150,7 +150,7 @@ def diagram(
     told = {
         "bounds": [low, high],
         "depth": chosen.depth,
-        "most": chosen.most,
+        "max_branches": chosen.max_branches,
         "equilibria": asdict(chosen.equilibria),
         "orbits": asdict(chosen.orbits),
         "x0": starts.tolist(),
@@ -193,13 +193,13 @@ class _Run:
                 if not self._lies_on_a_branch(start) and (end := self._follow(start, Origin(-1, "", 0))):
                     return end
             while self._waiting:
-                if len(self.branches) >= self.options.most:
-                    return f"{self.options.most} branches: {len(self._waiting)} special points are left"
+                if len(self.branches) >= self.options.max_branches:
+                    return f"{self.options.max_branches} branches: {len(self._waiting)} special points are left"
                 parent, point = self._waiting.pop(0)
                 origin = Origin(parent, point.label, self.origins[parent].depth + 1)
                 for other in self._others(parent, point):
-                    if len(self.branches) >= self.options.most:
-                        return f"{self.options.most} branches: others meet at {point.label} of branch {parent}"
+                    if len(self.branches) >= self.options.max_branches:
+                        return f"{self.options.max_branches} branches: others meet at {point.label} of branch {parent}"
                     if end := self._follow(other, origin, perhaps_known=point.multiplicity > 1):
                         return end
         except KeyboardInterrupt:

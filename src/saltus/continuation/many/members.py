@@ -96,7 +96,7 @@ def continue_family(
     options = BranchOptions() if options is None else checks.instance("options", options, BranchOptions)
     reporter = Reporter(progress)
     checks.chosen("parameter", parameter, checks.instance("orbit", orbit, PeriodicOrbit).system.parameter_names)
-    first = Task(parameter, bounds, replace(options, steps=replace(options.steps, most=1)))
+    first = Task(parameter, bounds, replace(options, steps=replace(options.steps, max_points=1)))
     trial = first.branch(orbit)  # raises `InputError` for an argument that cannot be used
     if is_interrupted(trial):
         raise KeyboardInterrupt

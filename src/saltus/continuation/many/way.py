@@ -17,7 +17,9 @@ from saltus.progress import Report
 
 __all__ = ["Task", "carried", "is_interrupted"]
 
-_WAY = StepControl(initial=0.05, largest=0.25, most=500)  # steps on the way to a member: long, only its end matters
+_WAY = StepControl(
+    initial=0.05, largest=0.25, max_points=500
+)  # steps on the way to a member: long, only its end matters
 _HALVINGS = 4  # binary logarithm of the most stairs of a way along several parameters
 
 

@@ -54,7 +54,8 @@ class _Run:
         half.points.append((piece, point))
         if self.reporter.report is not None:
             self.reporter.step(1, self.told(point))
-        return f"{self.place(point)}: {self.control.most} points" if len(half.points) >= self.control.most else None
+        most = self.control.max_points
+        return f"{self.place(point)}: {most} points" if len(half.points) >= most else None
 
     def options(self, bounds: Any, directions: str, events: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the arguments of the continuation, as a curve holds them."""

@@ -217,7 +217,7 @@ def test_cusp_points_meet_at_the_cusp(fig6_content, fig6_isolines, beyond, count
     wide = {"Omega": (0.99, 1.07), "D_att_1": (0.15, 0.172)}
     up_to = saltus.continue_locus(start, ("Omega", "D_att_1"), wide | {"D_att_1": (0.15, 0.1659)})
     near = up_to.point(int(np.argmax(up_to.column("D_att_1"))))
-    steps = saltus.StepControl(initial=4e-4, largest=4e-4, most=200)
+    steps = saltus.StepControl(initial=4e-4, largest=4e-4, max_points=200)
     isoline = saltus.continue_locus(near, ("Omega", "D_att_1"), wide, steps=steps)
     gaps = isoline.column("min_z")
     assert gaps.min() < cusp["min_z"] - 1e-3 < cusp["min_z"] + 1e-3 < gaps.max()

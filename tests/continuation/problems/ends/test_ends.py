@@ -116,7 +116,7 @@ def births(bursting: HybridSystem) -> dict[str, Branch]:
     """Return the branches of cycles from each Hopf point but the second."""
     rests = continue_equilibrium(find_equilibrium(bursting, {"J": 0.5}, [-1.5, -10.0, 0.5]), "J", (0.0, 30.0))
     return {
-        label: continue_orbit(switch_branch(rests[label]), "J", (0.0, 30.0), steps=StepControl(most=40))
+        label: continue_orbit(switch_branch(rests[label]), "J", (0.0, 30.0), steps=StepControl(max_points=40))
         for label in ("HB1", "HB3", "HB4")
     }
 
@@ -162,7 +162,7 @@ def test_small_cycles_with_a_fast_decay_shrink_to_their_hopf_point() -> None:
     assert [point.parameters["q2"] for point in rests.special_points.of_type("SN")] == pytest.approx(
         [1.05220028787, 1.04204850538], rel=1e-10
     )
-    cycles = continue_orbit(switch_branch(rests["HB2"]), "q2", (0.5, 2.0), steps=StepControl(most=30))
+    cycles = continue_orbit(switch_branch(rests["HB2"]), "q2", (0.5, 2.0), steps=StepControl(max_points=30))
     (end,) = cycles.special_points
     assert (end.type, end.parameters["q2"]) == ("HB", pytest.approx(1.05155746246, rel=1e-10))
     assert max(np.abs(cycles.multipliers[:, 0]).real) > 1.5  # it is subcritical
