@@ -76,8 +76,8 @@ def main() -> None:
     least, middle = timed(branch, REPEATS)
     print(f"{POINTS} points of Lorenz' equilibria, HB located: {least * per:.1f} ms, median {middle * per:.1f} ms")
     for name, (system, parameter, bounds, x0) in systems().items():
-        found = saltus.diagram(system, parameter, bounds, x0)
-        least, middle = timed(lambda given=(system, parameter, bounds, x0): saltus.diagram(*given), 3)
+        found = saltus.diagram(system, parameter, bounds, x0=x0)
+        least, middle = timed(lambda given=(system, parameter, bounds, x0): saltus.diagram(*given[:3], x0=given[3]), 3)
         points = ", ".join(point.label for point in found.special_points)
         print(f"diagram of {name}: {least:.2f} s, median {middle:.2f} s; {len(found)} branches: {points}")
 

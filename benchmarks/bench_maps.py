@@ -45,8 +45,8 @@ def one_motion() -> None:
     """Print what an iteration takes."""
     average = Average(periods=MEASURED, discard=0)
     works = {
-        "Henon, iteration": lambda: saltus.iterate(HENON, [0.1, 0.1], n=0, discard=ITERATIONS),
-        "tent map, iteration": lambda: saltus.iterate(TENT, [0.1], n=0, discard=ITERATIONS),
+        "Henon, iteration": lambda: saltus.iterate(HENON, x0=[0.1, 0.1], n=0, discard=ITERATIONS),
+        "tent map, iteration": lambda: saltus.iterate(TENT, x0=[0.1], n=0, discard=ITERATIONS),
         "Henon, with two exponents": lambda: saltus.lyapunov_spectrum(HENON, {}, [0.1, 0.1], average=average),
     }
     counts = {name: MEASURED if "exponents" in name else ITERATIONS for name in works}

@@ -150,7 +150,7 @@ def _missed(curve: Curve, value: float, motion: object) -> str:
     if np.any(np.abs(ends - wanted).max(axis=1) <= SAME * np.abs(wanted).max()):
         return ""
     try:  # a sweep's motion may still be on its way
-        settled = saltus.find_orbit(curve.system, motion.parameters, motion.state, motion.mode)
+        settled = saltus.find_orbit(curve.system, motion.parameters, motion.state, mode=motion.mode)
     except saltus.SaltusError:
         return "settles on no orbit"
     if stays_in_contact(settled):

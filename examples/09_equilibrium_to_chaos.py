@@ -17,7 +17,7 @@ import saltus
 lure = saltus.HybridSystem.smooth(
     {"x": "y", "y": "z", "z": "-al*z - be*y - x + x**2"}, parameters={"al": 1.2, "be": 1.0}, name="Lur'e"
 )
-diagram = saltus.diagram(lure, "al", (0.5, 1.5), [0.0, 0.0, 0.0])
+diagram = saltus.diagram(lure, "al", (0.5, 1.5), x0=[0.0, 0.0, 0.0])
 print(diagram)
 hopf = diagram[0]["HB1"]
 for name, found in (("al", hopf.parameters["al"]), ("frequency", hopf.normal_form.frequency)):

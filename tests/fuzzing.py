@@ -519,7 +519,7 @@ def _of_systems(made: Objects) -> dict[str, Call]:
 def _of_maps() -> dict[str, Call]:
     tent = discrete.tent_of()
     start = {"parameters": {"a": 1.5}, "x0": [0.3]}
-    iterates = saltus.iterate(tent, [0.3], n=5)
+    iterates = saltus.iterate(tent, x0=[0.3], n=5)
     piece = {"x": [0.3], "parameters": {"a": 1.5}}
     return {
         "Map": Call(
@@ -540,7 +540,7 @@ def _of_maps() -> dict[str, Call]:
         "Map.piece_of": Call(tent.piece_of, dict(piece)),
         "Map.image": Call(tent.image, dict(piece)),
         "Map.jacobian": Call(tent.jacobian, dict(piece)),
-        "iterate": Call(saltus.iterate, {"map": tent, **start, "n": 3, "discard": 2}),
+        "iterate": Call(saltus.iterate, {"system": tent, **start, "n": 3, "discard": 2}),
         "Iterates.output": Call(iterates.output, {"expression": "double + a"}),
         "Iterates.observe": Call(iterates.observe, {"*names": "mean(x)"}),
         "Iterates.plot": Call(

@@ -143,7 +143,7 @@ def _of_maps() -> dict[str, Result]:
     tent, region = tent_of(), {"x": (-0.2, 1.2)}
     found = find_attractors(tent, {"a": 1.7}, region, seeds=16, search=Search(samples=100))
     return {
-        "iterates": iterate(tent, [0.2], n=6),
+        "iterates": iterate(tent, x0=[0.2], n=6),
         "map sweep": run_sweep(tent, "a", [0.8, 1.7], x0=[0.3], options=SweepOptions(discard=50, keep=10)),
         "map spectrum": lyapunov_spectrum(tent, {}, [0.2], average=Average(periods=20)),
         "map attractors": found,

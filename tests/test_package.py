@@ -74,6 +74,23 @@ def test_a_name_that_was_at_the_front_door_is_told_where_it_is(home):
         exec(f"from saltus import {name}")
 
 
+NAMED = {"parameters", "mode", "options", "steps", "directions", "events", "stop_at", "progress"}
+"""Arguments that a public function takes by name; `parameters` also as its second."""
+
+
+@pytest.mark.parametrize("name", public_functions())
+def test_the_system_comes_first_then_parameters_then_the_state(name):
+    taken = inspect.signature(public_functions()[name]).parameters
+    by_name = [key for key, parameter in taken.items() if parameter.kind is parameter.KEYWORD_ONLY]
+    order = [key for key in taken if key in ("system", "parameters", "x0")]
+    assert order == sorted(order, key=("system", "parameters", "x0").index)
+    if "system" in taken:
+        assert next(iter(taken)) == "system"
+    assert "map" not in taken
+    second = list(taken)[1:2]
+    assert not [key for key in taken if key in NAMED and key not in by_name and [key] != second]
+
+
 @pytest.mark.parametrize("module", [saltus, *DOORS], ids=lambda module: module.__name__)
 def test_unknown_attribute_is_told(module):
     with pytest.raises(AttributeError, match=f"No {module.__name__} attribute orbit"):

@@ -71,7 +71,7 @@ def test_multipliers_beyond_all_numbers_are_infinite():
 def test_a_motion_settles_on_the_cycle_of_known_period(r, period):
     orbit = saltus.find_orbit(logistic(), {"r": r}, [0.1])
     assert (orbit.period, orbit.stable, orbit.regular) == (period, True, True)
-    again = saltus.iterate(logistic(), orbit.x0, {"r": r}, n=period).states[-1]
+    again = saltus.iterate(logistic(), {"r": r}, orbit.x0, n=period).states[-1]
     assert again == pytest.approx(orbit.x0, abs=1e-13)
 
 

@@ -54,7 +54,7 @@ def test_invariant_circles_of_the_delayed_logistic_map_have_the_radius_of_its_no
     assert (form.criticality, form.angle) == ("supercritical", pytest.approx(math.pi / 3, abs=1e-10))
     r = 2.002
     modulus = math.sqrt(r - 1)  # the determinant at the fixed point is r - 1
-    states = saltus.iterate(delayed(), [0.51, 0.5], {"r": r}, n=20_000, discard=20_000).states
+    states = saltus.iterate(delayed(), {"r": r}, [0.51, 0.5], n=20_000, discard=20_000).states
     # q = (exp(i pi/3), 1)/sqrt(2): y - y* has the amplitude 2 |z|/sqrt(2)
     amplitude = math.sqrt(2) * math.sqrt((modulus - 1) / -form.coefficient)
     assert np.ptp(states[:, 1]) / 2 == pytest.approx(amplitude, rel=0.03)

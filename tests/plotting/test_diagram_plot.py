@@ -12,7 +12,7 @@ from saltus import HybridSystem, InputError, Mode, diagram
 def brusselator():
     field = {"x": "A - (B + 1)*x + x**2*y", "y": "B*x - x**2*y"}
     system = HybridSystem(("x", "y"), {"A": 1.0, "B": 1.5}, {"flow": Mode(field)}, name="Brusselator")
-    return diagram(system, "B", (1.0, 3.0), [1.0, 1.0])
+    return diagram(system, "B", (1.0, 3.0), x0=[1.0, 1.0])
 
 
 def labels(ax):

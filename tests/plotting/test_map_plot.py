@@ -204,7 +204,9 @@ def test_a_saved_cycle_is_drawn_beside_its_file(tmp_path, capsys):
 
 
 def test_a_diagram_of_a_map_draws_all_points_and_each_special_point_once():
-    found = saltus.diagram(logistic(), "r", (0.5, 3.6), [[0.6], [0.0]], options=saltus.options.DiagramOptions(depth=2))
+    found = saltus.diagram(
+        logistic(), "r", (0.5, 3.6), x0=[[0.6], [0.0]], options=saltus.options.DiagramOptions(depth=2)
+    )
     ax = found.plot()
     assert {"stable fixed points", "stable cycles", "BP, branch point", "PD, period doubling"} <= set(texts(ax))
     blue = [line for line in ax.lines if line.get_linestyle() == "-" and to_hex(line.get_color()) == "#0f5fa8"]

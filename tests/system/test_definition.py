@@ -357,5 +357,5 @@ def test_greater_and_less_of_parameters_are_piecewise_smooth_in_them():
         compiled.call("field_p", 0, j, np.array([0.5, 0.25]), compiled.extended(p), slopes[j])
     assert system.field("smooth", [0.5, 0.25]).tolist() == [0.25, -1.75]
     assert slopes.tolist() == [[0.0, -0.5], [0.0, -0.25]]
-    assert system.field("smooth", [0.5, 0.25], {"k": 1e-9, "c": 1e9}).tolist() == [0.25, -0.5e9 - 1.25]
+    assert system.field("smooth", [0.5, 0.25], parameters={"k": 1e-9, "c": 1e9}).tolist() == [0.25, -0.5e9 - 1.25]
     assert evaluate(system, "up + Min(x, v, 1)", [[0.5, 0.25], [-0.5, 0.25]], 0).tolist() == [0.75, -0.5]

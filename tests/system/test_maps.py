@@ -118,7 +118,7 @@ def test_second_derivatives_are_compiled_as_those_of_a_flow():
 def test_each_piece_has_its_own_derivative():
     assert TENT.jacobian([0.2]).tolist() == [[1.8]]
     assert TENT.jacobian([0.8]).tolist() == [[-1.8]]
-    assert TENT.image([0.8], {"a": 1.0}).tolist() == pytest.approx([0.2])
+    assert TENT.image([0.8], parameters={"a": 1.0}).tolist() == pytest.approx([0.2])
 
 
 def test_plain_data_make_an_equal_map():
@@ -155,7 +155,7 @@ def test_the_text_of_a_map_shows_its_pieces():
 
 def test_bounds_and_groups_hold_as_in_hybrid_systems():
     bounded = Map(("x",), {"a": 1.0, "b": 1.0}, {"x": "a*b*x"}, groups={"both": ["a", "b"]}, positive=["a"])
-    assert bounded.image([1.0], {"both": 3.0}).tolist() == [9.0]
+    assert bounded.image([1.0], parameters={"both": 3.0}).tolist() == [9.0]
     with pytest.raises(InputError, match="a = -1.0: must be > 0"):
-        bounded.image([1.0], {"a": -1.0})
+        bounded.image([1.0], parameters={"a": -1.0})
     assert bounded.allowed("a")[0] > 0.0

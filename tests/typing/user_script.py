@@ -48,7 +48,7 @@ attractors: saltus.results.Attractors = saltus.find_attractors(ball, region={"z"
 basins: saltus.results.Basins = saltus.map_basins(ball, None, {"z": (0.0, 2.0, 100), "v": (-1.0, 1.0, 100)})
 henon = saltus.Map(("x", "y"), {"a": 1.4, "b": 0.3}, {"x": "1 - a*x**2 + y", "y": "b*x"})
 tent = saltus.Map(("x",), {}, pieces={"l": saltus.Piece({"x": "x"}, "-x"), "r": saltus.Piece({"x": "-x"}, "x")})
-iterates: saltus.results.Iterates = saltus.iterate(henon, [0.1, 0.1], {"a": 1.3}, n=100, discard=10)
+iterates: saltus.results.Iterates = saltus.iterate(henon, {"a": 1.3}, [0.1, 0.1], n=100, discard=10)
 pieces: tuple[str, ...] = iterates.itinerary
 diagram: saltus.results.Sweep = saltus.run_sweep(henon, "a", [1.0, 1.2], x0=[0.1, 0.1])
 of_map: saltus.results.Basins = saltus.map_basins(henon, None, {"x": (-2.0, 2.0, 10), "y": (-2.0, 2.0, 10)})
@@ -69,7 +69,7 @@ saltus.run_sweep(ball, "A", [0.1], discard=300)  # wrong
 saltus.run_sweep(ball, "A", [0.1], progress="bar")  # wrong
 saltus.simulate(ball, x0=[1.0, 0.0], t_end=1.0, limits=saltus.options.Limits(time=1.0))  # wrong
 saltus.find_orbits(ball)  # wrong
-saltus.iterate(ball, [1.0, 0.0])  # wrong
+saltus.iterate(ball, x0=[1.0, 0.0])  # wrong
 saltus.simulate(henon, x0=[0.1, 0.1], t_end=1.0)  # wrong
 saltus.simulate(ball, x0=[1.0, 0.0], t_end="long")  # wrong
 saltus.simulate(ball, x0=[1.0, 0.0], until=10.0)  # wrong

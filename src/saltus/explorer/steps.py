@@ -133,7 +133,7 @@ class FindOrbit(_Found):
         """Call `saltus.find_orbit`."""
         from saltus.orbits import find_orbit
 
-        return find_orbit(system, self.parameters, list(self.x0), self.mode)
+        return find_orbit(system, self.parameters, list(self.x0), mode=self.mode)
 
     def text(self) -> str:
         """Return the call as Python."""

@@ -120,7 +120,7 @@ class Iterates(Result):
         Examples
         --------
         >>> doubling = Map(("x",), {}, {"x": "2*x*(1 - x)"})
-        >>> iterate(doubling, [0.5], n=3).observe("mean(x)")
+        >>> iterate(doubling, x0=[0.5], n=3).observe("mean(x)")
         {'mean(x)': 0.5}
         """
         found = observe_states(self.system, self.parameters, self.states, self.pieces, names)
@@ -178,9 +178,10 @@ class Iterates(Result):
 
 
 def iterate(
-    map: Map,
-    x0: ArrayLike,
+    system: Map,
     parameters: Mapping[str, float] | None = None,
+    x0: ArrayLike = (),
+    *,
     n: int = 100,
     discard: int = 0,
 ) -> Iterates:
@@ -188,12 +189,12 @@ def iterate(
 
     Parameters
     ----------
-    map : Map
+    system : Map
         The map.
-    x0 : array_like, shape (states,)
-        The state.
     parameters : mapping of str to float, optional
         Parameters that differ from the defaults.
+    x0 : array_like, shape (states,)
+        The state.
     n : int, optional
         How many iterations are kept.
     discard : int, optional
@@ -216,11 +217,12 @@ def iterate(
     Examples
     --------
     >>> logistic = Map(("x",), {"r": 3.2}, {"x": "r*x*(1 - x)"})
-    >>> found = iterate(logistic, [0.3], n=3, discard=1000)
+    >>> found = iterate(logistic, x0=[0.3], n=3, discard=1000)
     >>> print(found.states[:, 0].round(6))
     [0.799455 0.513045 0.799455 0.513045]
     """
-    system = checks.instance("map", map, Map, "simulate follows a HybridSystem" if hasattr(map, "transitions") else "")
+    hint = "simulate follows a HybridSystem" if hasattr(system, "transitions") else ""
+    system = checks.instance("system", system, Map, hint)
     x = system.full_state(x0)
     kept, dropped = checks.size("n", n, 0), checks.count("discard", discard, 0)
     p = system.parameter_vector(parameters)

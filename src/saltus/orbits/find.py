@@ -46,8 +46,8 @@ def find_orbit(
     system: HybridSystem,
     parameters: Mapping[str, float] | None = None,
     x0: ArrayLike = (),
-    mode: str | None = None,
     *,
+    mode: str | None = None,
     settle: float | None = None,
     tolerance: float = 1e-12,
 ) -> PeriodicOrbit: ...
@@ -63,8 +63,8 @@ def find_orbit(
     system: HybridSystem | Map,
     parameters: Mapping[str, float] | None = None,
     x0: ArrayLike = (),
-    mode: str | None = None,
     *,
+    mode: str | None = None,
     settle: float | None = None,
     tolerance: float = 1e-12,
 ) -> PeriodicOrbit | MapOrbit:

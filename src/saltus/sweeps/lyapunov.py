@@ -102,7 +102,7 @@ class LyapunovSpectrum(Result):
             return 1.0
         if self.system.phase is None:
             raise InputError("system", self.system.name, "one with a phase", "its exponents are per unit of time only")
-        return 2.0 * math.pi / float(self.system.field(self.mode_end, self.x_end, self.parameters)[-1])
+        return 2.0 * math.pi / float(self.system.field(self.mode_end, self.x_end, parameters=self.parameters)[-1])
 
     @property
     def per_period(self) -> NDArray[np.float64]:

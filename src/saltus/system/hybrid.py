@@ -242,7 +242,9 @@ class HybridSystem(Definition):
         """The compiled linear parts of the modes."""
         return compiled.load_linear(self)
 
-    def field(self, mode: str, state: ArrayLike, parameters: Mapping[str, float] | None = None) -> NDArray[np.float64]:
+    def field(
+        self, mode: str, state: ArrayLike, *, parameters: Mapping[str, float] | None = None
+    ) -> NDArray[np.float64]:
         """Return the vector field of a mode at a state.
 
         Parameters

@@ -246,7 +246,7 @@ class Map(Definition):
             raise pieces_error(self, x, p)
         return found
 
-    def piece_of(self, x: ArrayLike, parameters: Mapping[str, float] | None = None) -> str:
+    def piece_of(self, x: ArrayLike, *, parameters: Mapping[str, float] | None = None) -> str:
         """Return the name of the piece that holds at a state.
 
         Parameters
@@ -270,7 +270,7 @@ class Map(Definition):
         """
         return self.piece_names[self.piece_index(self.full_state(x, "x"), self.parameter_vector(parameters))]
 
-    def image(self, x: ArrayLike, parameters: Mapping[str, float] | None = None) -> NDArray[np.float64]:
+    def image(self, x: ArrayLike, *, parameters: Mapping[str, float] | None = None) -> NDArray[np.float64]:
         """Return the image of a state.
 
         Parameters
@@ -293,7 +293,7 @@ class Map(Definition):
         state, p = self.full_state(x, "x"), self.parameter_vector(parameters)
         return self.compiled.field(self.piece_index(state, p), state, p)
 
-    def jacobian(self, x: ArrayLike, parameters: Mapping[str, float] | None = None) -> NDArray[np.float64]:
+    def jacobian(self, x: ArrayLike, *, parameters: Mapping[str, float] | None = None) -> NDArray[np.float64]:
         """Return the derivative of the image of a state, that of the piece that holds there.
 
         Parameters

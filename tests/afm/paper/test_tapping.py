@@ -54,7 +54,7 @@ def test_field_is_newtons_law_in_si_units(systems, n, mode, gaps):
     for gap in gaps:
         state = state_with_gap(rng, n, gap, rng.uniform(0.0, 6.0), 0.2)
         expected = newtons_law(table1(), state, Omega=1.07, ybar=0.2, D=damping)
-        np.testing.assert_allclose(systems[n].field(mode, state, values), expected, rtol=1e-12, atol=1e-11)
+        np.testing.assert_allclose(systems[n].field(mode, state, parameters=values), expected, rtol=1e-12, atol=1e-11)
 
 
 def test_static_term_as_printed_is_the_other_sign():
@@ -67,11 +67,11 @@ def test_static_term_as_printed_is_the_other_sign():
 
 
 def test_rest_is_an_equilibrium_without_drive(systems):
-    assert np.abs(systems[2].field("flight", np.zeros(5), {"ybar": 0.0})[:4]).max() == 0.0
+    assert np.abs(systems[2].field("flight", np.zeros(5), parameters={"ybar": 0.0})[:4]).max() == 0.0
 
 
 def test_rest_is_no_equilibrium_as_printed():
-    printed = tapping_mode(table1(), 2, static_term="as-printed").field("flight", np.zeros(5), {"ybar": 0.0})
+    printed = tapping_mode(table1(), 2, static_term="as-printed").field("flight", np.zeros(5), parameters={"ybar": 0.0})
     np.testing.assert_allclose(printed, [0.0, 0.0, 2 * 2.35038841e-6, 2 * 2.35038841e-6, 1.0], rtol=3e-9)
 
 
@@ -89,7 +89,7 @@ def test_physical_parameters_act_as_a_new_set_up(systems):
     sample = type(setup.sample)(**{name: value for name, value in values.items() if name != "eta"})
     other = tapping_mode(Setup(setup.cantilever, sample, values["eta"]), 2)
     for mode, state in (("flight", [0.1, 0.02, 0.5, -0.5, 2.0]), ("contact", [1.1, 0.02, 0.5, -0.5, 2.0])):
-        np.testing.assert_array_equal(systems[2].field(mode, state, values), other.field(mode, state))
+        np.testing.assert_array_equal(systems[2].field(mode, state, parameters=values), other.field(mode, state))
 
 
 @pytest.mark.parametrize(("mode", "q1"), [("flight", 0.4), ("contact", 1.2)])
@@ -99,8 +99,8 @@ def test_outputs_are_gap_its_rate_and_force_in_units_of_eta_omega_1_and_k_eta(sy
     p = system.compiled.extended(system.parameter_vector({"Omega": 1.07}))
     system.compiled.call("outputs", system.mode_index(mode), 0, state, p, out)
     gap = 1.0 - q1 + 0.1 - 0.108 * np.sin(0.5)
-    ahead = state + 1e-6 * system.field(mode, state, {"Omega": 1.07})
-    back = state - 1e-6 * system.field(mode, state, {"Omega": 1.07})
+    ahead = state + 1e-6 * system.field(mode, state, parameters={"Omega": 1.07})
+    back = state - 1e-6 * system.field(mode, state, parameters={"Omega": 1.07})
     rate = (back[:2].sum() + 0.108 * np.sin(back[-1]) - ahead[:2].sum() - 0.108 * np.sin(ahead[-1])) / 2e-6
     unit = setup.cantilever.k * setup.eta
     np.testing.assert_allclose(out[[0, 2]], [gap, tip_force(gap * setup.eta, setup.sample) / unit], rtol=1e-13)

@@ -36,7 +36,7 @@ def lorenz():
 
 @pytest.fixture(scope="module")
 def of_lure(lure):
-    return diagram(lure, "al", (0.5, 1.5), [0.0, 0.0, 0.0])
+    return diagram(lure, "al", (0.5, 1.5), x0=[0.0, 0.0, 0.0])
 
 
 def kinds(found):
@@ -63,7 +63,7 @@ def test_a_doubling_is_told_once_though_two_branches_share_it(of_lure):
 
 
 def test_cycles_between_two_hopf_points_are_followed_once(nagumo):
-    found = diagram(nagumo, "I0", (-1.0, 3.0), [-1.2, -0.6])
+    found = diagram(nagumo, "I0", (-1.0, 3.0), x0=[-1.2, -0.6])
     assert kinds(found) == ["equilibria", "orbits"]
     v = math.sqrt(1.0 - 0.8 * 0.08)
     exact = sorted((u + 0.7) / 0.8 - u + u**3 / 3.0 for u in (-v, v))
@@ -83,7 +83,7 @@ def test_branches_of_a_pitchfork_are_found_from_the_origin(lorenz):
 
 def test_several_starts_on_one_branch_are_one_branch(lorenz):
     starts = [[0.0, 0.0, 0.0], [8.0, 8.0, 23.0], [-8.0, -8.0, 23.0]]
-    found = diagram(lorenz, "r", (0.0, 30.0), starts, parameters={"r": 24.0}, options=DiagramOptions(depth=0))
+    found = diagram(lorenz, "r", (0.0, 30.0), x0=starts, parameters={"r": 24.0}, options=DiagramOptions(depth=0))
     assert kinds(found) == ["equilibria", "equilibria"]
 
 
@@ -120,7 +120,7 @@ def test_progress_tells_the_search_at_a_point_and_an_interrupt_there_keeps_the_b
 
 def test_progress_tells_branch_and_parameter(nagumo):
     seen = []
-    diagram(nagumo, "I0", (-1.0, 0.0), [-1.2, -0.6], progress=lambda told: seen.append((told.done, told.text)))
+    diagram(nagumo, "I0", (-1.0, 0.0), x0=[-1.2, -0.6], progress=lambda told: seen.append((told.done, told.text)))
     assert seen[0][0] == 1
     assert seen[-1][1].startswith("branch 0, I0 = ")
 
@@ -170,12 +170,12 @@ def test_a_forced_system_has_no_diagram():
 
 def test_steps_are_those_of_the_options(nagumo):
     few = DiagramOptions(depth=0, equilibria=StepControl(max_points=5))
-    assert len(diagram(nagumo, "I0", (-1.0, 3.0), [-1.2, -0.6], options=few)[0]) <= 11
+    assert len(diagram(nagumo, "I0", (-1.0, 3.0), x0=[-1.2, -0.6], options=few)[0]) <= 11
 
 
 def test_a_hopf_point_at_a_saddle_node_is_tried_and_its_failure_told():
     field = {"x": "-y - z", "y": "x + y/5", "z": "1/5 + z*(x - c)"}  # Roessler's two equilibria meet at c = 0.4
-    found = diagram(HybridSystem.smooth(field, {"c": 5.7}), "c", (0.3, 6.0), [5.7, -28.0, 28.0])
+    found = diagram(HybridSystem.smooth(field, {"c": 5.7}), "c", (0.3, 6.0), x0=[5.7, -28.0, 28.0])
     assert sorted(point.type for point in found.special_points) == ["HB", "SN"]
     (failure,) = found.failures
     assert failure.startswith("HB1 of branch 0: ")
@@ -187,7 +187,7 @@ def test_a_hopf_point_at_a_saddle_node_is_tried_and_its_failure_told():
 )
 def test_all_branches_of_a_square_are_found_once_from_any_starts(starts):
     square = HybridSystem.smooth({"x": "a*x - x**3 - b*x*y**2", "y": "a*y - y**3 - b*y*x**2"}, {"a": 0.5, "b": 0.5})
-    found = saltus.diagram(square, "a", (-1.0, 1.0), starts)
+    found = saltus.diagram(square, "a", (-1.0, 1.0), x0=starts)
     axis, diagonal = 1.0, math.sqrt(1.0 / 1.5)
     ends = sorted(tuple(np.abs(branch.states[-1]).round(6) + 0.0) for branch in found.branches)
     assert ends == sorted(

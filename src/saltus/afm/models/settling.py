@@ -108,7 +108,7 @@ def settled(
         lost = f"the motion is lost: {motion.reason}"
         return lost if motion.reason else f"the motion is {motion.label}"
     try:
-        return find_orbit(system, parameters, motion.state, motion.mode, settle=1.0)
+        return find_orbit(system, parameters, motion.state, mode=motion.mode, settle=1.0)
     except SaltusError:
         return f"the motion settles on {_periods(motion.period)}"
 
@@ -147,7 +147,7 @@ def settled_orbit(
     """
     patience = periods_of_patience(parameters)
     if system.series(ORDER) is None:
-        return find_orbit(system, parameters, x0, mode, settle=patience)
+        return find_orbit(system, parameters, x0, mode=mode, settle=patience)
     p, x = system.parameter_vector(parameters), system.full_state(x0)
     here = starting_mode(system, x, p) if mode is None else system.mode_index(mode)
     near, done, batch, longest = _NEAR, 0, _BATCH, min(_AGAIN * patience, _MOST)
@@ -161,11 +161,11 @@ def settled_orbit(
             if _approaches(states, section, sizes):
                 return orbit
         if done >= longest:
-            return find_orbit(system, parameters, x, system.mode_names[here], settle=patience)
+            return find_orbit(system, parameters, x, mode=system.mode_names[here], settle=patience)
         if (gap := _recurrence(states, sizes)) < near:
             near = _NEARER * gap
             with suppress(ConvergenceError, StiffnessError):  # it has not settled yet
-                return find_orbit(system, parameters, x, system.mode_names[here], settle=1.0)
+                return find_orbit(system, parameters, x, mode=system.mode_names[here], settle=1.0)
 
 
 def _sizes(system: HybridSystem, parameters: Mapping[str, float], states: NDArray[np.float64]) -> NDArray[np.float64]:

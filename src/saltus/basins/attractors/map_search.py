@@ -44,7 +44,7 @@ class MapSearch(AttractorSearch):
         return engine, engine
 
     def _way(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(np.abs(self.system.image(start, self.parameters) - start))
+        return np.asarray(np.abs(self.system.image(start, parameters=self.parameters) - start))
 
     def find_caged(self) -> None:
         """Find nothing: the theorem of cages is one on flows."""

@@ -128,7 +128,9 @@ class PeriodicSearch(FollowedMotions):
         if turns <= LONGEST:
             # one that is next to rest recurs by the region's size, but not by its own
             with suppress(ConvergenceError):
-                return find_orbit(flowing(self.system), self.parameters, x, self.system.mode_names[mode], settle=1.0)
+                return find_orbit(
+                    flowing(self.system), self.parameters, x, mode=self.system.mode_names[mode], settle=1.0
+                )
         names, start = self.system.mode_names, self.system.full_state(x)
         log = events_after(flowing(self.system), self.p, start, mode, periods=turns)
         events = np.flatnonzero(log.transition >= 0)
@@ -208,7 +210,7 @@ class PeriodicSearch(FollowedMotions):
             x = x - np.linalg.solve(slope, apart)
         else:
             return None
-        speed = np.abs(flowing(self.system).field(self.system.mode_names[mode], x, self.parameters))
+        speed = np.abs(flowing(self.system).field(self.system.mode_names[mode], x, parameters=self.parameters))
         if float(np.max(speed * self.ensemble.period / self.scale)) > SAME:
             return None
         name = self.system.mode_names[mode]

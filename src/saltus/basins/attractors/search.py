@@ -197,7 +197,7 @@ class AttractorSearch(PeriodicSearch):
             Strobes would see only a few points of the cycle.
         """
         try:
-            orbit = find_orbit(flowing(self.system), self.parameters, x, self.system.mode_names[mode])
+            orbit = find_orbit(flowing(self.system), self.parameters, x, mode=self.system.mode_names[mode])
         except SaltusError:
             return found
         if not orbit.stable:

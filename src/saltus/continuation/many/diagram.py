@@ -80,9 +80,9 @@ def diagram(
     system: HybridSystem | Map,
     parameter: str,
     bounds: tuple[float, float],
-    x0: ArrayLike | None = None,
     *,
     parameters: Mapping[str, float] | None = None,
+    x0: ArrayLike | None = None,
     options: DiagramOptions | None = None,
     progress: bool | Report = False,
 ) -> Diagram:
@@ -100,10 +100,10 @@ def diagram(
         The parameter that varies.
     bounds : (float, float)
         Its interval. The starts have the parameter's given value, or the middle of the interval if that lies outside.
-    x0 : array_like, shape (states,) or (starts, states), optional
-        States near equilibria or fixed points, one or several; by default the origin.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
+    x0 : array_like, shape (states,) or (starts, states), optional
+        States near equilibria or fixed points, one or several; by default the origin.
     options : DiagramOptions, optional
         Depth, most branches, steps.
     progress : bool or callable
@@ -128,7 +128,7 @@ def diagram(
     >>> brusselator = HybridSystem(
     ...     ("x", "y"), {"A": 1.0, "B": 1.5}, {"flow": Mode({"x": "A - (B + 1)*x + x**2*y", "y": "B*x - x**2*y"})}
     ... )
-    >>> found = diagram(brusselator, "B", (1.0, 3.0), [1.0, 1.0])
+    >>> found = diagram(brusselator, "B", (1.0, 3.0), x0=[1.0, 1.0])
     >>> [len(branch) > 9 for branch in found], [point.label for point in found.special_points]
     ([True, True], ['HB1'])
     """

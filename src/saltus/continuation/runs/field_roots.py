@@ -19,9 +19,9 @@ def rooted_modes(orbit: PeriodicOrbit) -> list[str]:
     """Return the modes in which a segment of an orbit begins at a root of the field: where its slope is infinite."""
     found = []
     for part in orbit.segments:
-        rate = orbit.system.field(part.mode, part.state, orbit.parameters)
+        rate = orbit.system.field(part.mode, part.state, parameters=orbit.parameters)
         here, near, far = (
-            orbit.system.field(part.mode, part.state + share * orbit.period * rate, orbit.parameters)
+            orbit.system.field(part.mode, part.state + share * orbit.period * rate, parameters=orbit.parameters)
             for share in _ROOT_PLACES
         )
         small, large = (float(np.max(np.abs(there - here))) for there in (near, far))
