@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents
 from saltus.equilibria.problem import EquilibriumProblem
-from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of
-from saltus.result import Result, frozen
+from saltus.equilibria.spectrum import NEUTRAL, eigenvalues, kind_of, multiplicity
+from saltus.result import frozen
+from saltus.solution import Solution
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system
 
@@ -24,10 +25,12 @@ if TYPE_CHECKING:
 __all__ = ["Equilibrium", "equilibrium_at", "faults_of"]
 
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state lies on the surface
+_ASIDE = 1e-3  # change of a parameter, over its value, beside a point at which all eigenvalues may vanish
+_GROWS = 1e-6  # real part, over the largest modulus, above which a disturbance grows
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Equilibrium(Result):
+class Equilibrium(Solution):
     """A state of one mode at which the field vanishes.
 
     Attributes
@@ -57,6 +60,9 @@ class Equilibrium(Result):
     residual: float
     reasons: tuple[str, ...] = ()
 
+    noun = "an equilibrium"
+    at_rest = True
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "state", frozen(self.state))
         object.__setattr__(self, "eigenvalues", frozen(self.eigenvalues, np.complex128))
@@ -71,15 +77,35 @@ class Equilibrium(Result):
         """Least and greatest value of each state: twice the state."""
         return self.state, self.state
 
+    def _states_along(self, points: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return np.zeros(1), self.state[None]
+
+    def row(self) -> dict[str, Any]:
+        """Return what a table says of the equilibrium: states, stability, mode, whether it is regular."""
+        row: dict[str, Any] = dict(zip(self.system.states, self.state.tolist(), strict=True))
+        return row | {"stable": self.stable, "mode": self.mode, "regular": self.regular}
+
     @property
     def stable(self) -> bool:
         """Whether all eigenvalues have negative real parts, beyond rounding."""
         return bool(np.all(self.eigenvalues.real < -NEUTRAL * float(np.abs(self.eigenvalues).max(initial=0.0))))
 
     @property
+    def unstable(self) -> int:
+        """Number of eigenvalues whose real part is positive, beyond rounding."""
+        return int(np.sum(self.eigenvalues.real > _GROWS * np.abs(self.eigenvalues).max()))
+
+    @property
     def regular(self) -> bool:
-        """Whether the state lies where its mode holds; a virtual equilibrium is none of the system."""
-        return not self.reasons
+        """Whether the state lies where its mode holds: `sound`. A virtual equilibrium is none of the system."""
+        return self.sound
+
+    def _multiplicity(self, type: str, varied: Sequence[str]) -> int:
+        (along, *_), x = varied, self.state
+        aside = self.parameters[along] + _ASIDE * max(abs(self.parameters[along]), 1.0)
+        J = self.problem(along).evaluate(np.append(x, aside))[1][:, :-1]
+        unit = float(np.abs(np.linalg.eigvals(J)).max()) if np.all(np.isfinite(J)) else 0.0
+        return multiplicity(self.eigenvalues, type, unit)
 
     @property
     def kind(self) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -13,8 +13,9 @@ from saltus import checks
 from saltus.contents import Contents
 from saltus.errors import InputError
 from saltus.maps.problem import CycleProblem
-from saltus.maps.spectrum import NEUTRAL, multipliers_of
-from saltus.result import Result, frozen
+from saltus.maps.spectrum import NEUTRAL, count_outside, multiplicity, multipliers_of
+from saltus.result import frozen
+from saltus.solution import Solution
 from saltus.system.angles import TURN
 from saltus.system.evaluate import evaluate
 from saltus.system.maps import Map
@@ -31,7 +32,7 @@ _SHOWN = 4  # points that a `repr` lists
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MapOrbit(Result):
+class MapOrbit(Solution):
     """A fixed point or a cycle of a map; made by `solve_orbit` and `find_orbit`.
 
     Attributes
@@ -60,6 +61,8 @@ class MapOrbit(Result):
     residual: float
     reasons: tuple[str, ...] = ()
 
+    noun = "a cycle"
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", frozen(self.points))
         object.__setattr__(self, "multipliers", frozen(self.multipliers, np.complex128))
@@ -79,15 +82,32 @@ class MapOrbit(Result):
         """The first point, shape (states,)."""
         return np.asarray(self.points[0])
 
+    def _states_along(self, points: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return np.arange(float(self.period)), self.points
+
+    def row(self) -> dict[str, Any]:
+        """Return what a table says of the cycle: first point, period, stability, itinerary, whether it is regular."""
+        row: dict[str, Any] = dict(zip(self.system.states, self.x0.tolist(), strict=True))
+        row |= {"period": self.period, "stable": self.stable, "itinerary": self.itinerary}
+        return row | {"regular": self.regular}
+
     @property
     def stable(self) -> bool:
         """Whether all multipliers lie inside the unit circle, beyond rounding."""
         return bool(np.all(np.abs(self.multipliers) < 1.0 - NEUTRAL))
 
     @property
+    def unstable(self) -> int:
+        """Number of multipliers outside the unit circle, beyond rounding."""
+        return count_outside(self.multipliers)
+
+    @property
     def regular(self) -> bool:
-        """Whether each point lies where its piece holds; a virtual cycle is none of the map."""
-        return not self.reasons
+        """Whether each point lies where its piece holds: `sound`. A virtual cycle is none of the map."""
+        return self.sound
+
+    def _multiplicity(self, type: str, varied: Sequence[str]) -> int:
+        return multiplicity(self.multipliers, type)
 
     @property
     def winding(self) -> Mapping[str, int]:

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
-    "FAINT", "NEUTRAL", "flip_product", "fold_product", "multiplicity", "multipliers_of", "pair_product",
-    "unstable_count",
+    "FAINT", "NEUTRAL", "count_outside", "flip_product", "fold_product", "multiplicity", "multipliers_of",
+    "pair_product", "unstable_count",
 ]  # fmt: skip
 
 NEUTRAL = 1e-9  # distance of a multiplier's modulus from 1, up to which it is rounding of 1
@@ -98,6 +98,11 @@ def multiplicity(values: NDArray[np.complex128], kind: str) -> int:
         return max(int(np.sum(on_circle)), 1)
     goal = {"SN": 1.0, "BP": 1.0, "PD": -1.0}.get(kind)
     return 1 if goal is None else max(int(np.sum(np.abs(values - goal) <= _CRITICAL)), 1)
+
+
+def count_outside(values: NDArray[np.complex128]) -> int:
+    """Return how many multipliers lie outside the unit circle, beyond what rounding may do."""
+    return int(np.sum(np.abs(values) > 1.0 + _CRITICAL))
 
 
 def fold_product(values: NDArray[np.complex128], without: Collection[int] = ()) -> float:

@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus import checks
 from saltus.contents import Contents, complex_of
-from saltus.errors import ConvergenceError, InputError
+from saltus.errors import InputError
 from saltus.flow.landings import Landing, landings_beyond
 from saltus.flow.observables import Motion, observe
+from saltus.maps.spectrum import count_outside, multiplicity
 from saltus.orbits.floquet import multipliers, nontrivial, unstable_count
-from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.problem import OrbitProblem, follow_from
 from saltus.orbits.rounds import repeats_of, rounds_of
-from saltus.orbits.sampling import motion_of, sample_orbit
+from saltus.orbits.sampling import column_of, motion_of, sample_orbit
 from saltus.orbits.sensitivities import sensitivities
-from saltus.orbits.signature import CUT_END, FAULTS, Segment, Signature, Survey, path_of, signature_from
+from saltus.orbits.signature import CUT_END, FAULTS, Segment, Signature, Survey, events_between, path_of, signature_from
 from saltus.orbits.unfolding import Fixed, read_fixed
 from saltus.orbits.winding import winding_of
-from saltus.result import Result, frozen
+from saltus.result import frozen
+from saltus.solution import Solution
 from saltus.system import HybridSystem
 from saltus.system.plain import held_parameters, held_system
 
@@ -33,14 +34,14 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["PeriodicOrbit", "follow_from", "orbit_at"]
+__all__ = ["PeriodicOrbit", "orbit_at"]
 
 MOST_FAULTS = sum(bit for bit, _ in FAULTS)  # all bits of `PeriodicOrbit.faults`
 TOLERANCES = (1e-16, 1.0)  # least and greatest relative tolerance of a flow in a file
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PeriodicOrbit(Result):
+class PeriodicOrbit(Solution):
     """A periodic orbit of a hybrid system.
 
     Attributes
@@ -85,6 +86,8 @@ class PeriodicOrbit(Result):
     tolerance: float
     fixed: Fixed | None = None
 
+    noun = "an orbit"
+
     def __post_init__(self) -> None:
         for name in ("states", "durations", "x0", "lows", "highs"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
@@ -95,13 +98,12 @@ class PeriodicOrbit(Result):
 
     def _check_shapes(self) -> None:
         """Raise `InputError` where an array has a wrong shape: compiled functions do not check shapes."""
-        segments, full, own = len(self.form), len(self.system.all_states), len(self.system.states)
+        segments, full = len(self.form), len(self.system.all_states)
         wanted = {
             "states": (segments, full),
             "durations": (segments,),
-            "x0": (own,),
-            "lows": (full + len(self.system.outputs),),
-            "highs": (full + len(self.system.outputs),),
+            "x0": (len(self.system.states),),
+            **dict.fromkeys(("lows", "highs"), (full + len(self.system.outputs),)),
         }
         for name, shape in wanted.items():
             if getattr(self, name).shape != shape:
@@ -139,9 +141,17 @@ class PeriodicOrbit(Result):
         return unstable_count(inner, neutral=self.fixed is not None and self.fixed.family) == 0
 
     @property
+    def unstable(self) -> int:
+        """How many multipliers lie outside the unit circle, beyond rounding."""
+        return count_outside(self.multipliers)
+
+    @property
     def admissible(self) -> bool:
-        """Whether the orbit is a motion of the system; `reasons` says why it is not."""
-        return self.faults == 0
+        """Whether the orbit is a motion of the system: `sound`. `reasons` says why it is not."""
+        return self.sound
+
+    def _multiplicity(self, type: str, varied: Sequence[str]) -> int:
+        return multiplicity(self.multipliers[:-1] if self.system.phase is None else self.multipliers, type)
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -166,25 +176,13 @@ class PeriodicOrbit(Result):
     @cached_property
     def landings_beyond(self) -> tuple[Landing, ...]:
         """Transitions that lead beyond an event of their target mode; see `Trajectory.landings_beyond`."""
-        segments = self.segments
-        ends = np.cumsum([segment.duration for segment in segments])
-        names, modes = np.array(self.system.transition_names), np.array(self.system.mode_names)
-        n = len(self.system.all_states)
-        fields = [("time", "f8"), ("name", names.dtype if names.size else "U1"), ("mode_before", modes.dtype),
-                  ("mode_after", modes.dtype), ("before", "f8", (n,)), ("after", "f8", (n,))]  # fmt: skip
-        rows = [
-            (end, one.transition, one.mode, other.mode, np.full(n, np.nan), other.state)
-            for end, one, other in zip(ends, segments, (*segments[1:], segments[0]), strict=True)
-            if one.transition in self.system.transition_names
-        ]
-        sizes = np.maximum(np.abs(self.lows), np.abs(self.highs))[:n]
-        return landings_beyond(self.system, self.parameters, np.array(rows, dtype=fields), sizes)
+        sizes = np.maximum(np.abs(self.lows), np.abs(self.highs))[: len(self.system.all_states)]
+        return landings_beyond(self.system, self.parameters, events_between(self.system, self.segments), sizes)
 
     @property
     def extremes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Least and greatest value of each state over the period."""
-        n = len(self.system.states)
-        return self.lows[:n], self.highs[:n]
+        return self.lows[: len(self.system.states)], self.highs[: len(self.system.states)]
 
     @cached_property
     def min(self) -> Mapping[str, float]:
@@ -230,8 +228,8 @@ class PeriodicOrbit(Result):
         known = self.system.parameter_names
         wanted = (active,) if isinstance(active, str) else checks.names("active", active, "names of parameters")
         index = [known.index(name if name in known else checks.chosen("active", name, known)) for name in wanted]
-        scale = checks.positive("scale", scale)
-        problem = OrbitProblem(self.system, self.form, p, index, np.full(len(index), scale), self.tolerance)
+        scales = np.full(len(index), checks.positive("scale", scale))
+        problem = OrbitProblem(self.system, self.form, p, index, scales, self.tolerance)
         follow_from(problem, np.append(self.unknowns, p[index] / scale))
         return problem
 
@@ -254,6 +252,18 @@ class PeriodicOrbit(Result):
             `points` is no count.
         """
         return sample_orbit(self.problem(), self.unknowns, points)
+
+    def _states_along(self, points: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        sampled = self.sample(points)
+        states = [sampled[column_of(name)].to_numpy() for name in self.system.states]
+        return sampled["t"].to_numpy(), np.column_stack([*states, np.empty((sampled.sizes["t"], 0))])
+
+    def row(self) -> dict[str, Any]:
+        """Return what a table says of the orbit: x0, extremes, period, stability, signature, whether admissible."""
+        row: dict[str, Any] = {f"x0_{name}": v for name, v in zip(self.system.states, self.x0, strict=True)}
+        row |= {f"{end}_{q}": v for end, each in (("min", self.min), ("max", self.max)) for q, v in each.items()}
+        row |= {"period": self.period, "stable": self.stable, "signature": self.signature}
+        return row | {"admissible": self.admissible}
 
     def motion(self) -> Motion:
         """Return the orbit over one period as a `Motion`, from which observables are computed."""
@@ -393,29 +403,19 @@ class PeriodicOrbit(Result):
         kind = "stable" if self.stable else "unstable"
         if not self.admissible:
             kind += f", not admissible ({'; '.join(self.reasons)})"
-        path = path_of(self.signature)
         turns = f" = {self.form.turns} forcing period{'s' if self.form.turns > 1 else ''}" if self.form.turns else ""
         rounds = f", {self.rounds} times round an orbit of a shorter one" if self.rounds > 1 else ""
-        faster = (
-            f", in which the motion repeats itself {self.repeats} times, as its drive does" if self.repeats > 1 else ""
-        )
+        again = f", in which the motion repeats itself {self.repeats} times, as its drive does"
+        faster = again if self.repeats > 1 else ""
         fixed = "" if self.fixed is None else f"  fixed       {self.fixed}\n"
         return (
             f"PeriodicOrbit of {self.system.name or 'a hybrid system'}: {kind}\n"
             f"  period      {self.period:.12g}{turns}{faster}{rounds}\n"
-            f"  signature   {path}\n{fixed}"
+            f"  signature   {path_of(self.signature)}\n{fixed}"
             f"  x0          [{', '.join(f'{value:.6g}' for value in self.x0)}]\n"
             f"  |multipliers| {', '.join(f'{abs(value):.6g}' for value in self.multipliers)}\n"
             f"  residual    {self.residual:.2g}" + "".join(f"\n  {landing}" for landing in self.landings_beyond[:1])
         )
-
-
-def follow_from(problem: OrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None) -> None:
-    """Call `OrbitProblem.start`; raise `ConvergenceError` where the flow of a segment cannot be followed."""
-    blocked = problem.start(u, sizes)
-    if blocked is not None:
-        hint = "the field is singular or the state diverges there"
-        raise ConvergenceError(f"flow of segment {blocked}", math.inf, 0, hint)
 
 
 def orbit_at(
@@ -427,10 +427,8 @@ def orbit_at(
     fixed: Fixed | None = None,
 ) -> PeriodicOrbit:
     """Return the orbit that solves `problem` at `u`; survey and multipliers are computed unless given."""
-    if survey is None:
-        survey = problem.survey(u)
-    if values is None:
-        values = multipliers(problem, u, J)
+    survey = problem.survey(u) if survey is None else survey
+    values = multipliers(problem, u, J) if values is None else values
     blocks = u[: problem.size].reshape(problem.segments, problem.n + 1)
     parameters = dict(zip(problem.system.parameter_names, problem.parameters_at(u).tolist(), strict=True))
     return PeriodicOrbit(

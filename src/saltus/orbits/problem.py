@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.errors import ConvergenceError
 from saltus.orbits.meshes import adapted, decays, halved, limited_by_stability, steady
 from saltus.orbits.records import Orbit, events_of
 from saltus.orbits.resting import at_rest, sizes_nearby
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Signature
     from saltus.system import HybridSystem
 
-__all__ = ["OrbitProblem"]
+__all__ = ["OrbitProblem", "follow_from"]
 
 _STEP = 1e-3  # change of the unknowns, over their sizes, in differences of Jacobians
 
@@ -436,3 +437,11 @@ class OrbitProblem:
         x = np.empty(self.n)
         self._curves.state_on(self.mesh, self._dense, segment, place, x)
         return x
+
+
+def follow_from(problem: OrbitProblem, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None) -> None:
+    """Call `OrbitProblem.start`; raise `ConvergenceError` where the flow of a segment cannot be followed."""
+    blocked = problem.start(u, sizes)
+    if blocked is not None:
+        hint = "the field is singular or the state diverges there"
+        raise ConvergenceError(f"flow of segment {blocked}", math.inf, 0, hint)

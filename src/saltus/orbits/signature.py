@@ -12,6 +12,8 @@ import numpy as np
 from saltus.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from saltus.system import HybridSystem
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = [
     "BEYOND", "BOUNDARY", "CLOSED_END", "COARSE", "CUT_END", "DIRECTION", "DOMAIN", "DURATION", "EARLY", "EVENT_END",
     "FAULTS", "MEAN_END", "PHASE_END", "SECTION", "SPEED", "STOP", "TOUCH_END", "VALUE", "WHEN", "WHOLE", "Segment",
-    "Signature", "Survey", "path_of", "signature_from",
+    "Signature", "Survey", "events_between", "path_of", "signature_from",
 ]  # fmt: skip
 
 # Ways in which a segment ends: docs/theory/orbits.md.
@@ -171,6 +173,21 @@ class Segment(NamedTuple):
     transition: str
     state: NDArray[np.float64]
     duration: float
+
+
+def events_between(system: HybridSystem, segments: Sequence[Segment]) -> NDArray[np.void]:
+    """Return the events of an orbit as `landings_beyond` takes them; states before them are NaN."""
+    ends = np.cumsum([segment.duration for segment in segments])
+    names, modes = np.array(system.transition_names), np.array(system.mode_names)
+    n = len(system.all_states)
+    fields = [("time", "f8"), ("name", names.dtype if names.size else "U1"), ("mode_before", modes.dtype),
+              ("mode_after", modes.dtype), ("before", "f8", (n,)), ("after", "f8", (n,))]  # fmt: skip
+    rows = [
+        (end, one.transition, one.mode, other.mode, np.full(n, np.nan), other.state)
+        for end, one, other in zip(ends, segments, (*segments[1:], segments[0]), strict=True)
+        if one.transition in system.transition_names
+    ]
+    return np.array(rows, dtype=fields)
 
 
 @dataclass(frozen=True)

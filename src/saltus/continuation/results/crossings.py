@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.results.special_points import Solution
+from saltus.continuation.results.special_points import Solved
 from saltus.errors import ConvergenceError, InputError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ _PERHAPS = 1e-3  # the same of the nearest of all solutions found, as beside a g
 _NEAR = 1e-6  # share of a solution's size by which it may be further from its guess than both neighbours are apart
 
 
-class OneParameterCurve(Protocol[Solution]):
+class OneParameterCurve(Protocol[Solved]):
     """What is asked of a branch: its parameter, points, special points and solutions."""
 
     @property
@@ -42,34 +42,34 @@ class OneParameterCurve(Protocol[Solution]):
         """Arclength from the first point, shape (point,)."""
 
     @property
-    def special_points(self) -> SpecialPoints[Solution]:
+    def special_points(self) -> SpecialPoints[Solved]:
         """The special points."""
 
-    def _solution(self, index: int) -> Solution:
+    def _solution(self, index: int) -> Solved:
         """Return the solution of one point."""
 
 
-def extremes_of(solution: Solution) -> NDArray[np.float64]:
+def extremes_of(solution: Solved) -> NDArray[np.float64]:
     """Return least and greatest values of the states of a solution, shape (2 states,)."""
     return np.concatenate(solution.extremes)
 
 
-def comes_to(curve: OneParameterCurve[Solution], value: float) -> bool:
+def comes_to(curve: OneParameterCurve[Solved], value: float) -> bool:
     """Return whether the points of a branch come to a value of its parameter, but for rounding."""
     least, largest, rounding = float(curve.values.min()), float(curve.values.max()), _rounding(curve, value)
     return least - rounding <= value <= largest + rounding
 
 
-def _rounding(curve: OneParameterCurve[Solution], value: float) -> float:
+def _rounding(curve: OneParameterCurve[Solved], value: float) -> float:
     return _END * max(abs(value), float(np.ptp(curve.values)))
 
 
 def solutions_at(
-    curve: OneParameterCurve[Solution],
+    curve: OneParameterCurve[Solved],
     value: float,
-    attempts: Callable[[Solution, Solution, float], Iterable[Callable[[], Solution]]],
-    extent: Callable[[Solution], NDArray[np.float64]],
-) -> tuple[Solution, ...]:
+    attempts: Callable[[Solved, Solved, float], Iterable[Callable[[], Solved]]],
+    extent: Callable[[Solved], NDArray[np.float64]],
+) -> tuple[Solved, ...]:
     """Return the solutions of a branch at a value of its parameter, in order along it.
 
     Parameters
@@ -100,12 +100,12 @@ def solutions_at(
 
 
 def _between(
-    curve: OneParameterCurve[Solution],
+    curve: OneParameterCurve[Solved],
     value: float,
     crossing: tuple[Node, Node, float],
-    attempts: Callable[[Solution, Solution, float], Iterable[Callable[[], Solution]]],
-    extent: Callable[[Solution], NDArray[np.float64]],
-) -> Solution:
+    attempts: Callable[[Solved, Solved, float], Iterable[Callable[[], Solved]]],
+    extent: Callable[[Solved], NDArray[np.float64]],
+) -> Solved:
     a, b, share = crossing
     first, last = (
         curve.special_points[node.which].solution if node.is_special else curve._solution(node.which) for node in (a, b)
@@ -163,7 +163,7 @@ class Node(NamedTuple):
     turns: bool
 
 
-def _crossings(curve: OneParameterCurve[Solution], value: float) -> Iterator[tuple[Node, Node, float]]:
+def _crossings(curve: OneParameterCurve[Solved], value: float) -> Iterator[tuple[Node, Node, float]]:
     """Yield neighbours before and after each place where a branch takes a value, and the share of the way between them.
 
     Next to a turn the parameter grows like the square of the way; elsewhere it is taken to be linear. Where a node has

@@ -12,10 +12,8 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
-from saltus.equilibria import Equilibrium
-from saltus.maps import MapOrbit
-from saltus.orbits import PeriodicOrbit
 from saltus.result import Result, frozen
+from saltus.solution import Solution
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SolutionCurve"]
 
-Solved = TypeVar("Solved", bound=PeriodicOrbit | Equilibrium | MapOrbit)
+Solved = TypeVar("Solved", bound=Solution)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

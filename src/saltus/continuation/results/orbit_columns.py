@@ -18,8 +18,8 @@ from saltus.flow.formulas import Observable, read_formula
 from saltus.flow.observables import angles, observe
 from saltus.orbits import PeriodicOrbit
 from saltus.orbits.observed import planned
-from saltus.orbits.orbit import follow_from, orbit_at
-from saltus.orbits.problem import OrbitProblem
+from saltus.orbits.orbit import orbit_at
+from saltus.orbits.problem import OrbitProblem, follow_from
 from saltus.orbits.sampling import motion_of
 from saltus.orbits.sensitivities import sensitivities
 from saltus.orbits.signature import CUT_END, Signature

@@ -11,19 +11,22 @@ in Numerical Methods for Bifurcation Problems, Birkhaeuser 1984, 355-367 (branch
 
 from __future__ import annotations
 
-from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from functools import partial, singledispatch
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from saltus.continuation.problems.critical_points import CriticalOrbit, critical_cycle, critical_equilibrium
 from saltus.continuation.problems.extents import extents
 from saltus.continuation.problems.map import in_lockstep
+from saltus.equilibria import Equilibrium
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import InputError
 from saltus.maps.orbit import MapOrbit, itinerary_of
 from saltus.maps.problem import CycleProblem
 from saltus.orbits.critical import Branching, scaling
+from saltus.orbits.multiplier_slopes import ROUGH
+from saltus.orbits.orbit import PeriodicOrbit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -31,10 +34,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.algebraic.conditions import Condition
-    from saltus.equilibria import Equilibrium
-    from saltus.orbits.orbit import PeriodicOrbit
 
-__all__ = ["Place", "moved_cycle", "moved_equilibrium", "moved_orbit"]
+__all__ = ["Place", "moved"]
 
 _REGULAR = 1e-11  # least singular value of a regular system, over the largest
 _FORCED = 1e-6  # forcing by a parameter, over the equations' change by it, up to which a branch point persists
@@ -79,17 +80,42 @@ class Place(NamedTuple):
         return J[:, [names.index(self.along)]], J[:, [names.index(name) for name in self.others]]
 
 
-def moved_orbit(orbit: PeriodicOrbit, place: Place) -> NDArray[np.float64]:
-    """Return the derivatives of the branch's parameter at a special point of orbits by the others, shape (others,).
+@singledispatch
+def moved(solution: Any, place: Place) -> tuple[NDArray[np.float64], str]:
+    """Return the derivatives of the branch's parameter at a special point by the others, and a note on them.
 
-    NaN where a branch point does not persist as a parameter changes.
+    A kind of solution registers what it knows.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solution at the point.
+    place : Place
+        What is asked of the point.
+
+    Returns
+    -------
+    slopes : ndarray, shape (others,)
+        NaN where a branch point does not persist as a parameter changes.
+    note : str
+        What a user should know of them; empty for nothing.
 
     Raises
     ------
     InputError
-        The type is another one, or the orbit is not critical. The parameter of the branch does not move through the
+        The type is another one, or the solution is not critical. The parameter of the branch does not move through the
         point.
     """
+    raise InputError("type", place.kind, "that of a point that moves", "none is known of this kind of solution")
+
+
+@moved.register(PeriodicOrbit)
+def _(orbit: PeriodicOrbit, place: Place) -> tuple[NDArray[np.float64], str]:
+    rooted = place.kind in ("PD", "TR", "BP") and orbit.system.compiled.rooted[list(orbit.form.modes)].any()
+    return _moved_orbit(orbit, place), ROUGH if rooted else ""
+
+
+def _moved_orbit(orbit: PeriodicOrbit, place: Place) -> NDArray[np.float64]:
     place.check(_ORBITS)
     names = place.active(orbit.system.parameter_names)
     values = np.array([orbit.parameters[name] for name in names])
@@ -118,26 +144,27 @@ def moved_orbit(orbit: PeriodicOrbit, place: Place) -> NDArray[np.float64]:
     return np.asarray(slopes)
 
 
-def moved_equilibrium(solution: Equilibrium, place: Place) -> NDArray[np.float64]:
-    """Return the derivatives of the branch's parameter at a special point of equilibria, as `moved_orbit` does."""
+@moved.register(Equilibrium)
+def _(solution: Equilibrium, place: Place) -> tuple[NDArray[np.float64], str]:
     place.check(_EQUILIBRIA)
     system, names = solution.system, place.active(solution.system.parameter_names)
     p, active = system.parameter_vector(solution.parameters), [system.parameter_names.index(name) for name in names]
     problem = EquilibriumProblem(system, system.mode_index(solution.mode), p, active, np.ones(len(names)))
     u = np.append(solution.state, p[active])
     sizes = extents(problem, u) if place.sizes is None else place.sizes
-    return _moved(problem, u, sizes, place, names, partial(critical_equilibrium, place.kind, solution, problem))
+    condition = partial(critical_equilibrium, place.kind, solution, problem)
+    return _moved(problem, u, sizes, place, names, condition), ""
 
 
-def moved_cycle(solution: MapOrbit, place: Place) -> NDArray[np.float64]:
-    """Return the derivatives of the branch's parameter at a special point of cycles, as `moved_orbit` does."""
+@moved.register(MapOrbit)
+def _(solution: MapOrbit, place: Place) -> tuple[NDArray[np.float64], str]:
     place.check(_CYCLES)
     system, names = solution.system, place.active(solution.system.parameter_names)
     p, active = system.parameter_vector(solution.parameters), [system.parameter_names.index(name) for name in names]
     problem = CycleProblem(system, itinerary_of(system, solution.itinerary), p, active, np.ones(len(names)))
     u = np.append(solution.points.ravel(), p[active])
     sizes = in_lockstep(extents(problem, u), problem.period) if place.sizes is None else place.sizes
-    return _moved(problem, u, sizes, place, names, partial(critical_cycle, place.kind, solution, problem))
+    return _moved(problem, u, sizes, place, names, partial(critical_cycle, place.kind, solution, problem)), ""
 
 
 def _moved(

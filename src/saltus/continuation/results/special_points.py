@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,35 +11,31 @@ import numpy as np
 
 from saltus import checks
 from saltus.continuation.problems.ends.connection import Homoclinic
-from saltus.continuation.results.point_sensitivities import Place, moved_cycle, moved_equilibrium, moved_orbit
+from saltus.continuation.results.point_normal_forms import Critical, normal_form_at
+from saltus.continuation.results.point_sensitivities import Place, moved
 from saltus.equilibria import Equilibrium
-from saltus.equilibria.normal_forms import EquilibriumNormalForm, normal_form as equilibrium_form
-from saltus.equilibria.spectrum import multiplicity as eigenvalue_multiplicity
+from saltus.equilibria.normal_forms import EquilibriumNormalForm
 from saltus.errors import InputError
 from saltus.maps import MapOrbit
-from saltus.maps.normal_forms import map_normal_form
-from saltus.maps.spectrum import multiplicity
 from saltus.orbits import PeriodicOrbit
-from saltus.orbits.multiplier_slopes import ROUGH
-from saltus.orbits.normal_forms import NORMAL_FORMS, NormalForm, normal_form
+from saltus.orbits.normal_forms import NormalForm
+from saltus.solution import Solution
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["Solution", "SpecialPoint", "SpecialPoints"]
+__all__ = ["Solved", "SpecialPoint", "SpecialPoints"]
 
 if TYPE_CHECKING:
     from typing_extensions import TypeVar
 
-    Solution = TypeVar("Solution", bound=PeriodicOrbit | Equilibrium | MapOrbit, default=PeriodicOrbit)
+    Solved = TypeVar("Solved", bound=Solution, default=PeriodicOrbit)
 else:
     from typing import TypeVar
 
-    Solution = TypeVar("Solution", bound=PeriodicOrbit | Equilibrium | MapOrbit)
-
-_ASIDE = 1e-3  # change of a parameter, over its value, beside a point at which all eigenvalues may vanish
+    Solved = TypeVar("Solved", bound=Solution)
 
 # What each type of special point means, in a `repr`.
 _MEANING = {
@@ -72,7 +67,7 @@ _MEANING = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SpecialPoint(Generic[Solution]):
+class SpecialPoint(Generic[Solved]):
     """A special point of a branch or of a locus, located.
 
     docs/theory/continuation.md, docs/theory/loci.md and docs/theory/equilibria.md derive the test functions.
@@ -128,7 +123,7 @@ class SpecialPoint(Generic[Solution]):
 
     type: str
     label: str
-    solution: Solution
+    solution: Solved
     test: float
     position: float
     arclength: float
@@ -190,25 +185,13 @@ class SpecialPoint(Generic[Solution]):
 
         At an SN, BP, PD, TR or HB; `switch_branch(point, which=...)` gives the branches one by one.
         """
-        if isinstance(self.solution, Equilibrium):
-            return eigenvalue_multiplicity(self.solution.eigenvalues, self.type, self._unit())
-        values = self.solution.multipliers
-        if isinstance(self.solution, PeriodicOrbit) and self.solution.system.phase is None:
-            values = values[:-1]
-        return multiplicity(values, self.type)
-
-    def _unit(self) -> float:
-        """Return a modulus of the eigenvalues of an equilibrium beside the point, where all of them may vanish."""
-        name = self.varied[0]
-        values = [self.parameters[name] + _ASIDE * max(abs(self.parameters[name]), 1.0)]
-        J = self.equilibrium.problem(name).evaluate(np.append(self.equilibrium.state, values))[1][:, :-1]
-        return float(np.abs(np.linalg.eigvals(J)).max()) if np.all(np.isfinite(J)) else 0.0
+        return self.solution.multiplicity(self.type, self.varied)
 
     @property
     def sizes(self) -> NDArray[np.float64] | None:
-        """Sizes of the states by the branch's tangent, for an orbit at rest; None without a tangent."""
-        if self.tangent is None:
-            return None
+        """The `scale`, or sizes of an orbit's states by the branch's tangent; None where neither is known."""
+        if self.scale is not None or self.tangent is None:
+            return self.scale
         wide = len(self.orbit.system.all_states) + 1
         states = np.abs(self.tangent[:-1].reshape(-1, wide)).max(axis=0)
         return np.asarray(states[: len(self.orbit.system.states)])
@@ -226,21 +209,7 @@ class SpecialPoint(Generic[Solution]):
         InputError
             The point is of another type, or several eigenvalues or pairs of an equilibrium are critical at once.
         """
-        count = self.multiplicity
-        if isinstance(self.solution, Equilibrium):
-            if count > 1:
-                hint = f"{count} are critical at once; switch_branch(point, which=...) gives the branches"
-                raise InputError("point", self.label, "critical in one direction", hint)
-            problem = self.solution.problem(*self.varied)
-            values = [self.parameters[name] for name in self.varied]
-            return equilibrium_form(problem, np.append(self.solution.state, values), self.type, self.scale)
-        if count > 1 and self.type in NORMAL_FORMS:  # both multipliers of a conservative map's period doubling are -1
-            return NormalForm(self.type, math.nan, math.nan, count)
-        if isinstance(self.solution, MapOrbit):
-            return NormalForm(self.type, *map_normal_form(self.solution, self.type))
-        if self.type not in NORMAL_FORMS:
-            raise InputError("type", self.type, f"one of {', '.join(NORMAL_FORMS)}", "no normal form belongs to it")
-        return normal_form(self.orbit, self.type)
+        return normal_form_at(self.solution, Critical(self.type, self.label, self.varied, self.scale))
 
     def sensitivity(self, parameters: Sequence[str] | None = None) -> xr.Dataset:
         """Return how the point moves along its branch as other parameters change, exactly.
@@ -283,23 +252,15 @@ class SpecialPoint(Generic[Solution]):
         rest = tuple(name for name in system.parameter_names if name != along)
         others = rest if parameters is None else checks.names("parameters", parameters, "names of parameters")
         others = tuple(checks.chosen("parameters", name, rest) for name in others)
-        if isinstance(self.solution, Equilibrium):
-            slopes = moved_equilibrium(self.solution, Place(self.type, along, others, self.scale))
-        elif isinstance(self.solution, MapOrbit):
-            slopes = moved_cycle(self.solution, Place(self.type, along, others, self.scale))
-        else:
-            slopes = moved_orbit(self.orbit, Place(self.type, along, others, self.sizes))
-        attributes = {"value": self.parameters[along], "type": self.type}
-        if isinstance(self.solution, PeriodicOrbit) and self.type in ("PD", "TR", "BP"):
-            rooted = self.solution.system.compiled.rooted[list(self.solution.form.modes)].any()
-            attributes |= {"note": ROUGH} if rooted else {}
+        slopes, note = moved(self.solution, Place(self.type, along, others, self.sizes))
+        attributes = {"value": self.parameters[along], "type": self.type} | ({"note": note} if note else {})
         if np.any(np.isnan(slopes)):
             attributes["note"] = "the branch point does not persist as the parameter changes"
         return xr.Dataset({along: ("parameter", slopes, attributes)}, {"parameter": list(others)})
 
     def __repr__(self) -> str:
         meaning = f", {_MEANING[self.type]}" if self.type in _MEANING else ""
-        if self.type == "HB" and not isinstance(self.solution, Equilibrium):
+        if self.type == "HB" and not self.solution.at_rest:
             meaning += ": the cycle shrinks to an equilibrium"
         if self.multiplicity > 1:
             meaning += f", {self.multiplicity} at once"
@@ -308,48 +269,27 @@ class SpecialPoint(Generic[Solution]):
         return f"SpecialPoint {self.label}{meaning}{of}, test function {self.test:.2g}{end}\n{self.solution!r}"
 
 
-def _row(solution: PeriodicOrbit | Equilibrium | MapOrbit) -> dict[str, Any]:
-    """Return what a table of special points says of a solution."""
-    states = solution.system.states
-    if isinstance(solution, Equilibrium):
-        row: dict[str, Any] = dict(zip(states, solution.state.tolist(), strict=True))
-        return row | {"stable": solution.stable, "mode": solution.mode, "regular": solution.regular}
-    if isinstance(solution, MapOrbit):
-        row = dict(zip(states, solution.points[0].tolist(), strict=True))
-        row |= {"period": solution.period, "stable": solution.stable, "itinerary": solution.itinerary}
-        return row | {"regular": solution.regular}
-    row = {f"x0_{name}": value for name, value in zip(states, solution.x0, strict=True)}
-    row |= {f"min_{name}": value for name, value in solution.min.items()}
-    row |= {f"max_{name}": value for name, value in solution.max.items()}
-    return row | {
-        "period": solution.period,
-        "stable": solution.stable,
-        "signature": solution.signature,
-        "admissible": solution.admissible,
-    }
-
-
-class SpecialPoints(Sequence[SpecialPoint[Solution]]):
+class SpecialPoints(Sequence[SpecialPoint[Solved]]):
     """Special points in their order along a curve."""
 
-    def __init__(self, points: Sequence[SpecialPoint[Solution]], parameters: tuple[str, ...]) -> None:
+    def __init__(self, points: Sequence[SpecialPoint[Solved]], parameters: tuple[str, ...]) -> None:
         self._points = tuple(points)
         self._parameters = parameters
 
     @overload
-    def __getitem__(self, index: int) -> SpecialPoint[Solution]: ...
+    def __getitem__(self, index: int) -> SpecialPoint[Solved]: ...
     @overload
-    def __getitem__(self, index: slice) -> Sequence[SpecialPoint[Solution]]: ...
-    def __getitem__(self, index: int | slice) -> SpecialPoint[Solution] | Sequence[SpecialPoint[Solution]]:
+    def __getitem__(self, index: slice) -> Sequence[SpecialPoint[Solved]]: ...
+    def __getitem__(self, index: int | slice) -> SpecialPoint[Solved] | Sequence[SpecialPoint[Solved]]:
         return self._points[index]
 
     def __len__(self) -> int:
         return len(self._points)
 
-    def __iter__(self) -> Iterator[SpecialPoint[Solution]]:
+    def __iter__(self) -> Iterator[SpecialPoint[Solved]]:
         return iter(self._points)
 
-    def of_type(self, *types: str) -> list[SpecialPoint[Solution]]:
+    def of_type(self, *types: str) -> list[SpecialPoint[Solved]]:
         """Return the points of the given types."""
         return [point for point in self._points if point.type in types]
 
@@ -362,7 +302,7 @@ class SpecialPoints(Sequence[SpecialPoint[Solution]]):
             row: dict[str, Any] = {"label": p.label, "type": p.type}
             row |= {"of": p.of} if len(self._parameters) > 1 else {}
             row |= {name: p.value(name) for name in self._parameters}
-            row |= _row(p.solution)
+            row |= p.solution.row()
             rows.append(row | {"multiplicity": p.multiplicity, "test": p.test})
         return pd.DataFrame(rows)
 
