@@ -15,10 +15,11 @@ demo: ## compute figure 3 of the paper into results/
 	$(BIN)/saltus reproduce fig3 -o results/
 
 test: lint ## all checks: those of lint, then the tests (PYTEST_ARGS="-n 0 -k flow")
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m "not campaign" $(PYTEST_ARGS)
 
-campaign: ## branches, loci and cascades with three kernels of OpenBLAS: the same points and words
+campaign: ## tests that guard no single change; then points and words with three kernels of OpenBLAS
 	@tools/make_env.sh test
+	$(BIN)/python -m pytest -m campaign $(PYTEST_ARGS)
 	$(BIN)/python tests/campaign/rounding.py
 
 lint: ## style, types and the contract between the floors

@@ -1,9 +1,10 @@
-"""Fixtures: the systems of `systems`, each defined once a run. At the end of a run, how much was compiled in it."""
+"""Fixtures: the systems of `systems`, each defined once a run. At the end of a run, what it cost."""
 
 from __future__ import annotations
 
 import gc
 import os
+import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read where numpy is imported: threads of small products only wait
 
@@ -15,6 +16,11 @@ import pytest
 import systems
 from saltus.system.hybrid import HybridSystem
 
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+
 collect_ignore = ["typing/user_script.py", "campaign"]  # type checkers read the first; `make campaign` runs the second
 
 # compiling makes millions of objects that live on: to look through them as often as by default takes 6 % of the time
@@ -25,19 +31,22 @@ hypothesis.settings.register_profile("saltus", deadline=None, derandomize=True, 
 hypothesis.settings.load_profile("saltus")
 
 
-class Compilations:
-    """How many functions Numba compiles in a run, in all its processes, and how long that takes.
+class Costs:
+    """How many functions Numba compiles in a run, how long that takes, and the memory of each process at its largest.
 
     Attributes
     ----------
     functions : int
-        Functions lowered to machine code.
+        Functions lowered to machine code, in all processes.
     seconds : float
-        Time in Numba's compiler.
+        Time in Numba's compiler, in all processes.
+    peaks : list of float
+        Largest memory of each process that runs tests, in MiB; none where the system does not tell it.
     """
 
     def __init__(self) -> None:
         self.functions, self.seconds = 0, 0.0
+        self.peaks: list[float] = []
 
     def pytest_sessionstart(self) -> None:
         """Listen to Numba, once saltus has told it where to keep code."""
@@ -60,24 +69,37 @@ class Compilations:
         event.register("numba:compiler_lock", self._timer)
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        """Add this process's time; a worker sends its numbers."""
+        """Add this process's time and memory; a worker sends its numbers."""
         self.seconds += self._timer.duration if self._timer.done else 0.0
+        if session.config.getoption("dist", "no") == "no":  # the one that hands tests to workers runs none
+            self.peaks += _peak()
         if hasattr(session.config, "workeroutput"):
-            session.config.workeroutput["compilations"] = (self.functions, self.seconds)
+            session.config.workeroutput["costs"] = (self.functions, self.seconds, self.peaks)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any) -> None:
-        """Add what a worker has compiled."""
-        functions, seconds = getattr(node, "workeroutput", {}).get("compilations", (0, 0.0))
+        """Add what a worker has cost."""
+        functions, seconds, peaks = getattr(node, "workeroutput", {}).get("costs", (0, 0.0, []))
         self.functions, self.seconds = self.functions + functions, self.seconds + seconds
+        self.peaks += peaks
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         """Print the numbers."""
         terminalreporter.write_line(f"compiled: {self.functions} functions in {self.seconds:.0f} s")
+        if self.peaks:
+            terminalreporter.write_line(f"peak memory: {', '.join(f'{peak:.0f}' for peak in self.peaks)} MiB")
+
+
+def _peak() -> list[float]:
+    """Return the largest memory of this process, in MiB."""
+    if resource is None:
+        return []
+    unit = 2**20 if sys.platform == "darwin" else 2**10
+    return [resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit]
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    config.pluginmanager.register(Compilations(), "compilations")
+    config.pluginmanager.register(Costs(), "costs")
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ import killed
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="of POSIX")
 
 
-NAMES = [pytest.param(name, marks=() if name == "save" else pytest.mark.slow) for name in killed.KINDS]
+NAMES = [pytest.param(name, marks=() if name == "save" else pytest.mark.campaign) for name in killed.KINDS]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -27,7 +27,7 @@ def held():
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # what is computed of an absurd number may be none
-@pytest.mark.parametrize("files", [22, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("files", [22, pytest.param(60, marks=pytest.mark.campaign)])
 def test_files_with_one_thing_changed_are_told_in_a_line_or_can_be_used(held, tmp_path, files):
     outcomes = set()
     for seed in range(files):

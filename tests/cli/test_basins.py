@@ -380,7 +380,7 @@ def test_the_example_configurations_can_be_read():
     assert sizes == {"basins_4d": (400,) * 4, "basins_lever": (60, 60), "basins_plane": (200, 200)}
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_the_engine_dask_labels_as_the_processor_does(mapped, config, capsys):
     distributed = pytest.importorskip("distributed")
     store = config.with_name("dask.zarr")

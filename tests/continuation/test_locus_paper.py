@@ -77,7 +77,7 @@ def independent(orbit, name, where):
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.parametrize(("modes", "kind", "pair", "share", "seed"), list(random_cases(24)))
 def test_points_of_a_locus_are_special_points_of_independent_branches(branches, modes, kind, pair, share, seed):
     rng = np.random.default_rng(seed)
@@ -100,7 +100,7 @@ def test_points_of_a_locus_are_special_points_of_independent_branches(branches, 
     assert min(abs(p.parameters[name] - where) for p in same) < 1e-8
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.parametrize("modes", [1, 2])
 def test_every_locus_of_the_response_is_critical_all_along(branches, locus_of, modes):
     """Of orbits computed anew: multipliers at 1 or -1, or contacts without velocity."""
@@ -168,7 +168,7 @@ def found(plane, locus, kind):
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.parametrize(("kind", "other"), [("R1", "SN"), ("R2", "PD")])
 def test_torus_loci_end_at_resonances_that_the_other_loci_have_too(plane, kind, other):
     ends, there = found(plane, "TR", kind), found(plane, other, kind)
@@ -177,14 +177,14 @@ def test_torus_loci_end_at_resonances_that_the_other_loci_have_too(plane, kind, 
         assert min(np.abs(np.subtract(end, place)).max() for place in there) < 1e-8, end
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_fold_flips_are_found_on_both_loci(plane):
     folds, flips = found(plane, "SN", "FF"), found(plane, "PD", "FF")
     shared = [a for a in folds if min(np.abs(np.subtract(a, b)).max() for b in flips) < 1e-8]
     assert len(shared) > 4
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_loci_end_at_grazing_loci_that_they_are_seen_from(plane):
     seen = sum(len(found(plane, "GR", kind)) for kind in ("SN", "PD"))
     shared = []
@@ -195,7 +195,7 @@ def test_loci_end_at_grazing_loci_that_they_are_seen_from(plane):
     assert seen >= len(shared) / 2
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_a_closed_locus_has_the_same_points_wherever_it_starts(plane):
     """PD8 and PD9 lie on one closed curve."""
     closed = [curve for curve in plane.values() if curve.stopped[0] == "the locus is closed"]
@@ -206,7 +206,7 @@ def test_a_closed_locus_has_the_same_points_wherever_it_starts(plane):
     assert first == second
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_any_point_of_a_grazing_locus_starts_a_branch(plane):
     for curve in plane.values():
         if curve.type == "GR":
@@ -217,7 +217,7 @@ def test_any_point_of_a_grazing_locus_starts_a_branch(plane):
                 assert len(branch) > 1
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_a_locus_does_not_lose_admissibility_without_saying_where(plane):
     for label, curve in plane.items():
         lost = np.flatnonzero(np.diff(curve.admissible.astype(int)))

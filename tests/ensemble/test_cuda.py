@@ -107,21 +107,21 @@ def found(tmp_path_factory, between_wall_and_spring):
         return dict(arrays)
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_a_device_finds_the_labels_of_the_processor(found):
     assert set(found["cpu_labels"]) == {3, DIVERGED, UNDECIDED}
     np.testing.assert_array_equal(found["cuda_labels"], found["cpu_labels"])
     np.testing.assert_array_equal(found["cuda_strobes"], found["cpu_strobes"])
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_a_device_counts_visits_to_cells_as_the_processor_does(found):
     assert set(found["cpu_cell_labels"]) >= {4, DIVERGED}
     np.testing.assert_array_equal(found["cuda_cell_labels"], found["cpu_cell_labels"])
     np.testing.assert_array_equal(found["cuda_cell_strobes"], found["cpu_cell_strobes"])
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.parametrize("memory", ["cuda", "distant"])
 def test_a_device_makes_the_steps_of_the_processor(found, memory):
     finite = np.isfinite(found["cpu_ends"]).all(axis=1)
@@ -131,12 +131,12 @@ def test_a_device_makes_the_steps_of_the_processor(found, memory):
     np.testing.assert_allclose(found[f"{memory}_ends"], found["cpu_ends"], atol=1e-9, equal_nan=True)
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_a_device_that_is_not_there_is_named_with_those_that_are(found):
     assert str(found["message"]) == "devices = [3]: must be some of the CUDA devices, 0"
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_the_compiler_of_a_device_takes_the_generated_text(between_wall_and_spring, monkeypatch):
     """As far as a machine without one can tell: up to the code that the driver's own compiler would read."""
     pytest.importorskip("numba_cuda")

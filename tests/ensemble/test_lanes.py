@@ -70,14 +70,14 @@ def followed(system, folder):
     return json.loads(ran.stdout)
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_a_second_process_compiles_nothing(tmp_path):
     first, second = (followed(hertz(), tmp_path) for _ in range(2))
     assert first["compiled"] > 0
     assert second == {"compiled": 0, "sum": first["sum"]}
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.skipif(not registers(), reason="vector instructions of this processor are not known here")
 @pytest.mark.parametrize(
     "make", [hertz, systems.impact_oscillator, lambda: systems.afm(2)], ids=["Hertz", "impact", "afm"]

@@ -112,7 +112,7 @@ def resting():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_an_ensemble_decides_a_start_as_the_regions_do(resting, regions, points):
     traps = Traps(2, regions.ellipsoids, regions.cages, limit=3.0)
     labels, looks = Ensemble(resting, interval=1.0).settle(points, traps, longest=2)
@@ -121,7 +121,7 @@ def test_an_ensemble_decides_a_start_as_the_regions_do(resting, regions, points)
     np.testing.assert_array_equal(looks, np.where(labels == UNDECIDED, 2, 0))
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_an_ensemble_counts_looks_at_boxes_in_a_row(resting, regions, points):
     traps = Traps(2, cells=regions.cells, limit=3.0)
     labels, looks = Ensemble(resting, interval=1.0).settle(points, traps, longest=5)

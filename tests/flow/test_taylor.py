@@ -230,7 +230,7 @@ def test_random_event_functions_lose_no_crossing():
         assert np.all(np.abs(times - grid[where]) < 1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_a_thousand_transients_miss_no_contact():
     system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.15})
     p, end = system.parameter_vector({}), 2.0 * math.pi / 1.15

@@ -99,7 +99,7 @@ def test_multipliers_of_a_long_cycle_are_those_of_scipy(
     assert orbit.residual < 1e-12
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_multipliers_keep_their_digits_as_the_period_grows_to_that_of_the_homoclinic_orbit(circuit) -> None:
     doubling = next(p for p in circuit.special_points.of_type("PD") if p.orbit.period > 58.9)
     assert doubling.orbit.period == pytest.approx(58.976, abs=1e-2)

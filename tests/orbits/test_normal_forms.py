@@ -260,7 +260,7 @@ def test_the_generalised_doubling_of_the_impact_oscillator_is_that_of_the_impact
     assert values[0] * values[1] < 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_impacts_double_as_predicted():
     """Supercritical: two impacts in turn, apart as sqrt(m / c), attract just beyond; before it the orbit alone."""
     branch = impact_branch(2.2, 1, 0.5, 6.0)
@@ -396,7 +396,7 @@ def test_doubled_orbits_of_the_cantilever_lie_where_the_coefficient_says(respons
         np.testing.assert_allclose(twice, ahead.x0, atol=1e-3 * float(np.abs(once - ahead.x0).max()))
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.parametrize(("ybar", "label"), [(0.108, "PD2"), (0.14, "PD3")])
 def test_the_cantilever_settles_on_the_doubled_motion_beyond_and_on_none_before(responses, ybar, label):
     """Simulated by SciPy's DOP853: from half the predicted distance it grows, from more it shrinks; before, it dies."""

@@ -330,7 +330,7 @@ def test_a_dask_cluster_computes_the_same(impact_oscillator, both):
     assert found == both
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_other_processes_compute_the_same(impact_oscillator, both):
     distributed = pytest.importorskip("distributed")
     cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0")
@@ -572,7 +572,7 @@ PAPER = {1.0: "period-2", 1.02: "period-4", 1.023: "chaotic", 1.046: "quasi-peri
 """ASME J. Comput. Nonlinear Dyn. 18 (2023), doi:10.1115/1.4062228, Figs. 7(b) to 7(e) and section 4.2."""
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_labels_of_figure_7b_are_the_paper_s(afm2):
     sweep = run_sweep(afm2, "Omega", np.linspace(0.995, 1.05, 300), options=SweepOptions(discard=600, keep=100))
     assert {omega: sweep.at(omega).label for omega in PAPER} == PAPER

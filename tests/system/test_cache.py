@@ -244,7 +244,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
     assert read_checked(file) == b"old"
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_six_processes_compile_one_system_at_the_same_time(folder):
     running = [
         subprocess.Popen([sys.executable, "-c", TINY], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

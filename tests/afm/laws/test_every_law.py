@@ -11,6 +11,7 @@ import pytest
 
 import saltus
 from saltus import afm
+from selection import guarding
 
 PROBE = afm.Probe(k_N_m=40.0, f0_kHz=300.0, Q=300.0, R_nm=10.0)
 SPHERE = afm.VanDerWaals(H_aJ=0.1, a0_nm=0.3) + afm.DMT(E_GPa=1.0)
@@ -41,7 +42,7 @@ LAWS = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module", params=LAWS)
+@pytest.fixture(scope="module", params=guarding(LAWS, "DMT", "KelvinVoigt", "SLS", "JKR", "Neck"))
 def tapped(request):
     law, Zc_nm, drag, forgotten, lost = LAWS[request.param]
     system = afm.model(PROBE, law, afm.Drive(A0_nm=20.0), Zc_nm=Zc_nm)

@@ -210,7 +210,7 @@ def test_a_small_attractor_beside_a_large_one_is_found_and_its_states_are_not_in
     assert (labels == 1).sum() > 100
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_a_long_transient_is_no_attractor():
     system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.165})
     found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), seeds=64, search=Search(samples=1000))
@@ -302,7 +302,7 @@ def test_what_was_seen_of_the_stay_is_told():
     assert str(Stay(128, 4e5, 4)) == "a transient: 4 of 128 motions left it, mean stay 1e+05 +- 5e+04"
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_an_orbit_that_nearly_grazes_is_periodic():
     system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.046})
     found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), seeds=16, search=Search(samples=200))
@@ -318,7 +318,7 @@ def test_an_orbit_that_nearly_grazes_is_periodic():
     assert periods.max() > 400
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_a_narrow_window_in_chaos_has_the_one_orbit_of_its_period():
     system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.023})
     found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), seeds=16, search=Search(samples=200))
@@ -336,7 +336,7 @@ def test_next_to_a_period_doubling_the_slow_orbit_and_the_one_beside_it_are_told
     assert min(found.fates[name] for name in found.names) > 0
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_henon_map_is_chaotic_or_diverges():
     system = carried(("x", "y"), {"a": 1.4, "b": 0.3}, {"x": "a - x**2 + b*y", "y": "x"})
     search = Search(samples=100, longest=2000)
@@ -350,7 +350,7 @@ def test_henon_map_is_chaotic_or_diverges():
     assert strobes[0] >= 16
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_delayed_logistic_map_is_quasi_periodic():
     image = {"x": "y", "y": "a*y*(1 - x)"}
     search = Search(samples=100, longest=2000)
@@ -414,7 +414,7 @@ def test_each_unusable_option_of_a_search_is_named(options, message):
         Search(**options)
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.parametrize("n", [1, 2])
 def test_tapping_mode_has_an_attractive_and_a_repulsive_motion(n):
     system = afm.tapping_mode(afm.table1(), modes=n, parameters={"Omega": 1.15, "D_att": 0.025, "D_rep": 4.0})

@@ -35,19 +35,19 @@ def errors_in(accuracy: ModuleType, cells: int, *, planes: bool) -> tuple[int, i
     return sum(row.wrong for row in found), sum(row.cells for row in found)
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_labels_of_the_planes_are_where_motions_converge(accuracy):
     wrong, cells = errors_in(accuracy, 300, planes=True)
     assert wrong <= wrong_at_most(cells, accuracy.WRONG["plane"])
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_labels_of_the_boxes_are_where_motions_converge(accuracy):
     wrong, cells = errors_in(accuracy, 1000, planes=False)
     assert wrong <= wrong_at_most(cells, accuracy.WRONG["box"])
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_wrong_labels_are_counted(accuracy):
     """At a tolerance of 0.01 so many labels of the box flip that the bound of the test above is passed."""
     found = accuracy.label_errors("[-5, 5]^4", 2000, seed=7, tolerance=1e-2)

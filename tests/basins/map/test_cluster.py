@@ -88,7 +88,7 @@ def test_what_is_no_address_is_told_at_once_and_leaves_no_store(well, tmp_path, 
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_a_worker_that_is_killed_at_work_loses_nothing(well, both, small_units, tmp_path):
     whole = map_basins(well, {}, LARGER, both)
     cluster = distributed.LocalCluster(

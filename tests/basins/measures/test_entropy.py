@@ -88,7 +88,7 @@ def test_newtons_basins_have_the_entropies_in_print_and_a_fractal_boundary(newto
     assert found.fractal
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_duffings_basins_have_the_known_shares_and_entropies():
     labels = kb.duffing(np.linspace(-2.2, 2.2, 200))
     basins, found = kb.basins(labels, 2.2), basin_entropy(kb.basins(labels, 2.2), 5)

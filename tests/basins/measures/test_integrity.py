@@ -129,7 +129,7 @@ def test_a_volume_read_in_many_blocks_is_that_read_at_once():
     assert found.error == pytest.approx(found.bound / math.sqrt(parted))
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_the_bounded_orbits_of_the_henon_map_have_the_known_share():
     found = global_integrity(kb.basins(kb.henon(np.linspace(-2.0, 2.0, 4000)), 2.0), "a")
     assert round(found.share, 5) == 0.43234
@@ -140,7 +140,7 @@ def test_the_roots_of_newtons_method_have_the_known_shares():
     assert [round(global_integrity(basins, name).share, 5) for name in "abc"] == [0.33598, 0.33201, 0.33201]
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_the_magnets_of_a_pendulum_have_the_known_shares():
     labels = kb.pendulum(np.linspace(-2.0, 2.0, 201))
     basins = kb.basins(labels, 2.0)

@@ -175,7 +175,7 @@ def at_once(monkeypatch):
     monkeypatch.setattr(work, "_TRIAL", 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.usefixtures("at_once")
 def test_members_of_a_worker_that_is_killed_are_told(orbit):
     def kill(progress):
@@ -309,7 +309,7 @@ def test_a_branch_that_is_interrupted_is_no_member(orbit, monkeypatch):
     assert (family.branches, dict(family.failures)) == ((None,), {0: UNDONE})
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.usefixtures("at_once")
 def test_interrupted_processes_give_up_what_is_not_done_and_keep_what_is(orbit):
     """Processes that went on would bring the long members, too: they have them in hand at the interrupt."""
@@ -370,7 +370,7 @@ def ends(group):
     return False
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_a_script_needs_no_guard_and_runs_once(tmp_path):
     out, err = run_script(tmp_path, 0.1).communicate(timeout=120)
     assert err == ""
@@ -378,7 +378,7 @@ def test_a_script_needs_no_guard_and_runs_once(tmp_path):
     assert out.endswith("whole 0\n")
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.skipif(sys.platform == "win32", reason="groups of processes are signalled")
 @pytest.mark.parametrize("after", [r"0 d = 8\.5: the start", r"\d d = 1: the start", r"\d d = 8\.5: \d+ orbits"])
 def test_ctrl_c_leaves_no_process_and_no_traceback_behind(tmp_path, after):
@@ -394,7 +394,7 @@ def test_ctrl_c_leaves_no_process_and_no_traceback_behind(tmp_path, after):
     assert ends(script.pid)
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.skipif(sys.platform == "win32", reason="groups of processes are signalled")
 def test_workers_do_not_outlive_a_parent_that_is_killed(tmp_path):
     script = run_script(tmp_path, 2e-4)

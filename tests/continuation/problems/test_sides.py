@@ -261,7 +261,7 @@ def test_a_pitchfork_is_no_family(pitchfork):
         solve_orbit(pitchfork, {"p": 0.0}, [("m", "s", [0.0], 2.0 * math.pi)])
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_a_hopf_locus_of_an_orbit_at_rest_is_that_of_the_brusselator():
     system = HybridSystem(
         ("x", "y"),

@@ -15,6 +15,8 @@ import saltus.basins.map.grid
 from basin_sections import made
 from saltus.afm.paper.figures import fig10, runner
 
+pytestmark = pytest.mark.campaign  # the whole figure
+
 RESOLUTION = 10
 
 
@@ -59,7 +61,6 @@ def found(tmp_path_factory):
     return runner("fig10")(tmp_path_factory.mktemp("fig10"), resolution=RESOLUTION)
 
 
-@pytest.mark.slow
 class TestWhole:
     """The figure with few cells, some 10 s."""
 

@@ -23,6 +23,8 @@ from saltus.errors import InputError
 from saltus.plotting import style
 from saltus.plotting.space import stretches_of
 
+pytestmark = pytest.mark.campaign  # the whole figure
+
 LOCI = ["SN_1", "SN_2", "SN_3", "SN_left", "SN_touching", "SN_in_flight", "PD"]
 A0 = 1.0 / 300.0
 

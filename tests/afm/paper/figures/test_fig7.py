@@ -16,6 +16,8 @@ from saltus.afm.paper.figures import fig7, fig7a, runner
 from saltus.afm.paper.figures.files import read_results
 from saltus.results import Sweep
 
+pytestmark = pytest.mark.campaign  # the whole figure
+
 
 @pytest.fixture(scope="module")
 def few():
@@ -53,7 +55,6 @@ def test_a_portrait_is_a_whole_number_of_periods_that_closes(few):
     assert motion.x_end[:4] == pytest.approx(motion(0.0)[:4], abs=1e-6)
 
 
-@pytest.mark.slow
 class TestWhole:
     """The whole figure, some 40 s."""
 

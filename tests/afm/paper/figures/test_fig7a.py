@@ -19,6 +19,8 @@ from saltus.afm.paper.figures import fig7a, runner
 from saltus.afm.paper.figures.files import read_results
 from saltus.plotting.space import stretches_of
 
+pytestmark = pytest.mark.campaign  # the whole figure
+
 # Of the response at D_rep_2 = 4, followed in steps 125 times smaller, which pass over none.
 SPECIAL_POINTS = [
     ("SN", 0.9162457916),

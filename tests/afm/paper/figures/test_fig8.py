@@ -28,7 +28,10 @@ def _can_render() -> bool:
     return True
 
 
-pytestmark = pytest.mark.skipif(not _can_render(), reason="no PyVista, or neither a display nor EGL")
+pytestmark = [
+    pytest.mark.campaign,
+    pytest.mark.skipif(not _can_render(), reason="no PyVista, or neither a display nor EGL"),
+]
 
 RESOLUTION = 12
 
@@ -92,7 +95,6 @@ def test_a_missing_renderer_is_told_before_the_work(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
 def test_all_files_are_written_and_the_section_is_one_of_the_store(tmp_path, monkeypatch):
     monkeypatch.setattr(fig8, "_TURNS", 2)
     found = runner("fig8")(tmp_path, resolution=RESOLUTION, animate=True)

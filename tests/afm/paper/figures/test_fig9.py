@@ -18,6 +18,8 @@ from saltus.afm.paper.figures import fig9, runner
 from saltus.afm.paper.figures.files import read_results
 from saltus.errors import InputError
 
+pytestmark = pytest.mark.campaign  # the whole figure
+
 RESOLUTION = 24
 
 
@@ -83,7 +85,6 @@ def content(found):
     return json.loads((found["files"][0].parent / "fig9.json").read_text())
 
 
-@pytest.mark.slow
 class TestWhole:
     """The figure with few cells, some 15 s."""
 

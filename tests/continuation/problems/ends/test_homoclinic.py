@@ -152,7 +152,7 @@ def test_sandstede_homoclinic_orbit_is_exact() -> None:
     assert y == pytest.approx(2.0 / math.sqrt(27.0), abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_two_unstable_directions_change_neither_the_parameter_nor_the_longest_period() -> None:
     field = SANDSTEDE | {"w": "-3*w"}
     parameters = {"a": -0.3, "b": 1.0, "c": 2.0, "mut": 0.1}
@@ -166,7 +166,7 @@ def test_two_unstable_directions_change_neither_the_parameter_nor_the_longest_pe
     assert branch.residual.max() < 1e-8
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.parametrize(("b", "chaos"), [(1.0, False), (2.5, True)])
 def test_saddle_focus_is_homoclinic_where_its_unstable_manifold_comes_back(b: float, chaos: bool) -> None:
     point = branch_of(JERK, {"a": 0.9 * b, "b": b}, "a", (0.2, 9.0), [1.0, 0.0, 0.0])["HOM1"]
