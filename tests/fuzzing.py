@@ -614,7 +614,7 @@ def _of_curves(made: Objects) -> dict[str, Call]:
         "optimise": Call(
             Grouped(saltus.optimise, options=OptimumOptions),
             {
-                "start": orbit, "maximise": "max(v)", "minimise": "", "over": ["A"], "bounds": {"A": (0.9, 1.05)},
+                "start": orbit, "maximise": "max(v)", "minimise": "", "vary": {"A": (0.9, 1.05)},
                 "subject_to": {"min_x": (-9.0, None), "stable": False}, "margin": 0.01, "reach": 0.1, "max_orbits": 3,
                 "progress": False,
             },

@@ -59,7 +59,7 @@ def of(table, constraint, side):
 
 @pytest.mark.parametrize("w", [0.3, 0.6, 0.95, 1.6])
 def test_the_resonance_of_a_linear_oscillator_from_several_starts(duffing, w):
-    found = optimise(find_orbit(duffing, {**LINEAR, "w": w}, [0.0, 0.0]), maximise=A1, over=["w"])
+    found = optimise(find_orbit(duffing, {**LINEAR, "w": w}, [0.0, 0.0]), maximise=A1, vary={"w": (None, None)})
     assert found["w"] == pytest.approx(np.sqrt(1.0 - 0.4**2 / 2.0), rel=1e-9)
     assert found.best == pytest.approx(1.0 / (0.4 * np.sqrt(1.0 - 0.4**2 / 4.0)), rel=1e-12)
     assert found.stopped == "the optimum is found"
@@ -69,10 +69,10 @@ def test_the_resonance_of_a_linear_oscillator_from_several_starts(duffing, w):
 
 
 def test_the_multiplier_of_an_active_bound_is_the_derivative_of_the_best_objective(linear):
-    found = optimise(linear, maximise=A1, over=["w"], bounds={"w": (None, 0.8)})
+    found = optimise(linear, maximise=A1, vary={"w": (None, 0.8)})
     assert found["w"] == 0.8
     assert of(found, "w", "upper") == pytest.approx(rate(gain, 0.8), rel=1e-8)
-    least = optimise(linear, minimise=A1, over=["w"], bounds={"w": (0.5, 0.8)})
+    least = optimise(linear, minimise=A1, vary={"w": (0.5, 0.8)})
     assert least["w"] == 0.5
     assert of(least, "w", "lower") == pytest.approx(rate(gain, 0.5), rel=1e-8)
     assert least.curvature == np.inf
@@ -84,7 +84,7 @@ def test_the_least_damping_for_an_amplitude_and_its_multiplier(linear):
     def damping(most):
         return np.sqrt(most**-2 - (1.0 - 0.6**2) ** 2) / 0.6
 
-    found = optimise(linear, minimise="c", over=["c"], subject_to={A1: (None, 1.5)}, bounds={"c": (0.01, 2.0)})
+    found = optimise(linear, minimise="c", vary={"c": (0.01, 2.0)}, subject_to={A1: (None, 1.5)})
     assert found["c"] == pytest.approx(damping(1.5), rel=1e-9)
     assert of(found, A1, "upper") == pytest.approx(rate(damping, 1.5), rel=1e-6)
     assert found.active == {A1: of(found, A1, "upper")}
@@ -95,9 +95,13 @@ def test_units_far_from_one_change_nothing_but_the_units(duffing, linear, unit):
     """Frequencies in `unit`, lengths in thousandths: the same optimum, all multipliers in their own units."""
     values = {"k": unit**2, "c": 0.4 * unit, "b": 0.0, "A": 1e-3 * unit**2, "w": 0.6 * unit}
     other = find_orbit(duffing, values, [0.0, 0.0])
-    task = {"maximise": A1, "over": ["w", "c"]}
-    one = optimise(linear, **task, bounds={"c": (0.1, None)}, subject_to={"max_v": (None, 3.0)})
-    two = optimise(other, **task, bounds={"c": (0.1 * unit, None)}, subject_to={"max_v": (None, 3e-3 * unit)})
+    one, two = (
+        optimise(
+            orbit, maximise=A1, vary={"w": (None, None), "c": (0.1 * rate, None)},
+            subject_to={"max_v": (None, 3.0 * length * rate)},
+        )
+        for orbit, rate, length in ((linear, 1.0, 1.0), (other, unit, 1e-3))
+    )  # fmt: skip
     assert two.values / unit == pytest.approx(one.values, rel=1e-8)
     assert two.best == pytest.approx(1e-3 * one.best, rel=1e-8)
     assert of(two, "max_v", "upper") * unit == pytest.approx(of(one, "max_v", "upper"), rel=1e-6)
@@ -107,7 +111,7 @@ def test_units_far_from_one_change_nothing_but_the_units(duffing, linear, unit):
 def test_two_active_constraints_leave_the_closed_form(linear):
     """At the least damping the velocity w gain(w) is held; both multipliers follow from the two slopes."""
     found = optimise(
-        linear, maximise=A1, over=["w", "c"], bounds={"c": (0.1, None)}, subject_to={"amplitude(v, 1)": (None, 3.0)}
+        linear, maximise=A1, vary={"w": (None, None), "c": (0.1, None)}, subject_to={"amplitude(v, 1)": (None, 3.0)}
     )
 
     def best(c, most):
@@ -120,7 +124,7 @@ def test_two_active_constraints_leave_the_closed_form(linear):
 
 
 def test_an_observable_is_held_by_equal_bounds(linear):
-    found = optimise(linear, minimise="A", over=["A", "w"], subject_to={A1: (2.0, 2.0)})
+    found = optimise(linear, minimise="A", vary={"A": (None, None), "w": (None, None)}, subject_to={A1: (2.0, 2.0)})
     assert found.orbit.observe(A1)[A1] == pytest.approx(2.0, rel=1e-9)
     assert found["w"] == pytest.approx(np.sqrt(0.92), rel=1e-7)
     assert sum(found.active.values()) == pytest.approx(1.0 / gain(found["w"]), rel=1e-6)
@@ -128,7 +132,7 @@ def test_an_observable_is_held_by_equal_bounds(linear):
 
 def test_a_phase_goes_on_beyond_a_turn_and_a_formula_in_it_ends_there(linear):
     """The lag of the linear oscillator grows with w towards half a turn; the phase itself passes no cut."""
-    found = optimise(linear, minimise="phase(x, 1)", over=["w"], bounds={"w": (None, 3.0)})
+    found = optimise(linear, minimise="phase(x, 1)", vary={"w": (None, 3.0)})
     assert found["w"] == 3.0
     assert found.best == pytest.approx(np.pi / 2.0 - np.arctan2(0.4 * 3.0, 1.0 - 9.0), rel=1e-10)
 
@@ -139,7 +143,11 @@ def test_a_phase_goes_on_beyond_a_turn_and_a_formula_in_it_ends_there(linear):
 def test_at_a_fold_stability_is_active_and_its_multiplier_is_a_derivative(driven, response):
     found, wider = (
         optimise(
-            driven, minimise="period", over=["w"], subject_to={"stable": True}, options=OptimumOptions(margin=margin)
+            driven,
+            minimise="period",
+            vary={"w": (None, None)},
+            subject_to={"stable": True},
+            options=OptimumOptions(margin=margin),
         )
         for margin in (0.01, 0.010001)
     )
@@ -148,13 +156,13 @@ def test_at_a_fold_stability_is_active_and_its_multiplier_is_a_derivative(driven
     assert np.abs(found.orbit.multipliers).max() == pytest.approx(0.99, abs=1e-8)
     assert of(found, "stable", "upper") == pytest.approx((found.best - wider.best) / 1e-6, rel=1e-3)
     assert found.notes == ()
-    near = optimise(driven, minimise="period", over=["w"], subject_to={"stable": True})
+    near = optimise(driven, minimise="period", vary={"w": (None, None)}, subject_to={"stable": True})
     assert np.abs(near.orbit.multipliers).max() == pytest.approx(0.999, abs=1e-6)
     assert 0.0 < fold - near["w"] < 2e-7
 
 
 def test_without_the_constraint_the_fold_ends_the_search_in_words(driven, response):
-    found = optimise(driven, minimise="period", over=["w"])
+    found = optimise(driven, minimise="period", vary={"w": (None, None)})
     assert found["w"] == pytest.approx(response["SN1"].value("w"), abs=1e-6)
     assert found["w"] < response["SN1"].value("w")
     assert "no optimum: the smooth piece ends next to w = 2.2119" in found.stopped
@@ -173,7 +181,7 @@ def test_an_orbit_is_not_carried_to_another_sheet(driven, response):
 @pytest.mark.parametrize("w", [0.8, 1.2, 2.0])
 def test_the_peak_of_a_duffing_oscillator_from_several_starts_and_from_the_branch(duffing, response, w):
     start = max(response.at(w), key=lambda orbit: orbit.max["x"])
-    found = optimise(start, maximise=A1, over=["w"], subject_to={"stable": True})
+    found = optimise(start, maximise=A1, vary={"w": (None, None)}, subject_to={"stable": True})
 
     def amplitude(value):
         sheet = max(response.at(value), key=lambda orbit: orbit.max["x"])
@@ -182,7 +190,7 @@ def test_the_peak_of_a_duffing_oscillator_from_several_starts_and_from_the_branc
     other = minimize_scalar(lambda value: -amplitude(value), bounds=(2.15, 2.2119), method="bounded")
     assert found.best >= -other.fun - 1e-12
     assert found["w"] == pytest.approx(other.x, abs=1e-5)
-    best = optimise(response, maximise=A1, over=["w"], subject_to={"stable": True})
+    best = optimise(response, maximise=A1, vary={"w": (None, None)}, subject_to={"stable": True})
     assert best["w"] == pytest.approx(found["w"], abs=1e-7)
     assert abs(best.start[0] - best["w"]) < 0.05
 
@@ -192,7 +200,7 @@ def test_the_least_force_for_an_amplitude_over_force_and_frequency(driven):
 
     def least(amplitude):
         limits = {"stable": True, A1: (amplitude, None)}
-        return optimise(driven, minimise="A", over=["A", "w"], bounds={"w": (1.0, 3.0)}, subject_to=limits)
+        return optimise(driven, minimise="A", vary={"A": (None, None), "w": (1.0, 3.0)}, subject_to=limits)
 
     found = least(1.5)
     assert found.orbit.observe(A1)[A1] == pytest.approx(1.5, rel=1e-9)
@@ -204,12 +212,12 @@ def test_the_least_force_for_an_amplitude_over_force_and_frequency(driven):
 
 def test_the_slowest_impact_and_an_active_grazing_of_an_impact_oscillator(impact_oscillator):
     start = find_orbit(impact_oscillator, {"w": 0.9}, [0.0, 0.0])
-    found = optimise(start, minimise="velocity(impact)", over=["w"], subject_to={"stable": True})
+    found = optimise(start, minimise="velocity(impact)", vary={"w": (None, None)}, subject_to={"stable": True})
     grid = [one.orbit.observe("velocity(impact)")["velocity(impact)"] for one in
             (carried(carrying(start, ["w"]), np.array([w])) for w in np.linspace(0.88, 0.97, 10))]  # fmt: skip
     assert found.best < min(grid)
     assert found.best == pytest.approx(min(grid), rel=1e-3)
-    ended = optimise(start, maximise="max(v)", over=["w", "e"], bounds={"w": (0.5, 1.5), "e": (0.3, 0.95)})
+    ended = optimise(start, maximise="max(v)", vary={"w": (0.5, 1.5), "e": (0.3, 0.95)})
     assert "no optimum: the smooth piece ends" in ended.stopped
     assert "grazing" in ended.stopped
     assert ended.orbit.admissible
@@ -222,7 +230,7 @@ def test_a_gap_of_a_tapping_cantilever_is_kept(afm1):
 
     def greatest(gap):
         limits = {"stable": True, "min_z": (gap, None)}
-        return optimise(start, maximise="amplitude(q1, 1)", over=["Omega", "ybar"], bounds={"ybar": (0.05, 0.2)},
+        return optimise(start, maximise="amplitude(q1, 1)", vary={"Omega": (None, None), "ybar": (0.05, 0.2)},
                         subject_to=limits)  # fmt: skip
 
     found = greatest(-0.002)
@@ -241,7 +249,7 @@ def test_the_largest_limit_cycle_of_van_der_pol(duffing):
     """Its amplitude has a maximum over mu (SciPy's integrator at both sides and there)."""
     system = saltus.HybridSystem.smooth({"x": "y", "y": "mu*(1 - x**2)*y - k*x + b"}, {"mu": 1.5, "k": 1.0, "b": 0.0})
     start = find_orbit(system, {}, [2.0, 0.0])
-    found = optimise(start, maximise="max(x)", over=["mu"], subject_to={"stable": True})
+    found = optimise(start, maximise="max(x)", vary={"mu": (None, None)}, subject_to={"stable": True})
 
     def amplitude(mu):
         def turns(t, y):
@@ -266,19 +274,20 @@ BAD = {
     "both": ({"minimise": A1}, "maximise, minimise = 'both': must be one of both"),
     "neither": ({"maximise": ""}, "maximise, minimise = 'neither': must be one of both"),
     "no orbit": ({"start": 3.0}, "start = 'float': must be a Branch of periodic orbits, or a PeriodicOrbit"),
-    "no parameter": ({"over": ["q"]}, "over = 'q': must be one of k, c, b, A, g, w"),
-    "no parameters": ({"over": []}, "over"),
+    "no parameter": ({"vary": {"q": (None, None)}}, "vary = 'q': must be one of k, c, b, A, g, w"),
+    "no parameters": ({"vary": {}}, "vary = {}: must be at least one parameter"),
     "no observable": ({"maximise": "amplitud(x, 1)"}, "did you mean 'amplitude'"),
     "a state": ({"maximise": "x"}, "observable = 'x': must be one number of an orbit; as 'mean(x)'"),
     "no constraint": ({"subject_to": {"max(q)": (0.0, 1.0)}}, "q"),
     "one bound": ({"subject_to": {"max(x)": 1.0}}, "a lower and an upper bound, None for none"),
     "swapped": ({"subject_to": {"max(x)": (2.0, 1.0)}}, "the lower first"),
-    "a parameter's": ({"subject_to": {"c": (0.0, 1.0)}}, "bounds={'c': ...} are those of a parameter"),
-    "not over": ({"bounds": {"c": (0.0, 1.0)}}, "bounds"),
-    "an empty range": ({"bounds": {"w": (1.0, 1.0)}}, "that leave a range"),
-    "excluded": ({"bounds": {"w": (0.7, None)}}, "w of the start = 0.6: must be between 0.7 and inf, as in `bounds`"),
+    "a parameter's": ({"subject_to": {"c": (0.0, 1.0)}}, "vary={'c': ...} bounds a parameter"),
+    "no bounds": ({"vary": {"w": None}}, "vary['w'] = None: must be a lower and an upper bound"),
+    "an empty range": ({"vary": {"w": (1.0, 1.0)}}, "that leave a range"),
+    "excluded": ({"vary": {"w": (0.7, None)}}, "w of the start = 0.6: must be between 0.7 and inf, as in `vary`"),
     "stable": ({"subject_to": {"stable": 1}}, "subject_to['stable'] = 1: must be True or False"),
-    "does not move": ({"over": ["k"], "maximise": "period"}, "over = 'k': must be parameters that move period"),
+    "does not move": ({"vary": {"k": (None, None)}, "maximise": "period"},
+        "vary = 'k': must be parameters that move period"),
     "rounding": ({"maximise": "mean(x)"}, "but for rounding, it is constant next to the start"),
     "infeasible": ({"subject_to": {A1: (9.0, None)}}, "must be constraints that an orbit can meet; w = 0.9591663"),
     "contrary": ({"subject_to": {"max(x)": (2.0, None), "min(x)": (-1.0, None)}}, "at best"),
@@ -289,15 +298,15 @@ BAD = {
 def test_bad_input_is_told(linear, what):
     given, message = BAD[what]
     with pytest.raises(InputError) as caught:
-        optimise(**({"start": linear, "maximise": A1, "over": ["w"]} | given))
+        optimise(**({"start": linear, "maximise": A1, "vary": {"w": (None, None)}} | given))
     assert message in str(caught.value)
 
 
 def test_an_unstable_start_is_told_under_stable_alone(response):
     middle = next(orbit for orbit in response.at(2.0) if not orbit.stable)
     with pytest.raises(InputError, match=r"start = 'unstable, \|multiplier\| .*must be stable, as in `subject_to`"):
-        optimise(middle, minimise=A1, over=["w"], subject_to={"stable": True})
-    found = optimise(middle, minimise=A1, over=["w"], bounds={"w": (1.8, 2.1)})
+        optimise(middle, minimise=A1, vary={"w": (None, None)}, subject_to={"stable": True})
+    found = optimise(middle, minimise=A1, vary={"w": (1.8, 2.1)})
     assert found["w"] == 1.8
     assert not found.orbit.stable
 
@@ -309,14 +318,14 @@ def test_options_are_checked(field):
 
 
 def test_a_branch_without_a_usable_orbit_is_told(response):
-    with pytest.raises(InputError, match="admissible, stable orbit within `bounds`"):
-        optimise(response, maximise=A1, over=["w"], bounds={"w": (3.0, 4.0)}, subject_to={"stable": True})
+    with pytest.raises(InputError, match="admissible, stable orbit within `vary`"):
+        optimise(response, maximise=A1, vary={"w": (3.0, 4.0)}, subject_to={"stable": True})
 
 
 def test_the_start_of_a_minimum_for_a_maximum_is_no_optimum(duffing):
     """At w**2 = 0.92 the slope vanishes exactly to rounding: the curvature tells which optimum it is."""
     peak = find_orbit(duffing, {**LINEAR, "w": np.sqrt(0.92)}, [0.0, 0.0])
-    found = optimise(peak, minimise=A1, over=["w"])
+    found = optimise(peak, minimise=A1, vary={"w": (None, None)})
     assert found.curvature < 0.0 or found["w"] != pytest.approx(np.sqrt(0.92), abs=1e-3)
     assert found.stopped != "the optimum is found" or any("no optimum" in note for note in found.notes)
 
@@ -329,11 +338,11 @@ def test_an_interrupt_and_a_limit_of_orbits_keep_the_best_so_far(linear):
         if progress.done == 3:
             raise KeyboardInterrupt
 
-    found = optimise(linear, maximise=A1, over=["w"], progress=stop)
+    found = optimise(linear, maximise=A1, vary={"w": (None, None)}, progress=stop)
     assert found.stopped == "interrupted: the best so far"
     assert found.best > gain(0.6)
     assert A1 in seen[0].text
-    few = optimise(linear, maximise=A1, over=["w"], options=OptimumOptions(max_orbits=2))
+    few = optimise(linear, maximise=A1, vary={"w": (None, None)}, options=OptimumOptions(max_orbits=2))
     assert few.stopped == "no more orbits are allowed: the best so far"
     assert np.isnan(few.mismatch)
 
@@ -346,8 +355,7 @@ def optimum(linear):
     return optimise(
         linear,
         maximise=A1,
-        over=["w", "c"],
-        bounds={"c": (0.1, None)},
+        vary={"w": (None, None), "c": (0.1, None)},
         subject_to={"max_v": (None, 3.0), "stable": True},
     )
 

@@ -28,7 +28,9 @@ cascade: saltus.results.Cascade = saltus.follow_cascade(branch["PD1"], (0.05, 0.
 saltus.continue_orbit(orbit, "A", (0.05, 0.5), progress=lambda progress: print(progress.done, progress.text))
 locus: saltus.results.Locus = saltus.continue_locus(branch["SN1"], ("A", "e"), {"A": (0.0, 1.0), "e": (0.0, 1.0)})
 swept = saltus.options.SweepOptions(discard=300, section="impact")
-optimum: saltus.results.Optimum = saltus.optimise(branch, maximise="max(v)", over=["A"], subject_to={"stable": True})
+optimum: saltus.results.Optimum = saltus.optimise(
+    branch, maximise="max(v)", vary={"A": (None, None)}, subject_to={"stable": True}
+)
 active: dict[str, float] = optimum.active
 sweep: saltus.results.Sweep = saltus.run_sweep(
     ball, "A", np.linspace(0.1, 0.2, 11), x0=[1.0, 0.0], options=swept, progress=lambda told: print(told.left)
@@ -78,7 +80,7 @@ saltus.continue_orbit(orbit, 3, (0.0, 1.0))  # wrong
 saltus.continue_orbit(orbit, "A", (0.0, 1.0), steps=0.01)  # wrong
 saltus.continue_orbit(orbit, "A", (0.0, 1.0), at_grazing="pass")  # wrong
 saltus.continue_family(orbit, "A", {"e": [0.6]}, (0.05, 0.5), progress="bar")  # wrong
-saltus.optimise(branch, maximise=3, over=["A"])  # wrong
+saltus.optimise(branch, maximise=3, vary={"A": (None, None)})  # wrong
 text: str = orbit.period  # wrong
 found = orbit.multiplier  # wrong
 saltus.find_equilibrium(ball, start=[1.0, 0.0])  # wrong

@@ -46,8 +46,8 @@ class OptimumOptions:
     margin : float
         Distance that multipliers keep from the unit circle under ``stable``.
     reach : float
-        Largest change of a parameter in the first step, over its unit. The unit is its range in `bounds` and at most
-        ten times its value; without bounds it is the value.
+        Largest change of a parameter in the first step, over its unit. The unit is its range in `vary` and at most ten
+        times its value; without bounds it is the value.
     max_orbits : int
         Orbits that the search looks at, at most.
     """
@@ -71,9 +71,8 @@ def optimise(
     *,
     maximise: str = "",
     minimise: str = "",
-    over: Sequence[str],
+    vary: Mapping[str, tuple[float | None, float | None]],
     subject_to: Mapping[str, Any] | None = None,
-    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     options: OptimumOptions | None = None,
     progress: bool | Report = False,
 ) -> Optimum:
@@ -90,14 +89,12 @@ def optimise(
     maximise, minimise : str
         The objective, one of both: an observable as ``"amplitude(x, 1)"``, a formula in observables and parameters,
         ``"period"``, or a parameter.
-    over : sequence of str
-        The parameters that vary.
+    vary : mapping of str to (float or None, float or None)
+        The parameters that vary, each with its lower and upper bound, None where there is none.
     subject_to : mapping, optional
         Lower and upper bounds of observables, None where there is none: ``{"min_gap": (0.0, None)}``. Equal bounds
         hold an observable. ``"stable": True`` keeps all multipliers but the trivial one within the unit circle, with
         `OptimumOptions.margin`.
-    bounds : mapping of str to (float or None, float or None), optional
-        Bounds of the parameters in `over`.
     options : OptimumOptions, optional
         Margin of stability, first step, number of orbits.
     progress : bool or callable, optional
@@ -111,7 +108,7 @@ def optimise(
     Raises
     ------
     InputError
-        A name, a bound or an option that cannot be used. The start violates `bounds`, is unstable under ``stable``, or
+        A name, a bound or an option that cannot be used. The start violates `vary`, is unstable under ``stable``, or
         its parameters do not determine it. No parameter moves the objective. No orbit meets all constraints.
 
     References
@@ -125,7 +122,7 @@ def optimise(
     >>> spring = HybridSystem.smooth(
     ...     {"x": "v", "v": "-c*v - k*x + cos(s)"}, {"k": 1.0, "c": 0.4, "w": 0.6}, phase=("s", "w")
     ... )
-    >>> peak = optimise(find_orbit(spring, {}, [0.0, 0.0]), maximise="amplitude(x, 1)", over=["w"])
+    >>> peak = optimise(find_orbit(spring, {}, [0.0, 0.0]), maximise="amplitude(x, 1)", vary={"w": (None, None)})
     >>> round(peak["w"] ** 2, 9), round(peak.best ** -2, 9)
     (0.92, 0.1536)
     """
@@ -133,11 +130,8 @@ def optimise(
     goal, objective = _goal(maximise, minimise)
     known = _start_system(start)
     objective = read_expression(known, objective)
-    names = checks.names("over", over, "names of parameters", least=1)
-    for name in names:
-        checks.chosen("over", name, known.parameter_names)
     limited, stable = _constraints(subject_to, known)
-    ranges = _bounds(bounds, names, known)
+    names, ranges = _varied(vary, known)
     expressions = Expressions(known, tuple(dict.fromkeys((objective, *limited))), stable)
     index = {name: i for i, name in enumerate(expressions.names)}
     limits = tuple(
@@ -190,7 +184,7 @@ def _constraints(given: object, system: HybridSystem) -> tuple[dict[str, tuple[f
     for name, ends in wanted.items():
         expression = read_expression(system, name)
         if is_parameter(system, expression):
-            raise InputError("subject_to", name, "observables", f"bounds={{{name!r}: ...}} are those of a parameter")
+            raise InputError("subject_to", name, "observables", f"vary={{{name!r}: ...}} bounds a parameter")
         found[expression] = _ends(f"subject_to[{name!r}]", ends)
     return found, stable
 
@@ -207,24 +201,25 @@ def _ends(name: str, given: object) -> tuple[float, float]:
     return low, high
 
 
-def _bounds(given: object, names: tuple[str, ...], system: HybridSystem) -> NDArray[np.float64]:
-    """Return the bounds of the parameters, shape (2, names), within what the system allows."""
-    wanted = checks.mapping("bounds", given, "bounds by parameter, as {'w': (0.5, 2.0)}", known=names)
-    found = np.array([system.allowed(name) for name in names]).T
-    for i, name in enumerate(names):
-        if name in wanted:
-            low, high = _ends(f"bounds[{name!r}]", wanted[name])
-            found[:, i] = max(low, found[0, i]), min(high, found[1, i])
-            if not found[0, i] < found[1, i]:
-                raise InputError(f"bounds[{name!r}]", wanted[name], "two numbers, the lower first, that leave a range")
-    return found
+def _varied(given: object, system: HybridSystem) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+    """Return the parameters that vary and their bounds, shape (2, names), within what the system allows."""
+    wanted = checks.mapping("vary", given, "bounds by parameter, as {'w': (0.5, 2.0)}", known=system.parameter_names)
+    if not wanted:
+        raise InputError("vary", given, "at least one parameter with its bounds, (None, None) for none")
+    found = np.array([system.allowed(name) for name in wanted]).T
+    for i, (name, ends) in enumerate(wanted.items()):
+        low, high = _ends(f"vary[{name!r}]", ends)
+        found[:, i] = max(low, found[0, i]), min(high, found[1, i])
+        if not found[0, i] < found[1, i]:
+            raise InputError(f"vary[{name!r}]", ends, "two numbers, the lower first, that leave a range")
+    return tuple(wanted), found
 
 
 def _check_start(orbit: PeriodicOrbit, names: Sequence[str], bounds: NDArray[np.float64], *, stable: bool) -> None:
     """Raise `InputError` where no search can start at an orbit."""
     for name, low, high in zip(names, *bounds, strict=True):
         if not low <= orbit.parameters[name] <= high:
-            allowed = f"between {low:.9g} and {high:.9g}, as in `bounds`"
+            allowed = f"between {low:.9g} and {high:.9g}, as in `vary`"
             raise InputError(f"{name} of the start", orbit.parameters[name], allowed, "start elsewhere")
     if not orbit.admissible:
         raise InputError("start", "; ".join(orbit.reasons), "an orbit that is a motion of the system")
@@ -247,7 +242,7 @@ def _orbits(
         usable = usable & (known >= low) & (known <= high)
     if not usable.any():
         what = "admissible, stable" if expressions.stable else "admissible"
-        raise InputError("start", f"a branch of {len(start)} orbits", f"one with an {what} orbit within `bounds`")
+        raise InputError("start", f"a branch of {len(start)} orbits", f"one with an {what} orbit within `vary`")
     table = np.array([_column(start, name) for name in expressions.names])
     sizes = np.maximum(np.abs(table).max(axis=1), 1e-300)
     short = np.zeros(len(start))
@@ -302,7 +297,7 @@ def _check_moves(task: Task, local: Local, box: Box) -> None:
     if looked:
         what = "but for rounding, it is constant next to the start" if moved else "it is constant"
         objective = task.expressions.names[0]
-        raise InputError("over", ", ".join(task.names), f"parameters that move {objective}", f"{what}; choose others")
+        raise InputError("vary", ", ".join(task.names), f"parameters that move {objective}", f"{what}; choose others")
 
 
 def _optimum(task: Task, ended: Ended, box: Box, goal: str) -> Optimum:

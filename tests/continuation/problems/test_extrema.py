@@ -92,7 +92,7 @@ def test_a_quantity_of_a_family_of_swings_has_a_least_value(with_parameters):
 def test_the_slowest_impact_of_an_impact_oscillator(impact_oscillator):
     start = find_orbit(impact_oscillator, {"w": 0.9}, [0.0, 0.0])
     branch = continue_orbit(start, "w", (0.88, 0.97), events={"velocity(impact)": "extremum"})
-    best = saltus.optimise(start, minimise="velocity(impact)", over=["w"])
+    best = saltus.optimise(start, minimise="velocity(impact)", vary={"w": (None, None)})
     assert branch["EX1"].value("w") == pytest.approx(best["w"], abs=1e-9)
 
 
