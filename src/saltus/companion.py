@@ -30,20 +30,11 @@ _LAST_WORDS = 2.0  # seconds in which a process that is told to end may end by i
 
 
 class Message(NamedTuple):
-    """What a companion says of a piece of work.
+    """What a companion says of a piece of work."""
 
-    Attributes
-    ----------
-    key : int
-        The number of the piece.
-    kind : {"progress", "result", "error", "stopped"}
-        What is said.
-    content : object
-        A `saltus.Progress`, what the function returned, or an error's text; None of a piece that was stopped.
-    """
-
-    key: int
-    kind: Literal["progress", "result", "error", "stopped"]
+    key: int  # the number of the piece
+    kind: Literal["progress", "result", "error", "stopped"]  # what is said
+    # a `saltus.Progress`, what the function returned, or an error's text; None of a piece that was stopped
     content: Any
 
 

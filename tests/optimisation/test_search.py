@@ -273,7 +273,7 @@ def test_the_largest_limit_cycle_of_van_der_pol(duffing):
 BAD = {
     "both": ({"minimise": A1}, "maximise, minimise = 'both': must be one of both"),
     "neither": ({"maximise": ""}, "maximise, minimise = 'neither': must be one of both"),
-    "no orbit": ({"start": 3.0}, "start = 'float': must be a Branch of periodic orbits, or a PeriodicOrbit"),
+    "no orbit": ({"start": 3.0}, "start = 3.0: must be a Branch or a PeriodicOrbit"),
     "no parameter": ({"vary": {"q": (None, None)}}, "vary = 'q': must be one of k, c, b, A, g, w"),
     "no parameters": ({"vary": {}}, "vary = {}: must be at least one parameter"),
     "no observable": ({"maximise": "amplitud(x, 1)"}, "did you mean 'amplitude'"),

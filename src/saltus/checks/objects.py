@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, overload
 
 import numpy as np
 
 from saltus.errors import InputError
+
+if TYPE_CHECKING:
+    from types import UnionType
 
 __all__ = [
     "flag",
@@ -27,7 +30,11 @@ _WHERE_FROM = {
 }
 
 
-def instance(name: str, value: object, kind: type[Kind], hint: str = "") -> Kind:
+@overload
+def instance(name: str, value: object, kind: type[Kind], hint: str = "") -> Kind: ...
+@overload
+def instance(name: str, value: object, kind: UnionType, hint: str = "") -> Any: ...
+def instance(name: str, value: object, kind: type[Any] | UnionType, hint: str = "") -> Any:
     """Return `value` if it is of a kind.
 
     Parameters
@@ -36,7 +43,7 @@ def instance(name: str, value: object, kind: type[Kind], hint: str = "") -> Kind
         The argument, for the message; so in all functions of this module.
     value : object
         The value given.
-    kind : type
+    kind : type or union of types
         What it must be.
     hint : str, optional
         What to do about it; by default where such an object comes from.

@@ -22,24 +22,12 @@ __all__ = ["Pool", "domain_to_check", "pools_of"]
 
 @dataclass(frozen=True)
 class Pool:
-    """Lanes that take the same kind of step.
+    """Lanes that take the same kind of step."""
 
-    Attributes
-    ----------
-    mode : int
-        Index of their mode.
-    form : Regularised or None
-        The mode's field in sigma.
-    split : Split or None
-        The mode's linear part, where steps are by its exact flow.
-    pairs : int
-        Pairs of complex eigenvalues of that linear part.
-    """
-
-    mode: int
-    form: Regularised | None = None
-    split: Split | None = None
-    pairs: int = 0
+    mode: int  # index of their mode
+    form: Regularised | None = None  # the mode's field in sigma
+    split: Split | None = None  # the mode's linear part, where steps are by its exact flow
+    pairs: int = 0  # pairs of complex eigenvalues of that linear part
 
 
 def pools_of(system: Symbolic, exact: dict[int, int]) -> list[Pool]:

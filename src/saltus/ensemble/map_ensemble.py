@@ -37,21 +37,11 @@ _LARGEST_TABLE = 2**22  # boxes between the outermost ones, beyond which they ar
 
 
 class BoxTable(NamedTuple):
-    """Labels of all boxes between the outermost ones, for a look-up in one step.
+    """Labels of all boxes between the outermost ones, for a look-up in one step."""
 
-    Attributes
-    ----------
-    low : ndarray of int64, shape (n,)
-        Least index along each state.
-    shape : ndarray of int64, shape (n,)
-        Boxes along each state.
-    labels : ndarray of uint8
-        Flat; empty where they would be too many.
-    """
-
-    low: NDArray[np.int64]
-    shape: NDArray[np.int64]
-    labels: NDArray[np.uint8]
+    low: NDArray[np.int64]  # shape (n,): least index along each state
+    shape: NDArray[np.int64]  # shape (n,): boxes along each state
+    labels: NDArray[np.uint8]  # flat; empty where they would be too many
 
 
 class MapEnsemble:

@@ -27,43 +27,28 @@ _LARGEST_TURN = 2.0 * np.pi  # largest angle of a step where there is a rest, in
 
 @dataclass(frozen=True)
 class LinearPart:
-    """One mode's linear part ``x' = matrix x + forcing``, its eigenvectors and its periodic response.
+    """One mode's linear part ``x' = matrix x + forcing``, its eigenvectors and its periodic response."""
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (n, n)
-    eigenvalues : ndarray of complex128, shape (n,)
-        Complex pairs first, each with the positive imaginary part before its conjugate, then the real ones.
-    basis : ndarray of complex128, shape (n, n)
-        Eigenvectors in columns.
-    rate, period : float
-        Rate of the phase; time between two looks.
-    harmonics : tuple of int
-    cosines, sines : ndarray, shape (harmonics, n)
-        Response ``constant + sum_j cosines[j] cos(j theta) + sines[j] sin(j theta)``.
-    constant : ndarray, shape (n,)
-    events : ndarray, shape (events, n)
-        Gradients of the event functions.
-    event_cosines, event_sines, event_constants : ndarray
-        The event functions along the response, shapes (events, harmonics) twice and (events,).
-    rest : tuple of int
-        States in whose equation there is a rest.
-    """
-
-    matrix: NDArray[np.float64]
+    matrix: NDArray[np.float64]  # shape (n, n)
+    # shape (n,): complex pairs first, each with the positive imaginary part before its conjugate, then the real ones
     eigenvalues: NDArray[np.complex128]
-    basis: NDArray[np.complex128]
+    basis: NDArray[np.complex128]  # shape (n, n): eigenvectors in columns
+    # rate, period: rate of the phase; time between two looks
     rate: float
     period: float
     harmonics: tuple[int, ...]
+    # cosines, sines: shape (harmonics, n): response ``constant + sum_j cosines[j] cos(j theta) + sines[j] sin(j
+    # theta)``
     cosines: NDArray[np.float64]
     sines: NDArray[np.float64]
-    constant: NDArray[np.float64]
-    events: NDArray[np.float64]
+    constant: NDArray[np.float64]  # shape (n,)
+    events: NDArray[np.float64]  # shape (events, n): gradients of the event functions
+    # event_cosines, event_sines, event_constants: the event functions along the response, shapes (events, harmonics)
+    # twice and (events,)
     event_cosines: NDArray[np.float64]
     event_sines: NDArray[np.float64]
     event_constants: NDArray[np.float64]
-    rest: tuple[int, ...]
+    rest: tuple[int, ...]  # states in whose equation there is a rest
 
     @property
     def n(self) -> int:

@@ -20,25 +20,15 @@ __all__ = ["DIVERGED", "NOT_DONE", "UNDECIDED", "Cages", "Cells", "Ellipsoids", 
 
 @dataclass(frozen=True)
 class Ellipsoids:
-    """Ellipsoids ``|shape (x - centre)| < 1``, cut by planes to where ``normal . (x - centre) < offset`` for each.
+    """Ellipsoids ``|shape (x - centre)| < 1``, cut by planes to where ``normal . (x - centre) < offset`` for each."""
 
-    Attributes
-    ----------
-    centres : ndarray, shape (count, n)
-    shapes : ndarray, shape (count, n, n)
-    labels : ndarray of uint8, shape (count,)
-    normals : ndarray, shape (count, planes, n), optional
-    offsets : ndarray, shape (count, planes), optional
-        All > 0. A plane that an ellipsoid lacks has the normal 0 and the offset 1.
-    modes : ndarray of int64, shape (count,), optional
-        Mode of the motions that it holds; -1 for all modes.
-    """
-
-    centres: NDArray[np.float64]
-    shapes: NDArray[np.float64]
-    labels: NDArray[np.uint8]
-    normals: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0, 0)))
+    centres: NDArray[np.float64]  # shape (count, n)
+    shapes: NDArray[np.float64]  # shape (count, n, n)
+    labels: NDArray[np.uint8]  # shape (count,)
+    normals: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0, 0)))  # shape (count, planes, n)
+    # shape (count, planes): all > 0. A plane that an ellipsoid lacks has the normal 0 and the offset 1.
     offsets: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    # shape (count,): mode of the motions that it holds; -1 for all modes
     modes: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
     def __post_init__(self) -> None:
@@ -75,59 +65,32 @@ class Ellipsoids:
 
 @dataclass(frozen=True)
 class Cages:
-    """Sets ``sum_i max(|row_i . (x - centre)|, floor_i) < bound`` of motions in one mode, with complex rows.
+    """Sets ``sum_i max(|row_i . (x - centre)|, floor_i) < bound`` of motions in one mode, with complex rows."""
 
-    Attributes
-    ----------
-    centres : ndarray, shape (count, n)
-    rows : ndarray of complex128, shape (count, n_rows, n)
-    floors : ndarray, shape (count, n_rows)
-    bounds : ndarray, shape (count,)
-    modes : ndarray of int64, shape (count,)
-    labels : ndarray of uint8, shape (count,)
-    """
-
-    centres: NDArray[np.float64]
-    rows: NDArray[np.complex128]
-    floors: NDArray[np.float64]
-    bounds: NDArray[np.float64]
-    modes: NDArray[np.int64]
-    labels: NDArray[np.uint8]
+    centres: NDArray[np.float64]  # shape (count, n)
+    rows: NDArray[np.complex128]  # shape (count, n_rows, n)
+    floors: NDArray[np.float64]  # shape (count, n_rows)
+    bounds: NDArray[np.float64]  # shape (count,)
+    modes: NDArray[np.int64]  # shape (count,)
+    labels: NDArray[np.uint8]  # shape (count,)
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Boxes of a grid that attractors visit; a motion is theirs after `visits` strobes in a row within one's boxes.
+    """Boxes of a grid that attractors visit; a motion is theirs after `visits` strobes in a row within one's boxes."""
 
-    Attributes
-    ----------
-    origin, size : ndarray, shape (n,)
-        Corner and size of the box of index 0.
-    boxes : ndarray of int64, shape (count, n)
-        Indices of the boxes, in lexicographic order: ``floor((x - origin) / size)``.
-    labels : ndarray of uint8, shape (count,)
-    visits : int
-    """
-
+    # origin, size: shape (n,): corner and size of the box of index 0
     origin: NDArray[np.float64]
     size: NDArray[np.float64]
+    # shape (count, n): indices of the boxes, in lexicographic order: ``floor((x - origin) / size)``
     boxes: NDArray[np.int64]
-    labels: NDArray[np.uint8]
+    labels: NDArray[np.uint8]  # shape (count,)
     visits: int
 
 
 @dataclass(frozen=True)
 class Traps:
     """All trapping regions of a system's attractors, for states at phase 0 without the phase.
-
-    Attributes
-    ----------
-    n : int
-        Count of the states.
-    ellipsoids, cages, cells : optional
-        The regions; None where there are none of a kind.
-    limit : float
-        A state with a component beyond it has diverged.
 
     Examples
     --------
@@ -136,11 +99,12 @@ class Traps:
     (0, 254)
     """
 
-    n: int
+    n: int  # count of the states
+    # ellipsoids, cages, cells: the regions; None where there are none of a kind
     ellipsoids: Ellipsoids | None = None
     cages: Cages | None = None
     cells: Cells | None = field(default=None)
-    limit: float = 1e6
+    limit: float = 1e6  # a state with a component beyond it has diverged
 
     def of(self, x: NDArray[np.float64], mode: int) -> int:
         """Return the label of a state's cage or ellipsoid, `DIVERGED`, or `UNDECIDED`; cells take longer."""

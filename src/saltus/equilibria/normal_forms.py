@@ -35,24 +35,16 @@ _FAR = 1e-3  # distance of an eigenvalue from the critical one, over the largest
 
 @dataclass(frozen=True)
 class EquilibriumNormalForm:
-    """Normal form of a field on the centre manifold of a critical equilibrium.
+    """Normal form of a field on the centre manifold of a critical equilibrium."""
 
-    Attributes
-    ----------
-    type : str
-        ``SN``: x' = a x^2; ``CP``: x' = c x^3; ``HB``: z' = i w z (1 + ...) + w l1 z abs(z)^2;
-        ``BT``: x' = y, y' = a x^2 + b x y.
-    coefficient : float
-        a, c, the first Lyapunov coefficient l1, or the product a b. Critical eigenvectors have unit length in the
-        states: other coordinates keep the signs of c, l1 and a b, but not their sizes. That of a SN changes sign with
-        the eigenvector.
-    frequency : float
-        Imaginary part w of the critical pair, in radians per unit of time; 0 but for ``HB``.
-    """
-
+    # ``SN``: x' = a x^2; ``CP``: x' = c x^3; ``HB``: z' = i w z (1 + ...) + w l1 z abs(z)^2; ``BT``: x' = y, y' = a x^2
+    # + b x y
     type: str
+    # a, c, the first Lyapunov coefficient l1, or the product a b. Critical eigenvectors have unit length in the states:
+    # other coordinates keep the signs of c, l1 and a b, but not their sizes. That of a SN changes sign with the
+    # eigenvector.
     coefficient: float
-    frequency: float = 0.0
+    frequency: float = 0.0  # imaginary part w of the critical pair, in radians per unit of time; 0 but for ``HB``
 
     @property
     def criticality(self) -> str:
@@ -214,28 +206,16 @@ def cusp_coefficient(
 
 @dataclass(frozen=True, eq=False)
 class HopfTerms:
-    """Expansion of the centre manifold at a Hopf point: x + z q + conj(z q) + abs(z)^2 mean + Re(z^2 double).
+    """Expansion of the centre manifold at a Hopf point: x + z q + conj(z q) + abs(z)^2 mean + Re(z^2 double)."""
 
-    Attributes
-    ----------
-    l1 : float
-        First Lyapunov coefficient.
-    q, p : ndarray of complex, shape (n,)
-        Eigenvector of unit length, and adjoint one with <p, q> = 1.
-    mean : ndarray, shape (n,)
-        Shift of the mean.
-    double : ndarray of complex, shape (n,)
-        Second harmonic.
-    reach : float
-        The amplitude abs(z) at which a term of second or third order of z' is as large as the linear one; inf without
-        such terms. It does not depend on the units of the states but for those of q.
-    """
-
-    l1: float
+    l1: float  # first Lyapunov coefficient
+    # q, p: shape (n,): eigenvector of unit length, and adjoint one with <p, q> = 1
     q: NDArray[Any]
     p: NDArray[Any]
-    mean: NDArray[np.float64]
-    double: NDArray[Any]
+    mean: NDArray[np.float64]  # shape (n,): shift of the mean
+    double: NDArray[Any]  # shape (n,): second harmonic
+    # the amplitude abs(z) at which a term of second or third order of z' is as large as the linear one; inf without
+    # such terms. It does not depend on the units of the states but for those of q.
     reach: float
 
 

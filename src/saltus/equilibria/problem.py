@@ -27,26 +27,13 @@ _NEARBY = 0.1  # distance of a state nearby, in sizes of the states
 
 @dataclass
 class EquilibriumProblem:
-    """The equations f(x, p) = 0 of an equilibrium; the unknowns are the state, then the active parameters.
+    """The equations f(x, p) = 0 of an equilibrium; the unknowns are the state, then the active parameters."""
 
-    Parameters
-    ----------
-    system : HybridSystem
-        An autonomous system.
-    mode : int
-        The mode whose field vanishes.
-    p : ndarray, shape (parameters,)
-        All parameters; the active ones are overwritten by the unknowns.
-    active : sequence of int
-        Parameters among the unknowns, growing.
-    scales : ndarray, shape (active,)
-        Units of the active parameters.
-    """
-
-    system: HybridSystem
-    mode: int
-    p: NDArray[np.float64]
-    active: Sequence[int] = ()
+    system: HybridSystem  # an autonomous system
+    mode: int  # the mode whose field vanishes
+    p: NDArray[np.float64]  # shape (parameters,): all parameters; the active ones are overwritten by the unknowns
+    active: Sequence[int] = ()  # parameters among the unknowns, growing
+    # shape (active,): units of the active parameters
     scales: NDArray[np.float64] = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self) -> None:

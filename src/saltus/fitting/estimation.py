@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -160,29 +161,29 @@ def fit(
     (1.0, 0.2)
     """
     options = FitOptions() if options is None else checks.instance("options", options, FitOptions)
-    branches = _branches(branch)
-    low, high = _range(branch, branches)
+    branches, (low, high) = _traced(branch)
+    if branches[0].fixed is not None:
+        hint = "this one goes along a quantity"
+        raise InputError("branch", branches[0].parameter, "a branch along a parameter", hint)
     steps, along = options.steps, branches[0].parameter
     trace = Retraced(branches, lambda orbit, _: continue_orbit(orbit, along, (low, high), steps=steps))
     return fitted(task(data, trace, (low, high), vary, sigma, jumps, options), progress)
 
 
-def _branches(branch: object) -> tuple[Branch, ...]:
-    found = (branch,) if isinstance(branch, Branch) else getattr(branch, "branches", None)
-    if not isinstance(found, tuple) or not found or not all(isinstance(one, Branch) for one in found):
-        raise InputError("branch", type(branch).__name__, "a Branch of periodic orbits, or a curve of such branches")
-    if found[0].fixed is not None:
-        raise InputError("branch", found[0].parameter, "a branch along a parameter", "this one goes along a quantity")
-    return found
+@singledispatch
+def _traced(curve: Any) -> tuple[tuple[Branch, ...], tuple[float, float]]:
+    """Return the branches that data are fitted to, and the range over which they are traced."""
+    branches = getattr(curve, "branches", None)
+    if not isinstance(branches, tuple) or not branches or {type(one) for one in branches} != {Branch}:
+        raise InputError("branch", type(curve).__name__, "a Branch of periodic orbits, or a curve of such branches")
+    low, high = curve.bounds
+    return branches, (float(low), float(high))
 
 
-def _range(branch: object, branches: Sequence[Branch]) -> tuple[float, float]:
-    """Return the range over which branches are traced."""
-    if not isinstance(branch, Branch):
-        low, high = getattr(branch, "bounds")  # noqa: B009
-        return float(low), float(high)
+@_traced.register(Branch)
+def _traced_alone(branch: Branch) -> tuple[tuple[Branch, ...], tuple[float, float]]:
     low, high = branch.options.get("bounds", (float(branch.values.min()), float(branch.values.max())))
-    return float(low), float(high)
+    return (branch,), (float(low), float(high))
 
 
 def task(

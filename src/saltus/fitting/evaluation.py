@@ -31,21 +31,11 @@ _INSETS = (WITHIN, 1e-4, 1e-3)  # distances from an end, over the sheet's length
 
 @dataclass
 class Evaluation:
-    """Residuals of data at one set of parameters.
+    """Residuals of data at one set of parameters."""
 
-    Attributes
-    ----------
-    measured : Measured
-        The data.
-    branches : tuple of Branch
-        The model's branches at these parameters.
-    names : tuple of str
-        Parameters that are varied.
-    """
-
-    measured: Measured
-    branches: tuple[Branch, ...]
-    names: tuple[str, ...]
+    measured: Measured  # the data
+    branches: tuple[Branch, ...]  # the model's branches at these parameters
+    names: tuple[str, ...]  # parameters that are varied
 
     def __post_init__(self) -> None:
         self.sheets: list[Sheet] = sheets_of(self.branches)

@@ -56,27 +56,14 @@ class MeasuredPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Channel:
-    """A measured observable.
+    """A measured observable."""
 
-    Attributes
-    ----------
-    name : str
-        Its column.
-    formulas : tuple of str
-        The observable of a model's orbit; amplitude and phase of a complex one.
-    values : ndarray, shape (datum,)
-        The data; complex ones where there are two formulas.
-    sigma : ndarray, shape (datum,)
-        Standard errors; of complex data those of the real and of the imaginary part.
-    turn : float
-        Angle after which the observable repeats; 0 of all others.
-    """
-
-    name: str
-    formulas: tuple[str, ...]
-    values: NDArray[Any]
+    name: str  # its column
+    formulas: tuple[str, ...]  # the observable of a model's orbit; amplitude and phase of a complex one
+    values: NDArray[Any]  # shape (datum,): the data; complex ones where there are two formulas
+    # shape (datum,): standard errors; of complex data those of the real and of the imaginary part
     sigma: NDArray[np.float64]
-    turn: float = 0.0
+    turn: float = 0.0  # angle after which the observable repeats; 0 of all others
 
     @property
     def is_complex(self) -> bool:
@@ -110,33 +97,15 @@ class Channel:
 
 @dataclass(frozen=True)
 class Measured:
-    """Data of one curve.
+    """Data of one curve."""
 
-    Attributes
-    ----------
-    along : str
-        The parameter.
-    x : ndarray, shape (datum,)
-        Its values.
-    channels : tuple of Channel
-        The observables.
-    direction : tuple of str
-        The way of each datum; empty texts where none is told.
-    points : tuple of MeasuredPoint
-        Measured special points.
-    dropped : int
-        Rows that were left out, since a number is missing.
-    unused : tuple of str
-        Columns that are not used.
-    """
-
-    along: str
-    x: NDArray[np.float64]
-    channels: tuple[Channel, ...]
-    direction: tuple[str, ...]
-    points: tuple[MeasuredPoint, ...] = ()
-    dropped: int = 0
-    unused: tuple[str, ...] = ()
+    along: str  # the parameter
+    x: NDArray[np.float64]  # shape (datum,): its values
+    channels: tuple[Channel, ...]  # the observables
+    direction: tuple[str, ...]  # the way of each datum; empty texts where none is told
+    points: tuple[MeasuredPoint, ...] = ()  # measured special points
+    dropped: int = 0  # rows that were left out, since a number is missing
+    unused: tuple[str, ...] = ()  # columns that are not used
 
     def __len__(self) -> int:
         return len(self.x)

@@ -52,36 +52,17 @@ _PART = 1e-2  # share of a parameter in a combination, below which it is left ou
 
 @dataclass
 class Objective:
-    """Residuals of data as a function of the varied parameters, with the best ones so far.
+    """Residuals of data as a function of the varied parameters, with the best ones so far."""
 
-    Attributes
-    ----------
-    measured : Measured
-        The data.
-    trace : Retraced
-        Returns branches at changed parameters.
-    names : tuple of str
-        Varied parameters.
-    reporter : Reporter
-        Who is told.
-    best : (float, ndarray, Evaluation) or None
-        Loss, parameters and evaluation of the best ones.
-    failures : list of str
-        Why parameters were refused.
-    evaluations : int
-        How often the model was compared with the data.
-    refused : int
-        How many of the last parameters were refused, one after the other.
-    """
-
-    measured: Measured
-    trace: Retraced
-    names: tuple[str, ...]
-    reporter: Reporter
+    measured: Measured  # the data
+    trace: Retraced  # returns branches at changed parameters
+    names: tuple[str, ...]  # varied parameters
+    reporter: Reporter  # who is told
+    # loss, parameters and evaluation of the best ones
     best: tuple[float, NDArray[np.float64], Evaluation] | None = None
-    failures: list[str] = field(default_factory=list)
-    evaluations: int = 0
-    refused: int = 0
+    failures: list[str] = field(default_factory=list)  # why parameters were refused
+    evaluations: int = 0  # how often the model was compared with the data
+    refused: int = 0  # how many of the last parameters were refused, one after the other
 
     def at(self, values: NDArray[np.float64]) -> Evaluation:
         """Return the data against the model at values of the parameters.
@@ -156,24 +137,12 @@ class Objective:
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a search ended.
+    """Where a search ended."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (parameters,)
-        The best parameters.
-    evaluation : Evaluation
-        The data against the model there.
-    loss : float
-        Sum of the losses there.
-    stopped : str
-        Why the search ended.
-    """
-
-    values: NDArray[np.float64]
-    evaluation: Evaluation
-    loss: float
-    stopped: str
+    values: NDArray[np.float64]  # shape (parameters,): the best parameters
+    evaluation: Evaluation  # the data against the model there
+    loss: float  # sum of the losses there
+    stopped: str  # why the search ended
 
     @property
     def is_interrupted(self) -> bool:

@@ -30,33 +30,15 @@ _NEAR = 0.1  # distance of a profile's square root from 1 at which one more seca
 
 @dataclass
 class Profiles:
-    """Intervals in which the profile of the loss rises by at most 1.
+    """Intervals in which the profile of the loss rises by at most 1."""
 
-    Attributes
-    ----------
-    objective : Objective
-        The residuals.
-    found : Minimum
-        Where the loss is least.
-    spread : ndarray, shape (parameters, parameters)
-        Covariance by linear theory.
-    bounds : ndarray, shape (2, parameters)
-        Least and greatest values.
-    intervals : dict of str to (float, float)
-        The intervals found, by parameter.
-    notes : list of str
-        In words, which parameters have none.
-    better : Minimum or None
-        A better fit, if one was found on the way: the intervals are void then.
-    """
-
-    objective: Objective
-    found: Minimum
-    spread: NDArray[np.float64]
-    bounds: NDArray[np.float64]
-    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    better: Minimum | None = None
+    objective: Objective  # the residuals
+    found: Minimum  # where the loss is least
+    spread: NDArray[np.float64]  # shape (parameters, parameters): covariance by linear theory
+    bounds: NDArray[np.float64]  # shape (2, parameters): least and greatest values
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)  # the intervals found, by parameter
+    notes: list[str] = field(default_factory=list)  # in words, which parameters have none
+    better: Minimum | None = None  # a better fit, if one was found on the way: the intervals are void then
 
     def compute(self, names: Sequence[str]) -> None:
         """Find the intervals of parameters."""

@@ -20,38 +20,21 @@ __all__ = ["EventLog", "event_log", "events_after"]
 
 @dataclass(frozen=True)
 class EventLog:
-    """Events of a motion, wraps of the phase among them, and where it ends; made by `events_after`.
+    """Events of a motion, wraps of the phase among them, and where it ends; made by `events_after`."""
 
-    Parameters
-    ----------
-    time : ndarray, shape (event,)
-        Times since the start.
-    transition : ndarray of int, shape (event,)
-        Index of the transition, -1 for a wrap of the phase.
-    x_before, x_after : ndarray, shape (event, all states)
-        Full states on both sides of the event.
-    mode_before, mode_after : ndarray of int, shape (event,)
-        Indices of the modes on both sides.
-    normal_velocity : ndarray, shape (event,)
-        Rate of the event function along the motion before; of the phase for a wrap.
-    t_end : float
-        Time at the end.
-    x_end : ndarray, shape (all states,)
-        Full state at the end.
-    mode_end : int
-        Index of the mode at the end.
-    """
-
-    time: NDArray[np.float64]
-    transition: NDArray[np.int64]
+    time: NDArray[np.float64]  # shape (event,): times since the start
+    transition: NDArray[np.int64]  # shape (event,): index of the transition, -1 for a wrap of the phase
+    # x_before, x_after: shape (event, all states): full states on both sides of the event
     x_before: NDArray[np.float64]
     x_after: NDArray[np.float64]
+    # mode_before, mode_after: shape (event,): indices of the modes on both sides
     mode_before: NDArray[np.int64]
     mode_after: NDArray[np.int64]
+    # shape (event,): rate of the event function along the motion before; of the phase for a wrap
     normal_velocity: NDArray[np.float64]
-    t_end: float
-    x_end: NDArray[np.float64]
-    mode_end: int
+    t_end: float  # time at the end
+    x_end: NDArray[np.float64]  # shape (all states,): full state at the end
+    mode_end: int  # index of the mode at the end
 
 
 def events_after(

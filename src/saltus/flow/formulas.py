@@ -31,40 +31,20 @@ _FORMS = {
 
 
 class Observable(NamedTuple):
-    """An observable's name, taken apart.
+    """An observable's name, taken apart."""
 
-    Attributes
-    ----------
-    kind : str
-        What is observed, as in ``amplitude``.
-    of : str
-        The expression, mode or transition that is observed.
-    order : Fraction or None
-        Order of the harmonic.
-    """
-
-    kind: str
-    of: str
-    order: Fraction | None = None
+    kind: str  # what is observed, as in ``amplitude``
+    of: str  # the expression, mode or transition that is observed
+    order: Fraction | None = None  # order of the harmonic
 
 
 @dataclass(frozen=True)
 class Formula:
-    """A formula in observables and parameters; one observable alone is a formula, too.
+    """A formula in observables and parameters; one observable alone is a formula, too."""
 
-    Attributes
-    ----------
-    parts : mapping of str to Observable
-        The observables in it, by their texts.
-    expression : Expression or None
-        What is made of their values; None for the value of the only one.
-    text : str
-        The expression's text, with `symbols` in the places of the observables.
-    """
-
-    parts: Mapping[str, Observable]
-    expression: Expression | None = None
-    text: str = ""
+    parts: Mapping[str, Observable]  # the observables in it, by their texts
+    expression: Expression | None = None  # what is made of their values; None for the value of the only one
+    text: str = ""  # the expression's text, with `symbols` in the places of the observables
 
     @property
     def symbols(self) -> tuple[str, ...]:

@@ -24,27 +24,13 @@ _LOOKED_AT = 16  # landings at which the size of these terms is looked at
 
 @dataclass(frozen=True)
 class Landing:
-    """A transition that led to the far side of an event of its target mode, which motions of the mode do not reach.
+    """A transition that led to the far side of an event of its target mode, which motions of the mode do not reach."""
 
-    Attributes
-    ----------
-    time : float
-        When.
-    transition : str
-        The transition.
-    mode : str
-        The target mode.
-    event : str
-        The transition from that mode whose event is passed already.
-    value : float
-        Value of this event's function after the landing.
-    """
-
-    time: float
+    time: float  # when
     transition: str
-    mode: str
-    event: str
-    value: float
+    mode: str  # the target mode
+    event: str  # the transition from that mode whose event is passed already
+    value: float  # value of this event's function after the landing
 
     def __str__(self) -> str:
         return (

@@ -134,25 +134,14 @@ class Criteria:
 
 
 class Kind(NamedTuple):
-    """What a motion is.
+    """What a motion is."""
 
-    Attributes
-    ----------
-    label : str
-        ``period-N``, ``quasi-periodic`` or ``chaotic``.
-    period : int
-        Returns after which it recurs, 0 where it does not.
-    rotation : float
-        Turns round a closed curve in a return, between 0 and 1/2, where it is quasi-periodic and the points show such a
-        curve; else NaN.
-    curves : int
-        Closed curves that are visited in turn, 0 where there is none; `rotation` is then that of one, in `curves`
-        returns.
-    """
-
-    label: str
-    period: int
+    label: str  # ``period-N``, ``quasi-periodic`` or ``chaotic``
+    period: int  # returns after which it recurs, 0 where it does not
+    # turns round a closed curve in a return, between 0 and 1/2, where it is quasi-periodic and the points show such a
+    # curve; else NaN
     rotation: float
+    # closed curves that are visited in turn, 0 where there is none; `rotation` is then that of one, in `curves` returns
     curves: int
 
 

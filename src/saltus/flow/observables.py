@@ -64,41 +64,21 @@ class Motion:
     """A stretch of motion, step by step, from which observables are computed.
 
     `Trajectory.motion` and `PeriodicOrbit.motion` make it; so can anything that has dense output.
-
-    Attributes
-    ----------
-    system : HybridSystem
-        The system.
-    parameters : mapping of str to float
-        All its parameters.
-    modes : ndarray of int, shape (step,)
-        Index of the mode of each step.
-    clocks : ndarray, shape (step, 4)
-        Time within each step as a polynomial in the fraction of the step, growing powers.
-    spans : ndarray, shape (step, 2)
-        Fractions between which each step belongs to the stretch: 0 and 1, but for cut ones.
-    states : callable
-        Full states, shape (m, all states), for indices of steps (m,) and fractions (m,).
-    crossings : sequence of (float, int, float)
-        Time, index of the transition and rate of the event function before, of each event.
-    angle : (float, float)
-        The phase at time 0, and its rate; it runs on beyond 2 pi.
-    turns : int, optional
-        Periods of the angle after which the motion repeats; None where it does not.
-    rotating : tuple of str, optional
-        Angles among the states that make turns before the motion repeats.
     """
 
     system: HybridSystem
-    parameters: Mapping[str, float]
-    modes: NDArray[np.int64]
+    parameters: Mapping[str, float]  # all its parameters
+    modes: NDArray[np.int64]  # shape (step,): index of the mode of each step
+    # shape (step, 4): time within each step as a polynomial in the fraction of the step, growing powers
     clocks: NDArray[np.float64]
+    # shape (step, 2): fractions between which each step belongs to the stretch: 0 and 1, but for cut ones
     spans: NDArray[np.float64]
-    states: States
+    states: States  # full states, shape (m, all states), for indices of steps (m,) and fractions (m,)
+    # time, index of the transition and rate of the event function before, of each event
     crossings: Sequence[tuple[float, int, float]]
-    angle: tuple[float, float]
-    turns: int | None = None
-    rotating: tuple[str, ...] = ()
+    angle: tuple[float, float]  # the phase at time 0, and its rate; it runs on beyond 2 pi
+    turns: int | None = None  # periods of the angle after which the motion repeats; None where it does not
+    rotating: tuple[str, ...] = ()  # angles among the states that make turns before the motion repeats
 
     @property
     def begin(self) -> float:

@@ -25,43 +25,24 @@ _BATCH = 1024  # returns between two clearances of what the engine keeps
 
 @dataclass(frozen=True)
 class EventSection:
-    """A section that a motion passes where one of some transitions happens.
+    """A section that a motion passes where one of some transitions happens."""
 
-    Parameters
-    ----------
-    transitions : tuple of int
-        Their indices.
-    longest : float, optional
-        Time without a return after which the motion is taken not to return; fewer returns are kept then.
-    """
-
-    transitions: tuple[int, ...]
+    transitions: tuple[int, ...]  # their indices
+    # time without a return after which the motion is taken not to return; fewer returns are kept then
     longest: float = math.inf
 
 
 @dataclass(frozen=True)
 class PoincareReturns:
-    """Returns of a motion to a section, made by `iterate`.
+    """Returns of a motion to a section, made by `iterate`."""
 
-    Parameters
-    ----------
-    states : ndarray, shape (return, all states)
-        Full states on the section: at phase 0, or before the transition.
-    modes : ndarray of int, shape (return,)
-        Indices of the modes there.
-    times : ndarray, shape (return,)
-        Times since the start.
-    x_end : ndarray, shape (all states,)
-        Full state from which the motion goes on: after the last return's transition, if it was one.
-    mode_end : int
-        Index of the mode then.
-    """
-
+    # shape (return, all states): full states on the section: at phase 0, or before the transition
     states: NDArray[np.float64]
-    modes: NDArray[np.int64]
-    times: NDArray[np.float64]
+    modes: NDArray[np.int64]  # shape (return,): indices of the modes there
+    times: NDArray[np.float64]  # shape (return,): times since the start
+    # shape (all states,): full state from which the motion goes on: after the last return's transition, if it was one
     x_end: NDArray[np.float64]
-    mode_end: int
+    mode_end: int  # index of the mode then
 
 
 def iterate(

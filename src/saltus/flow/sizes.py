@@ -37,17 +37,10 @@ _TOLD = 1e4  # least size of a state, over its rounding, at which differences of
 
 @dataclass(frozen=True)
 class Sizes:
-    """How large states are along a motion, each shape (all states,).
+    """How large states are along a motion, each shape (all states,)."""
 
-    Attributes
-    ----------
-    of_states : ndarray
-        Largest sizes, where they are more than rounding.
-    of_gaps : ndarray
-        Sizes against which differences of states are measured; none is so small that rounding matters.
-    """
-
-    of_states: NDArray[np.float64]
+    of_states: NDArray[np.float64]  # largest sizes, where they are more than rounding
+    # sizes against which differences of states are measured; none is so small that rounding matters
     of_gaps: NDArray[np.float64]
 
     def at_least(self, floor: NDArray[np.float64]) -> Sizes:

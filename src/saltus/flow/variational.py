@@ -76,31 +76,17 @@ class Average:
 
 @dataclass(frozen=True)
 class Growth:
-    """How perturbations grew along a motion; made by `growth_along`.
+    """How perturbations grew along a motion; made by `growth_along`."""
 
-    Parameters
-    ----------
-    times : ndarray, shape (row,)
-        Ends of the rows, the stretches of time one after the other, counted from the first one's start.
-    logs : ndarray, shape (row, exponent)
-        Logarithm of the growth in each row of each orthogonal direction, the one that grows most over all rows first;
-        ``-inf`` for a direction that was collapsed.
-    x_end : ndarray, shape (all states,)
-        Full state at the end.
-    mode_end : int
-        Index of the mode there.
-    grazed : int
-        Events without a saltation matrix, over which the perturbations were carried unchanged.
-    discarded : float
-        Time before the first row.
-    """
-
+    # shape (row,): ends of the rows, the stretches of time one after the other, counted from the first one's start
     times: NDArray[np.float64]
+    # shape (row, exponent): logarithm of the growth in each row of each orthogonal direction, the one that grows most
+    # over all rows first; ``-inf`` for a direction that was collapsed
     logs: NDArray[np.float64]
-    x_end: NDArray[np.float64]
-    mode_end: int
-    grazed: int
-    discarded: float
+    x_end: NDArray[np.float64]  # shape (all states,): full state at the end
+    mode_end: int  # index of the mode there
+    grazed: int  # events without a saltation matrix, over which the perturbations were carried unchanged
+    discarded: float  # time before the first row
 
     @property
     def exponents(self) -> NDArray[np.float64]:

@@ -25,21 +25,12 @@ _CALLED = ("field", "vary", "guard")  # functions called by kernels, in the orde
 
 
 class MapCode(NamedTuple):
-    """What kernels need of a map at given parameters.
+    """What kernels need of a map at given parameters."""
 
-    Attributes
-    ----------
-    functions : ndarray of int64, shape (3,)
-        Addresses of the image, of its derivative along a frame, and of the conditions.
-    guards : ndarray of int64, shape (pieces + 1,)
-        `Map.guards`.
-    p : ndarray
-        Parameters, with the constants behind them.
-    """
-
+    # shape (3,): addresses of the image, of its derivative along a frame, and of the conditions
     functions: NDArray[np.int64]
-    guards: NDArray[np.int64]
-    p: NDArray[np.float64]
+    guards: NDArray[np.int64]  # shape (pieces + 1,): `Map.guards`
+    p: NDArray[np.float64]  # parameters, with the constants behind them
 
 
 def code_of(system: Map, p: NDArray[np.float64]) -> MapCode:

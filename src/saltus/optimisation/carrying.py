@@ -31,30 +31,14 @@ _ROUNDING = 1e-8  # change of an unknown, over its size, that is too small to be
 
 @dataclass(frozen=True)
 class Carried:
-    """An orbit, with the derivatives of its unknowns by some parameters.
-
-    Attributes
-    ----------
-    orbit : PeriodicOrbit
-        The orbit.
-    names : tuple of str
-        The parameters.
-    values : ndarray, shape (parameters,)
-        Their values.
-    problem : OrbitProblem
-        The orbit's equations, these parameters active.
-    u : ndarray, shape (size + parameters,)
-        Its unknowns.
-    slopes : ndarray, shape (size, parameters)
-        Derivatives of the unknowns.
-    """
+    """An orbit, with the derivatives of its unknowns by some parameters."""
 
     orbit: PeriodicOrbit
-    names: tuple[str, ...]
-    values: NDArray[np.float64]
-    problem: OrbitProblem
-    u: NDArray[np.float64]
-    slopes: NDArray[np.float64]
+    names: tuple[str, ...]  # the parameters
+    values: NDArray[np.float64]  # shape (parameters,): their values
+    problem: OrbitProblem  # the orbit's equations, these parameters active
+    u: NDArray[np.float64]  # shape (size + parameters,): its unknowns
+    slopes: NDArray[np.float64]  # shape (size, parameters): derivatives of the unknowns
 
     def onward(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the unknowns that the derivatives predict at other values."""

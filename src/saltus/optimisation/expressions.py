@@ -27,30 +27,16 @@ __all__ = ["Expressions", "Found", "is_parameter", "read_expression"]
 
 @dataclass(frozen=True)
 class Found:
-    """What an orbit gives.
+    """What an orbit gives."""
 
-    Attributes
-    ----------
-    carried : Carried
-        The orbit.
-    values : ndarray, shape (expressions,)
-        Values of the expressions; a phase is continuous from orbit to orbit.
-    slopes : ndarray, shape (expressions, parameters)
-        Their derivatives.
-    phases : ndarray, shape (phases,)
-        Phases within formulas.
-    multipliers : ndarray of complex, shape (multipliers,)
-        Floquet multipliers without the trivial one; empty where stability is not asked for.
-    multiplier_slopes : ndarray of complex, shape (multipliers, parameters)
-        Their derivatives.
-    """
-
-    carried: Carried
+    carried: Carried  # the orbit
+    # shape (expressions,): values of the expressions; a phase is continuous from orbit to orbit
     values: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    phases: NDArray[np.float64]
+    slopes: NDArray[np.float64]  # shape (expressions, parameters): their derivatives
+    phases: NDArray[np.float64]  # shape (phases,): phases within formulas
+    # shape (multipliers,): Floquet multipliers without the trivial one; empty where stability is not asked for
     multipliers: NDArray[np.complex128]
-    multiplier_slopes: NDArray[np.complex128]
+    multiplier_slopes: NDArray[np.complex128]  # shape (multipliers, parameters): their derivatives
 
 
 def read_expression(system: HybridSystem, name: object) -> str:
@@ -77,21 +63,11 @@ def read_expression(system: HybridSystem, name: object) -> str:
 
 @dataclass(frozen=True)
 class Expressions:
-    """Expressions that are evaluated together, and whether multipliers are wanted.
-
-    Attributes
-    ----------
-    system : HybridSystem
-        The system.
-    names : tuple of str
-        The expressions.
-    stable : bool
-        Whether orbits must be stable, and their multipliers are wanted.
-    """
+    """Expressions that are evaluated together, and whether multipliers are wanted."""
 
     system: HybridSystem
-    names: tuple[str, ...]
-    stable: bool
+    names: tuple[str, ...]  # the expressions
+    stable: bool  # whether orbits must be stable, and their multipliers are wanted
 
     @cached_property
     def _observed(self) -> tuple[str, ...]:

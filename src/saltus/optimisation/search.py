@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -140,8 +141,6 @@ def optimise(
         for side, limit in zip((-1, 1), ends, strict=True)
         if math.isfinite(limit)
     )
-    if isinstance(start, PeriodicOrbit):
-        _check_start(start, names, ranges, stable=stable)
     first = _begun(_orbits(start, expressions, limits, names, ranges, goal), expressions, names)
     with Reporter(progress) as reporter:
 
@@ -169,11 +168,11 @@ def _goal(maximise: object, minimise: object) -> tuple[str, str]:
 
 
 def _start_system(start: object) -> HybridSystem:
-    if not isinstance(start, Branch | PeriodicOrbit):
-        raise InputError("start", type(start).__name__, "a Branch of periodic orbits, or a PeriodicOrbit")
-    if start.fixed is not None:
+    given = checks.instance("start", start, Branch | PeriodicOrbit)
+    if given.fixed is not None:
         raise InputError("start", "with a quantity fixed", "solved or continued at given parameters", "use subject_to")
-    return start.system
+    system: HybridSystem = given.system
+    return system
 
 
 def _constraints(given: object, system: HybridSystem) -> tuple[dict[str, tuple[float, float]], bool]:
@@ -215,27 +214,30 @@ def _varied(given: object, system: HybridSystem) -> tuple[tuple[str, ...], NDArr
     return tuple(wanted), found
 
 
-def _check_start(orbit: PeriodicOrbit, names: Sequence[str], bounds: NDArray[np.float64], *, stable: bool) -> None:
-    """Raise `InputError` where no search can start at an orbit."""
+@singledispatch
+def _orbits(
+    start: PeriodicOrbit | Branch, expressions: Expressions, limits: Sequence[Limit], names: Sequence[str],
+    bounds: NDArray[np.float64], goal: str,
+) -> Iterator[PeriodicOrbit]:  # fmt: skip
+    """Yield the orbits at which the search may start, the best first; raise `InputError` where there is none."""
+    orbit = checks.instance("start", start, PeriodicOrbit)
     for name, low, high in zip(names, *bounds, strict=True):
         if not low <= orbit.parameters[name] <= high:
             allowed = f"between {low:.9g} and {high:.9g}, as in `vary`"
             raise InputError(f"{name} of the start", orbit.parameters[name], allowed, "start elsewhere")
     if not orbit.admissible:
         raise InputError("start", "; ".join(orbit.reasons), "an orbit that is a motion of the system")
-    if stable and not orbit.stable:
+    if expressions.stable and not orbit.stable:
         largest = float(np.abs(orbit.multipliers).max())
         raise InputError("start", f"unstable, |multiplier| {largest:.6g}", "stable, as in `subject_to`")
+    yield orbit
 
 
-def _orbits(
-    start: Branch | PeriodicOrbit, expressions: Expressions, limits: Sequence[Limit], names: Sequence[str],
+@_orbits.register(Branch)
+def _orbits_of_branch(
+    start: Branch, expressions: Expressions, limits: Sequence[Limit], names: Sequence[str],
     bounds: NDArray[np.float64], goal: str,
 ) -> Iterator[PeriodicOrbit]:  # fmt: skip
-    """Yield the orbits at which the search may start: of a branch those that meet the constraints, the best first."""
-    if isinstance(start, PeriodicOrbit):
-        yield start
-        return
     usable = start.admissible & (start.stable if expressions.stable else True) & np.isfinite(start.multipliers).all(1)
     for name, low, high in zip(names, *bounds, strict=True):
         known = start.values if name == start.parameter else np.full(len(start), start.parameters[name])

@@ -43,30 +43,14 @@ _FLAT = 1e-30  # slope of the objective within the box, at the least, as a divis
 
 @dataclass(frozen=True)
 class Local:
-    """What is known at a place, to first order.
+    """What is known at a place, to first order."""
 
-    Attributes
-    ----------
-    place : ndarray, shape (n,)
-        The place.
-    objective : float
-        What is to be least.
-    gradient : ndarray, shape (n,)
-        Its derivatives.
-    values : ndarray, shape (m,)
-        Constraints, which are to be 0 or above.
-    jacobian : ndarray, shape (m, n)
-        Their derivatives.
-    data : object
-        What the place stands for.
-    """
-
-    place: NDArray[np.float64]
-    objective: float
-    gradient: NDArray[np.float64]
-    values: NDArray[np.float64]
-    jacobian: NDArray[np.float64]
-    data: Any = None
+    place: NDArray[np.float64]  # shape (n,): the place
+    objective: float  # what is to be least
+    gradient: NDArray[np.float64]  # shape (n,): its derivatives
+    values: NDArray[np.float64]  # shape (m,): constraints, which are to be 0 or above
+    jacobian: NDArray[np.float64]  # shape (m, n): their derivatives
+    data: Any = None  # what the place stands for
 
 
 At: TypeAlias = Callable[["NDArray[np.float64]", Local], "Local | str"]  # the place near a known one, or why it is none
@@ -95,27 +79,13 @@ class Box:
 
 @dataclass
 class Ended:
-    """Where a search ended.
+    """Where a search ended."""
 
-    Attributes
-    ----------
-    best : Local
-        The last place that was taken.
-    path : list of Local
-        All places that were taken, the start first.
-    looked : int
-        Places that were looked at.
-    why : str
-        ``found``, ``refused``, ``stuck``, ``infeasible``, ``most`` or ``interrupted``.
-    refused : str
-        Why the last place that was refused is none.
-    """
-
-    best: Local
-    path: list[Local] = field(default_factory=list)
-    looked: int = 0
-    why: str = "most"
-    refused: str = ""
+    best: Local  # the last place that was taken
+    path: list[Local] = field(default_factory=list)  # all places that were taken, the start first
+    looked: int = 0  # places that were looked at
+    why: str = "most"  # ``found``, ``refused``, ``stuck``, ``infeasible``, ``most`` or ``interrupted``
+    refused: str = ""  # why the last place that was refused is none
 
 
 def violation(local: Local) -> float:

@@ -35,36 +35,16 @@ class Limit:
 
 @dataclass(frozen=True)
 class Task:
-    """What is sought: the objective comes first among the expressions.
+    """What is sought: the objective comes first among the expressions."""
 
-    Attributes
-    ----------
-    expressions : Expressions
-        Objective and constraints.
-    names : tuple of str
-        Parameters that vary.
-    sign : float
-        1 where the objective is to be least, -1 where it is to be greatest.
-    limits : tuple of Limit
-        Bounds of expressions.
-    bounds : ndarray, shape (2, names)
-        Bounds of the parameters.
-    radius : float
-        Modulus up to which multipliers may come.
-    first : Found
-        What the start gives.
-    told : callable
-        Is called with each orbit that is found.
-    """
-
-    expressions: Expressions
-    names: tuple[str, ...]
-    sign: float
-    limits: tuple[Limit, ...]
-    bounds: NDArray[np.float64]
-    radius: float
-    first: Found
-    told: Callable[[Found], None]
+    expressions: Expressions  # objective and constraints
+    names: tuple[str, ...]  # parameters that vary
+    sign: float  # 1 where the objective is to be least, -1 where it is to be greatest
+    limits: tuple[Limit, ...]  # bounds of expressions
+    bounds: NDArray[np.float64]  # shape (2, names): bounds of the parameters
+    radius: float  # modulus up to which multipliers may come
+    first: Found  # what the start gives
+    told: Callable[[Found], None]  # is called with each orbit that is found
 
     @cached_property
     def units(self) -> NDArray[np.float64]:

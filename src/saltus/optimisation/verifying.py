@@ -27,23 +27,14 @@ _FALLS = -1e-5  # curvature, in units, below which the place is no optimum
 
 
 class Verified(NamedTuple):
-    """What the orbits around an optimum say.
+    """What the orbits around an optimum say."""
 
-    Attributes
-    ----------
-    mismatch : float
-        Largest difference between exact derivatives and those by differences, over the largest; NaN where none is
-        known.
-    curvature : float
-        Least curvature of the Lagrange function along the active constraints, in units; infinite where these leave no
-        direction, NaN where it is not known.
-    notes : tuple of str
-        What is wrong, in words.
-    """
-
+    # largest difference between exact derivatives and those by differences, over the largest; NaN where none is known
     mismatch: float
+    # least curvature of the Lagrange function along the active constraints, in units; infinite where these leave no
+    # direction, NaN where it is not known
     curvature: float
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # what is wrong, in words
 
 
 def verified(task: Task, best: Local, box: Box) -> Verified:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import singledispatch
 from typing import TYPE_CHECKING, overload
 
 import numpy as np
@@ -131,13 +132,17 @@ def find_orbit(
     >>> find_orbit(oscillator, x0=[0.0, 0.0]).signature
     (('free', 'impact'),)
     """
+    return _found(system, parameters, x0, mode, settle, tolerance)
+
+
+@singledispatch
+def _found(
+    system: HybridSystem | Map, parameters: Mapping[str, float] | None, x0: ArrayLike, mode: str | None,
+    settle: float | None, tolerance: float,
+) -> PeriodicOrbit | MapOrbit:  # fmt: skip
     from saltus.flow.motion import passed_event, starting_mode
 
-    if isinstance(system, Map):
-        if mode is not None or tolerance != 1e-12:
-            raise InputError("mode, tolerance", "given", "left out for a map", "the state decides on the piece")
-        return find_cycle(system, parameters, x0, settle)
-    flowing(system)
+    system = flowing(system)
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
     x = wrapped(system.full_state(x0), system.angle_places)
@@ -152,6 +157,16 @@ def find_orbit(
     if any(passed_event(system, system.mode_index(part.mode), part.state, p) for part in orbit.segments):
         warn_of(orbit.landings_beyond)
     return orbit
+
+
+@_found.register(Map)
+def _found_cycle(
+    system: Map, parameters: Mapping[str, float] | None, x0: ArrayLike, mode: object, settle: float | None,
+    tolerance: float,
+) -> MapOrbit:  # fmt: skip
+    if mode is not None or tolerance != 1e-12:
+        raise InputError("mode, tolerance", "given", "left out for a map", "the state decides on the piece")
+    return find_cycle(system, parameters, x0, settle)
 
 
 def _search_forced(

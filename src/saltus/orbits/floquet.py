@@ -301,22 +301,14 @@ def height(value: complex) -> float:
 
 
 class Passage(NamedTuple):
-    """What becomes of multipliers from one point of a branch to the next.
+    """What becomes of multipliers from one point of a branch to the next."""
 
-    Attributes
-    ----------
-    followed : tuple of complex
-        Multipliers at the second point, in the order of the multipliers at the first that they come from.
-    real, pairs : int
-        Counts of real multipliers and of complex pairs that cross the unit circle.
-    sure : bool
-        False where exchanging two multipliers that lie less than twice as far away changes these counts.
-    """
-
+    # multipliers at the second point, in the order of the multipliers at the first that they come from
     followed: tuple[complex, ...]
+    # real, pairs: counts of real multipliers and of complex pairs that cross the unit circle
     real: int
     pairs: int
-    sure: bool
+    sure: bool  # false where exchanging two multipliers that lie less than twice as far away changes these counts
 
 
 def passage(before: Sequence[complex], values: Sequence[complex]) -> Passage:

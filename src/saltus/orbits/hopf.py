@@ -24,21 +24,11 @@ _DIFFERENCE = 1e-6  # step of the differences for Newton's matrix, over the unkn
 
 @dataclass(frozen=True, eq=False)
 class HopfPoint:
-    """An equilibrium with a pair of eigenvalues on the imaginary axis.
+    """An equilibrium with a pair of eigenvalues on the imaginary axis."""
 
-    Attributes
-    ----------
-    state : ndarray, shape (states,)
-        The equilibrium.
-    parameter : float
-        The active parameter, in its unit.
-    eigenvalues : ndarray of complex, shape (states,)
-        The pair first.
-    """
-
-    state: NDArray[np.float64]
-    parameter: float
-    eigenvalues: NDArray[np.complex128]
+    state: NDArray[np.float64]  # shape (states,): the equilibrium
+    parameter: float  # the active parameter, in its unit
+    eigenvalues: NDArray[np.complex128]  # shape (states,): the pair first
 
     @property
     def period(self) -> float:

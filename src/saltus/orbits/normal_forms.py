@@ -30,24 +30,14 @@ _NOISE = 1e-10  # size of a coefficient, over its terms, below which it is round
 
 @dataclass(frozen=True)
 class NormalForm:
-    """Normal form of the Poincare map at a critical orbit, on its centre manifold.
+    """Normal form of the Poincare map at a critical orbit, on its centre manifold."""
 
-    Attributes
-    ----------
-    type : str
-        ``SN``: x -> x + a x^2; ``PD``: x -> -x + c x^3; ``TR``: z -> exp(i angle) z (1 + d abs(z)^2).
-    coefficient : float
-        a, c, or the real part of d. The critical eigenvector has unit length in the states (and the phase) at the first
-        segment's start. Another length keeps the signs of c and d; a changes sign with the eigenvector.
-    angle : float
-        Angle of the critical multipliers, in radians.
-    count : int
-        How many multipliers are critical at once, or pairs. With more than one, coefficient and angle are NaN.
-    """
-
-    type: str
+    type: str  # ``SN``: x -> x + a x^2; ``PD``: x -> -x + c x^3; ``TR``: z -> exp(i angle) z (1 + d abs(z)^2)
+    # a, c, or the real part of d. The critical eigenvector has unit length in the states (and the phase) at the first
+    # segment's start. Another length keeps the signs of c and d; a changes sign with the eigenvector.
     coefficient: float
-    angle: float
+    angle: float  # angle of the critical multipliers, in radians
+    # how many multipliers are critical at once, or pairs. With more than one, coefficient and angle are NaN.
     count: int = 1
 
     @property

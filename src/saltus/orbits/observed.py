@@ -45,41 +45,21 @@ class Differentiated(NamedTuple):
 
 @dataclass(frozen=True)
 class Sums:
-    """What is found along an orbit.
-
-    Attributes
-    ----------
-    system : HybridSystem
-        The system.
-    period : Differentiated
-        The period.
-    durations : ndarray, shape (segments, 1 + parameters)
-        The durations with their derivatives.
-    modes : tuple of int
-        The segments' modes.
-    turns : int
-        Forcing periods in the period, 1 without a phase.
-    sums, extremes, kinds : ndarray
-        As in `saltus.orbits.records.Seen`.
-    bent : ndarray of bool, shape (integrals,)
-        Whether what is integrated has a corner or jumps within a segment; empty where nothing has.
-    rates : callable
-        Returns the mean rate of a transition's event function.
-    slides : bool
-        Whether the start of the orbit, where the angle is 0, is arbitrary.
-    """
+    """What is found along an orbit."""
 
     system: HybridSystem
     period: Differentiated
-    durations: NDArray[np.float64]
-    modes: tuple[int, ...]
-    turns: int
+    durations: NDArray[np.float64]  # shape (segments, 1 + parameters): the durations with their derivatives
+    modes: tuple[int, ...]  # the segments' modes
+    turns: int  # forcing periods in the period, 1 without a phase
+    # sums, extremes, kinds: as in `saltus.orbits.records.Seen`
     sums: NDArray[np.float64]
     extremes: NDArray[np.float64]
     kinds: NDArray[np.int64]
+    # shape (integrals,): whether what is integrated has a corner or jumps within a segment; empty where nothing has
     bent: NDArray[np.bool_]
-    rates: Callable[[int], Differentiated]
-    slides: bool
+    rates: Callable[[int], Differentiated]  # returns the mean rate of a transition's event function
+    slides: bool  # whether the start of the orbit, where the angle is 0, is arbitrary
 
     @cached_property
     def averages(self) -> NDArray[np.complex128]:
@@ -101,30 +81,15 @@ _Part: TypeAlias = "tuple[str, int, Observable]"  # kind, index of the sum or ex
 
 @dataclass(frozen=True)
 class Plan:
-    """Observables of an orbit, taken apart.
+    """Observables of an orbit, taken apart."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Their names.
-    expressions : tuple of str
-        Expressions that are not states.
-    integrals : tuple of (int, float)
-        Of each a state or, behind these, an expression; the order of the harmonic, or 0.
-    extremes : tuple of (int, float)
-        Of each a state or an expression; 1 for a maximum, -1 for a minimum.
-    parts : mapping of str to tuple
-        Where what is observed is found.
-    formulas : mapping of str to Formula
-        Of each name.
-    """
-
-    names: tuple[str, ...]
-    expressions: tuple[str, ...]
+    names: tuple[str, ...]  # their names
+    expressions: tuple[str, ...]  # expressions that are not states
+    # of each a state or, behind these, an expression; the order of the harmonic, or 0
     integrals: tuple[tuple[int, float], ...]
-    extremes: tuple[tuple[int, float], ...]
-    parts: dict[str, _Part]
-    formulas: dict[str, Formula]
+    extremes: tuple[tuple[int, float], ...]  # of each a state or an expression; 1 for a maximum, -1 for a minimum
+    parts: dict[str, _Part]  # where what is observed is found
+    formulas: dict[str, Formula]  # of each name
 
     @property
     def composed(self) -> tuple[str, ...]:

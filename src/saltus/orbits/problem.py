@@ -42,29 +42,15 @@ class OrbitProblem:
     """The equations F(u) = 0 of a periodic orbit.
 
     The unknowns are each segment's initial full state and duration, then the active parameters in their units.
-
-    Parameters
-    ----------
-    system : HybridSystem
-        The system.
-    signature : Signature
-        Modes, transitions and ends of the segments.
-    p : ndarray, shape (parameters,)
-        All parameters; the active ones are overwritten by the unknowns.
-    active : sequence of int
-        Parameters among the unknowns.
-    scales : ndarray, shape (active,)
-        Units of the active parameters.
-    tol : float
-        Relative tolerance of a step.
     """
 
     system: HybridSystem
-    signature: Signature
-    p: NDArray[np.float64]
-    active: Sequence[int] = ()
+    signature: Signature  # modes, transitions and ends of the segments
+    p: NDArray[np.float64]  # shape (parameters,): all parameters; the active ones are overwritten by the unknowns
+    active: Sequence[int] = ()  # parameters among the unknowns
+    # shape (active,): units of the active parameters
     scales: NDArray[np.float64] = field(default_factory=lambda: np.ones(0))
-    tol: float = 1e-12
+    tol: float = 1e-12  # relative tolerance of a step
 
     def __post_init__(self) -> None:
         from saltus.orbits.kernels import (

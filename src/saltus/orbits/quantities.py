@@ -35,25 +35,14 @@ _EXAMPLES = "'period', 'max_x' or 'mean(x)'"
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity of a periodic orbit.
+    """A quantity of a periodic orbit."""
 
-    Attributes
-    ----------
-    name : str
-        As the user wrote it.
-    kind : str
-        ``period``, ``min``, ``max``, ``constant`` (a state or output that keeps its value), ``observable`` or
-        ``formula`` (one in observables).
-    column : int
-        Index among states and outputs; -1 of a period and of an observable.
-    turn : float
-        Angle up to which a phase is defined, in radians; 0 of all other quantities.
-    """
-
-    name: str
+    name: str  # as the user wrote it
+    # ``period``, ``min``, ``max``, ``constant`` (a state or output that keeps its value), ``observable`` or ``formula``
+    # (one in observables)
     kind: str
-    column: int = -1
-    turn: float = 0.0
+    column: int = -1  # index among states and outputs; -1 of a period and of an observable
+    turn: float = 0.0  # angle up to which a phase is defined, in radians; 0 of all other quantities
 
     def value(self, problem: OrbitProblem, u: NDArray[np.float64]) -> float:
         """Return the quantity of the orbit `u`, which is surveyed for it.

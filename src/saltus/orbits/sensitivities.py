@@ -47,27 +47,13 @@ _SINGULAR = 1e-9  # least singular value of the equations, over the largest, at 
 
 @dataclass(frozen=True)
 class Sensitivities:
-    """Derivatives of an orbit by parameters.
-
-    Attributes
-    ----------
-    parameters : tuple of str
-        The parameters.
-    unknowns : ndarray, shape (size, parameters)
-        Derivatives of each segment's state and duration.
-    values : mapping of str to Differentiated
-        The observables.
-    multipliers : MultiplierSlopes or None
-        The multipliers, where they are asked for.
-    segments : bool
-        Whether the segments' starts and durations are asked for.
-    """
+    """Derivatives of an orbit by parameters."""
 
     parameters: tuple[str, ...]
-    unknowns: NDArray[np.float64]
-    values: Mapping[str, Differentiated]
-    multipliers: MultiplierSlopes | None = None
-    segments: bool = False
+    unknowns: NDArray[np.float64]  # shape (size, parameters): derivatives of each segment's state and duration
+    values: Mapping[str, Differentiated]  # the observables
+    multipliers: MultiplierSlopes | None = None  # the multipliers, where they are asked for
+    segments: bool = False  # whether the segments' starts and durations are asked for
 
     def dataset(self, problem: OrbitProblem) -> xr.Dataset:
         """Return what was asked for as a Dataset."""

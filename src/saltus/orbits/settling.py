@@ -30,31 +30,17 @@ _FOR_EVER = 1e200  # time to which the steps of a motion at rest soon grow
 
 @dataclass(frozen=True)
 class Stretch:
-    """A stretch of a motion.
+    """A stretch of a motion."""
 
-    Attributes
-    ----------
-    mode : int
-        Index of the mode at the start.
-    log : EventLog
-        Its events and end.
-    events, tries : int
-        Transitions passed and steps tried.
-    steps : tuple of ndarray
-        Start and length, state at the start and dense output of each step; nothing where steps were not kept.
-    times : ndarray, shape (sample,)
-        Times of samples, some to a step.
-    states : ndarray, shape (sample, all states)
-        Full states then.
-    """
-
-    mode: int
-    log: EventLog
+    mode: int  # index of the mode at the start
+    log: EventLog  # its events and end
+    # events, tries: transitions passed and steps tried
     events: int
     tries: int
+    # start and length, state at the start and dense output of each step; nothing where steps were not kept
     steps: tuple[NDArray[np.float64], ...]
-    times: NDArray[np.float64]
-    states: NDArray[np.float64]
+    times: NDArray[np.float64]  # shape (sample,): times of samples, some to a step
+    states: NDArray[np.float64]  # shape (sample, all states): full states then
 
     def at(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return full states at times of the stretch, shape (time, all states)."""

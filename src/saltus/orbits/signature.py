@@ -70,20 +70,13 @@ FAULTS = (
 
 @dataclass(frozen=True)
 class Signature:
-    """The cyclic list of (mode, transition) of an orbit, as indices, with how each segment ends.
+    """The cyclic list of (mode, transition) of an orbit, as indices, with how each segment ends."""
 
-    Parameters
-    ----------
-    modes, transitions, kinds : tuple of int
-        One entry a segment; transition -1 for a segment without an event.
-    turns : int
-        Forcing periods in one period of the orbit; 0 for an autonomous system.
-    """
-
+    # modes, transitions, kinds: one entry a segment; transition -1 for a segment without an event
     modes: tuple[int, ...]
     transitions: tuple[int, ...]
     kinds: tuple[int, ...]
-    turns: int
+    turns: int  # forcing periods in one period of the orbit; 0 for an autonomous system
 
     def __post_init__(self) -> None:
         columns = (self.modes, self.transitions, self.kinds)
@@ -192,37 +185,28 @@ def events_between(system: HybridSystem, segments: Sequence[Segment]) -> NDArray
 
 @dataclass(frozen=True)
 class Survey:
-    """What a dense look at an orbit shows.
+    """What a dense look at an orbit shows."""
 
-    Attributes
-    ----------
-    faults : int
-        Bits of what makes the orbit no motion of the system; 0 for an admissible orbit.
-    coarse : bool
-        Whether a step of the mesh passed over something, so that the orbit is to be solved again on a new mesh.
-    lows, highs : ndarray, shape (states + outputs,)
-        Extremes over the period; NaN for an output that has no value on part of it.
-    margins, places : ndarray, shape (segments, transitions)
-        Least interior minimum of each event function in its firing direction, and the clustered time of it. Where a
-        whole segment is equally far from the surface, as at rest or on a circle round it, the distance and `WHOLE`: it
-        is positive before the event, negative beyond it, and the event function itself where either direction counts.
-    rates : ndarray, shape (segments, 3)
-        Lie derivative of each segment's event at its end and start, and what is left of the segment's equations.
-    x0 : ndarray, shape (states,)
-        State at phase 0, or at the first segment's start where there is no phase.
-    moments : ndarray, shape (states + outputs, 3)
-        Means over the period, and of the products with cosine and sine of the angle, which is the phase; without a
-        phase it grows by 2 pi in a period.
-    """
-
-    faults: int
+    faults: int  # bits of what makes the orbit no motion of the system; 0 for an admissible orbit
+    # whether a step of the mesh passed over something, so that the orbit is to be solved again on a new mesh
     coarse: bool
+    # lows, highs: shape (states + outputs,): extremes over the period; NaN for an output that has no value on part of
+    # it
     lows: NDArray[np.float64]
     highs: NDArray[np.float64]
+    # margins, places: shape (segments, transitions): least interior minimum of each event function in its firing
+    # direction, and the clustered time of it. Where a whole segment is equally far from the surface, as at rest or on a
+    # circle round it, the distance and `WHOLE`: it is positive before the event, negative beyond it, and the event
+    # function itself where either direction counts.
     margins: NDArray[np.float64]
     places: NDArray[np.float64]
+    # shape (segments, 3): Lie derivative of each segment's event at its end and start, and what is left of the
+    # segment's equations
     rates: NDArray[np.float64]
+    # shape (states,): state at phase 0, or at the first segment's start where there is no phase
     x0: NDArray[np.float64]
+    # shape (states + outputs, 3): means over the period, and of the products with cosine and sine of the angle, which
+    # is the phase; without a phase it grows by 2 pi in a period
     moments: NDArray[np.float64]
 
     def __post_init__(self) -> None:

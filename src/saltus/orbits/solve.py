@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -156,12 +157,15 @@ def solve_orbit(
     >>> print(orbit.points[:, 0].round(6), orbit.multipliers.real.round(6), orbit.stable)
     [0.513045 0.799455] [0.16] True
     """
-    if isinstance(system, Map):
-        if fix is not None or free is not None or tolerance != 1e-12:
-            wanted = "left out for a map"
-            raise InputError("fix, free, tolerance", "given", wanted, "x0, period and an itinerary are its guess")
-        return solve_cycle(system, parameters, segments, x0, period)
-    flowing(system)
+    return _solved(system, parameters, segments, x0, period, fix, free, tolerance)
+
+
+@singledispatch
+def _solved(
+    system: HybridSystem | Map, parameters: Mapping[str, float] | None, segments: Sequence[Any] | None,
+    x0: ArrayLike | None, period: float | None, fix: Mapping[str, float] | None, free: str | None, tolerance: float,
+) -> PeriodicOrbit | MapOrbit:  # fmt: skip
+    system = flowing(system)
     tol = check_tol(tolerance)
     p = system.parameter_vector(parameters)
     wish = read_fix(system, fix, free)
@@ -178,6 +182,17 @@ def solve_orbit(
         if (guess := held(problem, u)) is None:
             raise
     return solved_in_pieces(*guess)
+
+
+@_solved.register(Map)
+def _solved_cycle(
+    system: Map, parameters: Mapping[str, float] | None, segments: Sequence[str] | None, x0: ArrayLike | None,
+    period: int | None, fix: object, free: object, tolerance: float,
+) -> MapOrbit:  # fmt: skip
+    if fix is not None or free is not None or tolerance != 1e-12:
+        wanted = "left out for a map"
+        raise InputError("fix, free, tolerance", "given", wanted, "x0, period and an itinerary are its guess")
+    return solve_cycle(system, parameters, segments, x0, period)
 
 
 def check_tol(tol: object) -> float:

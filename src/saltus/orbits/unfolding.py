@@ -41,24 +41,12 @@ _TURNED = 0.8  # cosine of the angle between the gap and the left null vector be
 
 @dataclass(frozen=True)
 class Fixed:
-    """What was fixed when an orbit was solved, and what was freed.
+    """What was fixed when an orbit was solved, and what was freed."""
 
-    Attributes
-    ----------
-    quantity : str
-        Name of the quantity.
-    value : float
-        Its value.
-    free : str
-        The parameter that was freed; empty where none was.
-    family : bool
-        Whether the orbit is one of a family at fixed parameters, as in a conservative system.
-    """
-
-    quantity: str
-    value: float
-    free: str = ""
-    family: bool = False
+    quantity: str  # name of the quantity
+    value: float  # its value
+    free: str = ""  # the parameter that was freed; empty where none was
+    family: bool = False  # whether the orbit is one of a family at fixed parameters, as in a conservative system
 
     def as_list(self) -> list[Any]:
         """Return quantity, value, freed parameter and family as a file holds them."""

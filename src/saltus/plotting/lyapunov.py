@@ -9,7 +9,6 @@ import numpy as np
 
 from saltus.plotting import plot, style
 from saltus.sweeps.lyapunov import LyapunovSpectrum
-from saltus.system import Map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,7 +35,7 @@ def plot_lyapunov(spectrum: LyapunovSpectrum, *, ax: Axes | None = None, legend:
     """
     style.check_options(ax, legend=legend)
     ax = style.axes(ax)
-    forced, is_map = spectrum.system.phase is not None, isinstance(spectrum.system, Map)
+    forced = spectrum.system.phase is not None
     t = spectrum.times / spectrum.period if forced else spectrum.times
     running, shown = spectrum.running, t.size // _SETTLED
     edges: list[float] = []
@@ -53,8 +52,8 @@ def plot_lyapunov(spectrum: LyapunovSpectrum, *, ax: Axes | None = None, legend:
     room = 0.06 * (high - low) or 1.0
     ax.set_xlim(0.0, float(t[-1]))
     ax.set_ylim(low - room, high + room)
-    ax.set_xlabel("iterations" if is_map else "periods" if forced else style.label_of("t"))
-    ax.set_ylabel(f"Lyapunov exponents per {'iteration' if is_map else 'unit time'}")
+    ax.set_xlabel("periods" if forced else style.label_of(spectrum.system.clock))
+    ax.set_ylabel(f"Lyapunov exponents per {spectrum.system.time_unit}")
     if legend:
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     return ax

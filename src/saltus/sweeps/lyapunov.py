@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
+from functools import singledispatch
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -98,11 +99,12 @@ class LyapunovSpectrum(Result):
         InputError
             The system has no phase.
         """
-        if isinstance(self.system, Map):
-            return 1.0
+        if self.system.iteration is not None:
+            return self.system.iteration
         if self.system.phase is None:
             raise InputError("system", self.system.name, "one with a phase", "its exponents are per unit of time only")
-        return 2.0 * math.pi / float(self.system.field(self.mode_end, self.x_end, parameters=self.parameters)[-1])
+        rate = flowing(self.system).field(self.mode_end, self.x_end, parameters=self.parameters)[-1]
+        return 2.0 * math.pi / float(rate)
 
     @property
     def per_period(self) -> NDArray[np.float64]:
@@ -139,8 +141,7 @@ class LyapunovSpectrum(Result):
 
     def __repr__(self) -> str:
         title = repr(self.system.name) if self.system.name else "a system"
-        is_map = isinstance(self.system, Map)
-        span = f"{self.times[-1]:.0f} iterations" if is_map else f"t = {self.times[-1]:.8g}"
+        span = self.system.span.format(self.times[-1])
         if self.system.phase is not None:
             span += f" ({self.times[-1] / self.period:.6g} periods of {self.system.phase[0]})"
         lines = [f"LyapunovSpectrum of {title} over {span}, after {self.discarded:.6g} discarded"]
@@ -159,7 +160,7 @@ class LyapunovSpectrum(Result):
         """Return everything as a Dataset with dimensions exponent, row and state; rates are per unit of time."""
         import xarray as xr
 
-        unit = "1 / iteration" if isinstance(self.system, Map) else "1 / time"
+        unit = self.system.rate_unit
         meaning = f"half width of the {CONFIDENCE:.0%} confidence interval, from at most {BATCHES} batch means"
         return xr.Dataset(
             {
@@ -285,13 +286,7 @@ def lyapunov_spectrum(
     0.92
     """
     checks.instance("average", average, Average)
-    if isinstance(system, Map):
-        if mode is not None:
-            raise InputError("mode", mode, "left out for a map", "the state decides which piece holds")
-        p, (rtol, atol) = system.parameter_vector(parameters), (0.0, 0.0)
-        growth = growth_of_map(system, p, system.full_state(x0), average=average, exponents=exponents)
-    else:
-        growth, (rtol, atol) = _along_flow(flowing(system), parameters, x0, mode, (average, exponents, tolerance))
+    growth, (rtol, atol) = _growth(system, parameters, x0, mode, (average, exponents, tolerance))
     return LyapunovSpectrum(
         system=system,
         parameters=system.resolve(parameters),
@@ -307,15 +302,17 @@ def lyapunov_spectrum(
     )
 
 
-def _along_flow(
-    system: HybridSystem,
+@singledispatch
+def _growth(
+    system: HybridSystem | Map,
     parameters: Mapping[str, float] | None,
     x0: ArrayLike,
     mode: str | None,
     options: tuple[Average, int | None, float | tuple[float, float]],
 ) -> tuple[Growth, tuple[float, float]]:
-    """Return the growth along a motion of a flow, and the tolerances of its steps."""
+    """Return the growth along a motion, and the tolerances of its steps."""
     average, exponents, tolerance = options
+    system = flowing(system)
     p = system.parameter_vector(parameters)
     x = system.full_state(x0)
     start = starting_mode(system, x, p, mode)
@@ -323,3 +320,18 @@ def _along_flow(
     atol = absolute if absolute is not None else fitting_atol(system, p, x, start, ATOL)
     tolerances = (rtol, atol)
     return growth_along(system, p, x, start, average=average, exponents=exponents, tolerance=tolerances), tolerances
+
+
+@_growth.register(Map)
+def _growth_of_map(
+    system: Map,
+    parameters: Mapping[str, float] | None,
+    x0: ArrayLike,
+    mode: object,
+    options: tuple[Average, int | None, object],
+) -> tuple[Growth, tuple[float, float]]:
+    if mode is not None:
+        raise InputError("mode", mode, "left out for a map", "the state decides which piece holds")
+    average, exponents, _ = options
+    p = system.parameter_vector(parameters)
+    return growth_of_map(system, p, system.full_state(x0), average=average, exponents=exponents), (0.0, 0.0)

@@ -251,9 +251,10 @@ class Sweep(Result):
         return self.directions.index(checks.chosen("direction", direction, self.directions))
 
     def __repr__(self) -> str:
-        count, settings, is_map = len(self.values), self.settings, isinstance(self.system, Map)
+        count, settings = len(self.values), self.settings
         name = self.system.name or self.system.unnamed
-        what = "iterations" if is_map else f"returns to {_told(settings['section'])}"
+        section = settings["section"]
+        what = self.system.natural_returns if section is None else f"returns to {_told(section)}"
         lines = [
             f"Sweep of {name}: {self.parameter} from {self.values[0]:.6g} to {self.values[-1]:.6g}, "
             f"{count} {'value' if count == 1 else 'values'}, {' and '.join(self.directions)}",
@@ -280,7 +281,7 @@ class Sweep(Result):
         import xarray as xr
 
         each = ("direction", "value")
-        unit = "per iteration" if isinstance(self.system, Map) else "per unit of time"
+        unit = f"per {self.system.time_unit}"
         named = json.dumps(dict(enumerate(self.system.mode_names)))
         data: dict[str, Any] = {
             "points": ((*each, "kept", "quantity"), np.array(self.points)),
@@ -365,8 +366,6 @@ def _checked_settings(settings: dict[str, Any]) -> dict[str, Any]:
 
 def _told(section: object) -> str:
     """The section in words."""
-    if section is None:
-        return "phase 0"
     if isinstance(section, Mapping):
         return f"{section['event']} = 0"
     return str(section)

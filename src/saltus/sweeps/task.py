@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from saltus.sweeps.returns import FlowReturns, Returns
 from saltus.system import HybridSystem, Map
 from saltus.system.angles import wrapped
 from saltus.system.evaluate import check_expression, evaluate
-from saltus.system.maps import flowing
+from saltus.system.maps import checked_system, flowing
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -83,16 +84,12 @@ class Task:
         options: SweepOptions,
     ) -> Task:
         """Return the task after checks of all input."""
-        system = system if isinstance(system, Map) else flowing(system)
+        system = checked_system(system)
         checks.chosen("parameter", parameter, (*system.parameter_names, *system.groups))
         base = system.resolve(parameters)
         for value in values.tolist():
             system.resolve({**base, parameter: value})
-        motions: Returns
-        if isinstance(system, Map):
-            motions = MapReturns.checked(system, x0, options)
-        else:
-            motions = FlowReturns.checked(system, x0, options)
+        motions = _returns(system, x0, options)
         checks.size("SweepOptions.keep", options.keep, 1, checks.LARGEST_LIST // values.size)
         checks.count("SweepOptions.exponents", options.exponents, 1, len(system.states), "the states")
         vectors = [system.parameter_vector({**base, parameter: value}) for value in values.tolist()]
@@ -202,6 +199,16 @@ class Task:
         states, rounding = compared
         exponent, error = float(growth.exponents[0]) * time, float(growth.errors[0]) * time
         return classify(states, exponent, error, self.criteria, rounding)
+
+
+@singledispatch
+def _returns(system: HybridSystem | Map, x0: ArrayLike | None, options: SweepOptions) -> Returns:
+    return FlowReturns.checked(flowing(system), x0, options)
+
+
+@_returns.register(Map)
+def _iterations(system: Map, x0: ArrayLike | None, options: SweepOptions) -> Returns:
+    return MapReturns.checked(system, x0, options)
 
 
 def _pushed(x: NDArray[np.float64], n: int, push: float) -> NDArray[np.float64]:

@@ -43,6 +43,12 @@ class Definition:
     unnamed = "a hybrid system"  # what a definition without a name is called
     part = "mode"  # what messages call a part of the definition with equations of its own
     smooth_cure = "a mode on either side, and a transition where the two are equal"  # of a field with a corner
+    natural_returns = "returns to phase 0"  # what sweeps count without a section
+    iteration: float | None = None  # time that an iteration takes; None where time is continuous
+    span = "t = {:.8g}"  # a duration in words
+    clock = "t"  # name of the axis along which a motion goes on
+    time_unit = "unit of time"  # what durations are counted in
+    rate_unit = "1 / time"  # unit of an exponent
 
     def __init__(
         self,

@@ -31,21 +31,12 @@ __all__ = ["Kind", "module_of", "source_file"]
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of generated module.
+    """A kind of generated module."""
 
-    Attributes
-    ----------
-    name : str
-        The kind in the name of a file.
-    writer : callable
-        Returns the writer of such a text, given the definition's `Symbolic` and what else the text depends on.
-    sources : tuple of str
-        Modules below ``saltus`` that the text comes from.
-    """
-
-    name: str
+    name: str  # the kind in the name of a file
+    # returns the writer of such a text, given the definition's `Symbolic` and what else the text depends on
     writer: Callable[..., Writer]
-    sources: tuple[str, ...]
+    sources: tuple[str, ...]  # modules below ``saltus`` that the text comes from
 
 
 def source_file(kind: Kind, system: Definition, *variant: object) -> Path:

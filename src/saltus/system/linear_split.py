@@ -29,28 +29,16 @@ WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)  # of Gauss's rule on [0, 1]
 
 @dataclass(frozen=True)
 class Split:
-    """A mode's field as a linear part and a rest.
+    """A mode's field as a linear part and a rest."""
 
-    Attributes
-    ----------
-    matrix : list of list of sympy.Expr
-        The linear flow's generator, square. It acts on the state without the phase, on cos(j theta) and sin(j theta) of
-        each harmonic, and on 1.
-    harmonics : list of int
-        The harmonics j.
-    rest : dict of int to sympy.Expr
-        The part of a state's equation that is not linear; `symbols` has the symbols of the phasors.
-    symbols : list of sympy.Symbol
-        The components that the generator acts on.
-    events : list of list of sympy.Expr
-        Each event function of the mode as a row against `symbols`.
-    """
-
+    # the linear flow's generator, square. It acts on the state without the phase, on cos(j theta) and sin(j theta) of
+    # each harmonic, and on 1.
     matrix: list[list[sympy.Expr]]
-    harmonics: list[int]
+    harmonics: list[int]  # the harmonics j
+    # the part of a state's equation that is not linear; `symbols` has the symbols of the phasors
     rest: dict[int, sympy.Expr]
-    symbols: list[sympy.Expr]
-    events: list[list[sympy.Expr]]
+    symbols: list[sympy.Expr]  # the components that the generator acts on
+    events: list[list[sympy.Expr]]  # each event function of the mode as a row against `symbols`
 
     @property
     def n(self) -> int:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from saltus.system.compiled import Compiled, CompiledSecond, CompiledThird
 
-__all__ = ["SMOOTH", "Map", "Piece", "flowing"]
+__all__ = ["SMOOTH", "Map", "Piece", "checked_system", "flowing"]
 
 SMOOTH = "map"  # name of the one piece of a smooth map
 
@@ -116,6 +116,12 @@ class Map(Definition):
 
     unnamed = "a map"
     part = "piece"
+    natural_returns = "iterations"
+    iteration = 1.0
+    span = "{:.0f} iterations"
+    clock = "iterations"
+    time_unit = "iteration"
+    rate_unit = "1 / iteration"
     smooth_cure = "a piece on either side, with the difference of the two as its condition"
 
     def __init__(
@@ -385,8 +391,13 @@ def flowing(system: object, instead: str = "") -> HybridSystem:
     InputError
         It is a map, or no system at all.
     """
-    hint = f"this is a map: use {instead}" if isinstance(system, Map) and instead else ""
+    hint = f"this is {system.unnamed}: use {instead}" if isinstance(system, Definition) and instead else ""
     return checks.instance("system", system, HybridSystem, hint)
+
+
+def checked_system(system: HybridSystem | Map) -> HybridSystem | Map:
+    """Return a system of any kind; raise `InputError` for what is none."""
+    return system if isinstance(system, Definition) else flowing(system)
 
 
 def _clean_piece(key: str, piece: Piece, names: tuple[str, ...]) -> Piece:

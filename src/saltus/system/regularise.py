@@ -29,24 +29,12 @@ _ALIKE = 1e-6  # difference of two ratios, relative, that rounding may make
 
 @dataclass(frozen=True)
 class Regularised:
-    """A mode's field in the time sigma about one of its event surfaces.
+    """A mode's field in the time sigma about one of its event surfaces."""
 
-    Parameters
-    ----------
-    transition : int
-        Index of the transition whose event function h has the roots.
-    sign : int
-        Sign of h in the mode.
-    w : sympy.Symbol
-        ``sqrt(sign * h)``, whose derivative in sigma is ``sign * h' / 2``.
-    field : list of sympy.Expr
-        The mode's field in time, with powers of `w`; in sigma it is `w` times that.
-    """
-
-    transition: int
-    sign: int
-    w: sympy.Symbol
-    field: list[sympy.Expr]
+    transition: int  # index of the transition whose event function h has the roots
+    sign: int  # sign of h in the mode
+    w: sympy.Symbol  # ``sqrt(sign * h)``, whose derivative in sigma is ``sign * h' / 2``
+    field: list[sympy.Expr]  # the mode's field in time, with powers of `w`; in sigma it is `w` times that
 
     def solved(self, system: Symbolic) -> tuple[int, sympy.Expr] | None:
         """Return a state that follows from w and the other states: its index, and ``sign * w**2 = h`` solved for it.

@@ -40,24 +40,14 @@ class _Linear(NamedTuple):
 
 
 class Series(NamedTuple):
-    """The series of one mode.
+    """The series of one mode."""
 
-    Attributes
-    ----------
-    constants : list of str
-        Statements that make local variables of what depends on parameters alone.
-    lines : list of str
-        Statements behind them, in order; those of order 0 start from the state.
-    columns : list of str
-        Names of the series that are returned: states without the phase, w and the time (in sigma), then the event
-        functions of the mode. Coefficient k of ``a`` is the local variable ``a_k``.
-    phasors : dict of sympy.Expr to str
-        Names of the series of the sines and cosines of the phase in the state without a series.
-    """
-
-    constants: list[str]
-    lines: list[str]
+    constants: list[str]  # statements that make local variables of what depends on parameters alone
+    lines: list[str]  # statements behind them, in order; those of order 0 start from the state
+    # names of the series that are returned: states without the phase, w and the time (in sigma), then the event
+    # functions of the mode. Coefficient k of ``a`` is the local variable ``a_k``.
     columns: list[str]
+    # names of the series of the sines and cosines of the phase in the state without a series
     phasors: dict[sympy.Expr, str]
 
 

@@ -44,33 +44,17 @@ _RESTING = 1e-9  # size of a state, over the largest one, up to which it has non
 
 @dataclass(frozen=True)
 class FollowedOrbit:
-    """An orbit whose segments were followed by SciPy.
+    """An orbit whose segments were followed by SciPy."""
 
-    Attributes
-    ----------
-    reference : Reference
-        The system.
-    sizes : ndarray, shape (states,)
-        Sizes of the states, the phase among them.
-    pieces : tuple of Piece
-        The segments.
-    gaps : ndarray, shape (segments, states)
-        Distances of the ends, behind their resets, from the next starts.
-    growth : ndarray, shape (segments,)
-        By how much errors of each segment may grow up to its end, in the states' sizes.
-    multipliers : ndarray of complex
-        Multipliers without the trivial one.
-    uncertain : ndarray
-        How far each of them may be off.
-    """
-
-    reference: Reference
-    sizes: NDArray[np.float64]
-    pieces: tuple[Piece, ...]
+    reference: Reference  # the system
+    sizes: NDArray[np.float64]  # shape (states,): sizes of the states, the phase among them
+    pieces: tuple[Piece, ...]  # the segments
+    # shape (segments, states): distances of the ends, behind their resets, from the next starts
     gaps: NDArray[np.float64]
+    # shape (segments,): by how much errors of each segment may grow up to its end, in the states' sizes
     growth: NDArray[np.float64]
-    multipliers: NDArray[np.complex128]
-    uncertain: NDArray[np.float64]
+    multipliers: NDArray[np.complex128]  # multipliers without the trivial one
+    uncertain: NDArray[np.float64]  # how far each of them may be off
 
 
 class OrbitCheck:

@@ -39,27 +39,13 @@ _ALWAYS = 1.0 - 1e-9  # share of the time in contact of a tip that never leaves 
 
 
 class Feature(NamedTuple):
-    """A special point of a curve in an instrument's words.
+    """A special point of a curve in an instrument's words."""
 
-    Attributes
-    ----------
-    label : str
-        Its label on its sheet, as ``SN1``.
-    what : str
-        What happens there: a jump, contact begins or ends, the motion's period doubles.
-    value : float
-        The distance or frequency.
-    amplitude_nm : float
-        The amplitude there.
-    sheet : int
-        The branch on which it lies.
-    """
-
-    label: str
-    what: str
-    value: float
-    amplitude_nm: float
-    sheet: int
+    label: str  # its label on its sheet, as ``SN1``
+    what: str  # what happens there: a jump, contact begins or ends, the motion's period doubles
+    value: float  # the distance or frequency
+    amplitude_nm: float  # the amplitude there
+    sheet: int  # the branch on which it lies
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -34,65 +34,32 @@ _END = 1e-9  # distance from the end of the range, over the range, that is round
 
 
 class Landing(NamedTuple):
-    """Where a stable stretch ends, and where a motion settles that starts just beyond.
+    """Where a stable stretch ends, and where a motion settles that starts just beyond."""
 
-    Attributes
-    ----------
-    value : float
-        The parameter.
-    before : PeriodicOrbit
-        The last motion of the stretch.
-    after : PeriodicOrbit
-        The motion that settles.
-    """
-
-    value: float
-    before: PeriodicOrbit
-    after: PeriodicOrbit
+    value: float  # the parameter
+    before: PeriodicOrbit  # the last motion of the stretch
+    after: PeriodicOrbit  # the motion that settles
 
 
 class Jump(NamedTuple):
-    """A jump on the way of an experiment.
+    """A jump on the way of an experiment."""
 
-    Attributes
-    ----------
-    direction : str
-        The way on which it happens.
-    value : float
-        Distance or frequency.
-    before_nm, after_nm : float
-        Amplitudes.
-    """
-
-    direction: str
-    value: float
+    direction: str  # the way on which it happens
+    value: float  # distance or frequency
+    # before_nm, after_nm: amplitudes
     before_nm: float
     after_nm: float
 
 
 @dataclass
 class Way:
-    """The way of an experiment.
+    """The way of an experiment."""
 
-    Attributes
-    ----------
-    points : list of (int, int)
-        Sheet and point, in order.
-    first_behind : list of int
-        Places in `points` of the first ones behind a jump.
-    jumps : list of Landing
-        The jumps.
-    stopped : str
-        Why the way ends.
-    beyond : Landing or None
-        The motion on no sheet on which it ends, if it does so.
-    """
-
-    points: list[tuple[int, int]] = field(default_factory=list)
-    first_behind: list[int] = field(default_factory=list)
+    points: list[tuple[int, int]] = field(default_factory=list)  # sheet and point, in order
+    first_behind: list[int] = field(default_factory=list)  # places in `points` of the first ones behind a jump
     jumps: list[Landing] = field(default_factory=list)
-    stopped: str = ""
-    beyond: Landing | None = None
+    stopped: str = ""  # why the way ends
+    beyond: Landing | None = None  # the motion on no sheet on which it ends, if it does so
 
 
 def _told(orbit: PeriodicOrbit) -> str:
@@ -170,7 +137,7 @@ def _from_rest(branches: Sequence[Branch], stretches: Sequence[Stretch], value: 
     branch = branches[stretches[0].sheet]
     at = {**branch.orbit(stretches[0].points[0]).parameters, branch.parameter: value}
     found = settled(branch.system, at, np.zeros(len(branch.system.states)))
-    return _target(branches, stretches, found) if isinstance(found, PeriodicOrbit) else None
+    return None if isinstance(found, str) else _target(branches, stretches, found)
 
 
 def _is_doubled(landing: Landing) -> bool:
@@ -223,7 +190,7 @@ def _settled_beyond(branch: Branch, value: float, before: PeriodicOrbit, scale: 
     for share in _BEYOND:
         beyond = {**before.parameters, branch.parameter: value + share * scale}
         after = settled(branch.system, beyond, before.x0)
-        if isinstance(after, PeriodicOrbit):
+        if not isinstance(after, str):
             return Landing(value, before, after)
         told = told or f"{branch.parameter} = {value:.9g}: {after}"
     return told

@@ -22,24 +22,12 @@ _SAME = 1e-5  # distance of extremes, over the largest one, up to which two orbi
 
 @dataclass(frozen=True)
 class StableOrbits:
-    """The stable orbits that were found at a place.
+    """The stable orbits that were found at a place."""
 
-    Attributes
-    ----------
-    orbits : tuple of PeriodicOrbit
-        Those on the curve, sheet after sheet, then the others.
-    unstable : int
-        How many unstable orbits the curve has there.
-    beside : int
-        How many of the stable ones are on no sheet of the curve.
-    unsettled : int
-        How many motions settled on no periodic orbit.
-    """
-
-    orbits: tuple[PeriodicOrbit, ...]
-    unstable: int
-    beside: int
-    unsettled: int
+    orbits: tuple[PeriodicOrbit, ...]  # those on the curve, sheet after sheet, then the others
+    unstable: int  # how many unstable orbits the curve has there
+    beside: int  # how many of the stable ones are on no sheet of the curve
+    unsettled: int  # how many motions settled on no periodic orbit
 
 
 def stable_orbits(curve: Curve, place: float) -> StableOrbits:

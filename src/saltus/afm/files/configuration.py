@@ -41,38 +41,17 @@ _LEAST_ABOVE_NM = 20.0  # how far above a place its curve goes, at least, in nm
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """A probe over a sample, as a configuration describes it.
+    """A probe over a sample, as a configuration describes it."""
 
-    Attributes
-    ----------
-    probe : Probe
-        The cantilever with its tip.
-    law : Law
-        The force between tip and sample.
-    drive : Drive or Drives
-        What keeps the cantilever swinging.
-    Zc_nm : float or None
-        Gap at rest, if it is given.
-    f_kHz : float or str
-        Frequency, as `saltus.afm.model` takes it.
-    check : bool
-        Whether an implausible place is refused.
-    curve : mapping of str to object
-        The table ``[curve]``; empty if there is none.
-    fit : mapping of str to object
-        The table ``[fit]``; empty if there is none.
-    title, source : str
-        What is described, and where its values come from.
-    """
-
-    probe: Probe
-    law: Law
-    drive: Drive | Drives
-    Zc_nm: float | None = None
-    f_kHz: float | str = "f0"
-    check: bool = True
-    curve: Mapping[str, Any] = field(default_factory=dict)
-    fit: Mapping[str, Any] = field(default_factory=dict)
+    probe: Probe  # the cantilever with its tip
+    law: Law  # the force between tip and sample
+    drive: Drive | Drives  # what keeps the cantilever swinging
+    Zc_nm: float | None = None  # gap at rest, if it is given
+    f_kHz: float | str = "f0"  # frequency, as `saltus.afm.model` takes it
+    check: bool = True  # whether an implausible place is refused
+    curve: Mapping[str, Any] = field(default_factory=dict)  # the table ``[curve]``; empty if there is none
+    fit: Mapping[str, Any] = field(default_factory=dict)  # the table ``[fit]``; empty if there is none
+    # title, source: what is described, and where its values come from
     title: str = ""
     source: str = ""
 

@@ -49,21 +49,11 @@ _FRAMES = (
 
 
 class FileColumn(NamedTuple):
-    """A column of a file.
+    """A column of a file."""
 
-    Attributes
-    ----------
-    name : str
-        Its name in the file.
-    unit : str or None
-        Its unit as the file has it; None where the file has none.
-    lines : tuple of ndarray
-        Its numbers, one array a curve; of a text file its cells.
-    """
-
-    name: str
-    unit: str | None
-    lines: tuple[NDArray[Any], ...]
+    name: str  # its name in the file
+    unit: str | None  # its unit as the file has it; None where the file has none
+    lines: tuple[NDArray[Any], ...]  # its numbers, one array a curve; of a text file its cells
 
 
 def _igor_columns(path: Path) -> list[FileColumn]:

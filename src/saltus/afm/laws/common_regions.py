@@ -30,27 +30,14 @@ _Place: TypeAlias = tuple[str, ...]  # the region of each law
 
 @dataclass(frozen=True)
 class Product:
-    """The laws of a sum as one.
+    """The laws of a sum as one."""
 
-    Attributes
-    ----------
-    parameters : mapping of str to float
-        Values of all parameters that the formulas use.
-    positive : tuple of str
-        Parameters that must not be 0.
-    states : tuple of str
-        The laws' own states.
-    regions : mapping of str to Region
-        Common regions, that of a tip far away first. The domain of each is a product of all domains.
-    crossings : tuple of Crossing
-        Where they end.
-    """
-
-    parameters: Mapping[str, float]
-    positive: tuple[str, ...]
-    states: tuple[str, ...]
+    parameters: Mapping[str, float]  # values of all parameters that the formulas use
+    positive: tuple[str, ...]  # parameters that must not be 0
+    states: tuple[str, ...]  # the laws' own states
+    # common regions, that of a tip far away first. The domain of each is a product of all domains.
     regions: Mapping[str, Region]
-    crossings: tuple[Crossing, ...]
+    crossings: tuple[Crossing, ...]  # where they end
 
 
 def named(text: str, meanings: Mapping[str, str]) -> str:

@@ -108,7 +108,7 @@ def model(
     """
     checks.instance("probe", probe, Probe)
     checks.instance("law", law, Law)
-    checks.instance("drive", drive, Drive | Drives)  # type: ignore[arg-type]
+    checks.instance("drive", drive, Drive | Drives)
     checks.flag("check", check)
     gap = checked("Zc_nm", Zc_nm, plausible=check)
     drives = Drives(drive.parts)

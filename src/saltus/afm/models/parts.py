@@ -41,37 +41,19 @@ _LAWS = {
 
 
 class Parts(NamedTuple):
-    """What a model was made of.
+    """What a model was made of."""
 
-    Attributes
-    ----------
-    probe : Probe
-        The cantilever.
-    law : Law
-        The force between tip and sample: one law, or a sum.
-    drives : Drives
-        What keeps the cantilever swinging.
-    """
-
-    probe: Probe
-    law: Law
-    drives: Drives
+    probe: Probe  # the cantilever
+    law: Law  # the force between tip and sample: one law, or a sum
+    drives: Drives  # what keeps the cantilever swinging
 
 
 @dataclass(frozen=True, kw_only=True)
 class UnknownLaw(Law):
-    """A law of somebody's own in a model that comes from a file: its name and values are known, its formulas are not.
+    """A law of somebody's own in a model from a file: its name and values are known, its formulas are not."""
 
-    Parameters
-    ----------
-    name : str
-        Name of its class.
-    values : mapping of str to float
-        Its parameters.
-    """
-
-    name: str
-    values: Mapping[str, float]
+    name: str  # name of its class
+    values: Mapping[str, float]  # its parameters
 
     def __post_init__(self, check: bool) -> None:
         """Leave the values, which were checked when the model was made."""

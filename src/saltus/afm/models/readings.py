@@ -28,18 +28,10 @@ __all__ = [
 
 
 class Reading(NamedTuple):
-    """One reading.
+    """One reading."""
 
-    Attributes
-    ----------
-    unit : str
-        Its unit; empty for a number.
-    long_name : str
-        What it is, for axes.
-    """
-
-    unit: str
-    long_name: str
+    unit: str  # its unit; empty for a number
+    long_name: str  # what it is, for axes
 
 
 READINGS = {

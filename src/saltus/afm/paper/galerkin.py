@@ -33,23 +33,6 @@ class Coefficients:
     Time is in units of ``1 / omega_1``, lengths in units of the rest gap `eta`. `C` and `G` are the same for every
     mode, as is the modal mass at the tip, ``rho A int(phi_i**2) / phi_i(L)**2 = rho A L / 4``.
 
-    Parameters
-    ----------
-    K : ndarray, shape (n,)
-        Stiffnesses ``(omega_i / omega_1)**2``.
-    B : ndarray, shape (n,)
-        Weights of the base's motion ``phi_i(L) int(phi_i) / int(phi_i**2)``.
-    C : float
-        Van der Waals attraction ``-H R / (6 k eta**3)``, negative.
-    G : float
-        Contact stiffness ``(4/3) E* sqrt(R eta) / k``.
-    a0_bar : float
-        Gap at which contact begins, ``a0 / eta``.
-    k : float, in N/m
-        Modal stiffness ``m omega_1**2`` of the first mode.
-    f_1 : float, in Hz
-        First natural frequency ``omega_1 / (2 pi)``.
-
     Examples
     --------
     >>> from saltus.afm import table1
@@ -59,13 +42,13 @@ class Coefficients:
     (247.16423658, 1.9434665)
     """
 
-    K: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C: float
-    G: float
-    a0_bar: float
-    k: float
-    f_1: float
+    K: NDArray[np.float64]  # shape (n,): stiffnesses ``(omega_i / omega_1)**2``
+    B: NDArray[np.float64]  # shape (n,): weights of the base's motion ``phi_i(L) int(phi_i) / int(phi_i**2)``
+    C: float  # van der Waals attraction ``-H R / (6 k eta**3)``, negative
+    G: float  # contact stiffness ``(4/3) E* sqrt(R eta) / k``
+    a0_bar: float  # gap at which contact begins, ``a0 / eta``
+    k: float  # in N/m: modal stiffness ``m omega_1**2`` of the first mode
+    f_1: float  # in Hz: first natural frequency ``omega_1 / (2 pi)``
 
 
 def coefficients(cantilever: Cantilever, sample: DMTSample, eta: float, n: int) -> Coefficients:

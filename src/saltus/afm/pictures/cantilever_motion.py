@@ -30,39 +30,18 @@ _RADIUS = 10.0  # nm; radius of the tip as drawn, where the law does not have it
 
 @dataclass(frozen=True)
 class Motion:
-    """A periodic tapping motion at equally spaced times, in nanometres, nanonewtons and, where known, microseconds.
+    """A periodic tapping motion at equally spaced times, in nanometres, nanonewtons and, where known, microseconds."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (time,)
-        Times, from 0; in us, or in periods of the motion.
-    period : float
-        In the unit of `t`.
-    beam : ndarray, shape (time, place), in nm
-        Height of the beam's points over the sample, the tip's height left out.
-    z : ndarray, shape (time,), in nm
-        Gap between tip and sample.
-    v : ndarray, shape (time,), in mm/s or ``eta omega_1``
-        Velocity of the gap.
-    force : ndarray, shape (time,), in nN
-        On the tip, positive where it repels.
-    contact : ndarray of bool, shape (time,)
-        Whether the tip is in contact.
-    surface : float, in nm
-        Gap at which contact begins.
-    radius : float, in nm
-        Radius of the tip.
-    """
-
-    t: NDArray[np.float64]
-    period: float
+    t: NDArray[np.float64]  # shape (time,): times, from 0; in us, or in periods of the motion
+    period: float  # in the unit of `t`
+    # shape (time, place), in nm: height of the beam's points over the sample, the tip's height left out
     beam: NDArray[np.float64]
-    z: NDArray[np.float64]
-    v: NDArray[np.float64]
-    force: NDArray[np.float64]
-    contact: NDArray[np.bool_]
-    surface: float
-    radius: float
+    z: NDArray[np.float64]  # shape (time,), in nm: gap between tip and sample
+    v: NDArray[np.float64]  # shape (time,), in mm/s or ``eta omega_1``: velocity of the gap
+    force: NDArray[np.float64]  # shape (time,), in nN: on the tip, positive where it repels
+    contact: NDArray[np.bool_]  # shape (time,): whether the tip is in contact
+    surface: float  # in nm: gap at which contact begins
+    radius: float  # in nm: radius of the tip
 
 
 def modes_of(system: HybridSystem) -> int:

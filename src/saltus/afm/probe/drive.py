@@ -206,18 +206,13 @@ class Drive:
 class Drives:
     """Several drives at once, as `+` makes them.
 
-    Parameters
-    ----------
-    parts : tuple of Drive
-        The drives; the first has the ratio 1.
-
     Raises
     ------
     InputError
         The first drive's ratio is not 1, two drives have one frequency, or the common period is too long.
     """
 
-    parts: tuple[Drive, ...]
+    parts: tuple[Drive, ...]  # the drives; the first has the ratio 1
 
     def __post_init__(self) -> None:
         ratios = [Fraction(part.ratio) for part in self.parts]

@@ -25,24 +25,12 @@ _LEAST = 1e-9  # wavenumber below which no first mode is sought
 
 
 class EndMode(NamedTuple):
-    """One mode of a clamped beam with a mass at its end, its displacement at the end being 1.
+    """One mode of a clamped beam with a mass at its end, its displacement at the end being 1."""
 
-    Attributes
-    ----------
-    wavenumber : float
-        In units of one over the beam's length.
-    slope : float
-        Slope at the end, in units of one over the length.
-    mass : float
-        Modal mass ``int(phi**2) + mu``, in units of the beam's mass.
-    base_weight : float
-        ``(int(phi) + mu)`` over the modal mass: what drives the mode where the base is shaken.
-    """
-
-    wavenumber: float
-    slope: float
-    mass: float
-    base_weight: float
+    wavenumber: float  # in units of one over the beam's length
+    slope: float  # slope at the end, in units of one over the length
+    mass: float  # modal mass ``int(phi**2) + mu``, in units of the beam's mass
+    base_weight: float  # ``(int(phi) + mu)`` over the modal mass: what drives the mode where the base is shaken
 
 
 def modes_with_mass(n: int, mu: float = 0.0) -> tuple[EndMode, ...]:

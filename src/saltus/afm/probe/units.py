@@ -39,22 +39,13 @@ _SLIPS = (1e3, 1e6, 1e9)  # factors by which a value may be too small or too lar
 
 
 class Quantity(NamedTuple):
-    """What values of a quantity are allowed and plausible.
+    """What values of a quantity are allowed and plausible."""
 
-    Attributes
-    ----------
-    unit : str
-        Its unit; empty for a number.
-    low, high : float
-        Plausible absolute values.
-    sign : {"+", "0+", "any"}
-        Whether it must be positive, may be zero as well, or may have any sign.
-    """
-
-    unit: str
+    unit: str  # its unit; empty for a number
+    # low, high: plausible absolute values
     low: float
     high: float
-    sign: str = "0+"
+    sign: str = "0+"  # {"+", "0+", "any"}: whether it must be positive, may be zero as well, or may have any sign
 
 
 QUANTITIES = {

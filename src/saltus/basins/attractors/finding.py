@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from saltus.orbits import PeriodicOrbit
 from saltus.progress import Report, Reporter
 from saltus.system import HybridSystem, Map
 from saltus.system.definition import Definition
-from saltus.system.maps import flowing
+from saltus.system.maps import checked_system
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -119,8 +120,7 @@ def find_attractors(
     >>> found.names
     ('period-1 A', 'period-1 B')
     """
-    if not isinstance(system, Map):
-        flowing(system)
+    checked_system(system)
     parameters = checks.mapping("parameters", parameters, "names to numbers, or None")
     interval = None if interval is None else checks.positive("interval", interval)
     chosen = _checked_search(search)
@@ -129,8 +129,7 @@ def find_attractors(
     low, high = np.array(list(box.values())).T
     labelled = checks.count("motions", motions)
     with Reporter(progress) as reporter:
-        kind = MapSearch if isinstance(system, Map) else AttractorSearch
-        hunt = kind(system, parameters, low, high, interval, chosen, labelled, reporter)
+        hunt = _search_of(system)(system, parameters, low, high, interval, chosen, labelled, reporter)
         starts = hunt.seeds(count)
         if not len(starts):
             raise InputError("region", dict(box), "where motions can start: in a mode's domain and before its events")
@@ -138,6 +137,17 @@ def find_attractors(
         if len(hunt.found) < DIVERGED:
             hunt.drop_transients()
         return _assembled(hunt, box, sorted(hunt.found, key=lambda found: _rank(hunt, found)), None, starts)
+
+
+@singledispatch
+def _search_of(system: HybridSystem | Map) -> type[AttractorSearch]:
+    """Return the search that follows the motions of a system."""
+    return AttractorSearch
+
+
+@_search_of.register(Map)
+def _search_of_map(system: Map) -> type[AttractorSearch]:
+    return MapSearch
 
 
 def attractors_from(

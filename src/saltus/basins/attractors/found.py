@@ -76,21 +76,11 @@ class Search:
 
 
 class Stay(NamedTuple):
-    """How long motions stay on an attractor that is no periodic orbit.
+    """How long motions stay on an attractor that is no periodic orbit."""
 
-    Attributes
-    ----------
-    motions : int
-        Count of the motions followed.
-    strobes : float
-        Sum of their stays.
-    left : int
-        Count of those that ended elsewhere.
-    """
-
-    motions: int
-    strobes: float
-    left: int
+    motions: int  # count of the motions followed
+    strobes: float  # sum of their stays
+    left: int  # count of those that ended elsewhere
 
     @property
     def mean(self) -> float:
@@ -108,39 +98,19 @@ class Stay(NamedTuple):
 
 @dataclass(eq=False)
 class Found:
-    """Record of one attractor that was found.
-
-    Attributes
-    ----------
-    kind : str
-    points : ndarray, shape (k, n)
-        States at strobes; those of a periodic orbit in the order of visits, the least first.
-    orbit : PeriodicOrbit or None
-    visited : frozenset of str
-        Modes that the attractor visits.
-    touches : bool
-        Whether the attractor meets an event.
-    cage : Cage or None
-    ellipsoid : OrbitEllipsoids or None
-        Ellipsoids in which motions contract.
-    core : OrbitEllipsoids or None
-        Smaller ellipsoids in which motions count as settled.
-    stay : Stay or None
-        Stay of motions, where measured.
-    decay : float
-        Asymptotic factor by which distances shrink from strobe to strobe, NaN where unknown.
-    """
+    """Record of one attractor that was found."""
 
     kind: str
+    # shape (k, n): states at strobes; those of a periodic orbit in the order of visits, the least first
     points: NDArray[np.float64]
     orbit: PeriodicOrbit | None
-    visited: frozenset[str]
-    touches: bool
+    visited: frozenset[str]  # modes that the attractor visits
+    touches: bool  # whether the attractor meets an event
     cage: Cage | None = None
-    ellipsoid: OrbitEllipsoids | None = None
-    core: OrbitEllipsoids | None = None
-    stay: Stay | None = None
-    decay: float = math.nan
+    ellipsoid: OrbitEllipsoids | None = None  # ellipsoids in which motions contract
+    core: OrbitEllipsoids | None = None  # smaller ellipsoids in which motions count as settled
+    stay: Stay | None = None  # stay of motions, where measured
+    decay: float = math.nan  # asymptotic factor by which distances shrink from strobe to strobe, NaN where unknown
 
     @property
     def period(self) -> int:

@@ -43,34 +43,18 @@ _FRACTIONS = np.linspace(0.005, 0.995, 199)  # distances from the events that ar
 
 @dataclass(frozen=True)
 class Cage:
-    """The set ``sum_i max(|rows_i . (x - centre)|, floors_i) < bound`` of states at phase 0 in one mode.
+    """The set ``sum_i max(|rows_i . (x - centre)|, floors_i) < bound`` of states at phase 0 in one mode."""
 
-    Attributes
-    ----------
-    mode : int
-        Index of the mode.
-    centre : ndarray, shape (n,)
-        The linear response at phase 0.
-    rows : ndarray of complex128, shape (coordinates, n)
-        Weighted left eigenvectors; one of each conjugate pair, with twice the weight.
-    floors : ndarray, shape (coordinates,)
-        Bound c_i, weighted, up to which the rest of the field can drive each coordinate.
-    bound : float
-    distances : ndarray, shape (events,)
-        Least value of each event function along motions in the cage.
-    rates : ndarray, shape (coordinates,)
-        Decay rates alpha_i of the coordinates.
-    contraction : float
-        ``sum_i |gamma_i| b_i / alpha_i`` of the convergence theorem; below 1 all motions converge to one orbit.
-    """
-
-    mode: int
-    centre: NDArray[np.float64]
+    mode: int  # index of the mode
+    centre: NDArray[np.float64]  # shape (n,): the linear response at phase 0
+    # shape (coordinates, n): weighted left eigenvectors; one of each conjugate pair, with twice the weight
     rows: NDArray[np.complex128]
+    # shape (coordinates,): bound c_i, weighted, up to which the rest of the field can drive each coordinate
     floors: NDArray[np.float64]
     bound: float
-    distances: NDArray[np.float64]
-    rates: NDArray[np.float64]
+    distances: NDArray[np.float64]  # shape (events,): least value of each event function along motions in the cage
+    rates: NDArray[np.float64]  # shape (coordinates,): decay rates alpha_i of the coordinates
+    # ``sum_i |gamma_i| b_i / alpha_i`` of the convergence theorem; below 1 all motions converge to one orbit
     contraction: float
 
     def sizes(self, x: NDArray[np.float64]) -> NDArray[np.float64]:

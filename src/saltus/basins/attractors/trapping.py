@@ -54,29 +54,17 @@ _STRETCHES = 16  # looks at them
 
 @dataclass(frozen=True)
 class OrbitEllipsoids:
-    """Ellipsoids about the points of one periodic orbit, ``|metric (x - centre)|^2 < level``.
+    """Ellipsoids about the points of one periodic orbit, ``|metric (x - centre)|^2 < level``."""
 
-    Attributes
-    ----------
-    centres : ndarray, shape (period, n)
-        The points, in the order in which they are visited.
-    metrics : ndarray, shape (period, n, n)
-        Upper triangular; distances shrink from each point's metric to the next one's.
-    level : float
-        Square of the radius.
-    normals : ndarray, shape (period, planes, n), optional
-        Unit vectors of planes, which leave ``normal . metric (x - centre) < offset`` of an ellipsoid; zero for a plane
-        that an ellipsoid lacks.
-    offsets : ndarray, shape (period, planes), optional
-    modes : ndarray of int64, shape (period,), optional
-        Mode of the motions that each ellipsoid holds; -1 for all modes.
-    """
-
-    centres: NDArray[np.float64]
+    centres: NDArray[np.float64]  # shape (period, n): the points, in the order in which they are visited
+    # shape (period, n, n): upper triangular; distances shrink from each point's metric to the next one's
     metrics: NDArray[np.float64]
-    level: float
+    level: float  # square of the radius
+    # shape (period, planes, n): unit vectors of planes, which leave ``normal . metric (x - centre) < offset`` of an
+    # ellipsoid; zero for a plane that an ellipsoid lacks.
     normals: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0, 0)))
-    offsets: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    offsets: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))  # shape (period, planes)
+    # shape (period,): mode of the motions that each ellipsoid holds; -1 for all modes
     modes: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
     def __post_init__(self) -> None:

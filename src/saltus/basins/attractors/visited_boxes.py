@@ -30,16 +30,10 @@ _EXTENT = 1e-6  # least extent of an attractor, over the states' scale
 
 
 class Boxes(NamedTuple):
-    """Boxes along attractors, and the shares of the attractors' strobes that they hold.
-
-    Attributes
-    ----------
-    cells : Cells
-    covered : dict of int to float
-        Share of each attractor's strobes that falls into its boxes, by label, from strobes that did not make the boxes.
-    """
+    """Boxes along attractors, and the shares of the attractors' strobes that they hold."""
 
     cells: Cells
+    # share of each attractor's strobes that falls into its boxes, by label, from strobes that did not make the boxes
     covered: dict[int, float]
 
 

@@ -175,15 +175,13 @@ def system_of(
             allowed = f"{', '.join(known)}, or module:attribute"
             raise InputError("system", config.system, allowed, nearest(config.system, known))
         make = attribute_of(config.system, folder, "system")
-    if isinstance(make, HybridSystem | Map):
-        if config.model:
+    system = called(make, config.model, "model") if callable(make) else make
+    if isinstance(system, HybridSystem | Map):  # a user's module may hold, or make, anything
+        if system is make and config.model:
             raise InputError("model", config.model, "left out", f"{config.system} is made already")
-        return make
-    if not callable(make):
-        raise InputError("system", config.system, "a HybridSystem or a Map, or what makes one", f"it is {make!r}")
-    system = called(make, config.model, "model")
-    if not isinstance(system, HybridSystem | Map):
-        raise InputError(
-            "system", config.system, "what makes a HybridSystem or a Map", f"it made {type(system).__name__}"
-        )
-    return system
+        return system
+    if callable(make):
+        allowed, hint = "what makes a HybridSystem or a Map", f"it made {type(system).__name__}"
+    else:
+        allowed, hint = "a HybridSystem or a Map, or what makes one", f"it is {make!r}"
+    raise InputError("system", config.system, allowed, hint)

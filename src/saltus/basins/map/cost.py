@@ -30,26 +30,13 @@ _SEED = 20230718  # seed of the random cells
 
 @dataclass(frozen=True)
 class Cost:
-    """Time and storage of a grid.
+    """Time and storage of a grid."""
 
-    Attributes
-    ----------
-    cells : int
-        Cells of the grid.
-    sampled : int
-        Cells of the sample.
-    orbits_per_second : float
-        Motions followed a second, by all threads of this machine or by its device.
-    bytes_per_cell : float
-        Bytes of a compressed store, about; in more than one dimension a store takes less.
-    search_seconds : float
-        Time of the search for attractors, which the run repeats on one machine; 0 for given attractors.
-    """
-
-    cells: int
-    sampled: int
-    orbits_per_second: float
-    bytes_per_cell: float
+    cells: int  # cells of the grid
+    sampled: int  # cells of the sample
+    orbits_per_second: float  # motions followed a second, by all threads of this machine or by its device
+    bytes_per_cell: float  # bytes of a compressed store, about; in more than one dimension a store takes less
+    # time of the search for attractors, which the run repeats on one machine; 0 for given attractors
     search_seconds: float = 0.0
 
     def seconds(self, workers: int = 1) -> float:

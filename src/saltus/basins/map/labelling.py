@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, singledispatch
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -18,6 +18,7 @@ from saltus.basins.attractors.trap_files import check_traps, traps_as_data, trap
 from saltus.ensemble.traps import DIVERGED, UNDECIDED, Ellipsoids, Traps
 from saltus.errors import InputError
 from saltus.system import HybridSystem, Map
+from saltus.system.maps import flowing
 from saltus.system.plain import all_parameters, system_from
 from saltus.work import starting
 
@@ -58,42 +59,18 @@ _LONGER = 2  # factor by which motions are then followed longer
 
 @dataclass(frozen=True, eq=False)
 class Labelling:
-    """System, trapping regions and settings that give a motion its label.
-
-    Attributes
-    ----------
-    system : HybridSystem or Map
-        The system.
-    parameters : mapping of str to float
-        All parameters.
-    traps : Traps
-        Trapping regions.
-    interval : float or None
-        Time between two strobes of a system without a phase.
-    tolerance : float
-        Tolerance of a step.
-    longest : int
-        Periods after which a motion is undecided.
-    engine : {"cpu", "cuda"}
-        Engine that follows the motions.
-    preview : bool
-        Whether only cells next to cells of another label are refined.
-    threads : int or None
-        Threads that compute; by default one for each processor.
-    scale : tuple of float or None
-        Unit of each state for errors, 1 by default.
-    """
+    """System, trapping regions and settings that give a motion its label."""
 
     system: HybridSystem | Map
-    parameters: Mapping[str, float]
-    traps: Traps
-    interval: float | None
-    tolerance: float
-    longest: int
-    engine: str = "cpu"
-    preview: bool = False
-    threads: int | None = None
-    scale: tuple[float, ...] | None = None
+    parameters: Mapping[str, float]  # all parameters
+    traps: Traps  # trapping regions
+    interval: float | None  # time between two strobes of a system without a phase
+    tolerance: float  # tolerance of a step
+    longest: int  # periods after which a motion is undecided
+    engine: str = "cpu"  # {"cpu", "cuda"}: engine that follows the motions
+    preview: bool = False  # whether only cells next to cells of another label are refined
+    threads: int | None = None  # threads that compute; by default one for each processor
+    scale: tuple[float, ...] | None = None  # unit of each state for errors, 1 by default
 
     def definition(self) -> dict[str, Any]:
         """Return all inputs of a label as plain data, from which `from_definition` makes an equal labelling."""
@@ -142,20 +119,7 @@ class Labelling:
     @cached_property
     def ensemble(self) -> Any:
         """The engine that follows motions."""
-        if isinstance(self.system, Map):
-            from saltus.ensemble.map_ensemble import MapEnsemble
-
-            if self.engine != "cpu":
-                raise InputError("BasinOptions.engine", self.engine, "'cpu' or 'dask' for a map")
-            return MapEnsemble(self.system, self.parameters, scale=self.scale, threads=self.threads)
-        options: dict[str, Any] = {"tolerance": self.tolerance, "interval": self.interval, "scale": self.scale}
-        if self.engine == "cuda":
-            from saltus.ensemble.cuda import CudaEnsemble
-
-            return CudaEnsemble(self.system, self.parameters, **options)
-        from saltus.ensemble.ensemble import Ensemble
-
-        return Ensemble(self.system, self.parameters, threads=self.threads, **options)
+        return _ensemble(self.system, self)
 
     def check_engine(self) -> None:
         """Raise `InputError` where the engine cannot run here."""
@@ -269,6 +233,29 @@ class Labelling:
                 labels[tuple(places.T)] = self.of(grid.at(at))
                 followed += len(places)
         return labels, followed
+
+
+@singledispatch
+def _ensemble(system: HybridSystem | Map, labelling: Labelling) -> Any:
+    options: dict[str, Any] = {
+        "tolerance": labelling.tolerance, "interval": labelling.interval, "scale": labelling.scale,
+    }  # fmt: skip
+    if labelling.engine == "cuda":
+        from saltus.ensemble.cuda import CudaEnsemble
+
+        return CudaEnsemble(flowing(system), labelling.parameters, **options)
+    from saltus.ensemble.ensemble import Ensemble
+
+    return Ensemble(flowing(system), labelling.parameters, threads=labelling.threads, **options)
+
+
+@_ensemble.register(Map)
+def _ensemble_of_map(system: Map, labelling: Labelling) -> Any:
+    from saltus.ensemble.map_ensemble import MapEnsemble
+
+    if labelling.engine != "cpu":
+        raise InputError("BasinOptions.engine", labelling.engine, "'cpu' or 'dask' for a map")
+    return MapEnsemble(system, labelling.parameters, scale=labelling.scale, threads=labelling.threads)
 
 
 def units_of(sizes: Sequence[float] | None) -> tuple[float, ...] | None:

@@ -41,7 +41,7 @@ from saltus.ensemble.traps import NOT_DONE, UNDECIDED, Traps
 from saltus.errors import InputError, nearest
 from saltus.progress import Report, Reporter, ended
 from saltus.system import HybridSystem, Map
-from saltus.system.maps import flowing
+from saltus.system.maps import checked_system
 
 if TYPE_CHECKING:
     import os
@@ -281,8 +281,7 @@ def settings_of(
     InputError
         No system, parameters that it does not have, or no options.
     """
-    if not isinstance(system, Map):
-        flowing(system)
+    checked_system(system)
     options = BasinOptions() if options is None else checks.instance("options", options, BasinOptions)
     return Labelling(
         system,

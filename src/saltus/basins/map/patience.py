@@ -28,18 +28,10 @@ _SAFETY = 4.0  # periods followed over those of the slowest linear decay: saddle
 
 
 class Patience(NamedTuple):
-    """How long motions are followed.
+    """How long motions are followed."""
 
-    Attributes
-    ----------
-    periods : int
-        Periods, or intervals between strobes, after which a motion is undecided.
-    reason : str
-        Reason for the number, in words.
-    """
-
-    periods: int
-    reason: str
+    periods: int  # periods, or intervals between strobes, after which a motion is undecided
+    reason: str  # reason for the number, in words
 
 
 def patience_for(attractors: Any, box: Mapping[str, tuple[float, float]]) -> Patience:

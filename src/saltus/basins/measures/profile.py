@@ -42,7 +42,7 @@ from saltus.errors import ConvergenceError, InputError
 from saltus.files import telling
 from saltus.progress import Report, Reporter, ended
 from saltus.system import HybridSystem, Map
-from saltus.system.maps import flowing
+from saltus.system.maps import checked_system
 
 if TYPE_CHECKING:
     import os
@@ -55,24 +55,12 @@ Measure: TypeAlias = Callable[[Basins, str], Any]  # of basins and an attractor'
 
 
 class Reading(NamedTuple):
-    """What a profile keeps of a measure.
+    """What a profile keeps of a measure."""
 
-    Attributes
-    ----------
-    value : float
-        The measure.
-    error : float
-        Error of the measure; NaN where unknown.
-    clipped : bool
-        Whether the window's edge limits the measure.
-    note : str
-        A remark in words.
-    """
-
-    value: float
-    error: float = math.nan
-    clipped: bool = False
-    note: str = ""
+    value: float  # the measure
+    error: float = math.nan  # error of the measure; NaN where unknown
+    clipped: bool = False  # whether the window's edge limits the measure
+    note: str = ""  # a remark in words
 
 
 def _entropy(basins: Basins, name: str) -> Reading:
@@ -196,8 +184,7 @@ def erosion_profile(
     attraction, J. Sound Vib. 135 (1989) 453-475; G. Rega, S. Lenci, Dynamical integrity and control of nonlinear
     mechanical oscillators, J. Vib. Control 14 (2008) 159-179.
     """
-    if not isinstance(system, Map):
-        flowing(system)
+    checked_system(system)
     checks.chosen("parameter", parameter, (*system.parameter_names, *system.groups))
     chosen = ErosionOptions() if options is None else checks.instance("options", options, ErosionOptions)
     swept, asked = checks.ascending("values", values), chosen.measures
