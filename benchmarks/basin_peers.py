@@ -27,6 +27,7 @@ from saltus.ensemble.kernels.lanes import fate
 from saltus.ensemble.traps import UNDECIDED, Traps
 from saltus.flow.motion import starting_mode
 from saltus.flow.poincare import iterate
+from saltus.options import AttractorOptions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -72,7 +73,10 @@ def tapping(modes: int = 2) -> Model:
     system = sections.model(modes)
     region = dict.fromkeys(system.states, sections.RANGE)
     # trapping regions as `map_basins` makes them for a plane: measured as well as the labels of its cells are worth
-    return Model(system, find_attractors(system, sections.PARAMETERS, region, motions=sections.RESOLUTION**2))
+    return Model(
+        system,
+        find_attractors(system, sections.PARAMETERS, region, options=AttractorOptions(motions=sections.RESOLUTION**2)),
+    )
 
 
 def grids(resolution: int = sections.RESOLUTION) -> dict[str, tuple[int, Grid]]:

@@ -16,7 +16,7 @@ import types
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -32,7 +32,16 @@ import systems
 import wells
 from grouped import Grouped
 from saltus import afm, basins
-from saltus.options import BasinOptions, BranchOptions, Criteria, ErosionOptions, Limits, OptimumOptions, SweepOptions
+from saltus.options import (
+    AttractorOptions,
+    BasinOptions,
+    BranchOptions,
+    Criteria,
+    ErosionOptions,
+    Limits,
+    OptimumOptions,
+    SweepOptions,
+)
 from saltus.results import Basins, Branch, PeriodicOrbit
 
 LONGEST_MESSAGE = 300
@@ -379,8 +388,8 @@ def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
     """Return calls that take longer, of systems of their own: searches of attractors, maps, cascades, films."""
     well = wells.double_well()
     region = {"x": (-2.0, 2.0), "v": (-2.0, 2.0)}
-    search = basins.Search(samples=100, longest=300)
-    found = saltus.find_attractors(well, {}, region, seeds=8, search=search)
+    search = AttractorOptions(samples=100, longest=300)
+    found = saltus.find_attractors(well, {}, region, options=replace(search, starts=8))
     box = {"x": (-1.0, 1.0, 3), "v": 0.0}
     mapped = saltus.map_basins(well, {}, box, found)
     logistic = systems.carried_map(("x",), {"r": 2.8}, {"x": "r*x*(1 - x)"})
@@ -396,7 +405,8 @@ def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
     }  # fmt: skip
     return {
         "find_attractors, found": Call(
-            saltus.find_attractors, {"system": well, "parameters": {}, "region": region, "seeds": 4, "search": search}
+            saltus.find_attractors,
+            {"system": well, "parameters": {}, "region": region, "options": replace(search, starts=4)},
         ),
         "map_basins, mapped": Call(
             Grouped(saltus.map_basins, options=BasinOptions),
@@ -414,7 +424,7 @@ def lengthy_calls(made: Objects, folder: Path) -> dict[str, Call]:
         "ErosionProfile.of": Call(profile.of, {"measure": "GIM", "attractor": found.names[0]}),
         "ErosionProfile.plot": Call(profile.plot, {"measure": "GIM", "ax": None, "legend": True}),
         "Basins.classify": Call(mapped.classify, {"points": [[0.0, 0.0]], "engine": "cpu"}),
-        "Basins.label_error": Call(mapped.label_error, {"cells": 2, "by_events": 1, "tolerance": 1e-10, "seed": 0}),
+        "Basins.label_error": Call(mapped.label_error, {"cells": 2, "by_events": 1, "tolerance": 1e-10, "rng": 0}),
         "switch_branch at a doubling": Call(saltus.switch_branch, {"point": doubling}),
         "follow_cascade, followed": Call(
             saltus.follow_cascade,
@@ -697,18 +707,20 @@ def _of_basins(made: Objects) -> dict[str, Call]:
         "find_attractors": Call(
             saltus.find_attractors,
             {
-                "system": system, "parameters": {}, "region": {"x": (5.0, 6.0), "v": 0.0}, "seeds": 1, "interval": None,
-                "search": basins.Search(samples=100, longest=2),
+                "system": system, "parameters": {}, "region": {"x": (5.0, 6.0), "v": 0.0},
+                "options": AttractorOptions(starts=1, samples=100, longest=2),
             },
         ),
         "attractors_from": Call(basins.attractors_from, {"orbits": {"a": made.branch["SN1"].orbit}, "region": region}),
-        "Search": Call(
-            basins.Search, {"random_seed": 1, "longest": 10, "samples": 100, "safety": 0.5, "tolerance": 1e-6}
+        "AttractorOptions": Call(
+            AttractorOptions, {"starts": 4, "motions": 10, "interval": 1.0, "rng": 1, "longest": 10, "samples": 100,
+                "safety": 0.5, "tolerance": 1e-6,
+            },
         ),
         "map_basins": Call(
             Grouped(saltus.map_basins, options=BasinOptions),
             {
-                "system": system, "parameters": {}, "grid": box, "attractors": {"seeds": "none"}, "path": None,
+                "system": system, "parameters": {}, "grid": box, "attractors": {"options": "none"}, "path": None,
                 **options,
             },
         ),
@@ -741,7 +753,7 @@ def _of_basins(made: Objects) -> dict[str, Call]:
             },
         ),
         "classify": Call(table.classify, {"points": [[0.0, 0.0]], "engine": "cpu"}),
-        "label_error": Call(table.label_error, {"cells": 1, "by_events": 1, "tolerance": 1e-10, "seed": 0}),
+        "label_error": Call(table.label_error, {"cells": 1, "by_events": 1, "tolerance": 1e-10, "rng": 0}),
         "Basins.section": Call(table.section, {"x": 0.1}),
         "global_integrity": Call(basins.global_integrity, {"basins": table, "name": "a"}),
         "local_integrity": Call(basins.local_integrity, {**measured, "centre": [0.0, 0.0]}),
@@ -751,14 +763,14 @@ def _of_basins(made: Objects) -> dict[str, Call]:
         "basin_stability": Call(
             basins.basin_stability,
             {
-                "basins": made.classifier, "name": "a", "samples": 5, "region": {"x": (-0.5, 0.5)}, "seed": 0,
+                "basins": made.classifier, "name": "a", "samples": 5, "region": {"x": (-0.5, 0.5)}, "rng": 0,
                 "confidence": 0.9, "engine": "cpu",
             },
         ),
         "uncertainty_by_neighbours": Call(basins.uncertainty_by_neighbours, {"basins": table, "scales": (1, 2, 4)}),
         "uncertainty_by_shifts": Call(
             basins.uncertainty_by_shifts,
-            {"basins": made.classifier, "scales": [0.1, 0.2, 0.3], "samples": 500, "weights": None, "seed": 0},
+            {"basins": made.classifier, "scales": [0.1, 0.2, 0.3], "samples": 500, "weights": None, "rng": 0},
         ),
         "wada_by_merging": Call(basins.wada_by_merging, {"basins": table, "reach": 2}),
         "Basins.plot": Call(table.plot, {"x": "x", "y": "v", "ax": None, "colours": None, "legend": True}),

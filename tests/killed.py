@@ -19,7 +19,7 @@ from PIL import Image
 import mutated
 from saltus import find_attractors, load, map_basins, run_sweep
 from saltus.afm.paper.figures.files import write_figure
-from saltus.basins.attractors.found import Search
+from saltus.basins.attractors.found import AttractorOptions
 from saltus.basins.map.basins import Basins
 from saltus.options import SweepOptions
 from saltus.sweeps import record
@@ -105,7 +105,7 @@ class Mapped:
 
         self.system = double_well()
         region = {"x": (-2.0, 2.0), "v": (-2.0, 2.0)}
-        self.found = find_attractors(self.system, {}, region, seeds=32, search=Search(samples=500))
+        self.found = find_attractors(self.system, {}, region, options=AttractorOptions(starts=32, samples=500))
         self.whole = np.asarray(self.map(None).labels)
 
     def map(self, store: Path | None) -> Basins:

@@ -37,7 +37,7 @@ from saltus import (
     solve_orbit,
 )
 from saltus.basins.attractors.attractors import Attractors
-from saltus.basins.attractors.found import Search
+from saltus.basins.attractors.found import AttractorOptions
 from saltus.basins.map.basins import Basins
 from saltus.basins.map.grid import Grid
 from saltus.basins.map.labelling import Labelling
@@ -141,7 +141,7 @@ def _fit() -> Result:
 
 def _of_maps() -> dict[str, Result]:
     tent, region = tent_of(), {"x": (-0.2, 1.2)}
-    found = find_attractors(tent, {"a": 1.7}, region, seeds=16, search=Search(samples=100))
+    found = find_attractors(tent, {"a": 1.7}, region, options=AttractorOptions(starts=16, samples=100))
     return {
         "iterates": iterate(tent, x0=[0.2], n=6),
         "map sweep": run_sweep(tent, "a", [0.8, 1.7], x0=[0.3], options=SweepOptions(discard=50, keep=10)),

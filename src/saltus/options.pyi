@@ -1,6 +1,7 @@
 """Options of computations; `options.py` reads where each is, and imports it on first use."""
 
 from saltus.basins import (
+    AttractorOptions as AttractorOptions,
     BasinOptions as BasinOptions,
     ErosionOptions as ErosionOptions,
 )

@@ -28,9 +28,8 @@ A = 0.05
 [grid]
 x = [-2.0, 2.0, 12]
 v = [-2.0, 2.0, 10]
-[attractors]
-seeds = 16
-[attractors.search]
+[attractors.options]
+starts = 16
 samples = 200
 """
 
@@ -139,12 +138,16 @@ def test_resume_refuses_other_input_and_names_it(mapped, config, capsys):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("seeds = 16", "seeds = 17", "its search.seeds is 16, not 17"),
-        ("seeds = 16\n", "", "its search.seeds is 16, not 256"),
-        ("samples = 200", "samples = 300", "its search.search.samples is 200, not 300"),
+        ("starts = 16", "starts = 17", "its search.options.starts is 16, not 17"),
+        ("starts = 16\n", "", "its search.options.starts is 16, not 256"),
+        ("samples = 200", "samples = 300", "its search.options.samples is 200, not 300"),
         (
-            "[attractors.search]", "[attractors.region]\nx = 0.0\nv = [-1.0, 1.0]\n[attractors.search]",
+            "[attractors.options]", "[attractors.region]\nx = 0.0\nv = [-1.0, 1.0]\n[attractors.options]",
             "its search.region.x is [-2.0, 2.0], not 0.0",
+        ),
+        (
+            "[attractors.options]\nstarts = 16", "[attractors]\nseeds = 17\n[attractors.search]",
+            "its search.options.starts is 16, not 17",
         ),
     ],
 )  # fmt: skip
@@ -224,7 +227,7 @@ def test_options_that_do_not_belong_together_are_told(config, capsys, options, t
          "parameters.Omega = 'fast': must be a number"),
         ("system = 'tapping_mode'\n[parameters]\nOmega = '1'\n[grid]", "parameters.Omega = '1': must be a number"),
         ("system = 'tapping_mode'\n[engine]\nlongest = true\n[grid]", "engine.longest = True: must be an integer"),
-        ("system = 'tapping_mode'\n[attractors]\nseeds = 2.5\n[grid]", "attractors.seeds = 2.5: must be an integer"),
+        ("system = 'tapping_mode'\n[attractors]\noptions = 3\n[grid]", "attractors.options = 3: must be a dictionary"),
         ("system = 'tapping_mode'\n[model]\nmods = 2\n[grid]", "key = 'mods': must be one of modes, static_term, eta, "
          "R, H, E_star, a0, length, width, thickness, density, young, k, f0, Q; did you mean 'modes'?"),
         ("system = 'tapping_mode'\n[grid]\nq1 = [1, -1, 5]\nv1 = 0",

@@ -25,6 +25,7 @@ from saltus import (
     switch_branch,
 )
 from saltus.errors import DefinitionError
+from saltus.options import AttractorOptions
 
 TURN = 2.0 * math.pi
 JUNCTION = HybridSystem.smooth({"phi": "I - sin(phi)"}, {"I": 1.5}, angles=("phi",), name="junction")
@@ -245,7 +246,7 @@ def test_observables_that_grow_with_a_rotation_are_refused():
 
 def test_basins_refuse_angles_in_words():
     for ask in (
-        lambda: find_attractors(PENDULUM, {}, {"phi": (-3, 3), "v": (-3, 3)}, interval=1.0),
+        lambda: find_attractors(PENDULUM, {}, {"phi": (-3, 3), "v": (-3, 3)}, options=AttractorOptions(interval=1.0)),
         lambda: map_basins(FORCED, {}, {"phi": (-3, 3, 4), "v": (-3, 3, 4)}),
     ):
         with pytest.raises(InputError, match="not modulo 2 pi"):

@@ -12,7 +12,7 @@ import pytest
 import saltus
 import systems
 from saltus import HybridSystem, Map
-from saltus.options import SweepOptions
+from saltus.options import AttractorOptions, SweepOptions
 from saltus.system import compiled, generated
 from wells import double_well
 
@@ -52,7 +52,7 @@ def discrete():
 def wells():
     system = double_well()
     region = {"x": (-2.0, 2.0), "v": (-2.0, 2.0)}
-    found = saltus.find_attractors(system, {}, region, seeds=8)
+    found = saltus.find_attractors(system, {}, region, options=AttractorOptions(starts=8))
     saltus.map_basins(system, {}, {"x": (-2, 2, 10), "v": (-2, 2, 10)}, found)
     return system
 

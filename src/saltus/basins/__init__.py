@@ -2,7 +2,7 @@
 
 from saltus.basins.attractors.attractors import Attractors
 from saltus.basins.attractors.finding import attractors_from, find_attractors
-from saltus.basins.attractors.found import Search
+from saltus.basins.attractors.found import AttractorOptions
 from saltus.basins.map.basins import Basins
 from saltus.basins.map.grid import Grid, Plane
 from saltus.basins.map.mapping import map_basins
@@ -26,6 +26,7 @@ from saltus.basins.measures.uncertainty import UncertaintyExponent, uncertainty_
 from saltus.basins.measures.wada import WadaTest, wada_by_merging
 
 __all__ = [
+    "AttractorOptions",
     "Attractors",
     "Ball",
     "BasinEntropy",
@@ -38,7 +39,6 @@ __all__ = [
     "LabelError",
     "Outcomes",
     "Plane",
-    "Search",
     "Stability",
     "UncertaintyExponent",
     "Volume",

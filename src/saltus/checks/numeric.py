@@ -22,6 +22,7 @@ __all__ = [
     "ascending",
     "between",
     "count",
+    "generator",
     "interval",
     "is_real",
     "non_negative",
@@ -209,6 +210,22 @@ def count(name: str, value: object, least: int = 1, most: int | None = None, wha
     if most is not None:
         allowed = f"an integer between {least} and {most}" if most > least else f"{least}"
     raise InputError(name, value, ", ".join(filter(None, (allowed, what))))
+
+
+def generator(name: str, value: object) -> np.random.Generator:
+    """Return the generator of random numbers that is given, or that of a seed.
+
+    Raises
+    ------
+    InputError
+        It is neither a generator nor an integer >= 0.
+
+    Examples
+    --------
+    >>> generator("rng", 3).integers(10)
+    np.int64(8)
+    """
+    return value if isinstance(value, np.random.Generator) else np.random.default_rng(count(name, value, 0))
 
 
 def size(name: str, value: object, least: int = 1, most: int = LARGEST_LIST) -> int:

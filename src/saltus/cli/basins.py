@@ -154,14 +154,14 @@ def _options(read: Config, *, engine: str, client: str | None = None, preview: b
 
 
 def _search(read: Config) -> dict[str, Any]:
-    """Return the options of the search for attractors."""
-    from saltus.basins import Search
+    """Return the arguments of the search for attractors."""
+    from saltus.basins import AttractorOptions
     from saltus.config_files import called
 
-    options = read.attractors.model_dump(exclude_none=True, exclude={"search"})
-    if read.attractors.search is not None:
-        options["search"] = called(Search, read.attractors.search, "attractors.search")
-    return options
+    search = read.attractors.model_dump(exclude_none=True, exclude={"options"})
+    if read.attractors.options is not None:
+        search["options"] = called(AttractorOptions, read.attractors.options, "attractors.options")
+    return search
 
 
 def _tell_cost(read: Config, system: HybridSystem | Map, engine: str) -> None:

@@ -34,7 +34,7 @@ _END = "End now"  # and after
 _PACE = 40  # milliseconds between two looks at what the companion says
 _PERIODS = 60  # periods of the motion that a click on a cell runs
 _SPANS = 30.0  # periods of the selected orbit, of a system without a phase
-_SEEDS = 64  # motions in the search for attractors
+_STARTS = 64  # motions in the search for attractors
 _MOTIONS = 1000  # motions for which trapping regions are made: few, so that the first picture comes soon
 
 
@@ -212,7 +212,7 @@ class Page(Listener):
             found(known)
             return
         interval = self.basins.interval
-        step = Attract(parameters=parameters, region=region, seeds=_SEEDS, motions=_MOTIONS, interval=interval)
+        step = Attract(parameters=parameters, region=region, starts=_STARTS, motions=_MOTIONS, interval=interval)
         self.run(step, found)
 
     def _follow_cell(self, x0: list[float]) -> None:

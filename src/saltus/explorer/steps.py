@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from saltus.errors import InputError
 
@@ -331,25 +331,24 @@ class Attract(Step):
     kind: Literal["attract"] = "attract"
     parameters: dict[str, float] = {}
     region: dict[str, tuple[float, float]]
-    seeds: Annotated[int, Field(ge=1, le=10_000)] = 64
+    starts: Annotated[int, Field(ge=1, le=10_000, validation_alias=AliasChoices("starts", "seeds"))] = 64
     motions: Annotated[int, Field(ge=1)] = 10_000
     interval: Annotated[float, Field(gt=0.0)] | None = None
     noun: ClassVar[str] = "attractors"
 
     def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
         """Call `saltus.find_attractors`."""
-        from saltus.basins import find_attractors
+        from saltus.basins import AttractorOptions, find_attractors
 
-        return find_attractors(
-            system, self.parameters, self.region, seeds=self.seeds, motions=self.motions, interval=self.interval,
-            progress=progress,
-        )  # fmt: skip
+        options = AttractorOptions(starts=self.starts, motions=self.motions, interval=self.interval)
+        return find_attractors(system, self.parameters, self.region, options=options, progress=progress)
 
     def text(self) -> str:
         """Return the call as Python."""
-        counts = f"seeds={self.seeds}, motions={self.motions}"
+        counts = f"starts={self.starts}, motions={self.motions}"
         counts += f", interval={self.interval!r}" if self.interval is not None else ""
-        return f"saltus.find_attractors(system, {self.parameters!r}, {self.region!r}, {counts})"
+        options = f"saltus.options.AttractorOptions({counts})"
+        return f"saltus.find_attractors(system, {self.parameters!r}, {self.region!r}, options={options})"
 
 
 class Basin(Step):

@@ -83,7 +83,7 @@ def warm(definition: str, x0: tuple[float, ...], progress: Report | bool) -> Non
     progress : callable or bool
         Not used.
     """
-    from saltus.basins import find_attractors, map_basins
+    from saltus.basins import AttractorOptions, find_attractors, map_basins
 
     system = system_of(definition)
     region = {name: (x - 0.1, x + 0.1) for name, x in zip(system.states, x0, strict=False)}
@@ -91,4 +91,4 @@ def warm(definition: str, x0: tuple[float, ...], progress: Report | bool) -> Non
     grid: dict[str, Any] = {first: (*region[first], 8)} | {name: sum(region[name]) / 2.0 for name in others}
     with warnings.catch_warnings(), suppress(SaltusError):  # whoever asks for basins is told
         warnings.simplefilter("ignore")
-        map_basins(system, {}, grid, find_attractors(system, {}, region, seeds=2, motions=8))
+        map_basins(system, {}, grid, find_attractors(system, {}, region, options=AttractorOptions(starts=2, motions=8)))

@@ -7,7 +7,7 @@ import pytest
 
 import saltus
 from saltus import afm
-from saltus.basins import Search
+from saltus.basins import AttractorOptions
 from saltus.errors import InputError
 
 REGION = {"z1_nm": (-7.0, -4.0), "v1_nm_us": (14.0, 17.0)}  # about the attractive orbit, whose basin is small
@@ -22,7 +22,7 @@ def system():
 
 @pytest.fixture(scope="module")
 def attractors(system):
-    found = saltus.find_attractors(system, {}, REGION, seeds=16, search=Search(samples=200), motions=100)
+    found = saltus.find_attractors(system, {}, REGION, options=AttractorOptions(starts=16, motions=100, samples=200))
     return afm.name_by_regime(found)
 
 

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from saltus import HybridSystem, InputError, Mode, Transition, afm, find_attractors, find_orbit, simulate, solve_orbit
 from saltus.basins.attractors.finding import attractors_from
-from saltus.basins.attractors.found import Found, Search, Stay
+from saltus.basins.attractors.found import AttractorOptions, Found, Stay
 from saltus.basins.attractors.search import AttractorSearch
 from saltus.basins.wilson import wilson
 from saltus.ensemble.ensemble import Ensemble
 from saltus.ensemble.traps import UNDECIDED, Ellipsoids, Traps
 from saltus.results import Attractors
 
-QUICK = Search(samples=400)
+QUICK = AttractorOptions(samples=400)
 
 
 def duffing():
@@ -63,7 +64,7 @@ BOX = {"x": (-2.2, 2.2), "v": (-2.2, 2.2)}
 
 @pytest.fixture(scope="module")
 def wells():
-    return find_attractors(duffing(), {}, BOX, seeds=64, search=QUICK)
+    return find_attractors(duffing(), {}, BOX, options=replace(QUICK, starts=64))
 
 
 def test_two_wells_have_an_attractor_each(wells):
@@ -116,7 +117,7 @@ def test_attractors_survive_a_file(wells, tmp_path):
 
 def test_names_and_points_do_not_depend_on_which_motions_found_them(wells):
     for seed in (1, 2):
-        again = find_attractors(duffing(), {}, BOX, seeds=16, search=Search(samples=100, random_seed=seed))
+        again = find_attractors(duffing(), {}, BOX, options=AttractorOptions(starts=16, samples=100, rng=seed))
         assert again.names == wells.names
         for name in wells.names:
             assert again.points[name] == pytest.approx(wells.points[name], abs=1e-9)
@@ -124,7 +125,7 @@ def test_names_and_points_do_not_depend_on_which_motions_found_them(wells):
 
 def test_a_stable_orbit_is_periodic_even_where_no_ellipsoid_contracts(monkeypatch, wells):
     monkeypatch.setattr("saltus.basins.attractors.periodic.contracting", lambda *_: None)
-    found = find_attractors(duffing(), {}, BOX, seeds=16, search=QUICK)
+    found = find_attractors(duffing(), {}, BOX, options=replace(QUICK, starts=16))
     assert dict(found.kinds) == {"period-1 A": "period-1", "period-1 B": "period-1"}
     assert all("boxes" in note for note in found.notes.values())
     for name in found.names:
@@ -136,7 +137,7 @@ def test_a_stable_orbit_is_periodic_even_where_no_ellipsoid_contracts(monkeypatc
 def test_motions_that_creep_away_from_an_unstable_orbit_find_no_attractor_there():
     # multiplier 1.01 at 0, and 0.98 at the attractors +-0.1
     system = carried(("x",), {}, {"x": "1.01*x - x**3"})
-    hunt = AttractorSearch(system, {}, np.array([-1.0]), np.array([1.0]), None, Search(samples=100))
+    hunt = AttractorSearch(system, {}, np.array([-1.0]), np.array([1.0]), AttractorOptions(samples=100))
     beside = np.array([[1e-6], [-2e-6]])
     path = np.array([hunt.ensemble.strobe(beside, count=count)[0] for count in (80, 100)])
     assert np.abs(np.diff(path, axis=0)).max() < 1e-5  # it recurs as if it were settling
@@ -148,22 +149,22 @@ def test_an_orbit_that_is_no_attractor_is_refused():
     system = duffing()
     saddle = solve_orbit(system, {}, [("free", None, [-0.1, 0.0], 2.0 * math.pi)])
     with pytest.raises(InputError, match="orbit 'top' = 'unstable': must be an attractor: a stable orbit"):
-        attractors_from({"top": saddle}, BOX, search=QUICK)
+        attractors_from({"top": saddle}, BOX, options=QUICK)
     right, other = find_orbit(system, {}, [1.2, 0.0]), find_orbit(system, {"F": 0.1}, [1.2, 0.0])
     with pytest.raises(InputError, match="orbit 'other' = .*must be of the same system and parameters as 'right'"):
-        attractors_from({"right": right, "other": other}, BOX, search=QUICK)
+        attractors_from({"right": right, "other": other}, BOX, options=QUICK)
 
 
 def test_known_orbits_keep_their_names_and_order(wells):
     right, left = (find_orbit(duffing(), {}, [x, 0.0]) for x in (1.2, -0.8))
-    known = attractors_from({"right": right, "left": left}, BOX, search=QUICK)
+    known = attractors_from({"right": right, "left": left}, BOX, options=QUICK)
     assert known.names == ("right", "left")
     labels, _ = Ensemble(duffing(), {}).settle([[1.2, 0.0], [-0.8, 0.0]], known.traps)
     assert labels.tolist() == [0, 1]
 
 
 def test_an_impact_oscillator_rests_before_its_stop_or_hits_it():
-    found = find_attractors(impact(), {}, {"x": (-2, 1), "v": (-3, 3)}, seeds=32, search=QUICK)
+    found = find_attractors(impact(), {}, {"x": (-2, 1), "v": (-3, 3)}, options=replace(QUICK, starts=32))
     assert found.names == ("period-1 A", "period-1 B")  # what meets no event comes first
     quiet, hitting = (found.orbits[name] for name in found.names)
     assert quiet.signature == (("free", "s"),)
@@ -180,8 +181,8 @@ LOGISTIC = [(carried, 2.9, 1), (carried_alone, 3.2, 2), (carried, 1.0 + math.sqr
 @pytest.mark.parametrize(("way", "r", "period"), LOGISTIC)
 def test_the_logistic_map_has_its_period(way, r, period):
     system = way(("x",), {"r": 3.0}, {"x": "r*x*(1 - x)"})
-    search = Search(samples=100, longest=1500)
-    found = find_attractors(system, {"r": r}, {"x": (-0.2, 1.2)}, seeds=8, search=search)
+    search = AttractorOptions(samples=100, longest=1500)
+    found = find_attractors(system, {"r": r}, {"x": (-0.2, 1.2)}, options=replace(search, starts=8))
     assert found.names == (f"period-{period}",)
     points = found.points[f"period-{period}"][:, 0]
     assert points[0] == points.min()
@@ -198,7 +199,7 @@ def narrow_well():
 
 
 def test_a_small_attractor_beside_a_large_one_is_found_and_its_states_are_not_in_the_others_trap():
-    found = find_attractors(narrow_well(), {}, {"x": (-2, 2), "v": (-2, 2)}, search=Search(samples=2000))
+    found = find_attractors(narrow_well(), {}, {"x": (-2, 2), "v": (-2, 2)}, options=AttractorOptions(samples=2000))
     places = [float(points[0, 0]) for points in found.points.values()]
     assert places == pytest.approx([0.0, 0.5], abs=0.01)
     assert found.traps.of(found.points[found.names[1]][0], 0) != 0
@@ -213,7 +214,9 @@ def test_a_small_attractor_beside_a_large_one_is_found_and_its_states_are_not_in
 @pytest.mark.campaign
 def test_a_long_transient_is_no_attractor():
     system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.165})
-    found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), seeds=64, search=Search(samples=1000))
+    found = find_attractors(
+        system, {}, dict.fromkeys(system.states, (-5, 5)), options=AttractorOptions(starts=64, samples=1000)
+    )
     assert found.names == ("attractive", "repulsive")
     assert found.kinds["repulsive"] == "period-4"
     assert found.measured_error < 0.01
@@ -231,8 +234,8 @@ def beside_a_wall(w, g):
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_chaos_that_motions_leave_after_thousands_of_periods_is_no_attractor_whatever_the_seed(seed):
-    region, search = {"x": (-2, -1e-3), "v": (-2, 2)}, Search(random_seed=seed, samples=400)
-    found = find_attractors(beside_a_wall(2.8, 0.0), {}, region, seeds=32, search=search)
+    region, search = {"x": (-2, -1e-3), "v": (-2, 2)}, AttractorOptions(rng=seed, samples=400)
+    found = find_attractors(beside_a_wall(2.8, 0.0), {}, region, options=replace(search, starts=32))
     assert dict(found.kinds) == {"period-18": "period-18"}
     orbit, points = found.orbits["period-18"], found.points["period-18"]
     assert orbit.stable
@@ -243,7 +246,7 @@ def test_chaos_that_motions_leave_after_thousands_of_periods_is_no_attractor_wha
 
 def test_a_slow_spiral_towards_a_long_orbit_is_no_attractor_beside_it():
     region = {"x": (-2, 0.199), "v": (-2, 2)}
-    found = find_attractors(beside_a_wall(3.9, 0.2), {}, region, seeds=64, search=Search(samples=400))
+    found = find_attractors(beside_a_wall(3.9, 0.2), {}, region, options=AttractorOptions(starts=64, samples=400))
     assert found.names == ("period-1", "period-9", "period-12")
     assert found.fates["undecided"] == 0
     assert min(found.fates[name] for name in found.names) > 0
@@ -253,7 +256,7 @@ def test_the_stay_in_a_leaking_interval_is_measured():
     # of the interval [0, 1] each step carries the part 1 - 2/slope away, uniformly
     slope = 2.002
     hunt = AttractorSearch(
-        carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), None, Search(samples=100, longest=1500)
+        carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), AttractorOptions(samples=100, longest=1500)
     )
 
     def strobe(points, modes=None, count=1):
@@ -275,7 +278,7 @@ def test_the_stay_in_a_leaking_interval_is_measured():
 
 def test_of_two_intervals_between_which_motions_change_all_the_time_one_is_an_attractor(monkeypatch):
     hunt = AttractorSearch(
-        carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), None, Search(samples=100, longest=1500)
+        carried(("x",), {}, {"x": "x"}), {}, np.zeros(1), np.ones(1), AttractorOptions(samples=100, longest=1500)
     )
     rng = np.random.default_rng(4)
 
@@ -305,7 +308,9 @@ def test_what_was_seen_of_the_stay_is_told():
 @pytest.mark.campaign
 def test_an_orbit_that_nearly_grazes_is_periodic():
     system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.046})
-    found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), seeds=16, search=Search(samples=200))
+    found = find_attractors(
+        system, {}, dict.fromkeys(system.states, (-5, 5)), options=AttractorOptions(starts=16, samples=200)
+    )
     assert dict(found.kinds) == {"repulsive": "period-10"}
     assert float(np.abs(found.orbits["repulsive"].multipliers).max()) == pytest.approx(0.7576, abs=5e-5)
     assert found.fates["repulsive"] == 16
@@ -321,7 +326,9 @@ def test_an_orbit_that_nearly_grazes_is_periodic():
 @pytest.mark.campaign
 def test_a_narrow_window_in_chaos_has_the_one_orbit_of_its_period():
     system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.023})
-    found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), seeds=16, search=Search(samples=200))
+    found = find_attractors(
+        system, {}, dict.fromkeys(system.states, (-5, 5)), options=AttractorOptions(starts=16, samples=200)
+    )
     assert dict(found.kinds) == {"repulsive": "period-47"}
     assert found.orbits["repulsive"].form.turns == 47
     assert found.fates["repulsive"] == 16
@@ -329,7 +336,9 @@ def test_a_narrow_window_in_chaos_has_the_one_orbit_of_its_period():
 
 def test_next_to_a_period_doubling_the_slow_orbit_and_the_one_beside_it_are_told_apart():
     system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.163})
-    found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), seeds=64, search=Search(samples=400))
+    found = find_attractors(
+        system, {}, dict.fromkeys(system.states, (-5, 5)), options=AttractorOptions(starts=64, samples=400)
+    )
     assert dict(found.kinds) == {"attractive": "period-1", "repulsive A": "period-1", "repulsive B": "period-4"}
     assert float(np.abs(found.orbits["repulsive A"].multipliers).max()) == pytest.approx(0.987, abs=5e-4)
     assert found.fates["undecided"] == found.fates["diverged"] == 0
@@ -339,8 +348,8 @@ def test_next_to_a_period_doubling_the_slow_orbit_and_the_one_beside_it_are_told
 @pytest.mark.campaign
 def test_henon_map_is_chaotic_or_diverges():
     system = carried(("x", "y"), {"a": 1.4, "b": 0.3}, {"x": "a - x**2 + b*y", "y": "x"})
-    search = Search(samples=100, longest=2000)
-    found = find_attractors(system, {}, {"x": (-2, 2), "y": (-2, 2)}, seeds=8, search=search)
+    search = AttractorOptions(samples=100, longest=2000)
+    found = find_attractors(system, {}, {"x": (-2, 2), "y": (-2, 2)}, options=replace(search, starts=8))
     assert found.names == ("chaotic",)
     assert not found.orbits
     assert np.abs(found.points["chaotic"]).max() < 1.8  # as it does for the classical parameters
@@ -353,9 +362,9 @@ def test_henon_map_is_chaotic_or_diverges():
 @pytest.mark.campaign
 def test_delayed_logistic_map_is_quasi_periodic():
     image = {"x": "y", "y": "a*y*(1 - x)"}
-    search = Search(samples=100, longest=2000)
+    search = AttractorOptions(samples=100, longest=2000)
     system = carried(("x", "y"), {"a": 2.1}, image)
-    found = find_attractors(system, {}, {"x": (0.3, 0.7), "y": (0.3, 0.7)}, seeds=4, search=search)
+    found = find_attractors(system, {}, {"x": (0.3, 0.7), "y": (0.3, 0.7)}, options=replace(search, starts=4))
     assert found.names == ("quasi-periodic",)
     centre = 1.0 - 1.0 / 2.1
     assert np.linalg.norm(found.points["quasi-periodic"] - centre, axis=1).min() > 0.05  # round the fixed point
@@ -363,7 +372,7 @@ def test_delayed_logistic_map_is_quasi_periodic():
 
 def test_equilibria_of_a_system_without_a_phase_are_at_rest():
     system = HybridSystem(("x", "v"), {}, {"free": Mode({"x": "v", "v": "x - x**3 - 0.3*v"})})
-    found = find_attractors(system, {}, {"x": (-2, 2), "v": (-2, 2)}, seeds=16, interval=1.7, search=QUICK)
+    found = find_attractors(system, {}, {"x": (-2, 2), "v": (-2, 2)}, options=replace(QUICK, starts=16, interval=1.7))
     assert found.names == ("rest A", "rest B")
     assert [float(found.points[name][0, 0]) for name in found.names] == pytest.approx([-1.0, 1.0], abs=1e-8)
     assert found.interval == 1.7
@@ -372,13 +381,13 @@ def test_equilibria_of_a_system_without_a_phase_are_at_rest():
 def test_a_limit_cycle_is_seen_as_a_closed_curve_unless_the_looks_lock_to_it():
     system = HybridSystem(("x", "v"), {}, {"free": Mode({"x": "v", "v": "-x + (1 - x**2)*v"})})
     region = {"x": (-3, 3), "v": (-3, 3)}
-    search = Search(samples=100, longest=1200)
-    found = find_attractors(system, {}, region, seeds=4, interval=1.0, search=search)
+    search = AttractorOptions(samples=100, longest=1200)
+    found = find_attractors(system, {}, region, options=replace(search, starts=4, interval=1.0))
     assert found.names == ("limit cycle",)
     assert found.orbits["limit cycle"].period == pytest.approx(6.6632868593, abs=1e-8)
     assert "boxes" in found.notes["limit cycle"]
     with pytest.raises(InputError, match="interval = .*must be in no ratio of small integers to the period 6.66328686"):
-        find_attractors(system, {}, region, seeds=2, interval=6.6632868593 / 3.0, search=search)
+        find_attractors(system, {}, region, options=replace(search, starts=2, interval=6.6632868593 / 3.0))
 
 
 @pytest.mark.parametrize(
@@ -389,13 +398,12 @@ def test_a_limit_cycle_is_seen_as_a_closed_curve_unless_the_looks_lock_to_it():
         ({"region": {"x": (-1, 1), "y": 0}}, "region = 'y': must be one of x, v"),
         ({"region": {"x": (1, -1), "v": 0}}, r"region\['x'\] = \(1.0, -1.0\): must be finite, the lower end first"),
         ({"region": {"x": (0, 1, 2), "v": 0}}, r"region\['x'\] = \(0, 1, 2\): must be the two ends of an interval"),
-        ({"seeds": 0}, "seeds = 0: must be an integer >= 1"),
-        ({"interval": 1.0}, "interval = 1.0: must be given for a system without a phase"),
-        ({"search": 3}, "search = 3: must be a Search"),
+        ({"options": AttractorOptions(interval=1.0)}, "interval = 1.0: must be given for a system without a phase"),
+        ({"options": 3}, "options = 3: must be an AttractorOptions"),
     ],
 )
 def test_each_unusable_argument_is_named(change, message):
-    arguments = {"region": BOX, "search": QUICK} | change
+    arguments = {"region": BOX, "options": QUICK} | change
     with pytest.raises(InputError, match=message):
         find_attractors(duffing(), {}, **arguments)
 
@@ -403,22 +411,25 @@ def test_each_unusable_argument_is_named(change, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"samples": 10}, "Search.samples = 10: must be an integer >= 100"),
-        ({"safety": 1.5}, "Search.safety = 1.5: must be a number between 0 and 1"),
-        ({"tolerance": 0.0}, "Search.tolerance = 0.0: must be a finite number > 0"),
-        ({"criteria": "strict"}, "Search.criteria = 'strict': must be a Criteria"),
+        ({"starts": 0}, "AttractorOptions.starts = 0: must be an integer >= 1"),
+        ({"interval": 0.0}, "AttractorOptions.interval = 0.0: must be a finite number > 0"),
+        ({"rng": "any"}, "AttractorOptions.rng = 'any': must be an integer >= 0"),
+        ({"samples": 10}, "AttractorOptions.samples = 10: must be an integer >= 100"),
+        ({"safety": 1.5}, "AttractorOptions.safety = 1.5: must be a number between 0 and 1"),
+        ({"tolerance": 0.0}, "AttractorOptions.tolerance = 0.0: must be a finite number > 0"),
+        ({"criteria": "strict"}, "AttractorOptions.criteria = 'strict': must be a Criteria"),
     ],
 )
 def test_each_unusable_option_of_a_search_is_named(options, message):
     with pytest.raises(InputError, match=message):
-        Search(**options)
+        AttractorOptions(**options)
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("n", [1, 2])
 def test_tapping_mode_has_an_attractive_and_a_repulsive_motion(n):
     system = afm.tapping_mode(afm.table1(), modes=n, parameters={"Omega": 1.15, "D_att": 0.025, "D_rep": 4.0})
-    found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), search=Search(samples=5000))
+    found = find_attractors(system, {}, dict.fromkeys(system.states, (-5, 5)), options=AttractorOptions(samples=5000))
     assert found.names == ("attractive", "repulsive")
     assert found.labels["attractive"] == 0
     assert found.orbits["attractive"].signature == (("flight", "theta"),)
@@ -439,7 +450,7 @@ def test_where_states_allow_two_modes_a_trap_holds_motions_in_one():
         [Transition("low", "high", "x - 0.6", 1), Transition("high", "low", "x + 0.6", -1)],
         phase=("s", "w"),
     )
-    found = find_attractors(relay, {}, {"x": (-2, 2), "v": (-2, 2)}, search=Search(samples=2000))
+    found = find_attractors(relay, {}, {"x": (-2, 2), "v": (-2, 2)}, options=AttractorOptions(samples=2000))
     assert len(found.names) == 2
     assert (found.traps.ellipsoids.modes == 0).all()
     x = np.random.default_rng(1).uniform(-2.0, 2.0, (2000, 2))
@@ -450,7 +461,7 @@ def test_where_states_allow_two_modes_a_trap_holds_motions_in_one():
 
 
 def test_a_plane_may_go_through_the_sample_itself():
-    found = find_attractors(duffing(), {}, BOX, seeds=16, search=Search(samples=400, safety=1.0))
+    found = find_attractors(duffing(), {}, BOX, options=AttractorOptions(starts=16, samples=400, safety=1.0))
     assert len(found.names) == 2
 
 

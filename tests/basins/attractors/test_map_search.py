@@ -12,7 +12,7 @@ from scipy.stats import qmc
 import saltus
 from discrete import HENON, LOGISTIC, TENT
 from saltus import InputError, Map, Piece, find_attractors, map_basins
-from saltus.basins.attractors.found import Search
+from saltus.basins.attractors.found import AttractorOptions
 from saltus.basins.map.labelling import Labelling
 from saltus.basins.measures.integrity import global_integrity, integrity_factor
 from saltus.ensemble.map_ensemble import MapEnsemble
@@ -146,7 +146,7 @@ def test_the_basin_of_the_tent_map_is_the_unit_interval(slope):
 
 @pytest.mark.parametrize(("r", "period"), [(2.8, 1), (3.2, 2), (3.5, 4), (3.55, 8), (3.83, 3), (3.7389, 5)])
 def test_cycles_of_the_logistic_map_are_found_with_their_multipliers(r, period):
-    found = find_attractors(LOGISTIC, {"r": r}, {"x": (0.01, 0.99)}, search=Search(samples=500))
+    found = find_attractors(LOGISTIC, {"r": r}, {"x": (0.01, 0.99)}, options=AttractorOptions(samples=500))
     assert found.names == (f"period-{period}",)
     (points,), (decay,) = found.points.values(), found.decays.values()
     images = r * points * (1.0 - points)
@@ -156,12 +156,12 @@ def test_cycles_of_the_logistic_map_are_found_with_their_multipliers(r, period):
 
 def test_a_cycle_longer_than_sixteen_is_found():
     # between the doublings at 3.56876 and 3.56969
-    found = find_attractors(LOGISTIC, {"r": 3.5692}, {"x": (0.01, 0.99)}, search=Search(samples=500))
+    found = find_attractors(LOGISTIC, {"r": 3.5692}, {"x": (0.01, 0.99)}, options=AttractorOptions(samples=500))
     assert found.names == ("period-32",)
 
 
 def test_attractors_that_two_pieces_share_name_both():
-    found = find_attractors(TENT, {"a": 0.9}, {"x": (0.1, 0.9)}, search=Search(samples=500))
+    found = find_attractors(TENT, {"a": 0.9}, {"x": (0.1, 0.9)}, options=AttractorOptions(samples=500))
     assert found.names == ("period-1",)
     assert abs(found.points["period-1"][0, 0]) < 1e-12
 
@@ -169,7 +169,7 @@ def test_attractors_that_two_pieces_share_name_both():
 @pytest.mark.parametrize(("left", "right"), [(-0.5, 0.3), (-0.5, -1.9), (0.9, 0.9)])
 def test_a_fixed_point_on_a_border_attracts(left, right):
     kink = Map(("x",), {"a": left, "b": right}, pieces={"l": Piece({"x": "a*x"}, "-x"), "r": Piece({"x": "b*x"}, "x")})
-    basins = map_basins(kink, {}, {"x": (-1, 1, 100)}, {"search": Search(samples=500)})
+    basins = map_basins(kink, {}, {"x": (-1, 1, 100)}, {"options": AttractorOptions(samples=500)})
     assert basins.attractors.names == ("period-1",)
     assert abs(basins.attractors.points["period-1"]).max() < 1e-12
     assert basins.fractions()["period-1"] == 1.0
@@ -278,7 +278,10 @@ def test_starts_that_are_no_numbers_diverge():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: find_attractors(HENON, {}, SQUARE, interval=1.0), "interval = 1.0: must be left out for a map"),
+        (
+            lambda: find_attractors(HENON, {}, SQUARE, options=AttractorOptions(interval=1.0)),
+            "interval = 1.0: must be left out for a map",
+        ),
         (lambda: map_basins(HENON, {}, {"x": (-1, 1, 5), "y": 0.0}, options=BasinOptions(engine="cuda")), "for a map"),
         (lambda: map_basins(3, {}, {"x": (-1, 1, 5)}), "system = 3: must be a HybridSystem"),
         (lambda: find_attractors(HENON, {}, {"x": (-1, 1)}), "'y' is missing"),

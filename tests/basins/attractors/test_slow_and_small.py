@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,14 +11,16 @@ import pytest
 import systems
 from saltus import HybridSystem, InputError, Mode, find_attractors, map_basins
 from saltus.basins.attractors import search as recurrence
-from saltus.basins.attractors.found import Search
+from saltus.basins.attractors.found import AttractorOptions
 from saltus.basins.map.cost import estimate_cost
 from saltus.basins.map.labelling import units_of
 from saltus.basins.map.patience import decay_periods, patience_for
 from saltus.options import BasinOptions
 from saltus.results import Attractors
 
-QUICK = {"seeds": 64, "search": Search(samples=300)}
+FEW = AttractorOptions(starts=64, samples=300)
+
+QUICK = {"options": FEW}
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +90,9 @@ def test_units_of_length_and_time_change_no_label(forced, resonant, length, time
 def test_a_frozen_state_has_the_size_that_motions_give_it(forced):
     length, time = 1e-9, 1e-6
     numbers = {"c": 0.3 / time, "k": time**-2.0, "h": 0.0, "A": length / time**2, "w": 1.1 / time}
-    found = find_attractors(forced, numbers, {"x": (-length, length), "v": 0.0}, seeds=16, search=Search(samples=100))
+    found = find_attractors(
+        forced, numbers, {"x": (-length, length), "v": 0.0}, options=AttractorOptions(starts=16, samples=100)
+    )
     assert found.scale[0] == length
     assert 1e-4 < found.scale[1] < 1e-2
 
@@ -98,11 +103,11 @@ def test_units_are_steps_of_a_thousand():
 
 
 def test_a_state_that_does_not_move_is_at_rest_also_in_a_forced_system(forced, free):
-    still = find_attractors(forced, {"A": 0.0, "c": 0.5}, {"x": (-1, 1), "v": (-1, 1)}, **QUICK)
+    still = find_attractors(forced, {"A": 0.0, "c": 0.5}, {"x": (-1, 1), "v": (-1, 1)}, options=FEW)
     assert dict(still.kinds) == {"rest": "rest"}
-    moving = find_attractors(forced, {"A": 1e-9, "c": 0.5}, {"x": (-1, 1), "v": (-1, 1)}, **QUICK)
+    moving = find_attractors(forced, {"A": 1e-9, "c": 0.5}, {"x": (-1, 1), "v": (-1, 1)}, options=FEW)
     assert dict(moving.kinds) == {"period-1": "period-1"}
-    damped = find_attractors(free, {}, {"x": (-1, 1), "v": (-1, 1)}, interval=1.0, **QUICK)
+    damped = find_attractors(free, {}, {"x": (-1, 1), "v": (-1, 1)}, options=replace(FEW, interval=1.0))
     assert dict(damped.kinds) == {"rest": "rest"}
     assert damped.decays["rest"] == pytest.approx(math.exp(-0.05), rel=1e-6)
 
@@ -118,13 +123,13 @@ def test_where_nothing_attracts_that_is_told(forced, free):
     region = {"x": (-1, 1), "v": (-1, 1)}
     told = "must be one with attractors: along 8 motions volumes change by less than 1 % in the 4000 periods followed"
     with pytest.raises(InputError, match=told):
-        find_attractors(forced, {"c": 0.0}, region, **QUICK)
+        find_attractors(forced, {"c": 0.0}, region, options=FEW)
     with pytest.raises(InputError, match=told):
-        find_attractors(free, {"c": 0.0}, region, interval=1.0, **QUICK)
+        find_attractors(free, {"c": 0.0}, region, options=replace(FEW, interval=1.0))
     with pytest.raises(InputError, match=f"{told}; it conserves them, or the interval is far shorter than its decay"):
-        find_attractors(free, {"k": 1e-16, "c": 1e-8}, region, interval=1.0, **QUICK)
+        find_attractors(free, {"k": 1e-16, "c": 1e-8}, region, options=replace(FEW, interval=1.0))
     with pytest.raises(InputError, match=told):
-        find_attractors(systems.ball(), {"e": 1.0}, {"z": (0.1, 2), "v": (-1, 1)}, interval=1.0, **QUICK)
+        find_attractors(systems.ball(), {"e": 1.0}, {"z": (0.1, 2), "v": (-1, 1)}, options=replace(FEW, interval=1.0))
 
 
 def test_a_limit_cycle_to_which_motions_creep_is_one_attractor(free):
@@ -158,8 +163,10 @@ def test_patience_is_four_times_the_decay_within_its_bounds(resonant):
 def test_a_search_tells_how_far_it_is_and_asks_for_no_more_samples_than_are_worth_it(forced):
     seen = []
     region = {"x": (-2, 2), "v": (-2, 2)}
-    few = find_attractors(forced, {"c": 0.3}, region, seeds=16, motions=100, progress=seen.append)
-    many = find_attractors(forced, {"c": 0.3}, region, seeds=16, motions=10**8)
+    few = find_attractors(
+        forced, {"c": 0.3}, region, options=AttractorOptions(starts=16, motions=100), progress=seen.append
+    )
+    many = find_attractors(forced, {"c": 0.3}, region, options=AttractorOptions(starts=16, motions=10**8))
     assert [told.done for told in seen] == sorted(told.done for told in seen)
     assert all(told.done <= told.total for told in seen)
     assert {told.text for told in seen} >= {"looking for attractors", "measuring trapping regions"}
@@ -185,6 +192,6 @@ def test_an_angle_that_runs_on_makes_no_endless_copies_of_a_transient(monkeypatc
     pendulum = HybridSystem(
         ("x", "v"), {}, {"m": Mode({"x": "v", "v": "-0.2*v - sin(x) + 1.66*cos(s)"})}, phase=("s", "1")
     )
-    found = find_attractors(pendulum, {}, {"x": (-3.0, 3.0), "v": (-3.0, 3.0)}, **QUICK)
+    found = find_attractors(pendulum, {}, {"x": (-3.0, 3.0), "v": (-3.0, 3.0)}, options=FEW)
     assert 1 <= len(seen) <= 16
     assert set(found.orbits) == set(found.names)

@@ -9,7 +9,7 @@ import pytest
 
 from maps import round_about, strobed
 from saltus import ConvergenceError
-from saltus.basins.attractors.found import Search
+from saltus.basins.attractors.found import AttractorOptions
 from saltus.basins.attractors.trap_growth import Enlarging
 from saltus.basins.attractors.trapping import OrbitEllipsoids
 
@@ -35,7 +35,7 @@ def enlarging(image, widest, *, samples, states=("x",)):
             x = image(x)
         return region.holds(x)
 
-    rng, search = np.random.default_rng(1), Search(samples=samples)
+    rng, search = np.random.default_rng(1), AttractorOptions(samples=samples)
     return Enlarging(strobed(image, states), settles, np.asarray(widest), np.empty((0, len(states))), rng, search)
 
 

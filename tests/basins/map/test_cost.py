@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from saltus.basins import Grid, Search
+from saltus.basins import AttractorOptions, Grid
 from saltus.basins.map.cost import Cost, _sample, estimate_cost
 from saltus.basins.map.labelling import Labelling
 from saltus.errors import InputError
@@ -37,7 +37,7 @@ def test_cost_follows_from_the_sample(well, both):
 
 
 def test_cost_is_told_with_attractors_that_are_looked_for(well):
-    cost = estimate_cost(well, {}, BOX, {"seeds": 12, "search": Search(samples=200)}, seconds=0.0)
+    cost = estimate_cost(well, {}, BOX, {"options": AttractorOptions(starts=12, samples=200)}, seconds=0.0)
     assert cost.cells == 600
     with pytest.raises(InputError, match="attractors = 'sedes': must be options among"):
         estimate_cost(well, {}, BOX, {"sedes": 12})

@@ -13,7 +13,7 @@ import saltus
 import saltus.basins.map.mapping
 from grouped import Grouped
 from saltus import InputError
-from saltus.basins import Basins, Grid, Plane, Search, find_attractors, map_basins
+from saltus.basins import AttractorOptions, Basins, Grid, Plane, find_attractors, map_basins
 from saltus.basins.map.labelling import Labelling
 from saltus.ensemble.traps import NOT_DONE, UNDECIDED, Cages, Traps
 from saltus.options import BasinOptions
@@ -145,24 +145,24 @@ def test_the_time_left_goes_by_cells_even_where_few_motions_are_followed(well, b
 
 
 def test_one_bar_is_for_the_attractors_and_the_cells(well, capsys):
-    map_basins(well, {}, {**BOX, "v": 0.1}, {"seeds": 8, "search": Search(samples=200)}, progress=True)
+    map_basins(well, {}, {**BOX, "v": 0.1}, {"options": AttractorOptions(starts=8, samples=200)}, progress=True)
     out, err = capsys.readouterr()
     assert not out
     assert "100.0 %" in err
     assert "labelling cells" in err
     seen: list[Progress] = []
-    map_basins(well, {}, {**BOX, "v": 0.1}, {"seeds": 8, "search": Search(samples=200)}, progress=seen.append)
+    map_basins(well, {}, {**BOX, "v": 0.1}, {"options": AttractorOptions(starts=8, samples=200)}, progress=seen.append)
     assert list(dict.fromkeys(told.text for told in seen))[::2] == ["looking for attractors", "labelling cells"]
 
 
 def test_a_search_shows_a_bar(well, capsys):
     region = {"x": (-2.0, 2.0), "v": (-2.0, 2.0)}
-    find_attractors(well, {}, region, seeds=8, search=Search(samples=200), progress=True)
+    find_attractors(well, {}, region, options=AttractorOptions(starts=8, samples=200), progress=True)
     out, err = capsys.readouterr()
     assert not out
     assert "100.0 %" in err
     with pytest.raises(InputError, match=r"^progress = 'loud': must be True for a bar, or a function of a saltus"):
-        find_attractors(well, {}, region, seeds=8, progress="loud")
+        find_attractors(well, {}, region, options=AttractorOptions(starts=8), progress="loud")
 
 
 def test_a_system_without_a_phase_is_looked_at_every_interval(tmp_path):
@@ -202,7 +202,7 @@ def test_the_error_of_labels_is_the_share_of_those_that_were_changed(well, both,
     [
         ({"cells": 0}, r"^cells = 0: must be an integer >= 1$"),
         ({"by_events": -1}, r"^by_events = -1: must be an integer >= 0$"),
-        ({"seed": -1}, r"^seed = -1: must be an integer >= 0$"),
+        ({"rng": -1}, r"^rng = -1: must be an integer >= 0$"),
         ({"tolerance": "x"}, r"^tolerance = 'x': must be a number between 1e-14 and 0\.01$"),
     ],
 )
@@ -385,7 +385,7 @@ def test_points_that_cannot_be_classified_are_told(basins, points, told):
         ({"path": ""}, r"^path = '': must be the path of a folder; a text, or path-like$"),
         (
             {"attractors": {"right": None}},
-            r"^attractors = 'right': must be options among region, seeds, search, motions; attractors_from makes",
+            r"^attractors = 'right': must be arguments among region, options; attractors_from makes",
         ),
         ({"path": "/nowhere/a.zarr"}, r"^path = '/nowhere/a\.zarr': must be in a folder that exists$"),
     ],
@@ -427,15 +427,15 @@ def test_attractors_are_looked_for_with_the_options_given(well, monkeypatch):
         return find_attractors(system, parameters, **options)
 
     monkeypatch.setattr(saltus.basins.map.mapping, "find_attractors", found)
-    basins = map_basins(well, {}, {**BOX, "v": 0.1}, {"seeds": 12, "search": Search(samples=200)})
+    basins = map_basins(well, {}, {**BOX, "v": 0.1}, {"options": AttractorOptions(starts=12, samples=200)})
     region = {"x": (-2.0, 2.0), "v": 0.1}
-    options = {"region": region, "seeds": 12, "search": Search(samples=200), "motions": 30}
-    assert asked == [{"interval": None, "progress": False, **options}]
-    assert basins.inputs["search"]["seeds"] == 12
+    options = AttractorOptions(starts=12, samples=200, motions=30)
+    assert asked == [{"progress": False, "region": region, "options": options}]
+    assert basins.inputs["search"]["options"]["starts"] == 12
     assert basins.inputs["search"]["region"] == {"x": [-2.0, 2.0], "v": 0.1}
-    assert basins.inputs["search"]["search"]["samples"] == 200
-    with pytest.raises(InputError, match=r"^attractors = 'sedes': must be options among .*; did you mean 'seeds'\?$"):
-        map_basins(well, {}, BOX, {"sedes": 12})
+    assert basins.inputs["search"]["options"]["samples"] == 200
+    with pytest.raises(InputError, match=r"^attractors = 'regin': must be .*; did you mean 'region'\?$"):
+        map_basins(well, {}, BOX, {"regin": {}})
 
 
 def test_what_cannot_run_is_told_before_attractors_are_looked_for(well, both, tmp_path, monkeypatch):

@@ -19,8 +19,9 @@ from zarr.storage import LocalStore
 import saltus
 from grouped import Grouped
 from saltus import InputError
-from saltus.basins import Basins, Search, map_basins
+from saltus.basins import AttractorOptions, Basins, map_basins
 from saltus.basins.map.labelling import ACCURACY
+from saltus.basins.map.store import Store
 from saltus.ensemble.traps import NOT_DONE
 from saltus.options import BasinOptions
 from wells import BOX, Interrupt, double_well
@@ -100,7 +101,7 @@ def test_what_is_no_store_is_told_by_what_it_is(stored, tmp_path):
 
 def test_damaged_metadata_and_damaged_attractors_of_a_store_are_told(stored, well, tmp_path):
     path = tmp_path / "found.zarr"
-    map_basins(well, {}, BOX, {"seeds": 12, "search": Search(samples=200)}, path=path)
+    map_basins(well, {}, BOX, {"options": AttractorOptions(starts=12, samples=200)}, path=path)
     (file,) = (path / "attractors" / "c").iterdir()
     whole = file.read_bytes()
     for damaged in (whole[: len(whole) // 2], whole[:-9] + bytes(9), b""):
@@ -266,22 +267,37 @@ def test_a_store_of_other_attractors_is_refused(stored, well, both):
 
 
 def test_a_store_is_resumed_with_the_search_for_attractors_that_made_it_or_without_one(well, tmp_path):
-    path, search = tmp_path / "a.zarr", {"seeds": 12, "search": Search(samples=200)}
+    path, search = tmp_path / "a.zarr", {"options": AttractorOptions(starts=12, samples=200)}
     found = map_basins(well, {}, BOX, search, path=path)
     assert map_basins(well, {}, BOX, search, path=path) == found
     assert map_basins(well, {}, BOX, path=path) == found
     assert map_basins(well, {}, BOX, found.attractors, path=path) == found
     for change, told in [
-        ({"seeds": 16}, r"its search\.seeds is 12, not 16$"),
+        ({"options": AttractorOptions(starts=16)}, r"its search\.options\.starts is 12, not 16$"),
         (
             {"region": {"x": (-2.0, 2.5), "v": (-2.0, 2.0)}},
             r"its search\.region\.x is \[-2\.0, 2\.0\], not \[-2\.0, 2\.5\]$",
         ),
-        ({"search": Search(samples=300)}, r"its search\.search\.samples is 200, not 300$"),
+        ({"options": AttractorOptions(starts=12, samples=300)}, r"its search\.options\.samples is 200, not 300$"),
     ]:
         with pytest.raises(InputError, match=r"^path = .*: must be a new one, or that of the same input; " + told):
             map_basins(well, {}, BOX, search | change, path=path)
-    with pytest.raises(InputError, match=r"its search\.seeds is 12, not 256$"):
+    with pytest.raises(InputError, match=r"its search\.options\.starts is 12, not 256$"):
+        map_basins(well, {}, BOX, {}, path=path)
+
+
+def test_a_store_whose_search_was_written_under_other_names_is_resumed(well, tmp_path):
+    path, search = tmp_path / "a.zarr", {"options": AttractorOptions(starts=12, samples=200)}
+    found = map_basins(well, {}, BOX, search, path=path)
+    kept = Store.open(path, writable=True)
+    inputs = kept.attributes["inputs"]
+    options = dict(inputs["search"]["options"])
+    older = {"region": inputs["search"]["region"], "seeds": options.pop("starts"), "motions": options.pop("motions")}
+    del options["interval"]
+    older["search"] = {"random_seed": options.pop("rng"), **options}
+    kept.note(inputs=inputs | {"search": older})
+    assert map_basins(well, {}, BOX, search, path=path).fractions() == found.fractions()
+    with pytest.raises(InputError, match=r"its search\.options\.starts is 12, not 256$"):
         map_basins(well, {}, BOX, {}, path=path)
 
 
@@ -337,7 +353,7 @@ def test_a_full_disk_is_told_and_leaves_a_store_that_can_be_read_and_resumed(
 
 
 def test_no_store_is_made_or_read_by_way_of_temporary_files(well, tmp_path, monkeypatch):
-    path, options = tmp_path / "a.zarr", {"seeds": 12, "search": Search(samples=200)}
+    path, options = tmp_path / "a.zarr", {"options": AttractorOptions(starts=12, samples=200)}
 
     def refused(*args, **kinds):
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -181,7 +181,7 @@ def test_a_cantor_boundary_has_the_exponent_of_its_dimension_by_shifts():
     cantor = SimpleNamespace(grid=grid, classify=lambda points: in_gaps(points[:, 0] % 1.0))
     off = []
     for seed in range(20):
-        found = uncertainty_by_shifts(cantor, 0.1 / 3.0 ** np.arange(3, 11), 4000, seed=seed)
+        found = uncertainty_by_shifts(cantor, 0.1 / 3.0 ** np.arange(3, 11), 4000, rng=seed)
         off.append((found.value - CANTOR) / found.error)
     assert abs(np.mean(off)) < 3.0 / math.sqrt(20)
     assert 0.5 < np.std(off) < 1.5

@@ -410,11 +410,11 @@ def test_basin_stability_is_the_share_of_the_window():
     disc = classified(lambda points: (np.hypot(*points.T) > 0.6).astype(np.uint8))
     covered = 0
     for seed in range(100):
-        found = basin_stability(disc, "a", 400, seed=seed)
+        found = basin_stability(disc, "a", 400, rng=seed)
         covered += found.low <= 0.09 * math.pi <= found.high
         assert found.low < found.value < found.high
     assert 90 <= covered <= 99  # of 95 % intervals; a binomial count within 2.3 standard deviations
-    assert basin_stability(disc, "a", 400, seed=7) == basin_stability(disc, "a", 400, seed=7)
+    assert basin_stability(disc, "a", 400, rng=7) == basin_stability(disc, "a", 400, rng=7)
 
 
 def test_basin_stability_of_a_region_is_its_share():
@@ -482,8 +482,8 @@ def test_bad_input_is_told():
         basin_stability(DISC, "a", 10, region={"x": (1, 0)})
     with pytest.raises(InputError, match=r"region\['x'\] = 3: must be two finite numbers, the lower first"):
         basin_stability(DISC, "a", 10, region={"x": 3})
-    with pytest.raises(InputError, match=r"seed = -1: must be an integer >= 0"):
-        basin_stability(DISC, "a", 10, seed=-1)
+    with pytest.raises(InputError, match=r"rng = -1: must be an integer >= 0"):
+        basin_stability(DISC, "a", 10, rng=-1)
     with pytest.raises(InputError, match="confidence = 95: must be a number between 0 and 1"):
         wilson(1, 2, 95)
     with pytest.raises(InputError, match="hits = 3: must be an integer between 0 and 2"):

@@ -2,6 +2,6 @@
 
 from saltus.basins.attractors.attractors import Attractors
 from saltus.basins.attractors.finding import attractors_from, find_attractors
-from saltus.basins.attractors.found import Search
+from saltus.basins.attractors.found import AttractorOptions
 
-__all__ = ["Attractors", "Search", "attractors_from", "find_attractors"]
+__all__ = ["AttractorOptions", "Attractors", "attractors_from", "find_attractors"]

@@ -123,15 +123,15 @@ class Building:
         others = np.concatenate(
             [np.empty((0, len(hunt.low))), *(each.points for each in self.found if each is not found)]
         )
-        enlarging = Enlarging(hunt.ensemble, settles, 2.0 * hunt.scale, others, hunt.rng, hunt.search)
+        enlarging = Enlarging(hunt.ensemble, settles, 2.0 * hunt.scale, others, hunt.rng, hunt.options)
         self.wholes[label] = enlarging.grown(inner)
         return enlarging
 
     def _affordable(self, begun: float) -> int:
         """Return the samples of each region whose time is `_TIMES` that of labelling all motions."""
-        hunt, longest = self.hunt, min(self.hunt.search.longest, _PILOT_LONGEST)
-        if hunt.search.samples is not None:
-            return hunt.search.samples
+        hunt, longest = self.hunt, min(self.hunt.options.longest, _PILOT_LONGEST)
+        if hunt.options.samples is not None:
+            return hunt.options.samples
         spent = hunt.spent - begun
         each = 0.0
         for whole in self.wholes.values():
@@ -147,7 +147,7 @@ class Building:
         """Return the periods of lanes to label all motions with given regions, estimated from a few motions."""
         hunt = self.hunt
         if self.pilots is None:
-            self.pilots = hunt.seeds(_PILOT)
+            self.pilots = hunt.starts(_PILOT)
         before = hunt.spent
         hunt.ensemble.settle(self.pilots, self._regions(regions), longest)
         return (hunt.spent - before + len(self.pilots)) * hunt.motions / max(len(self.pilots), 1)
@@ -263,7 +263,7 @@ class Building:
         elsewhere = [each.points for label, each in enumerate(self.found) if label not in clouds]
         others = np.concatenate([np.empty((0, len(hunt.low))), *elsewhere])
         boxes = boxes_along(hunt.ensemble, clouds, others, hunt.scale, _VISITS, hunt.rng)
-        starts = hunt.seeds(max(self.samples // _REGION_SAMPLES, 100))
+        starts = hunt.starts(max(self.samples // _REGION_SAMPLES, 100))
         visits, leaving = _VISITS, dict.fromkeys(clouds, False)
         while True:
             cells = replace(boxes.cells, visits=visits)
@@ -290,7 +290,7 @@ class Building:
 
     def _left(self, starts: NDArray[np.float64], traps: Traps, cells: Cells) -> dict[int, tuple[int, int]]:
         """Return for each label: motions labelled by its boxes that get another label by longer stays, and all."""
-        hunt, longest = self.hunt, self.hunt.search.longest
+        hunt, longest = self.hunt, self.hunt.options.longest
         labels, _ = hunt.ensemble.settle(starts, traps, longest)
         boxed = np.isin(labels, np.unique(cells.labels))
         strict = replace(cells, visits=_LONGER * cells.visits)

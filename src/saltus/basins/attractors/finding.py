@@ -12,8 +12,7 @@ import numpy as np
 from saltus import checks
 from saltus.basins.attractors.attractors import Attractors, lettered
 from saltus.basins.attractors.building import Building
-from saltus.basins.attractors.following import MOTIONS
-from saltus.basins.attractors.found import Found, Search
+from saltus.basins.attractors.found import AttractorOptions, Found
 from saltus.basins.attractors.map_search import MapSearch
 from saltus.basins.attractors.search import AttractorSearch
 from saltus.ensemble.traps import DIVERGED, UNDECIDED
@@ -38,21 +37,15 @@ def find_attractors(
     parameters: Mapping[str, float] | None = None,
     region: Mapping[str, tuple[float, float] | float] | None = None,
     *,
-    seeds: int = 256,
-    interval: float | None = None,
-    search: Search | None = None,
-    motions: int = MOTIONS,
+    options: AttractorOptions | None = None,
     progress: bool | Report = False,
 ) -> Attractors:
     """Return the attractors on which motions from a region end, with their trapping regions.
 
     Motions from quasi-random states are followed until each has settled. Recurrent motions go to the orbit solver, and
     only stable orbits are kept. All other motions are told apart by the states that they visit
-    (`saltus.basins.attractors.search`). A set that motions leave within ten times `Search.longest` strobes, on average,
-    is no attractor; motions that stay on it are undecided. docs/theory/basins.md derives the method.
-
-    An attractor whose basin is a small share w of the region is missed with a probability of about ``(1 - w)^seeds``.
-    So ``seeds = 3/w`` finds it at 95 %.
+    (`saltus.basins.attractors.search`). A set that motions leave within ten times `longest` strobes of the options, on
+    average, is no attractor; motions that stay on it are undecided. docs/theory/basins.md derives the method.
 
     Parameters
     ----------
@@ -62,17 +55,8 @@ def find_attractors(
         Parameters that differ from the system's defaults.
     region : mapping of str to (float, float) or float
         For every state the interval or the single value from which motions start, at phase 0.
-    seeds : int, optional
-        Count of motions.
-    interval : float, optional
-        Time between two strobes of a system without a phase. It must not be commensurate with the period of a limit
-        cycle, whose strobes then are few points, not a closed curve. For a map a strobe is an iteration.
-    search : Search, optional
-        How long motions are followed, how many samples measure the trapping regions, and further settings.
-    motions : int, optional
-        Count of the motions that will be labelled, by default 40 000; `map_basins` gives the count of its cells. The
-        search takes at most about ten times as long as their labelling. Trapping regions are enlarged while this saves
-        time, and have as many samples as time allows, at least 1000.
+    options : AttractorOptions, optional
+        How many motions start, how long they are followed, how trapping regions are measured, random numbers.
     progress : bool or callable, optional
         True for a bar on stderr, or a function called with a `saltus.Progress`. It counts the motions followed, out of
         all expected so far.
@@ -116,21 +100,19 @@ def find_attractors(
     >>> wells = HybridSystem(
     ...     ("x", "v"), {"w": 1.0}, {"free": Mode({"x": "v", "v": "x - x**3 - 0.15*v + 0.2*cos(s)"})}, phase=("s", "w")
     ... )
-    >>> found = find_attractors(wells, {}, {"x": (-2, 2), "v": (-2, 2)}, seeds=32, search=Search(samples=500))
+    >>> few = AttractorOptions(starts=32, samples=500)
+    >>> found = find_attractors(wells, {}, {"x": (-2, 2), "v": (-2, 2)}, options=few)
     >>> found.names
     ('period-1 A', 'period-1 B')
     """
     checked_system(system)
     parameters = checks.mapping("parameters", parameters, "names to numbers, or None")
-    interval = None if interval is None else checks.positive("interval", interval)
-    chosen = _checked_search(search)
-    count = checks.size("seeds", seeds)
+    chosen = _checked_options(options)
     box = _checked_region(system, region)
     low, high = np.array(list(box.values())).T
-    labelled = checks.count("motions", motions)
     with Reporter(progress) as reporter:
-        hunt = _search_of(system)(system, parameters, low, high, interval, chosen, labelled, reporter)
-        starts = hunt.seeds(count)
+        hunt = _search_of(system)(system, parameters, low, high, chosen, reporter)
+        starts = hunt.starts(chosen.starts)
         if not len(starts):
             raise InputError("region", dict(box), "where motions can start: in a mode's domain and before its events")
         hunt.follow(starts)
@@ -154,8 +136,7 @@ def attractors_from(
     orbits: Mapping[str, PeriodicOrbit],
     region: Mapping[str, tuple[float, float] | float],
     *,
-    search: Search | None = None,
-    motions: int = MOTIONS,
+    options: AttractorOptions | None = None,
 ) -> Attractors:
     """Return known orbits as attractors, in the order and by the names given, with their trapping regions.
 
@@ -165,8 +146,8 @@ def attractors_from(
         Stable orbits of one system with a phase, at the same parameters.
     region : mapping of str to (float, float) or float
         For every state the interval of interest; trapping regions are not made much larger.
-    search, motions
-        As in `find_attractors`.
+    options : AttractorOptions, optional
+        As in `find_attractors`; no motions start, so `starts` and `interval` have no part.
 
     Raises
     ------
@@ -184,9 +165,7 @@ def attractors_from(
         raise InputError("orbits", list(orbits), "of a system with a phase", "find_attractors finds those of others")
     box = _checked_region(system, region)
     low, high = np.array(list(box.values())).T
-    hunt = AttractorSearch(
-        system, parameters, low, high, None, _checked_search(search), checks.count("motions", motions)
-    )
+    hunt = AttractorSearch(system, parameters, low, high, _checked_options(options))
     hunt.find_caged()
     chosen = []
     for name, orbit in orbits.items():
@@ -200,8 +179,8 @@ def attractors_from(
     return _assembled(hunt, box, chosen, tuple(orbits), np.empty((0, len(box))))
 
 
-def _checked_search(search: Search | None) -> Search:
-    return Search() if search is None else checks.instance("search", search, Search)
+def _checked_options(options: AttractorOptions | None) -> AttractorOptions:
+    return AttractorOptions() if options is None else checks.instance("options", options, AttractorOptions)
 
 
 def _checked_region(system: Definition, region: object) -> dict[str, tuple[float, float]]:
@@ -260,7 +239,7 @@ def _assembled(
         built = Building(hunt, found)
         traps = built.traps()
     names = names or _named(hunt.system, found)
-    labels, periods = hunt.ensemble.settle(starts, traps, hunt.search.longest)
+    labels, periods = hunt.ensemble.settle(starts, traps, hunt.options.longest)
     hunt.reporter.finish()
     outcomes = dict(enumerate(names)) | {DIVERGED: "diverged", UNDECIDED: "undecided"}
     return Attractors(

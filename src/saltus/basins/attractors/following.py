@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.basins.attractors.found import Found, Search
+from saltus.basins.attractors.found import AttractorOptions, Found
 from saltus.ensemble.ensemble import Ensemble
 from saltus.errors import SaltusError
 from saltus.flow.motion import allowed_modes
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from saltus.system import HybridSystem, Map
 
-__all__ = ["MOTIONS", "FollowedMotions"]
+__all__ = ["FollowedMotions"]
 
 _PRECISE = 1e-11  # tolerance of a step of the second, more precise ensemble
 _STATES = 400  # random states of the region that tell whether a state may allow several modes
@@ -34,7 +34,7 @@ _LOOKS = 65  # states of each such motion that are looked at
 
 _ALONE = 100.0  # time of the event-driven flow for a period, over that of a lane
 
-MOTIONS = 40_000  # default count of the motions that will be labelled
+_MOTIONS = 40_000  # default count of the motions that will be labelled
 
 
 class FollowedMotions:
@@ -46,11 +46,7 @@ class FollowedMotions:
     parameters : mapping of str to float
     low, high : ndarray, shape (n,)
         The region.
-    interval : float or None
-        Time between strobes of a system without a phase.
-    search : Search
-    motions : int, optional
-        Count of the motions that will be labelled, which bounds the time for measuring trapping regions.
+    options : AttractorOptions
     reporter : Reporter, optional
         Counts the motions that have been followed.
     """
@@ -61,23 +57,21 @@ class FollowedMotions:
         parameters: Mapping[str, float] | None,
         low: NDArray[np.float64],
         high: NDArray[np.float64],
-        interval: float | None,
-        search: Search,
-        motions: int = MOTIONS,
+        options: AttractorOptions,
         reporter: Reporter | None = None,
     ) -> None:
-        self.system, self.parameters, self.search = system, dict(parameters or {}), search
-        self.low, self.high, self.interval = low, high, interval
+        self.system, self.parameters, self.options = system, dict(parameters or {}), options
+        self.low, self.high, self.interval = low, high, options.interval
         self.scale = self._sizes()
-        self.limit = search.limit * max(1.0, float(self.scale.max()))
+        self.limit = options.limit * max(1.0, float(self.scale.max()))
         self.ensemble, self.precise = self._engines()
         self.p = self.ensemble.p
-        self.rng = np.random.default_rng(search.random_seed)
+        self.rng = np.random.default_rng(options.rng)
         self.found: list[Found] = []
         self.dropped: list[Found] = []
         self.astray = np.empty((0, len(low)))
         self.neutral = 0
-        self.motions, self.reporter = motions, reporter or Reporter(False)
+        self.motions, self.reporter = options.motions or _MOTIONS, reporter or Reporter(False)
 
     @property
     def sampled(self) -> bool:
@@ -89,7 +83,7 @@ class FollowedMotions:
         system, interval = flowing(self.system), self.interval
         first, second = (
             Ensemble(system, self.parameters, tolerance=tolerance, interval=interval, scale=self.scale)
-            for tolerance in (self.search.tolerance, _PRECISE)
+            for tolerance in (self.options.tolerance, _PRECISE)
         )
         return first, second
 
@@ -115,7 +109,7 @@ class FollowedMotions:
     @cached_property
     def overlap(self) -> bool:
         """Whether states of the region allow several modes; motions from samples start in the first."""
-        x = np.random.default_rng(self.search.random_seed).uniform(self.low, self.high, (_STATES, len(self.low)))
+        x = np.random.default_rng(self.options.rng).uniform(self.low, self.high, (_STATES, len(self.low)))
         system = flowing(self.system)
         return any(len(list(allowed_modes(system, self.system.full_state(row), self.p))) > 1 for row in x)
 
@@ -130,7 +124,7 @@ class FollowedMotions:
         self.ensemble.strobe(x)
         return bool(self.ensemble.work.sum() > work)
 
-    def seeds(self, count: int) -> NDArray[np.float64]:
+    def starts(self, count: int) -> NDArray[np.float64]:
         """Return the admissible starts among `count` Sobol points of the region."""
         from scipy.stats import qmc
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-__all__ = ["LIMIT_CYCLE", "NEAR", "REST", "SAME", "Found", "Search", "Stay"]
+__all__ = ["LIMIT_CYCLE", "NEAR", "REST", "SAME", "AttractorOptions", "Found", "Stay", "renamed"]
 
 LIMIT_CYCLE = "limit cycle"  # kind of a periodic orbit of a system without a phase
 REST = "rest"  # kind of an equilibrium
@@ -29,17 +30,30 @@ REST = "rest"  # kind of an equilibrium
 NEAR = 1e-3  # distance, over the states' scale, within which a motion recurs or is on an attractor
 SAME = 1e-6  # distance, over the states' scale, within which two orbits are one
 
+# Counts of a search in files of version 0.1 and before, and their names today.
+_COUNTS = {"seeds": "starts", "motions": "motions"}
+
 _CENSORED = 3.0  # -ln 0.05: strobes followed without a departure, over the mean stay, at most, at 95 %
 
 
-@dataclass(frozen=True)
-class Search:
-    """Settings of a search for attractors and of measuring their trapping regions.
+@dataclass(frozen=True, kw_only=True)
+class AttractorOptions:
+    """How attractors are sought, and their trapping regions measured.
 
     Parameters
     ----------
-    random_seed : int
-        Seed of all random numbers: the same inputs give the same attractors.
+    starts : int
+        Count of motions from the region. An attractor whose basin is a small share w of the region is missed with a
+        probability of about ``(1 - w)^starts``; ``starts = 3/w`` finds it at 95 %.
+    motions : int or None
+        Count of the motions that will be labelled, by default 40 000, and for `map_basins` the count of its cells. The
+        search takes at most about ten times as long as their labelling. Trapping regions are enlarged while this saves
+        time, and have as many samples as time allows, at least 1000.
+    interval : float or None
+        Time between two strobes of a system without a phase. It must not be commensurate with the period of a limit
+        cycle, whose strobes then are few points, not a closed curve. For a map a strobe is an iteration.
+    rng : int or numpy.random.Generator
+        What random numbers are drawn from: the same seed and inputs give the same attractors.
     longest : int
         Strobes after which a motion that has not settled is given up.
     samples : int or None
@@ -56,7 +70,10 @@ class Search:
         Criteria that tell quasi-periodic from chaotic motions.
     """
 
-    random_seed: int = 0
+    starts: int = 256
+    motions: int | None = None
+    interval: float | None = None
+    rng: int | np.random.Generator = 0
     longest: int = 4000
     samples: int | None = None
     safety: float = 0.8
@@ -65,14 +82,28 @@ class Search:
     criteria: Criteria = field(default_factory=Criteria)
 
     def __post_init__(self) -> None:
-        for name, least in (("random_seed", 0), ("longest", 1)):
-            object.__setattr__(self, name, checks.count(f"Search.{name}", getattr(self, name), least))
+        for name in ("starts", "longest", *(["motions"] if self.motions is not None else [])):
+            count = checks.size if name == "starts" else checks.count
+            object.__setattr__(self, name, count(f"AttractorOptions.{name}", getattr(self, name)))
+        if self.interval is not None:
+            object.__setattr__(self, "interval", checks.positive("AttractorOptions.interval", self.interval))
+        checks.generator("AttractorOptions.rng", self.rng)
         if self.samples is not None:
-            object.__setattr__(self, "samples", checks.size("Search.samples", self.samples, 100))
+            object.__setattr__(self, "samples", checks.size("AttractorOptions.samples", self.samples, 100))
         for name, largest in (("safety", 1.0), ("tolerance", 1e-2), ("limit", math.inf)):
-            value = checks.positive(f"Search.{name}", getattr(self, name))
-            object.__setattr__(self, name, checks.between(f"Search.{name}", value, 0.0, largest))
-        checks.instance("Search.criteria", self.criteria, Criteria)
+            value = checks.positive(f"AttractorOptions.{name}", getattr(self, name))
+            object.__setattr__(self, name, checks.between(f"AttractorOptions.{name}", value, 0.0, largest))
+        checks.instance("AttractorOptions.criteria", self.criteria, Criteria)
+
+
+def renamed(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a search as written today; up to version 0.1 its counts stood apart, and other settings in ``search``."""
+    found = dict(given)
+    options = {
+        "rng" if key == "random_seed" else key: value for key, value in (found.pop("search", None) or {}).items()
+    }
+    options |= {new: found.pop(old) for old, new in _COUNTS.items() if old in found}
+    return found | ({"options": options | dict(found.get("options") or {})} if options else {})
 
 
 class Stay(NamedTuple):

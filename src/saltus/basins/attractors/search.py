@@ -1,4 +1,4 @@
-"""Attractors by recurrence: motions from seeds are followed until they settle, then corrected by Newton's method.
+"""Attractors by recurrence: motions from many starts are followed until they settle, then corrected by Newton's method.
 
 1. Seeds are a scrambled Sobol sequence over a region, and the centres of all cages. Their motions advance together, in
    stretches that double.
@@ -9,8 +9,8 @@
    second half of its points is as near to the first as the odd points are to the even ones. Motions that visit the same
    states are on one attractor, whose kind follows by `saltus.flow.motion_kind`. Motions that recur after more than
    `LONGEST` strobes are handed to the orbit solver then.
-4. From each attractor that is no periodic orbit, `_MEMBERS` motions are followed for `Search.longest` strobes more. If
-   their mean stay is less than `_LIVES` times as long, the set is a transient, and is dropped.
+4. From each attractor that is no periodic orbit, `_MEMBERS` motions are followed for `longest` strobes more. If their
+   mean stay is less than `_LIVES` times as long, the set is a transient, and is dropped.
 
    docs/theory/basins.md, "Attractors by recurrence", derives the method.
 """
@@ -50,13 +50,13 @@ _SETTLED = 1e-5  # distance of its recurrence, over the states' scale
 _MEMBERS = 128  # motions that measure how long others stay on an attractor
 _FEW = 16  # the same where lanes cannot follow them
 _PUSH = 1e-6  # their distance from the attractor at the start, over its extent
-_LIVES = 10.0  # mean stay on an attractor, in times `Search.longest`, below which it is a transient
+_LIVES = 10.0  # mean stay on an attractor, in times `AttractorOptions.longest`, below which it is a transient
 
 _TRANSIENTS = 16  # transients found after which only periodic orbits count: a growing angle makes endless copies
 
 _NEUTRAL = 4  # motions of constant volume after which only periodic orbits count
 
-_FOLLOWED = "looking for attractors"  # what a report says of motions from seeds
+_FOLLOWED = "looking for attractors"  # what a report says of motions from the starts
 _COMMENSURATE = 1e-3  # distance of turns between strobes from a whole number below which strobes see no curve
 _GOLDEN = 0.6180339887  # golden section, by which an interval of strobes is advised
 
@@ -68,11 +68,11 @@ class AttractorSearch(PeriodicSearch):
         """Follow motions from given states until each has settled or is given up."""
         self.find_caged()
         if not self.found:
-            check_contraction(self.ensemble, x, self.search.longest)
+            check_contraction(self.ensemble, x, self.options.longest)
         modes = np.array([self.ensemble.starting_mode(row) for row in x], np.int64)
         done, stride = 0, _STRIDE
         self.reporter.expect(len(x))
-        while len(x) and done < self.search.longest:
+        while len(x) and done < self.options.longest:
             before = len(x)
             x, modes, done = self._advance(x, modes, done, stride)
             self.reporter.step(before - len(x), _FOLLOWED)
@@ -80,7 +80,7 @@ class AttractorSearch(PeriodicSearch):
         self.reporter.step(len(x), _FOLLOWED)
         if self.neutral and not self.found:
             where = f"along {self.neutral} motions"
-            raise nothing_attracts(self.system.name, self.parameters, where, self.search.longest)
+            raise nothing_attracts(self.system.name, self.parameters, where, self.options.longest)
 
     def _advance(
         self, x: NDArray[np.float64], modes: NDArray[np.int64], done: int, stride: int, own: Found | None = None
@@ -95,9 +95,9 @@ class AttractorSearch(PeriodicSearch):
         path, x, modes = self._path(ends[kept], at[kept], 2 * LONGEST)
         done += stride + 2 * LONGEST
         x, modes = self._find_periodic(path, x, modes)
-        if len(x) and done >= min(_PATIENCE, self.search.longest):
+        if len(x) and done >= min(_PATIENCE, self.options.longest):
             done += 2 * _WINDOW
-            x, modes = self._find_aperiodic(x, modes, own, last=done >= self.search.longest)
+            x, modes = self._find_aperiodic(x, modes, own, last=done >= self.options.longest)
         return x, modes, done
 
     # ---- all others ----
@@ -159,18 +159,18 @@ class AttractorSearch(PeriodicSearch):
 
     def _featured(self, cloud: NDArray[np.float64], x: NDArray[np.float64], mode: int, *, last: bool) -> Found | None:
         """Return the attractor on which a motion has settled; None for one still on its way to a periodic orbit."""
-        period, criteria, sampled = self.ensemble.period, self.search.criteria, self.sampled
+        period, criteria, sampled = self.ensemble.period, self.options.criteria, self.sampled
         strobes = 2 * _WINDOW
         try:
             growth = self.ensemble.growth(x, mode, strobes, None)
             modes, touches = self.ensemble.visited(x, mode, _WINDOW)
         except SaltusError:
             return None
-        if preserves(growth, strobes, self.search.longest):
+        if preserves(growth, strobes, self.options.longest):
             self.neutral += 1
             return None
         exponent, error = (float(value[0]) * period for value in (growth.exponents, growth.errors))
-        rounding = criteria.noise * self.search.tolerance * self.scale
+        rounding = criteria.noise * self.options.tolerance * self.scale
         kind = classify(cloud, exponent, error, criteria, rounding)
         is_periodic = kind.label.startswith("period-")
         if is_periodic and sampled and kind.period <= LONGEST and not last:
@@ -222,7 +222,7 @@ class AttractorSearch(PeriodicSearch):
                 self.reporter.expect(_MEMBERS)
                 found.stay = self._stay(found)
                 self.reporter.step(_MEMBERS, "looking for transients")
-            if found.stay is None or found.stay.mean < _LIVES * self.search.longest:
+            if found.stay is None or found.stay.mean < _LIVES * self.options.longest:
                 self.found.remove(found)
                 self.dropped.append(found)
 
@@ -241,7 +241,7 @@ class AttractorSearch(PeriodicSearch):
         x = starts + _PUSH * np.ptp(starts, axis=0) * self.rng.standard_normal(starts.shape)
         modes = np.full(len(x), -1, np.int64)
         done, stride, strobes, left = 0, _STRIDE, 0.0, 0
-        while len(x) and done < self.search.longest:
+        while len(x) and done < self.options.longest:
             begun, before = done, len(x)
             x, modes, done = self._advance(x, modes, done, stride, found)
             gone = before - len(x) - len(self.astray) + self._diverging(self.astray, done - begun)

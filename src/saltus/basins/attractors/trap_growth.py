@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from saltus.basins.attractors.found import Search
+    from saltus.basins.attractors.found import AttractorOptions
     from saltus.basins.attractors.trapping import OrbitEllipsoids
     from saltus.ensemble.ensemble import Ensemble
     from saltus.ensemble.map_ensemble import MapEnsemble
@@ -62,7 +62,7 @@ class Enlarging:
     others : ndarray, shape (m, n)
         States of other attractors, which must lie outside the region.
     rng : numpy.random.Generator
-    search : Search
+    options : AttractorOptions
         Longest follow-up of samples, and the places of planes relative to samples that end elsewhere.
 
     Attributes
@@ -78,11 +78,11 @@ class Enlarging:
         widest: NDArray[np.float64],
         others: NDArray[np.float64],
         rng: np.random.Generator,
-        search: Search,
+        options: AttractorOptions,
     ) -> None:
         self.ensemble, self.settles, self.widest, self.others = ensemble, settles, widest, others
-        self.rng, self.search = rng, search
-        self.samples = search.samples or _GROWN
+        self.rng, self.options = rng, options
+        self.samples = options.samples or _GROWN
 
     def grown(self, inner: OrbitEllipsoids) -> OrbitEllipsoids:
         """Return the largest ellipsoids without planes from which a few samples still come to the next smaller ones.
@@ -92,7 +92,7 @@ class Enlarging:
         inner : OrbitEllipsoids
             Where samples contract.
         """
-        longest, region = min(self.search.longest, _LONG * SOON), inner
+        longest, region = min(self.options.longest, _LONG * SOON), inner
         while (larger := self._larger(region)) is not None:
             leaving = self._leaving(larger, region, _GROWN, longest, enough=1)
             if leaving is None or len(leaving):
@@ -117,8 +117,8 @@ class Enlarging:
         ConvergenceError
             Samples end elsewhere from ellipsoids that are hardly larger than `core`.
         """
-        longest = min(self.search.longest, _LONG * SOON)
-        region = region.at(max(self.search.safety * region.level, inner.level))
+        longest = min(self.options.longest, _LONG * SOON)
+        region = region.at(max(self.options.safety * region.level, inner.level))
         while (leaving := self._leaving(region, core, self.samples, longest, enough=1)) is None or len(leaving):
             region = region.at(_SHRINKING * region.level)
             if region.level < min(_LEAST * core.level, inner.level):
@@ -160,13 +160,13 @@ class Enlarging:
 
     def without(self, region: OrbitEllipsoids, x: NDArray[np.float64], whole: OrbitEllipsoids) -> OrbitEllipsoids:
         """Return `region` cut so that given states, shape (m, n), and samples that miss `whole` are outside."""
-        cut = region.cut(x, math.sqrt(self.search.safety))
+        cut = region.cut(x, math.sqrt(self.options.safety))
         found = self._cut(cut, whole, self.samples, _LAST_TRIES)
         return whole if found is None else found
 
     def elsewhere(self, region: OrbitEllipsoids, core: OrbitEllipsoids, samples: int) -> int:
         """Return the count of fresh samples in a region that do not end in `core`."""
-        return len(self._bad(region.samples(samples, self.rng), core, self.search.longest))
+        return len(self._bad(region.samples(samples, self.rng), core, self.options.longest))
 
     def _larger(self, region: OrbitEllipsoids) -> OrbitEllipsoids | None:
         larger = region.at(_GROWING * region.level)
@@ -206,7 +206,7 @@ class Enlarging:
                 return None
             if not len(x):
                 return region
-            region = region.cut(x, math.sqrt(self.search.safety))
+            region = region.cut(x, math.sqrt(self.options.safety))
         return None
 
 

@@ -281,7 +281,7 @@ class Basins(Result):
         return np.asarray(labelling.of(x.reshape(-1, n)).reshape(x.shape[:-1]))
 
     def label_error(
-        self, cells: int = 1000, *, by_events: int = 100, tolerance: float = 1e-12, seed: int = 0
+        self, cells: int = 1000, *, by_events: int = 100, tolerance: float = 1e-12, rng: int | np.random.Generator = 0
     ) -> LabelError:
         """Return how many labels of random cells are wrong: their motions are followed anew, more exactly.
 
@@ -302,8 +302,8 @@ class Basins(Result):
             Count of these cells that the event-driven flow follows, in some milliseconds each.
         tolerance : float, optional
             Tolerance of a step.
-        seed : int, optional
-            Seed of the random numbers.
+        rng : int or numpy.random.Generator, optional
+            What random numbers are drawn from, or its seed.
 
         Returns
         -------
@@ -317,7 +317,7 @@ class Basins(Result):
         """
         count, few = checks.size("cells", cells), checks.count("by_events", by_events, 0)
         tolerance = checks.between("tolerance", tolerance, 1e-14, 1e-2)
-        numbers = np.random.default_rng(checks.count("seed", seed, 0)).integers(0, self.grid.size, count)
+        numbers = checks.generator("rng", rng).integers(0, self.grid.size, count)
         at = np.unravel_index(numbers, self.grid.shape)
         labels = np.asarray(self.labels[at])
         said = (labels != NOT_DONE) & (labels != UNDECIDED)

@@ -6,16 +6,17 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
 
 from saltus import checks
+from saltus.basins.attractors.found import renamed
 from saltus.basins.map.grid import Plane
 from saltus.basins.map.options import TOLERANCES
 from saltus.config_files import attribute_of, called, read_toml
 from saltus.errors import InputError, nearest
 from saltus.system import HybridSystem, Map
 
-__all__ = ["AttractorOptions", "Config", "EngineOptions", "PlaneTable", "read_config", "system_of"]
+__all__ = ["AttractorTable", "Config", "EngineOptions", "PlaneTable", "read_config", "system_of"]
 
 _STRICT = ConfigDict(extra="forbid", frozen=True)  # of tables: no unknown keys
 
@@ -36,17 +37,21 @@ class EngineOptions(BaseModel):
     """Periods after which a motion is undecided."""
 
 
-class AttractorOptions(BaseModel):
-    """The table ``[attractors]``: options of the search; absent entries have the defaults of `find_attractors`."""
+class AttractorTable(BaseModel):
+    """The table ``[attractors]``: arguments of the search; absent entries have the defaults of `find_attractors`."""
 
     model_config = _STRICT
 
     region: dict[str, Any] | None = None
     """For each state the interval or the value at which motions start; by default the box of the grid."""
-    seeds: _Count | None = Field(default=None, ge=1)
-    """How many motions start there."""
-    search: dict[str, Any] | None = None
-    """Arguments of `saltus.basins.attractors.found.Search`: how long motions are followed, and so on."""
+    options: dict[str, Any] | None = None
+    """Arguments of `saltus.options.AttractorOptions`: how many motions start, how long they are followed, and so on."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _renamed(cls, given: Any) -> Any:
+        tables = isinstance(given, Mapping) and [given.get(key, {}) for key in ("search", "options")]
+        return renamed(given) if tables and all(isinstance(table, Mapping) for table in tables) else given
 
 
 class PlaneTable(BaseModel):
@@ -81,7 +86,7 @@ class Config(BaseModel):
     """In the place of `grid`."""
     engine: EngineOptions = EngineOptions()
     """What computes, and how well."""
-    attractors: AttractorOptions = AttractorOptions()
+    attractors: AttractorTable = AttractorTable()
     """How attractors are looked for."""
 
     @property
@@ -146,7 +151,7 @@ def _known(place: list[str | int]) -> tuple[str, ...]:
     """Return the allowed keys of a table, given by the path to it."""
     table: Any = Config
     for part in place:
-        table = {"engine": EngineOptions, "attractors": AttractorOptions, "plane": PlaneTable}[str(part)]
+        table = {"engine": EngineOptions, "attractors": AttractorTable, "plane": PlaneTable}[str(part)]
     return tuple(table.model_fields)
 
 

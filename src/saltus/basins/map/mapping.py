@@ -19,7 +19,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict, is_dataclass, replace
 from importlib.metadata import version
-from inspect import signature
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -28,7 +27,7 @@ import numpy as np
 
 from saltus import checks
 from saltus.basins.attractors.finding import find_attractors
-from saltus.basins.attractors.found import Search
+from saltus.basins.attractors.found import AttractorOptions, renamed
 from saltus.basins.map.basin_files import attributes_of
 from saltus.basins.map.basins import Basins
 from saltus.basins.map.grid import Grid, Plane
@@ -64,8 +63,6 @@ _TOLD = ("search", "longest_reason")  # inputs that may differ where a store is 
 
 _ASKED = 16  # undecided cells, of a unit and of the grid, that are followed again to tell why
 
-_SEEDS: int = signature(find_attractors).parameters["seeds"].default  # default seeds of a search
-
 
 def map_basins(
     system: HybridSystem | Map,
@@ -89,9 +86,10 @@ def map_basins(
         For each state a range ``(low, high, count)`` or a frozen value; or a plane of any direction. See `Grid`. All
         motions start at phase 0.
     attractors : Attractors or mapping, optional
-        Attractors that `find_attractors` or `attractors_from` returned; or options of `find_attractors`, as
-        ``{"seeds": 512}``. Its region is then by default the box of the grid, and its number of motions that of the
-        cells. Without this argument, the attractors are those of the store, or are found with default options.
+        Attractors that `find_attractors` or `attractors_from` returned; or arguments of `find_attractors`, as
+        ``{"options": AttractorOptions(starts=512)}``. The region is then by default the box of the grid, and the number
+        of motions that of the cells. Without this argument, the attractors are those of the store, or are found with
+        default options.
     options : BasinOptions, optional
         Engine, accuracy, and how long motions are followed.
     path : path-like, optional
@@ -329,15 +327,16 @@ def attractors_for(
         Not attractors, unknown options, or an engine that cannot run here.
     """
     asked = isinstance(given, Mapping) or (given is None and kept is None)
-    options = _search(grid, given or {}) if asked else {}
+    wanted = _search(grid, given or {}) if asked else {}
+    search = {"search": json.loads(json.dumps(wanted, default=_plain))} if asked else {}
     found = given
     if kept is not None and (given is None or asked):
         found = outcomes_from(kept.attractors, kept.attributes["attractors"])
     elif asked:
         settings.check_engine()
-        found = find_attractors(
-            settings.system, settings.parameters, interval=settings.interval, progress=progress, **options
-        )
+        if settings.interval is not None:
+            wanted["options"] = replace(wanted["options"], interval=settings.interval)
+        found = find_attractors(settings.system, settings.parameters, progress=progress, **wanted)
     if not isinstance(getattr(found, "traps", None), Traps):
         kind, hint = type(found).__name__, "attractors_from makes one of known orbits"
         raise InputError("attractors", kind, "an Attractors, as find_attractors returns", hint)
@@ -345,7 +344,7 @@ def attractors_for(
         raise InputError(
             "BasinOptions.interval", settings.interval, f"that of the attractors, {found.interval!r}", "leave it out"
         )
-    return found, {"search": json.loads(json.dumps(options, default=_plain))} if asked else {}
+    return found, search
 
 
 def with_traps(settings: Labelling, found: Any, grid: Grid) -> tuple[Labelling, str]:
@@ -358,23 +357,29 @@ def with_traps(settings: Labelling, found: Any, grid: Grid) -> tuple[Labelling, 
 
 
 def _search(grid: Grid, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return all options of a search for attractors: given ones and defaults."""
+    """Return the region and the options of a search for attractors: given ones and defaults."""
     region = {name: low if low == high else (low, high) for name, (low, high) in grid.box.items()}
-    usual = {"region": region, "seeds": _SEEDS, "search": Search(), "motions": grid.size}
+    usual = {"region": region, "options": AttractorOptions()}
     for name in given:
         if name not in usual:
             hint = nearest(name, usual) or "attractors_from makes attractors of orbits by name"
-            raise InputError("attractors", name, f"options among {', '.join(usual)}", hint)
-    return usual | dict(given)
+            raise InputError("attractors", name, f"arguments among {', '.join(usual)}", hint)
+    wanted = usual | dict(given)
+    options = checks.instance("attractors['options']", wanted["options"], AttractorOptions)
+    return wanted | {"options": options if options.motions else replace(options, motions=grid.size)}
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, np.random.Generator):
+        return value.bit_generator.state
     return asdict(value) if is_dataclass(value) and not isinstance(value, type) else float(value)
 
 
 def _same_inputs(kept: Store, grid: Grid, inputs: Mapping[str, Any]) -> dict[str, Any]:
     """Return a store's inputs; raise `InputError` where the inputs differ; `search` may be missing."""
     its = dict(kept.attributes["inputs"])
+    if "search" in its:
+        its["search"] = renamed(its["search"])
     inputs = {key: value for key, value in inputs.items() if key != "longest_reason"}
     there = {key: value for key, value in its.items() if key not in _TOLD or key in inputs}
     check_same(kept.path, {"grid": grid.definition(), **inputs}, {"grid": kept.grid.definition(), **there})

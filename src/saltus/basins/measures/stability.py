@@ -54,7 +54,7 @@ def basin_stability(
     samples: int = 1000,
     *,
     region: Mapping[str, tuple[float, float]] | None = None,
-    seed: int = 0,
+    rng: int | np.random.Generator = 0,
     confidence: float = 0.95,
     engine: str | None = None,
 ) -> Stability:
@@ -73,8 +73,8 @@ def basin_stability(
         Count of points.
     region : mapping of str to (float, float), optional
         Ranges of free coordinates from which points are drawn; by default those of the grid.
-    seed : int, optional
-        Seed of the random numbers.
+    rng : int or numpy.random.Generator, optional
+        What random numbers are drawn from, or its seed.
     confidence : float, optional
         Of the interval.
     engine : {"cpu", "cuda"}, optional
@@ -114,7 +114,7 @@ def basin_stability(
     confidence = checked_confidence(confidence)
     samples = checks.count("samples", samples)
     ranges = _ranges(grid, region)
-    random = np.random.default_rng(checks.count("seed", seed, 0))
+    random = checks.generator("rng", rng)
     options = {} if engine is None else {"engine": checks.chosen("engine", engine, ("cpu", "cuda"))}
     hits = undecided = 0
     for first in range(0, samples, _BATCH):

@@ -138,7 +138,7 @@ def uncertainty_by_shifts(
     samples: int = 2000,
     *,
     weights: Mapping[str, float] | None = None,
-    seed: int = 0,
+    rng: int | np.random.Generator = 0,
 ) -> UncertaintyExponent:
     """Return the uncertainty exponent by random shifts of random points, independent of the grid's resolution.
 
@@ -157,8 +157,8 @@ def uncertainty_by_shifts(
         Points at each scale; twice as many are followed.
     weights : mapping of str to float, optional
         Lengths by which the coordinates are divided, for each free coordinate, see `saltus.basins.measures.integrity`.
-    seed : int, optional
-        Seed of the random numbers.
+    rng : int or numpy.random.Generator, optional
+        What random numbers are drawn from, or its seed.
 
     Returns
     -------
@@ -191,7 +191,7 @@ def uncertainty_by_shifts(
     grid = checked_basins(basins, "grid", "classify").grid
     lengths, scale = _checked_lengths(scales), weights_of(grid, weights)
     samples = checks.size("samples", samples)
-    random = np.random.default_rng(checks.count("seed", seed, 0))
+    random = checks.generator("rng", rng)
     ends = np.array([(low, high) for low, high, _ in grid.ranges])
     changed, counts = np.zeros(lengths.size, np.int64), np.zeros(lengths.size, np.int64)
     for i, length in enumerate(lengths):
