@@ -1,8 +1,9 @@
-"""The structure of the package: no cycles of imports, and generated texts that name all their sources."""
+"""The structure of the package: no cycles of imports, texts that name their sources, sizes, and a test for each place."""
 
 from __future__ import annotations
 
 import ast
+import inspect
 import statistics
 from collections.abc import Iterator
 from functools import cache
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import saltus
+from saltus import afm
 from saltus.ensemble import compiled as ensemble
 from saltus.system import compiled as system
 
@@ -162,3 +164,42 @@ def test_the_same_lines_of_code_stand_in_few_places() -> None:
             if (other, place) != (name, number):
                 pairs.setdefault((other, name, number - place), (place, number))
     assert len(pairs) <= MOST_PAIRS, pairs
+
+
+# a test for each place
+
+TESTS = Path(__file__).parent
+BESIDE = {"kernels", "sets", "typing"}
+"""Folders that are tested with the package that they lie in: compiled loops, files of values."""
+
+
+def tested(folder: Path) -> set[str]:
+    """Names of what the test files in a folder are about, with those of its folders that have some."""
+    return {file.stem.removeprefix("test_") for file in folder.glob("test_*.py")} | {
+        inner.name for inner in folder.glob("*/") if any(inner.rglob("test_*.py"))
+    }
+
+
+test_files.__test__ = False  # type: ignore[attr-defined]
+
+
+def test_each_package_has_a_folder_of_tests_or_a_file_of_its_name():
+    packages = [file.parent.relative_to(PACKAGE) for file in PACKAGE.rglob("__init__.py")]
+    with_code = [home for home in packages if home.parts and home.name not in BESIDE]
+    assert [str(home) for home in with_code if home.name not in tested(TESTS / home.parent)] == []
+
+
+def test_each_module_beside_the_packages_has_a_file_of_its_name():
+    alone = {file.stem for file in PACKAGE.glob("*.py")} - {"__init__", "__main__", "version"}
+    assert alone - tested(TESTS) == set()
+
+
+@pytest.mark.parametrize("door", [saltus, afm], ids=["saltus", "saltus.afm"])
+def test_each_public_function_has_a_file_of_its_module_s_name(door):
+    missing = {}
+    for function in (getattr(door, name) for name in door.__all__):
+        if inspect.isfunction(function):
+            home = Path(*function.__module__.split(".")[1:])
+            if home.name not in tested(TESTS / home.parent):
+                missing[function.__name__] = str(home)
+    assert missing == {}

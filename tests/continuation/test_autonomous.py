@@ -35,6 +35,7 @@ def cycle() -> PeriodicOrbit:
     return find_orbit(lure(), x0=[0.1, 0.0, 0.0])
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("al", [0.65, 0.7, 0.8, 0.9, 0.98])
 def test_lure_cycle_doubles_and_shrinks_at_the_same_places_from_every_start(al: float) -> None:
     orbit = find_orbit(lure(), {"al": al}, x0=[0.1, 0.0, 0.0])

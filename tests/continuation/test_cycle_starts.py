@@ -61,6 +61,7 @@ def test_multipliers_along_the_bautin_cycle_are_the_closed_form(bautin: HybridSy
         assert sorted(branch.multipliers[i].real) == pytest.approx(sorted(exact), rel=1e-6, abs=1e-12)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("i0", [0.44, 0.7, 1.0, 1.3])
 def test_fitzhugh_nagumo_cycle_ends_at_both_hopf_points_past_its_folds(
     fitzhugh_nagumo: HybridSystem, i0: float

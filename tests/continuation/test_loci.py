@@ -155,6 +155,7 @@ BOX = {"a": (0.5, 8.0), "c": (-3.0, 5.0)}
 RESONANCES = {"R1": [(1.0, -1.0)], "R4": [(3.0, 1.0)], "R3": [(4.0, 2.0)], "R2": [(5.0, 3.0)]}
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("largest", [0.03, 0.1, 0.3])
 @pytest.mark.parametrize("c", [-0.9, 0.2, 1.2, 2.5])
 def test_torus_locus_runs_from_r1_through_r4_and_r3_to_r2(delayed, c, largest):

@@ -122,6 +122,7 @@ def test_motions_of_other_parameters_differ():
     np.testing.assert_array_equal(ends[1], ends[2])
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("direction", [-1, 0])
 def test_no_lane_passes_a_table_on_which_balls_come_to_rest(direction):
     """Impacts accumulate within the first periods: such motions have no state, and none is below the table."""

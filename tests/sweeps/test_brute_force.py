@@ -597,6 +597,7 @@ def firing_rotation(current: float, amplitude: float, count: int = 4000) -> floa
     return count / t
 
 
+@pytest.mark.campaign
 def test_a_quasi_periodic_firing_pattern_is_no_chaos_and_has_its_rotation_number():
     """The firing map is an invertible circle map: its exponent is 0 at most."""
     spike = Transition("rest", "rest", "V - 1", 1, {"V": "0"}, name="spike")

@@ -164,13 +164,18 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize("name", CHANGES)
-def test_a_file_of_other_input_is_refused_by_the_name_of_what_differs(impact_oscillator, tmp_path, name):
-    path = tmp_path / "a.nc"
-    options = {"values": [0.5, 0.6], "path": path} | SHORT
+@pytest.fixture(scope="module")
+def own(impact_oscillator, tmp_path_factory):
+    """The options of a sweep whose file is written."""
+    options = {"values": [0.5, 0.6], "path": tmp_path_factory.mktemp("swept") / "a.nc"} | SHORT
     swept(impact_oscillator, "A", **options)
+    return options
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_file_of_other_input_is_refused_by_the_name_of_what_differs(impact_oscillator, own, name):
     with pytest.raises(InputError, match=rf"^path = .*: must be the file of a sweep of the same input; its {name} is "):
-        swept(impact_oscillator, "A", **options | CHANGES[name])
+        swept(impact_oscillator, "A", **own | CHANGES[name])
 
 
 def test_a_file_of_another_system_or_kind_is_refused(impact_oscillator, ball_on_table, tmp_path):

@@ -242,6 +242,7 @@ def _random_text(rng, depth):
     return f"{name}({', '.join(arguments)})"
 
 
+@pytest.mark.campaign
 def test_a_thousand_random_texts_are_expressions_or_told():
     rng = random.Random(20)
     texts = [_random_text(rng, rng.randrange(1, 5)) for _ in range(700)]

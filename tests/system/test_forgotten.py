@@ -57,7 +57,15 @@ def wells():
     return system
 
 
-@pytest.mark.parametrize("used", [smooth, impacting, discrete, wells])
+@pytest.mark.parametrize(
+    "used",
+    [
+        smooth,
+        discrete,
+        pytest.param(impacting, marks=pytest.mark.campaign),
+        pytest.param(wells, marks=pytest.mark.campaign),
+    ],
+)
 def test_a_system_that_nobody_uses_is_forgotten_with_its_functions(used):
     system = used()
     kept = weakref.ref(system), weakref.ref(system.compiled)
@@ -66,6 +74,7 @@ def test_a_system_that_nobody_uses_is_forgotten_with_its_functions(used):
     assert [ref() for ref in kept] == [None, None]
 
 
+@pytest.mark.campaign
 def test_of_forgotten_systems_only_the_last_few_modules_stay():
     most = generated._RECENT.maxlen
     stiffness = [1.5 + i / 64 for i in range(most + 4)]

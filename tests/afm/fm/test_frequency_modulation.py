@@ -139,6 +139,7 @@ def test_wrong_arguments_are_told(lever, afm1):
             afm.frequency_shift(system, (9.5, 14.0), A)
 
 
+@pytest.mark.campaign
 def test_adhesion_costs_the_same_at_every_depth_and_nothing_before_the_touch():
     """A hysteretic law: 7.092196 (w**5 R**4 / E**2)**(1/3) a cycle, once the tip touches."""
     probe = afm.Probe(k_N_m=40.0, f0_kHz=300.0, Q=300.0, R_nm=10.0)

@@ -14,6 +14,7 @@ from saltus.afm.models.readings import drives_of, formulas, turns_of
 from saltus.afm.probe.drive import Drives
 from saltus.system.compiled import FLOW
 from saltus.system.generated import source_file
+from selection import guarding
 
 TWO = afm.Probe(k_N_m=(2.0, 78.5), f0_kHz=(70.0, 438.7), Q=(150.0, 450.0), R_nm=10.0, optical_weights=(1.0, 3.0))
 ONE = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
@@ -42,7 +43,7 @@ class Yukawa(afm.Law):
         return {"everywhere": afm.Region("-F_nN*exp(-D_nm/l_nm)*l_nm/D_nm", domain="D_nm")}
 
 
-@pytest.mark.parametrize("name", PARTS)
+@pytest.mark.parametrize("name", guarding(PARTS, "one mode", "second mode", "any ratio"))
 @pytest.mark.parametrize("way", [lambda s: s, lambda s: pickle.loads(pickle.dumps(s))], ids=["kept", "pickled"])
 def test_probe_law_and_drives_come_back(name, way):
     probe, law, drive = PARTS[name]

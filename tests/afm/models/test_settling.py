@@ -30,6 +30,7 @@ def viscous():
     return afm.model(probe, law, afm.Drive.base(1.258), Zc_nm=36.75)
 
 
+@pytest.mark.campaign
 def test_a_motion_of_several_periods_is_told_with_its_necks(necks):
     found = settled(necks, necks.parameters | {"Zc_nm": 30.0}, [0.0, 0.0])
     assert found.form.turns == 3
@@ -70,6 +71,7 @@ def test_a_way_may_end_just_before_the_range_does():
     assert f"Zc_nm = {place:.9g}: the motion settles" in curve.ways[0].stopped
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("name", "place", "amplitude"),
     [("lever-p-kelvin-voigt", 24.0, 24.94540152), ("lever-p-bimodal", 17.0, 17.77164878)],
@@ -108,6 +110,7 @@ def test_motions_are_sought_where_no_motion_of_the_curve_is_stable(necks):
     assert [jump.value for jump in curve.jumps if jump.after_nm < 24.5] == []
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("law", [afm.Hertz(E_GPa=1.0), afm.Hydration(F_nN=1.0, l_nm=0.5)], ids=["Hertz", "hydration"])
 def test_a_mode_that_nothing_moves_far_away_is_no_hindrance(law):
     probe = afm.Probe(k_N_m=(2.0, 78.5), f0_kHz=(70.0, 438.7), Q=(150.0, 940.0), R_nm=10.0)

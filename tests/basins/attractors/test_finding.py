@@ -123,6 +123,7 @@ def test_names_and_points_do_not_depend_on_which_motions_found_them(wells):
             assert again.points[name] == pytest.approx(wells.points[name], abs=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_stable_orbit_is_periodic_even_where_no_ellipsoid_contracts(monkeypatch, wells):
     monkeypatch.setattr("saltus.basins.attractors.periodic.contracting", lambda *_: None)
     found = find_attractors(duffing(), {}, BOX, options=replace(QUICK, starts=16))
@@ -178,6 +179,7 @@ def test_an_impact_oscillator_rests_before_its_stop_or_hits_it():
 LOGISTIC = [(carried, 2.9, 1), (carried_alone, 3.2, 2), (carried, 1.0 + math.sqrt(8.0) + 5e-3, 3), (carried, 3.5, 4)]
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("way", "r", "period"), LOGISTIC)
 def test_the_logistic_map_has_its_period(way, r, period):
     system = way(("x",), {"r": 3.0}, {"x": "r*x*(1 - x)"})
@@ -232,6 +234,7 @@ def beside_a_wall(w, g):
     )
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_chaos_that_motions_leave_after_thousands_of_periods_is_no_attractor_whatever_the_seed(seed):
     region, search = {"x": (-2, -1e-3), "v": (-2, 2)}, AttractorOptions(rng=seed, samples=400)
@@ -334,6 +337,7 @@ def test_a_narrow_window_in_chaos_has_the_one_orbit_of_its_period():
     assert found.fates["repulsive"] == 16
 
 
+@pytest.mark.campaign
 def test_next_to_a_period_doubling_the_slow_orbit_and_the_one_beside_it_are_told_apart():
     system = afm.tapping_mode(afm.table1(), modes=2, parameters={"Omega": 1.163})
     found = find_attractors(
@@ -440,6 +444,7 @@ def test_tapping_mode_has_an_attractive_and_a_repulsive_motion(n):
         assert found.points["repulsive"][0, [1, 3]] == pytest.approx([-0.02950, 0.48413], abs=5e-6)
 
 
+@pytest.mark.campaign
 def test_where_states_allow_two_modes_a_trap_holds_motions_in_one():
     """A relay with hysteresis: for |x| < 0.6 both modes go on as they are."""
     field = "-0.1*v - (x {} 0.3) + 0.02*cos(s)"

@@ -75,6 +75,7 @@ def test_attractors_keep_their_decay_in_a_file(resonant, tmp_path):
     assert (again.slowest, again.scale) == (resonant.attractors.slowest, resonant.attractors.scale)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("length", "time"), [(1e-9, 1e-6), (1e9, 1.0), (1e-3, 1e3)])
 def test_units_of_length_and_time_change_no_label(forced, resonant, length, time):
     numbers = {"c": 1.0 / 300.0 / time, "k": time**-2.0, "h": 0.1 / (length * time) ** 2, "A": 0.01 * length / time**2}
@@ -183,6 +184,7 @@ def test_an_estimate_counts_the_search(forced, resonant):
     assert estimate_cost(forced, {}, grid, resonant.attractors, seconds=0.0).search_seconds == 0.0
 
 
+@pytest.mark.campaign
 def test_an_angle_that_runs_on_makes_no_endless_copies_of_a_transient(monkeypatch):
     """A driven pendulum turns over again and again, into one copy of its well after another, for a very long time."""
     seen = []

@@ -463,6 +463,7 @@ def test_a_parameter_with_the_name_of_a_variable_is_kept_beside_it(tmp_path):
     assert again == family
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", ["member", "failure", "count"])
 def test_a_parameter_along_branches_may_have_the_name_of_a_variable_too(name, tmp_path):
     system = systems.carried_map(("x",), {name: 2.5, "b": 1.0}, {"x": f"{name}*b*x*(1 - x)"})

@@ -144,6 +144,7 @@ def test_cusp_family_folds_and_nothing_else(steps):
     assert_points(branch, {"SN": [-fold, fold]}, MAP)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("k", [0.5, 2.0])
 @pytest.mark.parametrize("start", [0.0, 0.6, -0.9])
 @pytest.mark.parametrize("directions", ["both", "up", "down"])

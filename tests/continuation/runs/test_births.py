@@ -228,6 +228,7 @@ def test_where_no_other_branch_meets_that_is_told(hopf):
         switch_branch(hopf["HB1"].equilibrium)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("time", [1e-9, 1e9])
 @pytest.mark.parametrize("place", fields.PLANES)
 def test_units_of_time_change_nothing(place, time):

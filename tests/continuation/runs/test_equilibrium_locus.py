@@ -194,6 +194,7 @@ def _zero_hopf() -> EquilibriumBranch:
     return continue_equilibrium(find_equilibrium(system, x0=turned.to([-0.7, 0.0, 0.0])), "mu", (-1.0, 1.0))
 
 
+@pytest.mark.campaign
 def test_saddle_nodes_and_hopf_points_meet_at_a_zero_hopf_point():
     """x = -+ sqrt(-mu) folds at mu = 0; the pair b + x +- 2i crosses at x = -b: mu = -b^2."""
     branch = _zero_hopf()

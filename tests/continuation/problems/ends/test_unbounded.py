@@ -139,6 +139,7 @@ FOLDS = {
 }
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("largest", [0.05, 0.3])
 @pytest.mark.parametrize("aside", [0.0, 1e-12, 1e-10, -1e-10, 1e-9, 1e-6, -1e-6, 1e-3, 1e-2])
 @pytest.mark.parametrize("field", FOLDS)
