@@ -12,6 +12,7 @@ from saltus.afm.explorer_models import TAPPING
 from saltus.explorer.session import Session, new_folder
 from saltus.explorer.steps import Continue, FindOrbit, Place
 from screen import PATIENCE, TOKEN, Screen, browser, served
+from selection import guarding
 
 pytestmark = pytest.mark.skipif(browser() is None, reason="no Chromium: pages of the explorer are not tested")
 
@@ -53,7 +54,7 @@ def kept(home) -> Session:
     return session
 
 
-@pytest.fixture(params=WINDOWS)
+@pytest.fixture(params=guarding(WINDOWS, "desk"))
 def window(request, chromium):
     context = chromium.new_context(viewport=WINDOWS[request.param])
     yield context
@@ -137,6 +138,7 @@ def test_basins_are_mapped_and_a_cell_is_followed(screen):
     assert screen.errors == []
 
 
+@pytest.mark.campaign
 def test_a_sweep_is_stopped_and_what_is_done_is_kept(screen):
     screen.fill("sweep-values", "2000")
     screen.page.click(".sweep")
@@ -159,6 +161,7 @@ def test_a_click_right_after_a_change_is_not_lost(screen):
     assert screen.page.input_value(".axis-y input") == "max_z"
 
 
+@pytest.mark.campaign
 def test_a_page_that_is_loaded_again_finds_its_session(screen):
     screen.fill("axis-y", "max_z")
     screen.page.click(".find-orbit")
@@ -181,6 +184,7 @@ def test_a_wrong_expression_is_told_in_the_page_and_never_run(screen, kept):
     assert screen.errors == []
 
 
+@pytest.mark.campaign
 def test_two_pages_do_not_disturb_each_other(screen, window, address):
     other = Screen(window.new_page(), address)
     other.wait("orbit1")
@@ -192,6 +196,7 @@ def test_two_pages_do_not_disturb_each_other(screen, window, address):
     assert screen.errors == other.errors == []
 
 
+@pytest.mark.campaign
 @desk_alone
 def test_a_page_in_a_frame_of_another_site_works_without_cookies(window, address):
     framing = f"<iframe width=1000 height=800 src='{address}?token={TOKEN}'></iframe>".encode()
@@ -214,6 +219,7 @@ def test_a_page_in_a_frame_of_another_site_works_without_cookies(window, address
     frame.locator(".result-branch1 .result").wait_for()
 
 
+@pytest.mark.campaign
 @desk_alone
 def test_an_error_of_the_library_is_a_line_in_the_page(screen):
     screen.fill("start-q1", "1e300")
@@ -240,6 +246,7 @@ def test_the_script_is_copied(screen, window, kept):
     screen.eventually(lambda: screen.page.evaluate("() => navigator.clipboard.readText()") == kept.script())
 
 
+@pytest.mark.campaign
 @desk_alone
 def test_files_are_downloaded(screen, tmp_path, kept):
     for kind, least in {"py": 250, "nc": 20_000, "png": 20_000, "svg": 20_000}.items():
@@ -253,6 +260,7 @@ def test_files_are_downloaded(screen, tmp_path, kept):
     assert again.results == kept.results
 
 
+@pytest.mark.campaign
 @desk_alone
 def test_a_session_is_uploaded_whatever_its_file_is_called(screen, tmp_path, kept, home):
     copy = kept.packed(tmp_path / "session.nc")
@@ -272,6 +280,7 @@ def test_a_session_is_uploaded_whatever_its_file_is_called(screen, tmp_path, kep
     assert "NetCDF" in screen.text("message")
 
 
+@pytest.mark.campaign
 def test_a_session_comes_back_after_its_server_was_killed(tmp_path, chromium):
     context = chromium.new_context()
     with served(tmp_path, "tapping-mode-1") as (address, server):

@@ -53,6 +53,7 @@ def threshold():
     return HybridSystem(("x", "v", "y"), {"k": 1.0}, {"free": Mode({"x": "v", "v": "0", "y": "0"})}, [kick])
 
 
+@pytest.mark.campaign
 def test_no_random_approach_ends_beyond_its_wall(campaign, body):
     found = Counter(campaign.outcome(body, *approach) for approach in campaign.approaches(2500, 7))
     assert found["beyond"] == 0

@@ -75,6 +75,7 @@ def test_a_motion_settles_on_the_cycle_of_known_period(r, period):
     assert again == pytest.approx(orbit.x0, abs=1e-13)
 
 
+@pytest.mark.campaign
 def test_cycles_of_a_map_are_the_orbits_of_the_same_map_with_a_clock():
     clocked = HybridSystem(
         ("x", "y", "s"), {"a": 1.4, "b": 0.3}, {"carry": Mode({"x": "0", "y": "0", "s": "1"})},

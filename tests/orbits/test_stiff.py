@@ -33,6 +33,7 @@ def test_multipliers_that_the_flow_cannot_resolve_are_zero(relaxation: HybridSys
         assert find_orbit(relaxation, {"mu": mu}, x0=[2.0, 0.0]).multipliers[0] == 0.0
 
 
+@pytest.mark.campaign
 def test_branch_of_stiff_cycles_ends_with_what_limits_it(relaxation: HybridSystem, monkeypatch) -> None:
     monkeypatch.setattr("saltus.flow.kernels.segment.MOST_STEPS", 4000)
     branch = saltus.continue_orbit(find_orbit(relaxation, x0=[2.0, 0.0]), "mu", (0.01, 1000.0))

@@ -158,6 +158,7 @@ def test_points_on_a_section_of_one_s_own_lie_on_it_and_pass_it_its_way(ball_on_
     assert np.all(sign * sweep.column("v - a*w*cos(theta)") > 0.0)
 
 
+@pytest.mark.campaign
 def test_both_sides_of_a_section_make_two_returns_of_one(ball_on_table):
     sections = (Section("z - 1.8", direction=side) for side in (1, 0))
     one, two = (
@@ -316,6 +317,7 @@ def test_threads_compute_the_same(impact_oscillator):
     assert one == two
 
 
+@pytest.mark.campaign
 def test_a_dask_cluster_computes_the_same(impact_oscillator, both):
     distributed = pytest.importorskip("distributed")
     cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0")

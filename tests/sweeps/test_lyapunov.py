@@ -461,6 +461,7 @@ def test_threads_find_what_one_finds(afm2, afm2_chaos):
         assert set(pool.map(leading, range(4))) == {leading(0)}
 
 
+@pytest.mark.campaign
 def test_memory_does_not_grow_with_the_periods(afm1):
     p = afm1.parameter_vector({"Omega": 1.04})
 

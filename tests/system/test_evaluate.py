@@ -120,6 +120,7 @@ def test_what_is_no_expression_is_told(system, text, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.campaign
 @given(st.text(max_size=30))
 def test_any_text_is_a_value_or_an_input_error(text):
     rest = HybridSystem(("x",), {}, {"free": Mode({"x": "-x"})})

@@ -167,6 +167,7 @@ def test_pictures_have_units_both_ways_and_jumps(curve, tune):
         curve.plot(ax=[upper])
 
 
+@pytest.mark.campaign
 def test_the_natural_frequency_is_that_of_the_mode_that_is_driven():
     probe = afm.Probe(k_N_m=(26.0, 1021.0), f0_kHz=(300.0, 1880.0), Q=(400.0, 1200.0), R_nm=12.0)
     for mode, f0, Q in ((1, 300.0, 400.0), (2, 1880.0, 1200.0)):
@@ -230,6 +231,7 @@ def test_a_place_that_is_no_number_is_told(curve):
         curve.at("10")
 
 
+@pytest.mark.campaign
 def test_an_adhesive_contact_under_a_neck_ends_at_no_grazing_that_is_rounding():
     """The force of JKR's contact has an infinite slope at pull-off: rounding there is no second touch."""
     probe = afm.Probe(k_N_m=20.0, f0_kHz=200.0, Q=200.0, R_nm=15.0)

@@ -48,6 +48,7 @@ def test_a_jump_elsewhere_does_not_hide_the_jump_that_begins(lever, monkeypatch,
     assert told is begins
 
 
+@pytest.mark.campaign
 def test_the_raw_form_of_kelvin_and_voigt_is_refused_at_once_with_the_cure():
     probe = afm.Probe(k_N_m=26.0, f0_kHz=300.0, Q=400.0, R_nm=12.0)
     law = afm.VanDerWaals(H_aJ=0.12, a0_nm=0.3) + afm.DMT(E_GPa=1.5)
@@ -92,6 +93,7 @@ def losing(Q, R, H, a0, E, c):
     return afm.model(probe, law, afm.Drive(A0_nm=10.0), Zc_nm=9.0)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", PROBES)
 def test_where_contact_loses_energy_an_approach_jumps_from_the_critical_amplitude_on(name):
     *values, around = PROBES[name]

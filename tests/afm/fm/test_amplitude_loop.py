@@ -38,6 +38,7 @@ def onset(held):
     return saltus.continue_orbit(held, "Ki_1_ms", (0.1, 20.0))["TR1"]
 
 
+@pytest.mark.campaign
 def test_the_loop_comes_from_afar_to_the_set_amplitude(held):
     seen = afm.observables(held)
     share = 1.0 / (4.0 * 2e-3 * math.pi * 300.0 * TAU) ** 2  # what the low-pass lets through at twice the frequency

@@ -42,7 +42,7 @@ LAWS = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module", params=guarding(LAWS, "DMT", "KelvinVoigt", "SLS", "JKR", "Neck"))
+@pytest.fixture(scope="module", params=guarding(LAWS, "DMT", "KelvinVoigt", "SLS"))
 def tapped(request):
     law, Zc_nm, drag, forgotten, lost = LAWS[request.param]
     system = afm.model(PROBE, law, afm.Drive(A0_nm=20.0), Zc_nm=Zc_nm)

@@ -40,6 +40,7 @@ def test_a_motion_of_several_periods_is_told_with_its_necks(necks):
     np.testing.assert_allclose(again[:2], found.x0[:2], rtol=0.0, atol=1e-6 * np.abs(found.x0[:2]).max())
 
 
+@pytest.mark.campaign
 def test_a_motion_without_a_period_is_told_by_its_kind(viscous):
     assert settled(viscous, viscous.parameters, [0.0, 0.0]) == "the motion is chaotic"
 

@@ -116,6 +116,7 @@ def test_the_picture_has_solid_segments_and_a_dashed_orbit_in_both_panels(found)
     assert "phase reset" in [text.get_text() for text in legend.get_texts()]
 
 
+@pytest.mark.campaign
 def test_an_interrupted_run_keeps_the_orbit_it_has(tmp_path):
     def say(progress):
         if progress.text.startswith("orbit without contact"):

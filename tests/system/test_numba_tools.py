@@ -1,0 +1,54 @@
+"""Compiled linear algebra and bits against NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from saltus.system.numba_tools import bits, linear
+from saltus.system.numba_tools.machine_code import njit
+
+
+@pytest.mark.parametrize("m", [1, 2, 5, 9])
+def test_solutions_and_determinants_are_numpy_s(m):
+    random = np.random.default_rng(m)
+    matrix, rhs = random.normal(size=(m, m)), random.normal(size=(m, 3))
+    solved = rhs.copy()
+    sign, log = linear.solve(matrix.copy(), solved)
+    np.testing.assert_allclose(solved, np.linalg.solve(matrix, rhs), rtol=1e-10)
+    assert (sign, log) == pytest.approx(np.linalg.slogdet(matrix), rel=1e-12)
+
+
+def test_rows_are_exchanged_where_a_pivot_vanishes():
+    solved = np.array([[1.0], [2.0]])
+    assert linear.solve(np.array([[0.0, 2.0], [4.0, 0.0]]), solved) == pytest.approx((-1.0, np.log(8.0)))
+    np.testing.assert_array_equal(solved, [[0.5], [0.5]])
+
+
+def test_a_singular_matrix_has_no_sign():
+    assert linear.solve(np.ones((2, 2)), np.ones((2, 1))) == (0.0, -np.inf)
+
+
+def test_a_bordered_step_solves_its_equations():
+    random = np.random.default_rng(4)
+    J, F, row, u = random.normal(size=(3, 4)), random.normal(size=3), random.normal(size=4), random.normal(size=4)
+    guess, scale = random.normal(size=4), np.array([1.0, 2.0, 4.0, 0.5])
+    solutions, sign, log, size, top = linear.bordered(J, F, row, u, guess, scale)
+    matrix = np.vstack([J, row])
+    np.testing.assert_allclose(matrix @ solutions[:, 0], [*-F, -row @ (u - guess)], atol=1e-12)
+    np.testing.assert_allclose(matrix @ solutions[:, 1], [0.0, 0.0, 0.0, 1.0], atol=1e-12)
+    assert (sign, log) == pytest.approx(np.linalg.slogdet(matrix), rel=1e-10)
+    assert size == pytest.approx(np.max(np.abs(solutions[:, 0]) / scale))
+    assert top == pytest.approx(np.max(np.abs(F) / scale[:3]))
+
+
+@njit()
+def there_and_back(number):
+    return bits.bits_of(number), bits.float_of(bits.bits_of(number))
+
+
+@pytest.mark.parametrize("number", [0.0, 1.0, -2.5, 1e-310, np.inf])
+def test_bits_are_those_of_ieee_754(number):
+    whole, back = there_and_back(number)
+    assert whole == int(np.float64(number).view(np.int64))
+    assert back == number
