@@ -14,7 +14,7 @@ from saltus.explorer import opening
     ("options", "message"),
     [
         ({"system": LOGISTIC}, "system = 'Map': must be a HybridSystem"),
-        ({"load": 3}, "load = 3: must be a path"),
+        ({"load": 3}, "load = 3: must be the path of a file"),
     ],
 )
 def test_what_cannot_be_explored_is_told(options, message):

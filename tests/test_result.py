@@ -7,6 +7,7 @@ import pickle
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import saltus
 from discrete import HENON, LOGISTIC
@@ -16,7 +17,7 @@ from saltus.results import Iterates, PeriodicOrbit
 
 @pytest.fixture(scope="module")
 def found():
-    return iterate(LOGISTIC, [0.2], n=6)
+    return iterate(LOGISTIC, x0=[0.2], n=6)
 
 
 def test_a_result_is_read_back_equal_by_its_class_and_by_load(found, tmp_path):
@@ -32,23 +33,29 @@ def test_a_file_of_another_kind_is_told(found, tmp_path):
 
 
 def test_results_of_other_numbers_or_systems_differ(found):
-    assert found != iterate(LOGISTIC, [0.2000001], n=6)
-    assert found != iterate(HENON, [0.2, 0.1], n=6)
+    assert found != iterate(LOGISTIC, x0=[0.2000001], n=6)
+    assert found != iterate(HENON, x0=[0.2, 0.1], n=6)
     assert found != "a text"
 
 
-def test_a_file_tells_its_version_and_its_kind(found):
+def test_a_dataset_gives_the_result_back(found):
     dataset = found.to_xarray()
     assert found.from_xarray(dataset) == found
-    assert dataset.attrs["saltus_version"] == saltus.__version__
 
 
-def test_a_folder_is_made_and_a_file_that_was_there_is_replaced(found, tmp_path):
-    path = tmp_path / "new" / "a.nc"
+def test_a_file_says_which_version_wrote_it_and_what_it_holds(found, tmp_path):
+    with xr.open_dataset(found.save(tmp_path / "a.nc"), engine="h5netcdf") as dataset:
+        assert (dataset.attrs["saltus_version"], dataset.attrs["saltus_result"]) == (saltus.__version__, "Iterates")
+
+
+def test_a_file_that_was_there_is_replaced_and_a_folder_that_is_not_is_told(found, tmp_path):
+    path = tmp_path / "a.nc"
     found.save(path)
-    other = iterate(LOGISTIC, [0.3], n=3)
+    other = iterate(LOGISTIC, x0=[0.3], n=3)
     other.save(path)
     assert load(path) == other
+    with pytest.raises(InputError, match="must be in a folder that exists"):
+        found.save(tmp_path / "new" / "a.nc")
 
 
 @pytest.mark.parametrize(("content", "told"), [(None, "a file that exists"), (b"text", "a NetCDF file")])

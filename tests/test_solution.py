@@ -16,7 +16,7 @@ KINDS = {
         systems.carried_map(("x",), {"r": 2.5}, {"x": "r*x*(1 - x)"}), {}, [("carry", "map", [0.6, 0.0], 1.0)]
     ),
     "an equilibrium": lambda: find_equilibrium(fields.lorenz(), x0=[1.0, 1.0, 1.0]),
-    "an orbit of a map": lambda: solve_orbit(HENON, {"a": 0.3}, [0.7, 0.2]),
+    "an orbit of a map": lambda: solve_orbit(HENON, {"a": 0.3}, x0=[0.7, 0.2]),
 }
 
 

@@ -173,7 +173,7 @@ BESIDE = {"kernels", "sets", "typing"}
 """Folders that are tested with the package that they lie in: compiled loops, files of values."""
 
 
-def tested(folder: Path) -> set[str]:
+def covered(folder: Path) -> set[str]:
     """Names of what the test files in a folder are about, with those of its folders that have some."""
     return {file.stem.removeprefix("test_") for file in folder.glob("test_*.py")} | {
         inner.name for inner in folder.glob("*/") if any(inner.rglob("test_*.py"))
@@ -183,13 +183,13 @@ def tested(folder: Path) -> set[str]:
 def test_each_package_has_a_folder_of_tests_or_a_file_of_its_name():
     packages = [file.parent.relative_to(PACKAGE) for file in PACKAGE.rglob("__init__.py")]
     with_code = [home for home in packages if home.parts and home.name not in BESIDE]
-    assert [str(home) for home in with_code if home.name not in tested(TESTS / home.parent)] == []
+    assert [str(home) for home in with_code if home.name not in covered(TESTS / home.parent)] == []
 
 
 def test_each_module_beside_the_packages_has_a_file_of_its_name():
     doors = {file.stem for file in PACKAGE.glob("*.pyi")}  # test_doors.py opens them all
     alone = {file.stem for file in PACKAGE.glob("*.py")} - {"__main__", "version"} - doors
-    assert alone - tested(TESTS) == set()
+    assert alone - covered(TESTS) == set()
 
 
 @pytest.mark.parametrize("door", [saltus, afm], ids=["saltus", "saltus.afm"])
@@ -198,6 +198,6 @@ def test_each_public_function_has_a_file_of_its_module_s_name(door):
     for function in (getattr(door, name) for name in door.__all__):
         if inspect.isfunction(function):
             home = Path(*function.__module__.split(".")[1:])
-            if home.name not in tested(TESTS / home.parent):
+            if home.name not in covered(TESTS / home.parent):
                 missing[function.__name__] = str(home)
     assert missing == {}
