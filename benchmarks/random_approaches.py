@@ -16,7 +16,7 @@ import numpy as np
 
 from saltus import HybridSystem, Mode, Transition, simulate
 from saltus.errors import ChatteringError
-from saltus.options import Limits
+from saltus.options import SimulationOptions
 
 PARAMETERS = {"g": 1.0, "e": 0.5, "d": 0.0, "a": 0.0, "c": 0.0, "f": 0.0, "w": 1.0}
 UNITS = (0.0, 0.0, 0.0, -9.0, -6.0, 3.0, 6.0)  # powers of ten
@@ -76,7 +76,7 @@ def outcome(system: HybridSystem, p: dict[str, float], x0: list[float], t_end: f
     start = gap(p, np.array(x0))
     rounding = 1e-9 * (unit + abs(p["d"]))
     try:
-        motion = simulate(system, p, x0, t_end=t_end, limits=Limits(events=2000))
+        motion = simulate(system, p, x0, t_end=t_end, options=SimulationOptions(max_events=2000))
     except ChatteringError as error:
         return "told" if gap(p, np.array(error.state)) > min(start, 0.0) - rounding else "beyond"
     lowest = gap(p, motion(np.linspace(0.0, motion.t_end, 60))).min()

@@ -177,7 +177,7 @@ def _excursion(x: NDArray[np.float64], mode: int) -> float:
         mode=system().mode_names[mode],
         t_end=t_end,
         tolerance=(TIGHT, TIGHT),
-        limits=saltus.options.Limits(events=1),
+        options=saltus.options.SimulationOptions(max_events=1),
     )
     surface = system().parameters["a0"] / system().parameters["eta"]
     extremes = observe(motion.motion(), ["min(z)", "max(z)"])

@@ -38,8 +38,8 @@ from saltus.options import (
     BranchOptions,
     Criteria,
     ErosionOptions,
-    Limits,
     OptimumOptions,
+    SimulationOptions,
     SweepOptions,
 )
 from saltus.results import Basins, Branch, PeriodicOrbit
@@ -464,8 +464,8 @@ def _of_systems(made: Objects) -> dict[str, Call]:
         "mode_index": Call(system.mode_index, {"mode": "free"}),
         "parameter_vector": Call(system.parameter_vector, {"parameters": {}}),
         "simulate": Call(
-            Grouped(saltus.simulate, limits=Limits),
-            {**start, **steps, "periods": 2, "events": 100, "steps": 500},
+            Grouped(saltus.simulate, options=SimulationOptions),
+            {**start, **steps, "periods": 2, "max_events": 100, "max_steps": 500},
         ),
         "simulate for a time": Call(saltus.simulate, {**start, **steps, "t_end": 3.0}),
         "find_orbit": Call(saltus.find_orbit, {**start, "settle": 200.0, "tolerance": 1e-10}),

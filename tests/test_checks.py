@@ -33,7 +33,7 @@ from saltus import (
 )
 from saltus.basins import Basins, Grid
 from saltus.errors import ChatteringError, ConvergenceError, DivergenceError, nearest, shown
-from saltus.options import Limits
+from saltus.options import SimulationOptions
 
 
 def named(value: object) -> str:
@@ -199,7 +199,7 @@ def test_no_door_takes_what_is_no_number(slow, wrong):
         lambda: slow.resolve({"a": wrong}),
         lambda: slow.full_state([wrong]),
         lambda: simulate(slow, {}, [1.0], t_end=1.0, tolerance=wrong),
-        lambda: simulate(slow, {}, [1.0], t_end=1.0, limits=Limits(events=wrong)),
+        lambda: simulate(slow, {}, [1.0], t_end=1.0, options=SimulationOptions(max_events=wrong)),
         lambda: solve_orbit(slow, {}, [("free", None, [1.0], wrong)]),
         lambda: solve_orbit(slow, {}, [("free", None, [1.0], 1.0)], tolerance=wrong),
         lambda: StepControl(initial=wrong),

@@ -65,9 +65,16 @@ def test_the_front_door_has_few_names_and_each_name_one_door():
         assert dir(door) == door.__all__
 
 
-@pytest.mark.parametrize("home", ["errors.StickingError", "options.SweepOptions", "results.Branch"])
-def test_a_name_that_was_at_the_front_door_is_told_where_it_is(home):
-    name = home.rpartition(".")[2]
+@pytest.mark.parametrize(
+    ("name", "home"),
+    [
+        ("StickingError", "errors.StickingError"),
+        ("SweepOptions", "options.SweepOptions"),
+        ("Limits", "options.SimulationOptions"),
+        ("Branch", "results.Branch"),
+    ],
+)
+def test_a_name_that_was_at_the_front_door_is_told_where_it_is(name, home):
     with pytest.raises(AttributeError, match=rf"^saltus\.{name} is now saltus\.{home}$"):
         getattr(saltus, name)
     with pytest.raises(ImportError, match=rf"^saltus\.{name} is now saltus\.{home}$"):
@@ -89,6 +96,13 @@ def test_the_system_comes_first_then_parameters_then_the_state(name):
     assert "map" not in taken
     second = list(taken)[1:2]
     assert not [key for key in taken if key in NAMED and key not in by_name and [key] != second]
+
+
+@pytest.mark.parametrize("name", public_functions())
+def test_a_class_of_options_is_always_the_argument_options(name):
+    taken = inspect.signature(public_functions()[name]).parameters
+    for key, parameter in taken.items():
+        assert ("Options" in str(parameter.annotation)) == (key == "options")
 
 
 @pytest.mark.parametrize("module", [saltus, *DOORS], ids=lambda module: module.__name__)

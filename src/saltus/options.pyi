@@ -10,7 +10,7 @@ from saltus.continuation import (
     DiagramOptions as DiagramOptions,
 )
 from saltus.fitting import FitOptions as FitOptions
-from saltus.flow import Limits as Limits
+from saltus.flow import SimulationOptions as SimulationOptions
 from saltus.optimisation import OptimumOptions as OptimumOptions
 from saltus.sweeps import (
     Criteria as Criteria,

@@ -15,7 +15,7 @@ from saltus.errors import ChatteringError, DivergenceError, InputError
 from saltus.flow import simulation
 from saltus.flow.event_logs import events_after
 from saltus.flow.simulation import simulate
-from saltus.options import Limits
+from saltus.options import SimulationOptions
 from saltus.system.hybrid import HybridSystem, Mode, Transition
 from systems import settle
 
@@ -395,7 +395,7 @@ def test_a_field_that_is_not_finite_at_the_start_is_told():
         ({"tolerance": 0.0}, "tolerance = 0.0: must be a number between 1e-14 and 0.1"),
         ({"tolerance": (1e-9, math.nan)}, r"tolerance\[1\] = nan: must be a finite number > 0"),
         ({"tolerance": (1e-9,)}, "tolerance = .*: must be a number, or a relative and an absolute one"),
-        ({"limits": 3}, "limits = 3: must be a Limits"),
+        ({"options": 3}, "options = 3: must be a SimulationOptions"),
         ({"mode": "fligt"}, "mode = 'fligt': must be one of flight; did you mean 'flight'?"),
         ({"parameters": {"h": 1.0}}, "parameter = 'h': must be one of g, e"),
     ],
@@ -406,10 +406,10 @@ def test_bad_arguments_are_named(ball, arguments, message):
         simulate(ball, **(good | arguments))
 
 
-@pytest.mark.parametrize(("name", "wrong"), [("events", 0), ("steps", 2.5), ("events", None)])
+@pytest.mark.parametrize(("name", "wrong"), [("max_events", 0), ("max_steps", 2.5), ("max_events", None)])
 def test_limits_are_counts(name, wrong):
-    with pytest.raises(InputError, match=rf"Limits.{name} = {wrong}: must be an integer >= 1"):
-        Limits(**{name: wrong})
+    with pytest.raises(InputError, match=rf"SimulationOptions.{name} = {wrong}: must be an integer >= 1"):
+        SimulationOptions(**{name: wrong})
 
 
 def test_periods_must_be_a_positive_integer(afm1):
@@ -584,7 +584,7 @@ def test_events_after_stops_at_the_number_of_events(ball):
 
 
 def test_too_many_events_end_the_motion_with_a_sentence(ball):
-    motion = simulate(ball, {"e": 0.9}, [1.0, 0.0], t_end=20.0, limits=Limits(events=4))
+    motion = simulate(ball, {"e": 0.9}, [1.0, 0.0], t_end=20.0, options=SimulationOptions(max_events=4))
     assert motion.events.size == 4
     assert motion.stopped == f"4 events reached at t = {motion.events['time'][-1]:.12g}"
     assert motion.t_end == motion.events["time"][-1]

@@ -12,7 +12,7 @@ from saltus import Average, HybridSystem, Mode, Transition, find_orbit, lyapunov
 from saltus.ensemble.ensemble import Ensemble
 from saltus.errors import ChatteringError, DefinitionError, DivergenceError, StickingError, StiffnessError
 from saltus.flow import variational
-from saltus.options import Limits, SweepOptions
+from saltus.options import SimulationOptions, SweepOptions
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_a_map_tells_that_its_motions_are_held(block):
 
 
 def test_a_motion_that_passes_a_jump_is_not_held(block):
-    passing = simulate(block, {"A": 2.0}, [1.0, 0.1], periods=50, limits=Limits(steps=20_000))
+    passing = simulate(block, {"A": 2.0}, [1.0, 0.1], periods=50, options=SimulationOptions(max_steps=20_000))
     assert passing.stopped == "50 periods reached"
     for event, call in [
         ("orbit", find_orbit),
@@ -105,7 +105,7 @@ def systems_stiff():
 
 
 def test_a_motion_ends_where_its_memory_does():
-    motion = simulate(systems.impact_oscillator(), {}, [0.0, 0.0], periods=100, limits=Limits(steps=50))
+    motion = simulate(systems.impact_oscillator(), {}, [0.0, 0.0], periods=100, options=SimulationOptions(max_steps=50))
     assert motion.step_times.size == 50
     assert motion.stopped == f"50 steps reached at t = {motion.t_end:.12g}"
 

@@ -12,7 +12,7 @@ import pytest
 
 from saltus import HybridSystem, Mode, Transition, run_sweep, simulate
 from saltus.errors import ChatteringError
-from saltus.options import Limits, SweepOptions
+from saltus.options import SimulationOptions, SweepOptions
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 FALL = {"flight": Mode({"z": "v", "v": "-g"})}
@@ -154,7 +154,9 @@ def test_a_sweep_tells_a_ball_at_rest_as_chattering(table):
 
 def test_gap_of_the_campaign_is_the_height_over_the_wall(campaign, body):
     p = {"d": 0.5, "c": 0.4, "a": 0.3}
-    motion = simulate(body, {**p, "e": 0.7}, [1.0, 3.0, 0.1, 0.0, 0.2], t_end=8.0, limits=Limits(events=200))
+    motion = simulate(
+        body, {**p, "e": 0.7}, [1.0, 3.0, 0.1, 0.0, 0.2], t_end=8.0, options=SimulationOptions(max_events=200)
+    )
     impacts = motion.events[motion.events["name"] == "impact"]
     assert len(impacts) > 1
     assert campaign.gap(p, impacts["before"]) == pytest.approx(0.0, abs=1e-12)

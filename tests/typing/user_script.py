@@ -69,7 +69,7 @@ except saltus.SaltusError as error:
 
 saltus.run_sweep(ball, "A", [0.1], discard=300)  # wrong
 saltus.run_sweep(ball, "A", [0.1], progress="bar")  # wrong
-saltus.simulate(ball, x0=[1.0, 0.0], t_end=1.0, limits=saltus.options.Limits(time=1.0))  # wrong
+saltus.simulate(ball, x0=[1.0, 0.0], t_end=1.0, options=saltus.options.SimulationOptions(time=1.0))  # wrong
 saltus.find_orbits(ball)  # wrong
 saltus.iterate(ball, x0=[1.0, 0.0])  # wrong
 saltus.simulate(henon, x0=[0.1, 0.1], t_end=1.0)  # wrong

@@ -5,7 +5,7 @@ from saltus.system.cache import let_numba_cache
 let_numba_cache()
 
 from saltus.flow.saltation import saltation_matrix  # noqa: E402
-from saltus.flow.simulation import Limits, simulate  # noqa: E402
+from saltus.flow.simulation import SimulationOptions, simulate  # noqa: E402
 from saltus.flow.trajectory import Trajectory  # noqa: E402
 
-__all__ = ["Limits", "Trajectory", "saltation_matrix", "simulate"]
+__all__ = ["SimulationOptions", "Trajectory", "saltation_matrix", "simulate"]

@@ -52,21 +52,21 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-__all__ = ["Limits", "simulate"]
+__all__ = ["SimulationOptions", "simulate"]
 
 _STEPS_KEPT = 1024  # steps for which a motion has room at first; the room grows with the motion
 _MEMORY = 1 << 29  # most memory of dense output, in bytes
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
-    """Numbers of events and steps after which `simulate` ends a motion early; `Trajectory.stopped` says so.
+class SimulationOptions:
+    """Numbers of events and steps at which `simulate` ends a motion early; `Trajectory.stopped` says so.
 
     Parameters
     ----------
-    events : int
+    max_events : int
         Most transitions.
-    steps : int, optional
+    max_steps : int, optional
         Most steps; by default as many as fit into 512 MiB, some 3 million for two states.
 
     Raises
@@ -76,17 +76,17 @@ class Limits:
 
     Examples
     --------
-    >>> Limits(events=4)
-    Limits(events=4, steps=None)
+    >>> SimulationOptions(max_events=4)
+    SimulationOptions(max_events=4, max_steps=None)
     """
 
-    events: int = 100_000
-    steps: int | None = None
+    max_events: int = 100_000
+    max_steps: int | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "events", checks.count("Limits.events", self.events))
-        if self.steps is not None:
-            object.__setattr__(self, "steps", checks.count("Limits.steps", self.steps))
+        object.__setattr__(self, "max_events", checks.count("SimulationOptions.max_events", self.max_events))
+        if self.max_steps is not None:
+            object.__setattr__(self, "max_steps", checks.count("SimulationOptions.max_steps", self.max_steps))
 
 
 def simulate(
@@ -98,7 +98,7 @@ def simulate(
     t_end: float | None = None,
     periods: int | None = None,
     tolerance: float | tuple[float, float] = RTOL,
-    limits: Limits | None = None,
+    options: SimulationOptions | None = None,
 ) -> Trajectory:
     """Return the motion of a hybrid system from a state.
 
@@ -121,7 +121,7 @@ def simulate(
         Relative tolerance of a step, between 1e-14 and 0.1, or a pair of relative and absolute tolerance. By default
         the absolute tolerance is 1e-12. Where a state stays below 1e-2 all along the motion, 1e-12 is
         multiplied by the size of the smallest state.
-    limits : Limits, optional
+    options : SimulationOptions, optional
         Numbers of transitions and steps after which the motion ends early; by default 100 000 transitions.
 
     Returns
@@ -169,8 +169,8 @@ def simulate(
     end, periods = how_long(system, periods, t_end)
     if periods is not None:
         periods = checks.count("periods", periods)
-    limits = Limits() if limits is None else checks.instance("limits", limits, Limits)
-    most_steps = _MEMORY // (8 * (8 * x.size + 4)) if limits.steps is None else limits.steps
+    options = SimulationOptions() if options is None else checks.instance("options", options, SimulationOptions)
+    most_steps = _MEMORY // (8 * (8 * x.size + 4)) if options.max_steps is None else options.max_steps
     start = starting_mode(system, x, p, mode)
 
     def begun(atol: float) -> EventDrivenMotion:
@@ -179,14 +179,14 @@ def simulate(
         )
 
     if atol is None:
-        run = followed_in_size(begun, lambda run: run.follow(end, periods, limits.events))
+        run = followed_in_size(begun, lambda run: run.follow(end, periods, options.max_events))
     else:
         run = begun(atol)
-        run.follow(end, periods, limits.events)
+        run.follow(end, periods, options.max_events)
     full = run.time
     short = ""
     if full < end and (periods is None or not run.went_round(periods)):
-        short = f"{limits.events} events" if run.events_passed >= limits.events else f"{most_steps} steps"
+        short = f"{options.max_events} events" if run.events_passed >= options.max_events else f"{most_steps} steps"
     stopped = f"t_end = {end:.12g} reached" if periods is None else f"{periods} periods reached"
     stopped = f"{short} reached at t = {full:.12g}" if short else stopped
     times, modes, starts, dense = run.steps()
