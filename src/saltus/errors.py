@@ -113,12 +113,8 @@ class ChatteringError(_MotionError):
 
     Parameters
     ----------
-    time : float
-        Time reached.
-    state : sequence of float
-        State there.
-    mode : str
-        Mode there.
+    time, state, mode : float, sequence of float, str
+        Where the motion ended.
     transition : str, optional
         The last event.
     """
@@ -142,12 +138,8 @@ class StickingError(ChatteringError):
 
     Parameters
     ----------
-    time : float
-        Time reached.
-    state : sequence of float
-        State there.
-    mode : str
-        Mode there.
+    time, state, mode : float, sequence of float, str
+        Where the motion ended.
     surface : str
         Expression that vanishes where the field jumps.
     """
@@ -177,12 +169,8 @@ class StiffnessError(_MotionError):
 
     Parameters
     ----------
-    time : float
-        Time reached.
-    state : sequence of float
-        State there.
-    mode : str
-        Mode there.
+    time, state, mode : float, sequence of float, str
+        Where the motion ended.
     steps : int
         Steps spent.
     hint : str, optional
@@ -255,12 +243,8 @@ class DivergenceError(_MotionError):
 
     Parameters
     ----------
-    time : float
-        Time reached.
-    state : sequence of float
-        State there.
-    mode : str
-        Mode there.
+    time, state, mode : float, sequence of float, str
+        Where the motion ended.
     reason : str
         What was seen.
     """

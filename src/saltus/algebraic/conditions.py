@@ -27,7 +27,7 @@ _CONVERGED = 1e-12  # largest relative Newton step of a converged point
 
 
 class Condition(Protocol):
-    """Scalars that vanish where an equilibrium is critical.
+    """Scalars that vanish where a solution is critical, in its unknowns, parameters and further unknowns.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """Arguments as a user hands them in: one check for each kind, with the same words wherever it is asked for.
 
 Each function returns the argument as what it stands for (a float, an integer, an array, a path), or raises
-`InputError`. Its first parameter is what the message calls the argument.
+`InputError`. Its first parameter `name` is what the message calls the argument, the second is the value given.
 
 A *real number* is an integer, a float, a fraction, a decimal, or a real number of NumPy or of SymPy. So is whatever is
 registered as `numbers.Real`. Booleans, complex numbers, texts, bytes, dates and durations are none, whatever `float`

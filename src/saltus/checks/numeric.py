@@ -72,10 +72,6 @@ def number(name: str, value: object, allowed: str = "a finite number", *, finite
 
     Parameters
     ----------
-    name : str
-        The argument.
-    value : object
-        The value given.
     allowed : str, optional
         What the message says is allowed.
     finite : bool, optional
@@ -115,7 +111,7 @@ def positive(name: str, value: object, unit: str = "") -> float:
     Raises
     ------
     InputError
-        It is none.
+        It is no number, or not above zero.
 
     Examples
     --------
@@ -126,10 +122,7 @@ def positive(name: str, value: object, unit: str = "") -> float:
         ...
     saltus.errors.InputError: length = -1: must be a finite number > 0 (in m)
     """
-    allowed = "a finite number > 0"
-    if (found := number(name, value, allowed, unit=unit)) <= 0.0:
-        raise InputError(name, value, allowed + (f" (in {unit})" if unit else ""))
-    return found
+    return _at_least(name, value, "a finite number > 0", math.ulp(0.0), unit)
 
 
 def non_negative(name: str, value: object, unit: str = "") -> float:
@@ -138,15 +131,18 @@ def non_negative(name: str, value: object, unit: str = "") -> float:
     Raises
     ------
     InputError
-        It is none.
+        It is no number, or below zero.
 
     Examples
     --------
     >>> non_negative("H", 0, "J")
     0.0
     """
-    allowed = "a finite number >= 0"
-    if (found := number(name, value, allowed, unit=unit)) < 0.0:
+    return _at_least(name, value, "a finite number >= 0", 0.0, unit)
+
+
+def _at_least(name: str, value: object, allowed: str, least: float, unit: str) -> float:
+    if (found := number(name, value, allowed, unit=unit)) < least:
         raise InputError(name, value, allowed + (f" (in {unit})" if unit else ""))
     return found
 

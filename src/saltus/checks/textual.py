@@ -41,10 +41,6 @@ def chosen(name: str, value: object, known: Iterable[str], *, instead: str = "",
 
     Parameters
     ----------
-    name : str
-        The argument.
-    value : object
-        The value given.
     known : iterable of str
         What it may be.
     instead : str, optional
@@ -141,10 +137,6 @@ def mapping(name: str, value: object, what: str, *, known: Iterable[str] | None 
 
     Parameters
     ----------
-    name : str
-        The argument.
-    value : object
-        The value given.
     what : str
         What it maps, as in "names to numbers".
     known : iterable of str, optional

@@ -70,8 +70,6 @@ def load_lanes(system: Definition, order: int, exact: dict[int, int]) -> Compile
 
     Parameters
     ----------
-    system : Definition
-        The system.
     order : int
         Last coefficient of the Taylor series.
     exact : dict of int to int

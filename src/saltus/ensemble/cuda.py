@@ -77,14 +77,7 @@ class CudaEnsemble(Ensemble):
         super().__init__(system, parameters, **options)
         self.devices = _chosen(devices)
 
-    def _run(
-        self,
-        motions: Motions,
-        regions: Regions,
-        boxes: Boxes,
-        settings: Settings,
-        found: Found,
-    ) -> None:
+    def _run(self, motions: Motions, regions: Regions, boxes: Boxes, settings: Settings, found: Found) -> None:
         assert self._lanes is not None
         module, count = self._lanes.module, len(motions.points)
         lanes = self._lanes.with_numbers(self._constants, self._quantities)

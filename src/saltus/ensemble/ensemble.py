@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from saltus.ensemble.compiled import CompiledLanes
     from saltus.system.hybrid import HybridSystem
 
-__all__ = ["Ensemble", "boxes_of", "follow_pieces", "part_of", "regions_of"]
+__all__ = ["Ensemble", "boxes_of", "checked_points", "follow_pieces", "part_of", "regions_of"]
 
 _ORDER = 10  # last coefficient of the Taylor series
 _GROWTH = 4.5  # growth of a motion's tolerance a period: a late error equals a smaller one at the start
@@ -169,8 +169,6 @@ class Ensemble:
         ----------
         points : array_like, shape (m, n)
             States at phase 0, in the order of `system.states`.
-        traps : Traps
-            Trapping regions.
         longest : int, optional
             Periods after which a motion is undecided.
         modes : array_like of int, shape (m,), optional
@@ -260,11 +258,7 @@ class Ensemble:
         return starts
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
-        x = checks.array("points", points, finite=False)
-        if x.ndim != 2 or x.shape[1] != self.n:
-            names = ", ".join(self.system.states)
-            raise InputError("points", x.shape, f"of shape (m, {self.n})", f"a row holds {names}")
-        return x
+        return checked_points(points, self.system.states)
 
     def _followed(
         self, x: NDArray[np.float64], modes: NDArray[np.int64], traps: Traps, longest: int, *, growth: bool
@@ -292,14 +286,7 @@ class Ensemble:
         self.periods_alone += int(strobes[alone].sum())
         return labels, strobes, ends, end_modes
 
-    def _run(
-        self,
-        motions: Motions,
-        regions: Regions,
-        boxes: Boxes,
-        settings: Settings,
-        found: Found,
-    ) -> None:
+    def _run(self, motions: Motions, regions: Regions, boxes: Boxes, settings: Settings, found: Found) -> None:
         """Follow motions by lanes; `found` is written."""
         compiled, count = self._lanes, len(motions.points)
         assert compiled is not None
@@ -365,6 +352,14 @@ def _largest_tolerance(traps: Traps) -> float:
     if traps.ellipsoids is None or not len(traps.ellipsoids.shapes):
         return _LARGEST_TOLERANCE
     return min(_LARGEST_TOLERANCE, _OF_A_TRAP * traps.ellipsoids.narrowest())
+
+
+def checked_points(points: ArrayLike, states: Sequence[str]) -> NDArray[np.float64]:
+    """Return starts of motions, shape (m, n), a copy; raise `InputError` for another shape."""
+    x = checks.array("points", points, finite=False)
+    if x.ndim != 2 or x.shape[1] != len(states):
+        raise InputError("points", x.shape, f"of shape (m, {len(states)})", f"a row holds {', '.join(states)}")
+    return x
 
 
 def follow_pieces(follow: Callable[[int, int], Any], count: int, piece: int, threads: int) -> list[Any]:

@@ -40,16 +40,12 @@ def follow_alone(
 
     Parameters
     ----------
-    system : HybridSystem
-        The system.
     parameters : mapping of str to float
         Parameters that differ from the system's defaults.
     x : ndarray, shape (n,)
         Start at phase 0.
     mode : int
         Index of the mode there; negative for the first that the state allows.
-    traps : Traps
-        Trapping regions.
     longest : int
         Periods after which a motion is undecided.
     period : float

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from saltus import checks
-from saltus.ensemble.ensemble import boxes_of, follow_pieces, part_of, regions_of
+from saltus.ensemble.ensemble import boxes_of, checked_points, follow_pieces, part_of, regions_of
 from saltus.ensemble.kernels import map as kernels
 from saltus.ensemble.labels import NOT_DONE, UNDECIDED, Boxes, Found, Motions, Settings
 from saltus.ensemble.traps import Traps
@@ -155,8 +155,6 @@ class MapEnsemble:
         ----------
         points, modes
             As in `strobe`.
-        traps : Traps
-            Trapping regions.
         longest : int, optional
             Iterations after which a motion is undecided.
 
@@ -167,38 +165,15 @@ class MapEnsemble:
 
         Raises
         ------
-        InputError
-            Points of another shape.
-        DefinitionError
-            A state is met at which no piece holds, or several do.
+        InputError, DefinitionError
+            As `strobe`.
         """
         return self._followed(points, traps, longest)[:2]
 
     def arrivals(
         self, points: ArrayLike, traps: Traps, longest: int = 200
     ) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int64]]:
-        """Return the label of the trap that each motion falls into, and where the motion is then.
-
-        Parameters
-        ----------
-        points, traps, longest
-            As in `settle`.
-
-        Returns
-        -------
-        labels : ndarray of uint8, shape (m,)
-        states : ndarray, shape (m, n)
-            The first states in a trap.
-        modes : ndarray of int, shape (m,)
-            0.
-
-        Raises
-        ------
-        InputError
-            Points of another shape.
-        DefinitionError
-            A state is met at which no piece holds, or several do.
-        """
+        """Return each motion's label, its first state in a trap, and 0 as its mode, as `Ensemble.arrivals` does."""
         labels, _, ends = self._followed(points, traps, longest)
         return labels, ends, np.zeros(len(ends), np.int64)
 
@@ -234,11 +209,7 @@ class MapEnsemble:
         return int(label)
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
-        x = checks.array("points", points, finite=False)
-        if x.ndim != 2 or x.shape[1] != self.n:
-            names = ", ".join(self.system.states)
-            raise InputError("points", x.shape, f"of shape (m, {self.n})", f"a row holds {names}")
-        return np.ascontiguousarray(x)
+        return np.ascontiguousarray(checked_points(points, self.system.states))
 
     def _followed(
         self, points: ArrayLike, traps: Traps, longest: int

@@ -173,8 +173,6 @@ def minimised(
 
     Parameters
     ----------
-    objective : Objective
-        The residuals.
     start : ndarray, shape (parameters,)
         Where the search starts.
     bounds : ndarray, shape (2, parameters)

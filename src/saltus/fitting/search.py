@@ -51,19 +51,15 @@ def searched(objective: Objective, start: NDArray[np.float64], bounds: NDArray[n
 
     Parameters
     ----------
-    objective : Objective
-        The residuals.
-    start : ndarray, shape (parameters,)
-        Where the search starts.
-    bounds : ndarray, shape (2, parameters)
-        Least and greatest values.
+    start, bounds : ndarray
+        As `minimised` takes them.
     most : int
         Evaluations of each search, at most.
 
     Raises
     ------
     ConvergenceError
-        The model cannot be compared with the data at the start.
+        As by `minimised`.
     """
     best = _from(objective, start, bounds, most)
     if best.is_interrupted or _fits(best):

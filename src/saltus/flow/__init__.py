@@ -1,4 +1,7 @@
-"""Compiled flows of hybrid systems."""
+"""Compiled flows of hybrid systems.
+
+In all modules `p` is the vector of all parameters, `HybridSystem.parameter_vector`, and a mode is given by its index.
+"""
 
 from saltus.system.cache import let_numba_cache
 

@@ -40,8 +40,6 @@ def spectrum(
 
     Parameters
     ----------
-    motion : Motion
-        The stretch.
     expression : str
         What is transformed, for the labels.
     values_at : callable

@@ -52,14 +52,8 @@ def events_after(
 
     Parameters
     ----------
-    system : HybridSystem
-        The system.
-    p : ndarray, shape (parameters,)
-        `HybridSystem.parameter_vector`.
     x : array_like, shape (states,) or (all states,)
         Start; it may lie on the boundary of the mode's domain.
-    mode : int
-        Index of the mode there.
     periods, t_end : int, float
         How long; exactly one of the two.
     n_events : int, optional

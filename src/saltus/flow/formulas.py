@@ -88,8 +88,6 @@ def read_formula(system: Definition, text: str) -> Formula:
 
     Parameters
     ----------
-    system : Definition
-        The system.
     text : str
         An observable, or an expression in observables, parameters and ``period``.
 

@@ -46,10 +46,6 @@ def landings_beyond(
 
     Parameters
     ----------
-    system : HybridSystem
-        The system.
-    parameters : mapping of str to float
-        All its parameters.
     events : structured ndarray, shape (event,)
         With the fields `time`, `name`, `mode_before`, `mode_after`, `before` and `after` of `Trajectory.events`.
     sizes : ndarray, shape (all states,)

@@ -130,8 +130,6 @@ def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
 
     Parameters
     ----------
-    motion : Motion
-        The stretch.
     names : iterable of str
         What is observed, as in ``"amplitude(z, 1)"`` or ``"-degrees(phase(z, 1))"``.
 
@@ -144,12 +142,8 @@ def observe(motion: Motion, names: Iterable[str]) -> dict[str, float]:
     --------
     >>> from saltus.flow.simulation import simulate
     >>> from saltus.system.hybrid import HybridSystem, Mode, Transition
-    >>> ball = HybridSystem(
-    ...     states=("z", "v"),
-    ...     parameters={"g": 1.0, "e": 0.5},
-    ...     modes={"flight": Mode({"z": "v", "v": "-g"})},
-    ...     transitions=[Transition("flight", "flight", "z", -1, {"v": "-e*v"}, name="impact")],
-    ... )
+    >>> impact = Transition("flight", "flight", "z", -1, {"v": "-v/2"}, name="impact")
+    >>> ball = HybridSystem(("z", "v"), {"g": 1.0}, {"flight": Mode({"z": "v", "v": "-g"})}, [impact])
     >>> fall = simulate(ball, {}, [0.5, 0.0], t_end=1.5)
     >>> for name, value in observe(fall.motion(), ["max(z)", "mean(v)", "velocity(impact)"]).items():
     ...     print(f"{name} = {value:.6f}")

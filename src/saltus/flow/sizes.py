@@ -152,14 +152,8 @@ def fitting_atol(
 
     Parameters
     ----------
-    system : HybridSystem
-        The system.
-    p : ndarray, shape (parameters,)
-        `HybridSystem.parameter_vector`.
     x : ndarray, shape (states,) or (all states,)
         Start, from which the motion is looked at for 2000 steps.
-    mode : int
-        Index of the mode there.
     usual : float
         Tolerance for states of size 1 or more.
     """

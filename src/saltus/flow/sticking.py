@@ -36,10 +36,6 @@ def sticking_surface(
 
     Parameters
     ----------
-    system : HybridSystem
-        The system.
-    mode : int
-        Index of the mode.
     x : ndarray, shape (all states,)
         Full state.
     extended : ndarray
@@ -70,8 +66,6 @@ def check_continuous(
 
     Parameters
     ----------
-    system : HybridSystem
-        The system.
     modes : ndarray of int, shape (time,)
         Indices of the modes at some times of the motion.
     states : ndarray, shape (time, all states)

@@ -136,14 +136,8 @@ def growth_along(
 
     Parameters
     ----------
-    system : HybridSystem
-        The system.
-    p : ndarray, shape (parameters,)
-        `HybridSystem.parameter_vector`.
     x : array_like, shape (states,) or (all states,)
         Start, best on the attractor.
-    mode : int
-        Index of the mode there.
     average : Average
         How long it is measured.
     exponents : int, optional

@@ -31,8 +31,6 @@ def growth_of_map(
 
     Parameters
     ----------
-    system : Map
-        The map.
     p : ndarray, shape (parameters,)
         `Map.parameter_vector`.
     x : array_like, shape (states,)

@@ -148,7 +148,7 @@ class MapOrbit(Solution):
         Parameters
         ----------
         expression : str
-            In the states, parameters and outputs.
+            As `Iterates.output` takes it.
 
         Returns
         -------
@@ -158,7 +158,7 @@ class MapOrbit(Solution):
         Raises
         ------
         InputError
-            A text that is no expression, or an unknown name in it.
+            It cannot be read, or has an unknown name.
         """
         pieces = itinerary_of(self.system, self.itinerary)
         return evaluate(self.system, expression, self.points, np.array(pieces), self.parameters)

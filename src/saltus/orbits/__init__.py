@@ -1,4 +1,8 @@
-"""Periodic orbits of hybrid systems."""
+"""Periodic orbits of hybrid systems.
+
+In all modules `u` is the vector of an orbit's unknowns, shape (size + active,), and `J` the Jacobian of its equations
+there, shape (size, size) or wider.
+"""
 
 from saltus.orbits.find import find_orbit
 from saltus.orbits.orbit import PeriodicOrbit

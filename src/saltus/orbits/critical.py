@@ -16,7 +16,7 @@ torus bifurcations are 2 m + 2 real equations in the cosine of the angle, regula
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from saltus.orbits.signature import Survey
 
 __all__ = [
-    "TOUCHING", "Branching", "Condition", "Critical", "Grazing", "TorusCondition", "closing", "openness", "scaling",
+    "TOUCHING", "Branching", "Critical", "Grazing", "TorusCondition", "closing", "openness", "scaling",
     "solve_branch_point", "touched", "vanishing_segment",
 ]  # fmt: skip
 
@@ -39,21 +39,6 @@ TOUCHING = 1e-6  # distance from a surface, over the event's size, or duration, 
 _ITERATIONS = 12  # Newton steps to a branch point, at most
 _CONVERGED = 1e-9  # largest relative Newton step of a converged branch point
 _UNFORCED = 1e-9  # forcing of the equations, in their units, up to which a branch point persists
-
-
-class Condition(Protocol):
-    """Scalars that vanish where an orbit is critical, in the orbit's unknowns, parameters and `extra` further ones."""
-
-    extra: int
-    rows: int
-
-    def evaluate(
-        self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the scalars, (rows,), and their gradients in unknowns and parameters, and in the further unknowns."""
-
-    def adjust(self) -> None:
-        """Take the borders from the null vectors last computed."""
 
 
 def closing(problem: OrbitProblem) -> NDArray[np.float64]:

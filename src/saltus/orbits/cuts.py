@@ -94,8 +94,6 @@ def cut(
     ----------
     problem : OrbitProblem
         Its equations, meshes made for it.
-    u : ndarray, shape (size + active,)
-        The orbit.
     J : ndarray, shape (size, size + active)
         Jacobian there.
     """

@@ -56,12 +56,6 @@ def multipliers(
 
     Parameters
     ----------
-    problem : OrbitProblem
-        The equations.
-    u : ndarray, shape (size + active,)
-        The orbit.
-    J : ndarray, shape (size, size) or wider
-        Jacobian there.
     flows : ndarray, shape (pieces, states), optional
         Directions of the flow where the pieces of a smooth cycle start; by default those of the field there. Rounding
         leaves the field none at a piece that rests at an equilibrium.
@@ -113,12 +107,6 @@ def multiplier_errors(
 
     Parameters
     ----------
-    problem : OrbitProblem
-        The equations.
-    u : ndarray, shape (size + active,)
-        The orbit.
-    J : ndarray, shape (size, size) or wider
-        Jacobian there.
     values : ndarray of complex, shape (states,)
         What `multipliers` returns for it.
     """

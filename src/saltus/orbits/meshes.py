@@ -35,8 +35,6 @@ def adapted(
 
     Parameters
     ----------
-    compiled : Compiled
-        The system's functions.
     modes : ndarray of int64, shape (segments,)
         Where the segments run.
     blocks : ndarray, shape (segments, n + 1)
@@ -69,8 +67,6 @@ def decays(
 
     Parameters
     ----------
-    compiled : Compiled
-        The system's functions.
     modes, blocks, p : ndarray
         As of `adapted`.
     """
@@ -111,8 +107,6 @@ def limited_by_stability(
 
     Parameters
     ----------
-    compiled : Compiled
-        The system's functions.
     modes, durations : ndarray, shape (segments,)
         Where the segments run, and how long.
     meshes, nodes : sequence of ndarray

@@ -45,8 +45,6 @@ def multipliers_by_parameters(
     ----------
     problem : OrbitProblem
         The equations, active parameters growing.
-    u, J : ndarray
-        The orbit, and the Jacobian there.
     du : ndarray, shape (size, active)
         Derivatives of the unknowns.
     """

@@ -158,8 +158,6 @@ def planned(system: HybridSystem, names: tuple[str, ...]) -> Plan:
 
     Parameters
     ----------
-    system : HybridSystem
-        The system.
     names : tuple of str
         As `PeriodicOrbit.sensitivity` takes them.
 

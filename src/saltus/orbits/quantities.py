@@ -99,8 +99,6 @@ def read_quantity(system: HybridSystem, name: object) -> Quantity:
 
     Parameters
     ----------
-    system : HybridSystem
-        The system.
     name : str
         ``period``; ``min_`` or ``max_`` and a state or output; an observable, as ``"mean(x)"``, or a formula in some. A
         state or output alone must be constant along the motion.

@@ -96,8 +96,6 @@ def unknowns_by_parameters(
     ----------
     problem : OrbitProblem
         The equations, meshes made, parameters in units of 1.
-    u, J : ndarray
-        The orbit, and the Jacobian there.
 
     Raises
     ------
@@ -125,8 +123,6 @@ def sensitivities(problem: OrbitProblem, u: NDArray[np.float64], names: Sequence
     ----------
     problem : OrbitProblem
         The equations, meshes made, parameters in units of 1.
-    u : ndarray, shape (size + active,)
-        The orbit.
     names : sequence of str
         Observables; ``"segments"``; ``"multipliers"``, for which the active parameters must be growing.
 
@@ -159,8 +155,6 @@ def slope_along(problem: OrbitProblem, u: NDArray[np.float64], tangent: NDArray[
 
     Parameters
     ----------
-    problem : OrbitProblem
-        The equations.
     u : ndarray, shape (size + active,) or longer
         The orbit.
     tangent : ndarray, shape of `u`

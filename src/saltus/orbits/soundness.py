@@ -42,12 +42,6 @@ def sound_orbit(
 
     Parameters
     ----------
-    problem : OrbitProblem
-        The equations.
-    u : ndarray, shape (size + active,)
-        The orbit.
-    J : ndarray, shape (size, size) or wider
-        Jacobian there.
     fixed : Fixed, optional
         The quantity that was fixed.
     """
@@ -64,10 +58,6 @@ def check_solved(problem: OrbitProblem, u: NDArray[np.float64], survey: Survey) 
 
     Parameters
     ----------
-    problem : OrbitProblem
-        The equations.
-    u : ndarray, shape (size + active,)
-        The orbit.
     survey : Survey
         A dense look at it.
     """

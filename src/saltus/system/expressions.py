@@ -180,8 +180,6 @@ def parse(text: str, names: Collection[str], where: str) -> sympy.Expr:
 
     Parameters
     ----------
-    text : str
-        The expression.
     names : collection of str
         Symbols that it may use (all real); they win over ``pi`` and over functions.
     where : str

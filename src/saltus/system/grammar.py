@@ -46,8 +46,6 @@ def syntax_tree(text: str, names: Collection[str], where: str, error: type[Input
 
     Parameters
     ----------
-    text : str
-        The expression.
     names : collection of str
         Declared names; they win over ``pi`` and over functions.
     where : str
@@ -77,8 +75,6 @@ def chosen_among(text: str, names: Collection[str]) -> dict[str, set[str]]:
 
     Parameters
     ----------
-    text : str
-        The expression.
     names : collection of str
         Declared names.
 

@@ -67,8 +67,6 @@ def is_periodic(system: Definition, text: str, angle: str, *, turns: bool = Fals
 
     Parameters
     ----------
-    system : Definition
-        The system.
     text : str
         An expression in states, phase, parameters and outputs.
     angle : str

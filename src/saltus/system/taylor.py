@@ -64,10 +64,6 @@ def series_of_mode(
 
     Parameters
     ----------
-    system : Symbolic
-        The definition.
-    mode : int
-        Index of the mode.
     order : int
         Last coefficient.
     text : callable

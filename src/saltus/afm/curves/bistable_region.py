@@ -33,8 +33,6 @@ def turns_of(locus: Locus, name: str, sign: float) -> list[SpecialPoint]:
 
     Parameters
     ----------
-    locus : Locus
-        The locus.
     name : str
         The parameter.
     sign : {1.0, -1.0}

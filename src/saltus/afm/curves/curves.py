@@ -137,10 +137,8 @@ def frequency_curve(
 
     Raises
     ------
-    InputError
-        The system is no such model, or a value is not allowed.
-    ConvergenceError
-        No motion is found at the lower end.
+    InputError, ConvergenceError
+        As for `distance_curve`; no motion is found at the lower end.
 
     Examples
     --------

@@ -188,6 +188,7 @@ def tip_radius(
     Returns
     -------
     float
+        The radius, in nm.
 
     Raises
     ------

@@ -63,8 +63,7 @@ def fit(
     options : FitOptions, optional
         Starts, profiles, steps.
     progress : bool or callable, optional
-        True for a bar on stderr, or a function of a `saltus.Progress`. An interrupt (Ctrl-C) ends the search with the
-        best so far.
+        As `saltus.fit` takes it.
 
     Returns
     -------

@@ -38,8 +38,6 @@ def stable_orbits(curve: Curve, place: float) -> StableOrbits:
 
     Parameters
     ----------
-    curve : Curve
-        The curve.
     place : float
         Where: a distance or a frequency, whichever the curve is along.
 

@@ -179,17 +179,7 @@ def read_experiment(path: Path) -> Experiment:
 
 
 def named_experiment(name: str) -> Experiment:
-    """Return the probe over a sample that a named parameter set describes.
-
-    Parameters
-    ----------
-    name : str
-        Name of the set, as `saltus.afm.files.sets.names` lists them.
-
-    Raises
-    ------
-    InputError
-        There is no such set.
+    """Return the probe over a sample that a parameter set of `saltus.afm.files.sets.names` describes.
 
     Examples
     --------

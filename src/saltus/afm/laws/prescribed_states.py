@@ -25,8 +25,6 @@ def energy_of_states_aJ(law: Product, Zc_nm: float, A_nm: float, f_kHz: float) -
 
     Parameters
     ----------
-    law : Product
-        The law.
     Zc_nm, A_nm, f_kHz : float
         The motion.
 

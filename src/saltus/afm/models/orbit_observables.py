@@ -49,11 +49,6 @@ class Observables(Mapping[str, Any]):
     def harmonic_nm(self, order: int) -> float:
         """Return the amplitude of the deflection at a multiple of the first drive's frequency.
 
-        Parameters
-        ----------
-        order : int
-            Which multiple.
-
         Returns
         -------
         float, in nm

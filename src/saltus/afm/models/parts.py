@@ -201,8 +201,6 @@ def values_of(system: HybridSystem, values: Mapping[str, float]) -> dict[str, An
 
     Parameters
     ----------
-    system : HybridSystem
-        A model of `saltus.afm.model`.
     values : mapping of str to float
         Parameters that are held; what is left out has no value.
 

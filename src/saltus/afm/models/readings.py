@@ -91,8 +91,6 @@ def formulas(system: HybridSystem, of: str | int = "deflection", phase_conventio
 
     Parameters
     ----------
-    system : HybridSystem
-        A model of `saltus.afm.model`.
     of : {"deflection", "tip"} or int, optional
         Of what amplitude and lag are told, as `saltus.afm.observables` takes it.
     phase_convention : {"lag90", "bruker0", "asylum"}, optional

@@ -66,10 +66,6 @@ def settled(
 
     Parameters
     ----------
-    system : HybridSystem
-        A model of `saltus.afm.model`.
-    parameters : mapping of str to float
-        All its parameters.
     x0 : array_like
         Where the motion starts.
     mode : str, optional
@@ -245,10 +241,6 @@ def starts_about(
 
     Parameters
     ----------
-    system : HybridSystem
-        A model of `saltus.afm.model`.
-    parameters : mapping of str to float
-        All its parameters.
     largest : float
         The larger amplitude, in nm.
     """

@@ -20,8 +20,6 @@ def plot_bistability(region: Bistability, *, ax: Axes | None = None, special: bo
 
     Parameters
     ----------
-    region : Bistability
-        The folds.
     ax : matplotlib.axes.Axes, optional
         Where to draw; by default in a new figure.
     special, legend : bool, optional

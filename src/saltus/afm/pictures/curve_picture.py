@@ -48,8 +48,6 @@ def plot_curve(
 
     Parameters
     ----------
-    curve : Curve
-        The curve.
     kind : {"apd", "tune", "energy", "force"}, optional
         Amplitude over lag, energy to the sample over virial, or the greatest over the least force. By default amplitude
         over lag.

@@ -23,8 +23,6 @@ def plot_shift(
 
     Parameters
     ----------
-    curve : FrequencyShift
-        The readings.
     y, second : str, optional
         The readings in the upper and the lower panel.
     ax : sequence of two matplotlib.axes.Axes, optional
@@ -33,6 +31,7 @@ def plot_shift(
     Returns
     -------
     tuple of two matplotlib.axes.Axes
+        The upper and the lower panel.
 
     Raises
     ------

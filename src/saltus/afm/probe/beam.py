@@ -31,11 +31,6 @@ _PI_TAIL = 9.6765358979323846e-4  # pi less `_PI_HEAD`
 def wavenumbers(n: int) -> NDArray[np.float64]:
     """Return the first `n` roots of ``cos(b) cosh(b) = -1``, to the rounding of their last digit.
 
-    Parameters
-    ----------
-    n : int
-        How many.
-
     Returns
     -------
     ndarray, shape (n,), read-only

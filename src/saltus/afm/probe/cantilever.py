@@ -156,7 +156,7 @@ class Cantilever:
         Parameters
         ----------
         n : int
-            How many.
+            Of how many modes.
 
         Returns
         -------
@@ -177,12 +177,12 @@ class Cantilever:
         return np.asarray(self.f0 * (b / b[0]) ** 2)
 
     def stiffnesses(self, n: int) -> NDArray[np.float64]:
-        """Return the modal stiffnesses at the tip of the first `n` modes.
+        """Return the modal stiffnesses at the tip of the first modes.
 
         Parameters
         ----------
         n : int
-            How many.
+            Of how many modes.
 
         Returns
         -------
@@ -192,7 +192,7 @@ class Cantilever:
         Raises
         ------
         InputError
-            `n` is below 1.
+            Of none, as `n` is below 1.
 
         Examples
         --------

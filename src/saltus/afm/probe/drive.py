@@ -133,16 +133,17 @@ class Drive:
         Y_nm : float
             Its amplitude, in nm.
         ratio, phase_deg, check : optional
-            As for `Drive`.
+            As `Drive.force` takes them.
 
         Returns
         -------
         Drive
+            Of the base.
 
         Raises
         ------
         InputError
-            A value is not allowed.
+            The amplitude, or one of these, is not allowed.
 
         Examples
         --------

@@ -38,8 +38,6 @@ def modes_with_mass(n: int, mu: float = 0.0) -> tuple[EndMode, ...]:
 
     Parameters
     ----------
-    n : int
-        How many.
     mu : float, optional
         The mass, in units of the beam's.
 

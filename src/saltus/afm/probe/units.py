@@ -123,10 +123,6 @@ def checked(
     quantity : Quantity, optional
         What is allowed; by default what the name stands for.
 
-    Returns
-    -------
-    float
-
     Raises
     ------
     InputError

@@ -74,12 +74,8 @@ def cage_of(
 
     Parameters
     ----------
-    system : HybridSystem
-        The system.
     parameters : mapping of str to float, optional
         Parameters that differ from the system's defaults.
-    mode : str
-        The mode.
     fraction : float, optional
         Distance of motions from the events, over the least distance of the linear response; by default the one with the
         largest cage.

@@ -181,7 +181,6 @@ def orbit_jacobians(orbit: PeriodicOrbit, points: NDArray[np.float64]) -> NDArra
 
     Parameters
     ----------
-    orbit : PeriodicOrbit
     points : ndarray, shape (period, n)
         The orbit's states at phase 0 in the order of visits, from any of them on.
 

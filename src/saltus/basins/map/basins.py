@@ -179,7 +179,6 @@ class Basins(Result):
         Returns
         -------
         Basins
-            Whose labels are on the disk.
 
         Raises
         ------

@@ -68,8 +68,6 @@ def labelled_by(
     ----------
     client : dask.distributed.Client
         The cluster. Units of a worker that dies go to another worker.
-    grid : Grid
-        All cells.
     inputs : mapping
         All inputs, as plain data.
     store : Path or None

@@ -108,7 +108,7 @@ def read_config(path: Path) -> Config:
     Raises
     ------
     InputError
-        There is no such file, it is no TOML, or an entry is unknown, missing or of another kind; the error names it.
+        There is no such file, or it is no TOML. An entry is unknown, missing or of another kind; the error names it.
 
     Examples
     --------
@@ -162,8 +162,6 @@ def system_of(
 
     Parameters
     ----------
-    config : Config
-        The configuration.
     known : mapping of str to callable
         Functions that return systems, by name.
     folder : Path

@@ -267,8 +267,6 @@ def settings_of(
 
     Parameters
     ----------
-    system : HybridSystem or Map
-        The system.
     parameters : mapping of str to float or None
         Parameters that differ from the system's defaults.
     options : BasinOptions or None

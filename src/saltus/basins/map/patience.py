@@ -75,8 +75,6 @@ def decay_periods(traps: Traps, label: int, decay: float, low: NDArray[np.float6
     ----------
     traps : Traps
         Trapping regions; the attractor's ellipsoid, cage or boxes count.
-    label : int
-        The attractor.
     decay : float
         Factor by which distances from the attractor shrink in a period.
     low, high : ndarray, shape (n,)

@@ -17,7 +17,7 @@ from saltus.continuation.problems.grazing import Neighbour, neighbour, touching
 from saltus.equilibria.critical import Boundary, Hopf
 from saltus.errors import InputError
 from saltus.maps.critical import OnBorder, Rotation
-from saltus.orbits.critical import TOUCHING, Branching, Condition, Critical, Grazing, TorusCondition, vanishing_segment
+from saltus.orbits.critical import TOUCHING, Branching, Critical, Grazing, TorusCondition, vanishing_segment
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.signature import WHOLE, Signature
@@ -25,7 +25,7 @@ from saltus.orbits.signature import WHOLE, Signature
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.algebraic.conditions import Condition as EquilibriumCondition
+    from saltus.algebraic.conditions import Condition
     from saltus.equilibria import Equilibrium
     from saltus.equilibria.problem import EquilibriumProblem
     from saltus.maps import MapOrbit
@@ -170,7 +170,7 @@ def critical_equilibrium(
     problem: EquilibriumProblem,
     u: NDArray[np.float64],
     sizes: NDArray[np.float64],
-) -> tuple[EquilibriumCondition, NDArray[np.float64]]:
+) -> tuple[Condition, NDArray[np.float64]]:
     """Return the condition of an SN, HB or BE, and a guess of its further unknowns.
 
     Parameters
@@ -233,7 +233,7 @@ def critical_cycle(
     problem: CycleProblem,
     u: NDArray[np.float64],
     sizes: NDArray[np.float64],
-) -> tuple[EquilibriumCondition, NDArray[np.float64]]:
+) -> tuple[Condition, NDArray[np.float64]]:
     """Return the condition of an SN, PD, TR or BC of a map, and a guess of its further unknowns.
 
     Parameters

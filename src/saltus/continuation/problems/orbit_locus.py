@@ -29,7 +29,7 @@ from saltus.orbits.signature import DIRECTION, MEAN_END, TOUCH_END, Survey
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.orbits.critical import Condition
+    from saltus.algebraic.conditions import Condition
 
 __all__ = ["LocusData", "LocusZeroProblem"]
 

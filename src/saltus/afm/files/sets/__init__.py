@@ -45,12 +45,7 @@ def text_of(name: str) -> str:
 
 
 def entries_of(name: str) -> dict[str, Any]:
-    """Return the entries of a set.
-
-    Raises
-    ------
-    InputError
-        There is no such set.
+    """Return the entries of a set; raise `InputError` where there is none of this name.
 
     Examples
     --------
