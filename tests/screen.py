@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import http.client
 import os
 import re
 import shutil
@@ -73,6 +74,21 @@ def served(home: Path, *arguments: str) -> Iterator[tuple[str, subprocess.Popen]
     finally:
         server.terminate()
         server.wait(30)
+
+
+def asked(address: str, path: str = "/", **headers: str) -> tuple[int, str]:
+    """Return the status of an answer and the cookie that it sets."""
+    place = address.removeprefix("http://").rstrip("/")
+    connection = http.client.HTTPConnection(place, timeout=120)
+    try:
+        connection.putrequest("GET", path, skip_host="Host" in headers)
+        for name, value in headers.items():
+            connection.putheader(name, value)
+        connection.endheaders()
+        answer = connection.getresponse()
+        return answer.status, answer.getheader("Set-Cookie") or ""
+    finally:
+        connection.close()
 
 
 def _address(server: subprocess.Popen, log: Path) -> str:

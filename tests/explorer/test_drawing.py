@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 import saltus
+import systems
 from saltus.errors import InputError
-from saltus.explorer.drawing import drawn, observable_of, path_of, quantities_of
-from saltus.explorer.look import bare_label
+from saltus.explorer.drawing import default_axes, drawn, quantities_of
 
 
-@pytest.fixture(scope="module")
-def branch(ball_on_table):
-    orbit = saltus.find_orbit(ball_on_table, {"a": 1.2}, x0=[0.6, 3.1, 0.5])
-    return saltus.continue_orbit(orbit, "a", (0.9, 1.8))
+@pytest.fixture
+def branch(results):
+    return results["branch1"]
 
 
 @pytest.mark.parametrize("name", ["max_z", "v", "period", "e", "mean(z)", "-2*amplitude(z, 1)"])
@@ -58,21 +57,32 @@ def test_an_unknown_quantity_is_told(branch):
         drawn(branch, ("a", "maximum"))
 
 
-def test_paths_are_cut_at_events(branch, ball_on_table):
-    path = path_of(branch.orbit(0), ("t", "z - a*sin(theta)"))
-    assert len(path.events) == 1
-    assert path.events[0, 1] == pytest.approx(0.0, abs=1e-9)
-    motion = saltus.simulate(ball_on_table, {"a": 1.1}, [0.6, 3.1, 0.5], periods=3)
-    path = path_of(motion, ("t", "z - a*sin(theta)"))
-    impacts = motion.events[motion.events["kind"] == "event"]
-    assert np.array_equal(path.events[:, 0], impacts["time"])
-    assert path.events[:, 1] == pytest.approx(np.zeros(len(impacts)), abs=1e-9)
-
-
 def test_names_of_axes(ball_on_table):
-    assert observable_of("max_z", ball_on_table) == "max(z)"
-    assert observable_of("period", ball_on_table) == "period"
     assert {"a", "z", "min_z", "max_v", "period"} <= set(quantities_of(ball_on_table))
-    assert [bare_label(name) for name in ("z1_nm", "k_N_m", "lambda", "D_rep", "amplitude(x, 1)")] == [
-        "z₁ (nm)", "k (N/m)", "λ", "D_rep", "amplitude(x, 1)",
-    ]  # fmt: skip
+    assert default_axes(ball_on_table, "a") == ("a", "max_z")
+    assert default_axes(systems.ball(), "e") == ("e", "min_energy")
+
+
+def test_equilibria_are_drawn_as_their_branch(rests):
+    _, found = rests
+    along = drawn(found["branch1"], ("B", "y"))
+    assert along.points[:, 1] == pytest.approx(along.points[:, 0])  # y = B/A
+    assert [mark.label for mark in along.marks] == ["HB1"]
+    assert {strand.kind for strand in along.strands} == {"stable", "unstable"}
+    alone = drawn(found["equilibrium1"], ("B", "max_y"))
+    assert alone.points == pytest.approx(np.array([[1.5, 1.5]]))
+    assert alone.stable.tolist() == [True]
+
+
+def test_doublings_of_a_cascade_are_marked_in_order(results):
+    cascade = saltus.follow_cascade(results["branch1"]["PD1"], (0.9, 1.8), doublings=1)
+    found = drawn(cascade, ("a", "period"))
+    assert [mark.label for mark in found.marks] == ["PD1", "PD2"]
+    assert found.marks[1].y == pytest.approx(2.0 * found.marks[0].y)
+    assert [mark.x for mark in found.marks] == [point.parameters["a"] for point in cascade.points]
+    assert found.points.shape == (0, 2)
+
+
+def test_a_motion_is_not_drawn_on_the_diagram(results):
+    nothing = drawn(results["motion1"], ("a", "z"))
+    assert (nothing.strands, nothing.marks, len(nothing.points), len(nothing.dots)) == ((), (), 0, 0)

@@ -1,22 +1,16 @@
 """The server lets in only who names it and knows its token; sessions stay in their folder."""
 
-import http.client
-import json
 import socket
 import subprocess
 import sys
-from multiprocessing import active_children
 from types import SimpleNamespace
 
 import pytest
 
-import saltus
-from saltus.afm.explorer_models import TAPPING
 from saltus.errors import InputError, SaltusError
-from saltus.explorer.opening import open_explorer
 from saltus.explorer.server import Address, Office, free_port
 from saltus.explorer.subjects import of_system
-from screen import TOKEN, served
+from screen import TOKEN, asked, served
 
 
 @pytest.fixture(scope="module")
@@ -25,34 +19,19 @@ def address(tmp_path_factory):
         yield found
 
 
-def _asked(address: str, path: str = "/", **headers: str) -> tuple[int, str]:
-    """Return the status of an answer and the cookie that it sets."""
-    place = address.removeprefix("http://").rstrip("/")
-    connection = http.client.HTTPConnection(place, timeout=120)
-    try:
-        connection.putrequest("GET", path, skip_host="Host" in headers)
-        for name, value in headers.items():
-            connection.putheader(name, value)
-        connection.endheaders()
-        answer = connection.getresponse()
-        return answer.status, answer.getheader("Set-Cookie") or ""
-    finally:
-        connection.close()
-
-
 def test_a_page_needs_the_token(address):
-    assert _asked(address)[0] == 403
-    assert _asked(address, "/?token=guessed")[0] == 403
-    status, cookie = _asked(address, f"/?token={TOKEN}")
+    assert asked(address)[0] == 403
+    assert asked(address, "/?token=guessed")[0] == 403
+    status, cookie = asked(address, f"/?token={TOKEN}")
     assert status == 200
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
-    assert _asked(address, Cookie=cookie.partition(";")[0])[0] == 200
+    assert asked(address, Cookie=cookie.partition(";")[0])[0] == 200
 
 
 @pytest.mark.parametrize("name", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "0.0.0.0"])
 def test_a_server_that_is_called_otherwise_refuses(address, name):
-    assert _asked(address, f"/?token={TOKEN}", Host=name)[0] == 403
+    assert asked(address, f"/?token={TOKEN}", Host=name)[0] == 403
 
 
 @pytest.mark.parametrize(
@@ -68,15 +47,11 @@ def test_a_connection_from_another_origin_is_refused(address, origin, status):
         "Origin": origin or address.rstrip("/"),
         "Cookie": f"saltus_token={TOKEN}",
     }
-    answer = _asked(address, "/ws", **upgrade)[0]
+    answer = asked(address, "/ws", **upgrade)[0]
     assert (answer == 403) == (status == 403)
 
 
-def test_a_host_that_others_reach_needs_a_token():
-    with pytest.raises(InputError, match="--token"):
-        open_explorer(TAPPING, None, host="0.0.0.0", browser=False)
-    with pytest.raises(InputError, match="at least 12 characters"):
-        open_explorer(TAPPING, None, host="0.0.0.0", token="short", browser=False)
+def test_a_server_has_the_names_of_its_machine():
     assert "localhost:1" in Address(port=1).names
     assert "localhost:1" not in Address(host="192.0.2.1", port=1).names
     assert Address(port=1).token != Address(port=1).token
@@ -92,29 +67,8 @@ def test_a_port_that_is_taken_is_told_and_another_found():
     assert free_port("127.0.0.1", None) > 0
 
 
-def test_in_a_notebook_a_process_beside_the_kernel_serves_the_page(monkeypatch, tmp_path, ball_on_table):
-    kernel = SimpleNamespace(config={"IPKernelApp": {}})
-    shown = SimpleNamespace(IFrame=lambda address, **size: address)
-    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: kernel))
-    monkeypatch.setitem(sys.modules, "IPython.display", shown)
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    before = set(active_children())
-    place, _, token = saltus.explore(ball_on_table).rpartition("/")
-    (serving,) = set(active_children()) - before
-    try:
-        assert _asked(place)[0] == 403
-        assert _asked(place, "/" + token)[0] == 200
-        taken = int(place.rpartition(":")[2])
-        with pytest.raises(InputError, match="address = '127.0.0.1:"):
-            saltus.explore(ball_on_table, port=taken)
-    finally:
-        for process in set(active_children()) - before:
-            process.terminate()
-    serving.join(30)
-
-
-def test_a_session_without_results_leaves_nothing_behind(tmp_path, ball_on_table):
-    office = Office(TAPPING, of_system(ball_on_table), tmp_path)
+def test_a_session_without_results_leaves_nothing_behind(toys, tmp_path, ball_on_table):
+    office = Office(toys, of_system(ball_on_table), tmp_path)
     office.desk("../../etc", None)
     office.desk("0123456789ab", None)
     assert len([*tmp_path.iterdir()]) == 2
@@ -122,8 +76,8 @@ def test_a_session_without_results_leaves_nothing_behind(tmp_path, ball_on_table
     assert not [*tmp_path.iterdir()]
 
 
-def test_an_upload_that_is_no_session_leaves_nothing_behind(tmp_path, ball_on_table):
-    office = Office(TAPPING, of_system(ball_on_table), tmp_path)
+def test_an_upload_that_is_no_session_leaves_nothing_behind(toys, tmp_path, ball_on_table):
+    office = Office(toys, of_system(ball_on_table), tmp_path)
     with pytest.raises(SaltusError):
         office.uploaded(b"no session")
     assert not [*tmp_path.iterdir()]
@@ -146,9 +100,52 @@ def test_errors_of_the_command_are_one_line(arguments, line, tmp_path):
     assert done.stderr.count("\n") == 1
 
 
-def test_a_system_in_a_file_is_explored(tmp_path, monkeypatch):
-    (tmp_path / "swing.py").write_text(
-        'import saltus\noscillator = saltus.HybridSystem.smooth({"x": "v", "v": "-x"})\n'
-    )
-    monkeypatch.chdir(tmp_path)
-    assert json.loads(TAPPING.named("swing.py:oscillator").definition)["states"] == ["x", "v"]
+@pytest.fixture
+def office(toys, tmp_path) -> Office:
+    return Office(toys, None, tmp_path)
+
+
+def test_a_choice_among_models_begins_with_the_first(office, toys):
+    assert office.desk(None).session.subject.key == next(iter(toys.titles))
+    assert office.desk(None, "bench").session.subject.key == "bench"
+    assert office.desk(None).application is toys
+    with pytest.raises(InputError, match="did you mean 'bench'"):
+        office.desk(None, "benhc")
+
+
+def test_a_desk_is_kept_while_its_page_is_open(office, tmp_path):
+    desk = office.desk(None)
+    name = desk.session.folder.name
+    assert office.desk(name) is desk
+    office.leave(SimpleNamespace(desk=desk))  # another page than the one that listens
+    assert office.desk(name) is desk
+    page = SimpleNamespace(desk=desk, left=lambda: None)
+    desk.taken_by(page)
+    office.leave(page)
+    assert not (tmp_path / name).exists()
+
+
+def test_a_session_that_was_not_closed_is_gone_on_with(office, toys, tmp_path, taken_steps):
+    steps, results = taken_steps
+    session = office.desk(None).session
+    assert Office(toys, None, tmp_path).unfinished() is None  # it has no results
+    session.write(session.add(steps["orbit1"], results["orbit1"]))
+    assert office.unfinished() is None  # its page is open
+    assert Office(toys, None, tmp_path).unfinished() == session.folder.name
+    assert Office(toys, toys.subject("bench"), tmp_path).unfinished() is None  # of another system
+    office.close()
+    assert Office(toys, None, tmp_path).unfinished() is None  # it was closed on purpose
+
+
+def test_an_upload_is_a_session_of_its_own(office, session, tmp_path):
+    content = session.packed(tmp_path / "session.nc").read_bytes()
+    first, second = office.uploaded(content), office.uploaded(content)
+    assert first != second
+    assert office.desk(first).session.results == session.results
+    assert not [*tmp_path.rglob("upload.nc")]
+
+
+def test_an_upload_has_a_largest_size(office, monkeypatch):
+    monkeypatch.setattr("saltus.explorer.server._UPLOAD", 10)
+    with pytest.raises(InputError, match="file = '11 bytes': must be one of at most 10 bytes"):
+        office.uploaded(b"x" * 11)

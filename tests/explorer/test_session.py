@@ -7,27 +7,19 @@ import sys
 import pytest
 
 import saltus
-from saltus.afm.explorer_models import TAPPING
 from saltus.errors import InputError
-from saltus.explorer.session import Session, folder_of, new_folder, sessions_in
-from saltus.explorer.steps import Continue, FindOrbit, Follow, Place
-from saltus.explorer.subjects import of_file, of_system
-
-
-def _taken(session, step):
-    entry = session.add(step, step.run(session.system, session.results, False), 0.1, ("a note",))
-    session.write(entry)
-    return entry
+from saltus.explorer.session import Session, folder_of, new_folder, removed, sessions_in, told_end
+from saltus.explorer.steps import FindOrbit, Place
+from saltus.explorer.subjects import of_system
 
 
 @pytest.fixture(scope="module")
-def session(tmp_path_factory, ball_on_table):
+def session(tmp_path_factory, ball_on_table, taken_steps):
     made = Session(of_system(ball_on_table), new_folder(tmp_path_factory.mktemp("sessions")))
     made.settings.x0 = (0.6, 3.1)
-    _taken(made, FindOrbit(parameters={"a": 1.2}, x0=(0.6, 3.1, 0.5)))
-    _taken(made, Continue(place=Place(of="orbit1"), parameter="a", bounds=(0.9, 1.8)))
-    bounds = ((0.1, 3.0), (0.3, 0.7))
-    _taken(made, Follow(place=Place(of="branch1", label="SN1"), parameters=("a", "e"), bounds=bounds))
+    steps, results = taken_steps
+    for name in ("orbit1", "branch1", "locus1"):
+        made.write(made.add(steps[name], results[name], 0.1, ("a note",)))
     made.settings.sets["low"] = {"parameters": {"a": 1.1}, "x0": [0.5, 3.0], "mode": None}
     made.settings.axes, made.settings.selected = ("a", "max_z"), Place(of="branch1", label="SN1")
     made.settings.hidden.add("locus1")
@@ -123,20 +115,34 @@ def test_a_file_that_is_no_session_is_refused(session, tmp_path):
         Session.unpacked(session.entries[0].result.save(tmp_path / "orbit.nc"), new_folder(tmp_path))
 
 
-def test_models_of_the_package_and_of_files_can_be_explored(tmp_path, monkeypatch):
-    assert {"tapping-mode-1", "tapping-mode-2", "lever-s"} <= set(TAPPING.titles)
-    assert TAPPING.subject("tapping-mode-2").system.states == ("q1", "q2", "v1", "v2")
-    with pytest.raises(InputError, match="did you mean 'lever-s'"):
-        TAPPING.subject("lever_s")
-    text = 'import saltus\npendulum = saltus.HybridSystem.smooth({"x": "v", "v": "-sin(x)"})\nother = 3\n'
-    (tmp_path / "swings.py").write_text(text)
-    subject = of_file("swings.py:pendulum", tmp_path)
-    told: dict = {}
-    exec("\n".join(subject.lines), told)
-    assert told["system"].definition() == subject.system.definition()
-    for wrong, hint in {
-        "swings.py": "FILE.py:NAME", "swing.py:pendulum": "exists", "swings.py:pendulun": "pendulum",
-        "swings.py:other": "HybridSystem",
-    }.items():  # fmt: skip
-        with pytest.raises(InputError, match=hint):
-            of_file(wrong, tmp_path)
+def test_a_result_on_which_another_rests_is_not_replaced(empty, taken_steps):
+    steps, results = taken_steps
+    for name in ("orbit1", "branch1"):
+        empty.add(steps[name], results[name])
+    with pytest.raises(InputError, match="on which no other rests"):
+        empty.replace("orbit1")
+    empty.replace("branch1")
+    assert [entry.name for entry in empty.entries] == ["orbit1"]
+    assert empty.add(steps["orbit1"], results["orbit1"]).name == "orbit2"
+
+
+def test_parameters_that_differ_are_told(empty):
+    assert empty.changed() == {}
+    empty.settings.parameters["e"] = 0.25
+    assert empty.changed() == {"e": 0.25}
+
+
+def test_a_removed_folder_is_gone_and_a_second_time_is_no_error(tmp_path):
+    folder = new_folder(tmp_path)
+    removed(folder)
+    removed(folder)
+    assert not folder.exists()
+
+
+def test_reasons_of_an_end_are_told_once(results):
+    class Both:
+        stopped = ("it returned", "it returned")
+
+    assert told_end(Both()) == "it returned"
+    assert told_end(results["branch1"]) == results["branch1"].stopped[0] == results["branch1"].stopped[1]
+    assert told_end(results["orbit1"]) == ""

@@ -7,7 +7,6 @@ import pytest
 
 import saltus
 from saltus.errors import InputError
-from saltus.explorer.choices import choices_at
 from saltus.explorer.steps import (
     Attract,
     Basin,
@@ -21,13 +20,8 @@ from saltus.explorer.steps import (
     Sweep,
     Switch,
     step_from,
+    taken,
 )
-
-
-def never(system) -> bool:
-    """Return that no orbit is filmed."""
-    return False
-
 
 PLACE = Place(of="branch1", label="SN1")
 STEPS = [
@@ -49,14 +43,6 @@ def test_a_step_is_read_back_equal_from_json(step):
     assert step_from(json.loads(json.dumps(step.model_dump()))) == step
 
 
-@pytest.fixture(scope="module")
-def results(ball_on_table):
-    orbit = FindOrbit(parameters={"a": 1.2}, x0=(0.6, 3.1, 0.5)).run(ball_on_table, {}, False)
-    follow = Continue(place=Place(of="orbit1"), parameter="a", bounds=(0.9, 1.8))
-    branch = follow.run(ball_on_table, {"orbit1": orbit}, False)
-    return {"orbit1": orbit, "branch1": branch}
-
-
 @pytest.mark.parametrize(
     "step",
     [
@@ -75,30 +61,10 @@ def test_the_python_of_a_step_makes_the_same_result(step, results, ball_on_table
     assert step.run(ball_on_table, results, False) == eval(step.text(), told)
 
 
-def test_what_a_selected_solution_allows(results):
-    assert choices_at(Place(of="orbit1"), results, never).resume
-    fold = choices_at(PLACE, results, never)
-    assert (fold.follow, fold.switch, fold.cascade) == (True, "", False)
-    doubling = choices_at(Place(of="branch1", label="PD1"), results, never)
-    assert (doubling.follow, doubling.switch, doubling.cascade, doubling.film) == (True, "orbit", True, False)
-    assert choices_at(Place(of="branch1", index=3), results, never) == (*("orbit", True, ""), False, False, False)
-    assert choices_at(Place(of="nothing1"), results, never).what == ""
-
-
-def test_branches_of_equilibria_and_cycles_meet_at_a_hopf_point():
-    field = {"x": "A - (B + 1)*x + x**2*y", "y": "B*x - x**2*y"}
-    system = saltus.HybridSystem(("x", "y"), {"A": 1.0, "B": 1.5}, {"reaction": saltus.Mode(field)})
-    found = {"equilibrium1": FindEquilibrium(x0=(1.0, 1.5)).run(system, {}, False)}
-    place = Place(of="equilibrium1")
-    what = choices_at(place, found, never).what
-    rests = Continue(place=place, parameter="B", bounds=(1.0, 3.0), of=what).run(system, found, False)
-    found["branch1"] = rests
-    point = Place(of="branch1", label="HB1")
-    switch = choices_at(point, found, never).switch
-    assert switch == "orbit"
-    cycles = Switch(place=point, parameter="B", bounds=(1.5, 3.0), of=switch).run(system, found, False)
-    assert rests["HB1"].parameters["B"] == pytest.approx(2.0, abs=1e-10)  # 1 + A^2
-    assert cycles.period[-1] > 2.0 * np.pi
+def test_cycles_begin_at_a_hopf_point(rests):
+    _, found = rests
+    assert found["branch1"]["HB1"].parameters["B"] == pytest.approx(2.0, abs=1e-10)  # 1 + A^2
+    assert found["branch2"].period[-1] > 2.0 * np.pi
 
 
 @pytest.mark.parametrize(
@@ -124,3 +90,20 @@ def test_a_place_that_is_not_there_is_told(results, ball_on_table):
         Switch(place=Place(of="branch1", label="SN9"), parameter="a", bounds=(0.9, 1.8)).run(
             ball_on_table, results, False
         )
+
+
+def test_a_place_is_told_as_python(results):
+    for place, text in {
+        Place(of="orbit1"): "orbit1",
+        Place(of="branch1", index=3): "branch1.orbit(3)",
+        PLACE: "branch1['SN1'].orbit",
+    }.items():
+        assert place.text() == text
+        assert taken(place, results) == eval(text, dict(results))
+
+
+def test_a_step_names_the_results_that_it_takes():
+    assert {step.kind: step.needs for step in STEPS if step.needs} == {
+        "continue": ("branch1",), "switch": ("branch1",), "follow": ("branch1",), "cascade": ("branch1",),
+        "basin": ("attractors1",),
+    }  # fmt: skip

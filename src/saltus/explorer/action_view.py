@@ -33,7 +33,7 @@ class StartView:
     Parameters
     ----------
     session : Session
-        What is shown.
+        Whose parameters and start are taken.
     run : callable
         Called with the `Step` to take.
     observables : callable
@@ -68,10 +68,9 @@ class StartView:
         return {"parameters": self._session.changed(), "x0": settings.x0, "mode": settings.mode}
 
     def _sweep(self) -> None:
-        low, high = (float(widget.value or 0.0) for widget in self._ends)
         given = {name: value for name, value in self._given().items() if name != "mode"}
         step = Sweep(
-            parameter=self._parameter.value, bounds=(low, high), count=int(self._count.value),
+            parameter=self._parameter.value, bounds=_between(self._ends), count=int(self._count.value),
             direction=self._direction.value, observables=self._observables(), **given,
         )  # fmt: skip
         self._run(step)
@@ -141,24 +140,19 @@ class ActionView:
         assert selected is not None
         return selected
 
-    def _bounds(self) -> tuple[float, float]:
-        low, high = (float(widget.value or 0.0) for widget in self._ends)
-        return low, high
-
     def _resume(self) -> None:
         what: Any = self._choices().what
-        self._run(Continue(place=self._place(), parameter=self._parameter.value, bounds=self._bounds(), of=what))
+        self._run(Continue(place=self._place(), parameter=self._parameter.value, bounds=_between(self._ends), of=what))
 
     def _switch(self) -> None:
         what: Any = self._choices().switch
-        self._run(Switch(place=self._place(), parameter=self._along(), bounds=self._bounds(), of=what))
+        self._run(Switch(place=self._place(), parameter=self._along(), bounds=_between(self._ends), of=what))
 
     def _cascade(self) -> None:
-        self._run(Cascade(place=self._place(), bounds=self._bounds()))
+        self._run(Cascade(place=self._place(), bounds=_between(self._ends)))
 
     def _follow(self) -> None:
-        low, high = (float(widget.value or 0.0) for widget in self._second_ends)
-        names, bounds = (self._parameter.value, self._second.value), (self._bounds(), (low, high))
+        names, bounds = (self._parameter.value, self._second.value), (_between(self._ends), _between(self._second_ends))
         self._run(Follow(place=self._place(), parameters=names, bounds=bounds))
 
     def _along(self) -> str:
@@ -184,3 +178,9 @@ def _ends(session: Session, chooser: Any) -> list[Any]:
     widgets.on_change(chooser, lambda _: reset())
     reset()
     return made
+
+
+def _between(ends: list[Any]) -> tuple[float, float]:
+    """Return the range in two fields; an empty one counts as 0."""
+    low, high = (float(field.value or 0.0) for field in ends)
+    return low, high

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.equilibria import Equilibrium
 from saltus.explorer import look, widgets
-from saltus.orbits import PeriodicOrbit
+from saltus.explorer.solutions import traits_of
 from saltus.plotting.basin import colours_of, labelled_image, percent, places_of
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ class BasinView:
         from bokeh.models import ColumnDataSource
 
         self._session, self._wanted, self._clicked = session, wanted, clicked
-        self._solution: PeriodicOrbit | Equilibrium | None = None
+        self._solution: Any = None
         self._basins: Basins | None = None
         states = list(session.system.states)
         self._pair = [self._select("to the right", states, 0), self._select("upwards", states, min(1, len(states) - 1))]
@@ -78,7 +77,7 @@ class BasinView:
         widgets.on_change(widget, lambda _: self._frame())
         return widget
 
-    def solution_is(self, solution: PeriodicOrbit | Equilibrium) -> None:
+    def solution_is(self, solution: Any) -> None:
         """Take the orbit or the equilibrium through which the plane goes."""
         self._solution = solution
         self._frame()
@@ -86,12 +85,7 @@ class BasinView:
     @property
     def interval(self) -> float | None:
         """Time between two looks at a motion of a system without a phase: a period of the solution."""
-        if self._session.system.phase is not None:
-            return None
-        if isinstance(self._solution, PeriodicOrbit):
-            return float(self._solution.period)
-        rates = [1.0] if self._solution is None else np.abs(self._solution.eigenvalues)
-        return float(2.0 * np.pi / np.max(rates)) if np.max(rates) > 0.0 else 1.0
+        return traits_of(self._solution).interval if self._session.system.phase is None else None
 
     def _frame(self) -> None:
         """Set the ranges to the surroundings of the orbit."""
@@ -103,10 +97,7 @@ class BasinView:
         index, solution = self._session.system.states.index(name), self._solution
         if solution is None:
             return -1.0, 1.0
-        if isinstance(solution, Equilibrium):
-            low = high = float(solution.state[index])
-        else:
-            low, high = float(solution.lows[index]), float(solution.highs[index])
+        low, high = (float(ends[index]) for ends in solution.extremes)
         wide = (high - low) or 2.0 * abs(high) or 1.0
         return low - _MARGIN * wide, high + _MARGIN * wide
 

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from saltus.continuation import Branch, EquilibriumBranch
-from saltus.equilibria import Equilibrium
+from saltus.explorer.solutions import traits_of
 from saltus.explorer.steps import Place, taken
-from saltus.orbits import PeriodicOrbit
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
     from saltus.system import HybridSystem
 
 __all__ = ["Choices", "choices_at"]
 
-_SWITCHED = {"orbits": ("PD", "BP", "GR", "HB"), "equilibria": ("HB", "BP")}
-_FOLLOWED = {"orbits": ("SN", "PD", "TR", "BP", "GR"), "equilibria": ("SN", "HB", "BE")}
+# What is followed after a change of branch at a special point, by what the branch is of and by the point's type.
+_SWITCHED: Mapping[str, Mapping[str, str]] = {
+    "orbit": {"PD": "orbit", "BP": "orbit", "GR": "orbit", "HB": "equilibrium"},
+    "equilibrium": {"HB": "orbit", "BP": "equilibrium"},
+}
+# Types of which a locus can be followed.
+_FOLLOWED: Mapping[str, tuple[str, ...]] = {
+    "orbit": ("SN", "PD", "TR", "BP", "GR"),
+    "equilibrium": ("SN", "HB", "BE"),
+}
 
 
 class Choices(NamedTuple):
@@ -63,16 +68,12 @@ def choices_at(place: Place | None, results: Mapping[str, Any], films: Callable[
     if place is None or place.of not in results:
         return Choices()
     result, solution = results[place.of], taken(place, results)
-    if not isinstance(solution, PeriodicOrbit | Equilibrium):
+    what = traits_of(solution).what
+    if not what:
         return Choices()
-    of_orbits = isinstance(solution, PeriodicOrbit)
-    what = "orbit" if of_orbits else "equilibrium"
-    film = of_orbits and films(solution.system)
-    if place.label is None or not isinstance(result, Branch | EquilibriumBranch):
+    film = what == "orbit" and films(solution.system)
+    if place.label is None or len(result.varied) > 1:
         return Choices(what, resume=True, film=film)
-    point, kind = result[place.label], "orbits" if of_orbits else "equilibria"
-    switch = ""
-    if point.type in _SWITCHED[kind]:
-        switch = {"HB": "equilibrium" if of_orbits else "orbit"}.get(point.type, what)
-    follow = point.type in _FOLLOWED[kind]
-    return Choices(what, point.type != "GR", switch, follow, of_orbits and point.type == "PD", film)
+    kind = result[place.label].type
+    switch, follow = _SWITCHED[what].get(kind, ""), kind in _FOLLOWED[what]
+    return Choices(what, kind != "GR", switch, follow, what == "orbit" and kind == "PD", film)

@@ -20,23 +20,11 @@ if TYPE_CHECKING:
 
 __all__ = ["DiagramView"]
 
-_EMPTY: dict[str, dict[str, list[Any]]] = {
-    "strands": {"xs": [], "ys": [], "colour": [], "dash": [], "width": [], "name": []},
-    "marks": {
-        "x": [],
-        "y": [],
-        "label": [],
-        "told": [],
-        "of": [],
-        "meaning": [],
-        "marker": [],
-        "colour": [],
-        "fill": [],
-    },
-    "points": {"x": [], "y": [], "of": [], "index": [], "told": []},
-    "alone": {"x": [], "y": []},
-    "dots": {"x": [], "y": []},
-    "chosen": {"x": [], "y": []},
+_COLUMNS = {
+    "strands": ("xs", "ys", "colour", "dash", "width", "name"),
+    "marks": ("x", "y", "label", "told", "of", "meaning", "marker", "colour", "fill"),
+    "points": ("x", "y", "of", "index", "told"),
+    **dict.fromkeys(("alone", "dots", "chosen"), ("x", "y")),
 }
 _SEEN = ("marks", "points", "dots")  # what is seen besides curves
 _REACH = 24.0  # pixels from a click within which a solution is selected
@@ -64,7 +52,7 @@ class DiagramView:
         from bokeh.models import ColumnDataSource
 
         self._session, self._select, self._tell = session, select, tell
-        self._sources = {name: ColumnDataSource(columns) for name, columns in _EMPTY.items()}
+        self._sources = {name: ColumnDataSource(columns) for name, columns in _empty().items()}
         self.unseen: dict[str, str] = {}
         self.figure = look.figure_of("diagram", min_height=300)
         self._draw_glyphs()
@@ -144,7 +132,7 @@ class DiagramView:
 
     def redraw(self) -> None:
         """Draw all results that are not hidden; `unseen` says why others cannot be drawn on these axes."""
-        columns: dict[str, dict[str, list[Any]]] = {name: {key: [] for key in _EMPTY[name]} for name in _EMPTY}
+        columns = _empty()
         self.unseen = {}
         for number, entry in enumerate(self._session.entries):
             if entry.name in self._session.settings.hidden:
@@ -209,10 +197,12 @@ class DiagramView:
             return
         name, at = nearest
         data = self._sources[name].data
+        noun = self._session.entry(data["of"][at]).step.noun
         if name == "marks":
-            self._select(Place(of=data["of"][at], label=data["told"][at]))
+            if noun != "cascade":  # its points are those of branches that it keeps for itself
+                self._select(Place(of=data["of"][at], label=data["told"][at]))
             return
-        alone = self._session.entry(data["of"][at]).step.noun in ("orbit", "equilibrium")
+        alone = noun in ("orbit", "equilibrium")
         self._select(Place(of=data["of"][at], index=None if alone else int(data["index"][at])))
 
     def _pixels(self, dx: Any, dy: Any) -> Any:
@@ -223,6 +213,16 @@ class DiagramView:
         return np.hypot(dx / wide * width, dy / high * height)
 
 
+def _empty() -> dict[str, dict[str, list[Any]]]:
+    """Return the columns of all glyphs without a row."""
+    return {name: {key: [] for key in keys} for name, keys in _COLUMNS.items()}
+
+
+def _append(table: dict[str, list[Any]], row: dict[str, Any]) -> None:
+    for key, value in row.items():
+        table[key].append(value)
+
+
 def _add(columns: dict[str, dict[str, list[Any]]], name: str, found: Drawn, colour: str, locus: str) -> None:
     """Add a result to the columns of the glyphs."""
     for strand in found.strands:
@@ -231,8 +231,7 @@ def _add(columns: dict[str, dict[str, list[Any]]], name: str, found: Drawn, colo
             "xs": strand.x.tolist(), "ys": strand.y.tolist(), "colour": (locus or colour) if sound else "#999999",
             "dash": look.DASHES[strand.kind], "width": 2.0 if strand.kind == "stable" else 1.5, "name": name,
         }  # fmt: skip
-        for key, value in row.items():
-            columns["strands"][key].append(value)
+        _append(columns["strands"], row)
     for mark in found.marks:
         form = style.SPECIAL.get(mark.type, style.EVENT)
         row = {
@@ -242,15 +241,13 @@ def _add(columns: dict[str, dict[str, list[Any]]], name: str, found: Drawn, colo
             "colour": form.colour,
             "fill": form.colour if form.filled else "#ffffff",
         }  # fmt: skip
-        for key, value in row.items():
-            columns["marks"][key].append(value)
+        _append(columns["marks"], row)
     if not found.strands:
         columns["alone"]["x"] += found.points[:, 0].tolist()
         columns["alone"]["y"] += found.points[:, 1].tolist()
     for index, ((x, y), stable) in enumerate(zip(found.points.tolist(), found.stable.tolist(), strict=True)):
         row = {"x": x, "y": y, "of": name, "index": index, "told": "stable" if stable else "unstable"}
-        for key, value in row.items():
-            columns["points"][key].append(value)
+        _append(columns["points"], row)
     columns["dots"]["x"] += np.asarray(found.dots)[:, 0].tolist()
     columns["dots"]["y"] += np.asarray(found.dots)[:, 1].tolist()
 

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.continuation import Branch, Cascade, EquilibriumBranch, EquilibriumLocus, Locus
-from saltus.equilibria import Equilibrium
+from saltus.continuation import Cascade
+from saltus.continuation.results.curve import SolutionCurve
 from saltus.errors import InputError
-from saltus.flow import Trajectory
-from saltus.orbits import PeriodicOrbit
-from saltus.plotting.orbit import segments_of, unwrapped_parts
+from saltus.explorer.solutions import EXTREMES, observable_of, quantity_of
 from saltus.plotting.space import coordinates_of, stretches_of
-from saltus.plotting.trajectory import flights_of
+from saltus.solution import Solution
 from saltus.sweeps import Sweep
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.system import HybridSystem, Map
+    from saltus.system import HybridSystem
 
-__all__ = ["Drawn", "Mark", "Path", "Strand", "default_axes", "drawn", "observable_of", "path_of", "quantities_of"]
-
-_EXTREMES = ("min", "max")
+__all__ = ["Drawn", "Mark", "Strand", "default_axes", "drawn", "quantities_of"]
 
 
 @dataclass(frozen=True)
@@ -72,25 +69,6 @@ class Drawn:
     dots: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
 
 
-@dataclass(frozen=True)
-class Path:
-    """A motion as curves in two quantities.
-
-    Attributes
-    ----------
-    curves : list of ndarray, shape (vertex, 2)
-        The curve, cut at events and where an angle passes 2 pi.
-    modes : list of int
-        The mode of each curve.
-    events : ndarray, shape (event, 2)
-        Where events are.
-    """
-
-    curves: list[NDArray[np.float64]]
-    modes: list[int]
-    events: NDArray[np.float64]
-
-
 def default_axes(system: HybridSystem, parameter: str) -> tuple[str, str]:
     """Return what a diagram shows first: the parameter, and an extreme of the first output or state."""
     return parameter, f"min_{system.output_names[0]}" if system.output_names else f"max_{system.states[0]}"
@@ -109,18 +87,12 @@ def quantities_of(system: HybridSystem) -> list[str]:
     return [
         *system.parameter_names,
         *system.states,
-        *(f"{extreme}_{name}" for name in seen for extreme in _EXTREMES),
+        *(f"{extreme}_{name}" for name in seen for extreme in EXTREMES),
         "period",
     ]
 
 
-def observable_of(name: str, system: HybridSystem | Map) -> str:
-    """Return the observable that a name of an axis means for one motion, as ``"max(z)"`` for ``"max_z"``."""
-    extreme, _, whose = name.partition("_")
-    known = (*system.states, *system.output_names)
-    return f"{extreme}({whose})" if extreme in _EXTREMES and whose in known else name
-
-
+@singledispatch
 def drawn(result: Any, names: Sequence[str]) -> Drawn:
     """Return a result on axes.
 
@@ -143,102 +115,49 @@ def drawn(result: Any, names: Sequence[str]) -> Drawn:
     >>> drawn(find_orbit(spring, x0=[0.0, 0.0]), ("w", "max_x")).points.round(6)
     array([[1., 1.]])
     """
-    if isinstance(result, PeriodicOrbit | Equilibrium):
-        place = [[_reading(result, name) for name in names]]
-        return Drawn(points=np.array(place), stable=np.array([result.stable]))
-    if isinstance(result, Branch | EquilibriumBranch):
-        points = np.column_stack([_column(result, name) for name in names])
-        return Drawn(_strands(result, names), _marks(result, result.special_points, names), points, result.stable)
-    if isinstance(result, Locus | EquilibriumLocus):
-        if not set(names) & set(result.varied):
-            raise InputError("axes", ", ".join(names), f"with {' or '.join(result.varied)}")
-        return Drawn(_strands(result, names), _marks(result, result.special_points, names))
-    if isinstance(result, Cascade):
-        marks = [Mark("PD", f"PD{i + 1}", *_of_solution(p.orbit, names)) for i, p in enumerate(result.points)]
-        return Drawn(marks=tuple(marks))
-    return Drawn(dots=_dots(result, names)) if isinstance(result, Sweep) else Drawn()
+    return Drawn()
 
 
-def _of_solution(solution: Any, names: Sequence[str]) -> tuple[float, float]:
-    x, y = (_reading(solution, name) for name in names)
-    return x, y
+@drawn.register
+def _(solution: Solution, names: Sequence[str]) -> Drawn:
+    return Drawn(points=np.array([_place(solution, names)]), stable=np.array([solution.stable]))
 
 
-def _reading(solution: Any, name: str) -> float:
-    """Return a quantity of an orbit or an equilibrium, named as a column of a branch."""
-    if name in solution.parameters:
-        return float(solution.parameters[name])
-    system = solution.system
-    if isinstance(solution, Equilibrium):
-        whose = observable_of(name, system).removeprefix("min(").removeprefix("max(").removesuffix(")")
-        if whose in system.states:
-            return float(solution.state[system.states.index(whose)])
-        raise InputError("axis", name, "a parameter or a state of the equilibrium")
-    if name in system.states:
-        return float(solution.x0[system.states.index(name)])
-    if name == "period":
-        return float(solution.period)
-    told = observable_of(name, system)
-    return float(solution.observe(told)[told])
+@drawn.register(SolutionCurve)
+def _(curve: Any, names: Sequence[str]) -> Drawn:
+    along_one = len(curve.varied) == 1
+    if not along_one and not set(names) & set(curve.varied):
+        raise InputError("axes", ", ".join(names), f"with {' or '.join(curve.varied)}")
+    strands = tuple(Strand(stretch.kind, *stretch.places) for stretch in stretches_of(curve, names))
+    marks = (Mark(p.type, p.label, *coordinates_of(curve, p, names).tolist()) for p in curve.special_points)
+    if not along_one:
+        return Drawn(strands, tuple(marks))
+    return Drawn(strands, tuple(marks), np.column_stack([_column(curve, name) for name in names]), curve.stable)
+
+
+@drawn.register
+def _(cascade: Cascade, names: Sequence[str]) -> Drawn:
+    places = (_place(point.solution, names) for point in cascade.points)
+    return Drawn(marks=tuple(Mark("PD", f"PD{i}", *place) for i, place in enumerate(places, 1)))
+
+
+@drawn.register
+def _(sweep: Sweep, names: Sequence[str]) -> Drawn:
+    x, y = names
+    if x != sweep.parameter:
+        raise InputError("axes", ", ".join(names), f"with {sweep.parameter} to the right for a sweep along it")
+    known = (*sweep.quantities, *sweep.observables)
+    column = sweep.column(y if y in known else observable_of(y, sweep.system))
+    places = np.broadcast_to(sweep.values.reshape(-1, *(1,) * (column.ndim - 2)), column.shape)
+    table = np.column_stack([places.ravel(), column.ravel()])
+    return Drawn(dots=table[np.isfinite(table[:, 1])])
+
+
+def _place(solution: Any, names: Sequence[str]) -> list[float]:
+    return [quantity_of(solution, name) for name in names]
 
 
 def _column(branch: Any, name: str) -> NDArray[np.float64]:
     if name in branch.parameters and name not in branch.varied:
         return np.full(len(branch), float(branch.parameters[name]))
     return np.asarray(branch.column(name))
-
-
-def _strands(curve: Any, names: Sequence[str]) -> tuple[Strand, ...]:
-    return tuple(Strand(stretch.kind, *stretch.places) for stretch in stretches_of(curve, names))
-
-
-def _marks(curve: Any, points: Iterable[Any], names: Sequence[str]) -> tuple[Mark, ...]:
-    return tuple(Mark(p.type, p.label, *map(float, coordinates_of(curve, p, names))) for p in points)
-
-
-def _dots(sweep: Sweep, names: Sequence[str]) -> NDArray[np.float64]:
-    x, y = names
-    told = observable_of(y, sweep.system)
-    if x != sweep.parameter:
-        raise InputError("axes", ", ".join(names), f"with {sweep.parameter} to the right for a sweep along it")
-    known = (*sweep.quantities, *sweep.observables)
-    column = sweep.column(y if y in known else told)
-    places = np.broadcast_to(sweep.values.reshape(-1, *(1,) * (column.ndim - 2)), column.shape)
-    table = np.column_stack([places.ravel(), column.ravel()])
-    return table[np.isfinite(table[:, 1])]
-
-
-def path_of(motion: PeriodicOrbit | Trajectory, names: tuple[str, str]) -> Path:
-    """Return an orbit or a motion as curves in two quantities.
-
-    Parameters
-    ----------
-    motion : PeriodicOrbit or Trajectory
-        The motion.
-    names : (str, str)
-        ``t``, states, outputs or expressions.
-
-    Raises
-    ------
-    InputError
-        A text that is no expression, or an unknown name in it.
-
-    Examples
-    --------
-    >>> from saltus import HybridSystem, simulate
-    >>> fall = simulate(HybridSystem.smooth({"z": "v", "v": "-1"}), {}, [1.0, 0.0], t_end=1.0)
-    >>> path_of(fall, ("t", "z")).curves[0][-1].round(9)
-    array([1. , 0.5])
-    """
-    phase = None if motion.system.phase is None else motion.system.phase[0]
-    if isinstance(motion, PeriodicOrbit):
-        curves, modes = segments_of(motion, names)
-        ends = curves if motion.form.transitions[-1] >= 0 else []
-    else:
-        curves, modes, _ = flights_of(motion, names)
-        ends = [curve for curve, kind in zip(curves, motion.events["kind"], strict=False) if kind == "event"]
-    wrapped = [name == phase for name in names]
-    cut = [unwrapped_parts(curve, wrapped) for curve in curves]
-    told = [mode for mode, parts in zip(modes, cut, strict=True) for _ in parts]
-    events = np.reshape([curve[-1] for curve in ends], (-1, 2))
-    return Path([part for parts in cut for part in parts], told, events)

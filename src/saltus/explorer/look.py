@@ -164,8 +164,9 @@ def complex_text(value: complex) -> str:
     return f"{number(value.real)} {'+' if value.imag > 0 else '−'} {number(abs(value.imag))}i"
 
 
-def table(rows: Mapping[str, str], head: tuple[str, str] | None = None) -> str:
+def table(rows: Mapping[str, object], head: tuple[str, str] | None = None) -> str:
     """Return HTML of a table of two columns; names and values are shown as they are, never as HTML."""
     top = "" if head is None else f"<thead><tr><th>{escape(head[0])}</th><th>{escape(head[1])}</th></tr></thead>"
-    lines = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows.items())
-    return f'<table class="numbers">{top}<tbody>{lines}</tbody></table>'
+    told = {name: number(value) if isinstance(value, float) else f"{value}" for name, value in rows.items()}
+    lines = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in told.items())
+    return "" if not rows else f'<table class="numbers">{top}<tbody>{lines}</tbody></table>'

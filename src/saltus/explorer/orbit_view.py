@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.equilibria import Equilibrium
 from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
-from saltus.explorer.drawing import path_of
-from saltus.flow import Trajectory
-from saltus.orbits import PeriodicOrbit
+from saltus.explorer.solutions import path_of, readings_of, traits_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from saltus.explorer.session import Session
 
-__all__ = ["OrbitView", "readings_of"]
+__all__ = ["OrbitView"]
 
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 181)
 _HEIGHT = 235  # pixels of a figure
@@ -44,7 +41,7 @@ class OrbitView:
         self,
         session: Session,
         tell: Callable[[str], None],
-        readings: Callable[[PeriodicOrbit], Mapping[str, Any]],
+        readings: Callable[[Any], Mapping[str, Any]],
     ) -> None:
         self._session, self._tell, self._instrument = session, tell, readings
         self._shown: Any = None
@@ -110,79 +107,27 @@ class OrbitView:
             look.fit(made, [*chain(*lines["xs"]), *dots["x"]], [*chain(*lines["ys"]), *dots["y"]])
 
     def _lines(self, names: tuple[str, str]) -> tuple[dict[str, list[Any]], dict[str, list[Any]]]:
-        shown = self._shown
-        if isinstance(shown, Equilibrium):
-            place = [_at_rest(shown, name) for name in names]
-            return _NO_LINES, {"x": place[:1], "y": place[1:]}
-        if not isinstance(shown, PeriodicOrbit | Trajectory):
-            return _NO_LINES, _NO_DOTS
-        path = path_of(shown, names)
-        modes = shown.system.mode_names
+        path = path_of(self._shown, names)
         lines = {
             "xs": [curve[:, 0].tolist() for curve in path.curves],
             "ys": [curve[:, 1].tolist() for curve in path.curves],
             "colour": [look.colour_of_mode(mode) for mode in path.modes],
-            "mode": [modes[mode] for mode in path.modes],
+            "mode": [self._session.system.mode_names[mode] for mode in path.modes],
         }
         ends = path.events[-_MOST_EVENTS:]
         return lines, {"x": ends[:, 0].tolist(), "y": ends[:, 1].tolist()}
 
     def _tell_numbers(self) -> None:
         shown = self._shown
-        values = np.empty(0, complex)
-        if isinstance(shown, PeriodicOrbit):
-            values, self._circle.title.text = shown.multipliers, "Floquet multipliers"
-        elif isinstance(shown, Equilibrium):
-            values, self._circle.title.text = shown.eigenvalues, "Eigenvalues"
+        traits = traits_of(shown)
+        values, self._circle.title.text = traits.values, traits.spectrum
         finite = values[np.isfinite(values)]
         self._values.data = {"x": finite.real.tolist(), "y": finite.imag.tolist()}
         span = max(1.0, *np.abs([*finite.real, *finite.imag, 0.0]).tolist()) * 1.15
         look.fit(self._circle, [-span, span], [-span, span], 0.0)
         told = {f"{i + 1}": f"{look.complex_text(value)}   |·| = {abs(value):.9g}" for i, value in enumerate(values)}
         self._numbers.object = look.table(told, ("", "value and modulus")) if told else ""
-        self._readings.object = look.table(readings_of(shown, self._instrument)) if shown is not None else ""
-
-
-def readings_of(shown: Any, instrument: Callable[[PeriodicOrbit], Mapping[str, Any]]) -> Mapping[str, str]:
-    """Return observables of a solution as text by name.
-
-    Parameters
-    ----------
-    shown : PeriodicOrbit, Equilibrium or Trajectory
-        The solution.
-    instrument : callable
-        Returns what an instrument shows of an orbit, by name.
-
-    Examples
-    --------
-    >>> from saltus import HybridSystem, find_equilibrium
-    >>> found = find_equilibrium(HybridSystem.smooth({"x": "a - x"}, {"a": 2.0}), x0=[1.0])
-    >>> readings_of(found, dict)["x"]
-    '2'
-    """
-    rows = {name: look.number(value) for name, value in shown.parameters.items()}
-    system = shown.system
-    if isinstance(shown, Equilibrium):
-        return dict(zip(system.states, map(look.number, shown.state), strict=True)) | rows
-    if isinstance(shown, Trajectory):
-        ends = dict(zip(system.all_states, map(look.number, shown.x_end), strict=True))
-        return {f"{name} at the end": value for name, value in ends.items()} | {"events": f"{len(shown.events)}"} | rows
-    found = {"period": look.number(shown.period), "signature": _signature(shown)}
-    names = [*system.states, *system.output_names]
-    texts = [f"{kind}({name})" for name in names for kind in ("min", "max", "mean")]
-    texts += [f"{kind}({name}, 1)" for name in names[:1] for kind in ("amplitude", "phase")]
-    found |= {name: look.number(value) for name, value in shown.observe(*texts).items()}
-    seen = instrument(shown)
-    told = {name: look.number(value) if isinstance(value, float) else f"{value}" for name, value in seen.items()}
-    return {**told, **found, **rows}
-
-
-def _signature(orbit: PeriodicOrbit) -> str:
-    return " ".join(":".join(pair) for pair in orbit.signature)
-
-
-def _at_rest(found: Equilibrium, name: str) -> float:
-    return float(found.state[found.system.states.index(name)]) if name in found.system.states else 0.0
+        self._readings.object = look.table(readings_of(shown, self._instrument))
 
 
 _NO_LINES: dict[str, list[Any]] = {"xs": [], "ys": [], "colour": [], "mode": []}

@@ -8,20 +8,18 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from saltus.equilibria import Equilibrium
 from saltus.errors import SaltusError
 from saltus.explorer import look, widgets
 from saltus.explorer.action_view import ActionView, StartView
 from saltus.explorer.basin_view import BasinView
 from saltus.explorer.desk import Desk, Listener
 from saltus.explorer.diagram_view import DiagramView
-from saltus.explorer.drawing import observable_of
 from saltus.explorer.list_view import ListView
 from saltus.explorer.orbit_view import OrbitView
 from saltus.explorer.parameter_view import ParameterView
 from saltus.explorer.picture import picture_of
+from saltus.explorer.solutions import observable_of, traits_of
 from saltus.explorer.steps import Attract, Basin, FindEquilibrium, FindOrbit, Follow, Move, Place, Step, taken
-from saltus.orbits import PeriodicOrbit
 
 if TYPE_CHECKING:
     from saltus.explorer.session import Entry
@@ -307,7 +305,7 @@ class Page(Listener):
         told = "" if place is None or solution is None else _title(place, self.session.results, solution)
         self.orbit.show(solution, told)
         self.actions.show(told)
-        if isinstance(solution, PeriodicOrbit | Equilibrium):
+        if traits_of(solution).what:
             self.basins.solution_is(solution)
 
     def begin(self) -> None:

@@ -157,17 +157,28 @@ class FindEquilibrium(_Found):
         return f"saltus.find_equilibrium({self._arguments()})"
 
 
-class _Followed(Step):
+class _FromPlace(Step):
     place: Place
-    parameter: str
-    bounds: tuple[float, float]
-    of: Literal["orbit", "equilibrium", "cycle"] = "orbit"  # what is followed
-    noun: ClassVar[str] = "branch"
 
     @property
     def needs(self) -> tuple[str, ...]:
         """Names of the results that the call takes."""
         return (self.place.of,)
+
+    def _point(self, results: Mapping[str, Any]) -> Any:
+        """Return the special point at the place."""
+        taken(self.place, results)
+        return results[self.place.of][self.place.label]
+
+    def _point_text(self) -> str:
+        return f"{self.place.of}[{self.place.label!r}]"
+
+
+class _Followed(_FromPlace):
+    parameter: str
+    bounds: tuple[float, float]
+    of: Literal["orbit", "equilibrium", "cycle"] = "orbit"  # what is followed
+    noun: ClassVar[str] = "branch"
 
     def _follow(self, start: Any, progress: Report | bool) -> Result:
         from saltus.continuation import continue_equilibrium, continue_orbit
@@ -204,67 +215,54 @@ class Switch(_Followed):
         """Call `saltus.switch_branch`, and follow the branch of what it returns."""
         from saltus.continuation import switch_branch
 
-        return self._follow(switch_branch(_special(self.place, results)), progress)
+        return self._follow(switch_branch(self._point(results)), progress)
 
     def text(self) -> str:
         """Return the calls as Python."""
-        return self._call(f"saltus.switch_branch({self.place.of}[{self.place.label!r}])")
+        return self._call(f"saltus.switch_branch({self._point_text()})")
 
 
-class Follow(Step):
+class Follow(_FromPlace):
     """Follow the locus of a special point over two parameters."""
 
     kind: Literal["follow"] = "follow"
-    place: Place
     parameters: tuple[str, str]
     bounds: tuple[tuple[float, float], tuple[float, float]]
     noun: ClassVar[str] = "locus"
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """Names of the results that the call takes."""
-        return (self.place.of,)
 
     def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
         """Call `saltus.continue_locus`."""
         from saltus.continuation import continue_locus
 
         bounds = dict(zip(self.parameters, self.bounds, strict=True))
-        found: Result = continue_locus(_special(self.place, results), self.parameters, bounds, progress=progress)
+        found: Result = continue_locus(self._point(results), self.parameters, bounds, progress=progress)
         return found
 
     def text(self) -> str:
         """Return the call as Python."""
         bounds = dict(zip(self.parameters, self.bounds, strict=True))
-        return f"saltus.continue_locus({self.place.of}[{self.place.label!r}], {self.parameters!r}, {bounds!r})"
+        return f"saltus.continue_locus({self._point_text()}, {self.parameters!r}, {bounds!r})"
 
 
-class Cascade(Step):
+class Cascade(_FromPlace):
     """Follow the period doublings after a first one."""
 
     kind: Literal["cascade"] = "cascade"
-    place: Place
     bounds: tuple[float, float]
     doublings: int = 4
     noun: ClassVar[str] = "cascade"
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """Names of the results that the call takes."""
-        return (self.place.of,)
 
     def run(self, system: HybridSystem, results: Mapping[str, Any], progress: Report | bool) -> Result:
         """Call `saltus.follow_cascade`."""
         from saltus.continuation import follow_cascade
 
-        point = _special(self.place, results)
+        point = self._point(results)
         found: Result = follow_cascade(point, self.bounds, doublings=self.doublings, progress=progress)
         return found
 
     def text(self) -> str:
         """Return the call as Python."""
-        point = f"{self.place.of}[{self.place.label!r}]"
-        return f"saltus.follow_cascade({point}, {self.bounds!r}, doublings={self.doublings})"
+        return f"saltus.follow_cascade({self._point_text()}, {self.bounds!r}, doublings={self.doublings})"
 
 
 class Sweep(Step):
@@ -375,12 +373,6 @@ class Basin(Step):
     def text(self) -> str:
         """Return the call as Python."""
         return f"saltus.map_basins(system, {self.parameters!r}, {self.grid!r}, {self.attractors})"
-
-
-def _special(place: Place, results: Mapping[str, Any]) -> Any:
-    """Return the special point at a place."""
-    taken(place, results)
-    return results[place.of][place.label]
 
 
 _STEPS: TypeAdapter[Any] = TypeAdapter(

@@ -1,0 +1,231 @@
+"""What the page shows of a solution or a motion: a kind registers here what it is, its numbers and its curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import singledispatch
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.equilibria import Equilibrium
+from saltus.errors import InputError
+from saltus.flow import Trajectory
+from saltus.orbits import PeriodicOrbit
+from saltus.plotting.orbit import segments_of, unwrapped_parts
+from saltus.plotting.trajectory import flights_of
+from saltus.solution import Solution
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from saltus.system import HybridSystem, Map
+
+__all__ = ["EXTREMES", "Path", "Traits", "observable_of", "path_of", "quantity_of", "readings_of", "traits_of"]
+
+EXTREMES = ("min", "max")
+
+
+@dataclass(frozen=True)
+class Traits:
+    """What the page must know of a solution to go on from it.
+
+    Attributes
+    ----------
+    what : str
+        What a branch through it is a branch of, as ``"orbit"``; empty where none can be followed.
+    spectrum : str
+        What the numbers are called that decide whether it is stable.
+    values : ndarray of complex
+        These numbers.
+    interval : float
+        Time between two looks at motions nearby, where the system has no phase.
+    """
+
+    what: str = ""
+    spectrum: str = ""
+    values: NDArray[np.complex128] = field(default_factory=lambda: np.empty(0, complex))
+    interval: float = 2.0 * np.pi
+
+
+@singledispatch
+def traits_of(solution: Any) -> Traits:
+    """Return what the page must know of a solution, or of a motion, to go on from it."""
+    return Traits()
+
+
+@traits_of.register
+def _(orbit: PeriodicOrbit) -> Traits:
+    return Traits("orbit", "Floquet multipliers", orbit.multipliers, float(orbit.period))
+
+
+@traits_of.register
+def _(rest: Equilibrium) -> Traits:
+    fastest = float(np.abs(rest.eigenvalues).max())
+    return Traits("equilibrium", "Eigenvalues", rest.eigenvalues, 2.0 * np.pi / fastest if fastest > 0.0 else 1.0)
+
+
+@dataclass(frozen=True)
+class Path:
+    """A motion as curves in two quantities.
+
+    Attributes
+    ----------
+    curves : list of ndarray, shape (vertex, 2)
+        The curve, cut at events and where an angle passes 2 pi.
+    modes : list of int
+        The mode of each curve.
+    events : ndarray, shape (event, 2)
+        Where events are; of what does not flow, as an equilibrium, where it is.
+    """
+
+    curves: list[NDArray[np.float64]] = field(default_factory=list)
+    modes: list[int] = field(default_factory=list)
+    events: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+
+
+@singledispatch
+def path_of(motion: Any, names: tuple[str, str]) -> Path:
+    """Return a solution or a motion as curves in two quantities.
+
+    Parameters
+    ----------
+    motion : PeriodicOrbit, Equilibrium, Trajectory or another
+        The motion; of what is none, there are no curves.
+    names : (str, str)
+        ``t``, states, outputs or expressions.
+
+    Raises
+    ------
+    InputError
+        A text that is no expression, or an unknown name in it.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem, simulate
+    >>> fall = simulate(HybridSystem.smooth({"z": "v", "v": "-1"}), {}, [1.0, 0.0], t_end=1.0)
+    >>> path_of(fall, ("t", "z")).curves[0][-1].round(9)
+    array([1. , 0.5])
+    """
+    return Path()
+
+
+@path_of.register
+def _(orbit: PeriodicOrbit, names: tuple[str, str]) -> Path:
+    curves, modes = segments_of(orbit, names)
+    return _cut(orbit.system, names, curves, modes, curves if orbit.form.transitions[-1] >= 0 else [])
+
+
+@path_of.register
+def _(motion: Trajectory, names: tuple[str, str]) -> Path:
+    curves, modes, _ = flights_of(motion, names)
+    ended = zip(curves, motion.events["kind"], strict=False)
+    return _cut(motion.system, names, curves, modes, [curve for curve, kind in ended if kind == "event"])
+
+
+@path_of.register
+def _(solution: Solution, names: tuple[str, str]) -> Path:
+    places, states = solution.states_along()
+    columns = {"t": places, **dict(zip(solution.system.states, states.T, strict=True))}
+    return Path(events=np.column_stack([columns.get(name, np.zeros(len(places))) for name in names]))
+
+
+def _cut(
+    system: HybridSystem,
+    names: tuple[str, str],
+    curves: list[NDArray[np.float64]],
+    modes: list[int],
+    ends: list[NDArray[np.float64]],
+) -> Path:
+    """Return curves, cut where an angle passes 2 pi, with the last vertices of those that end at events."""
+    phase = None if system.phase is None else system.phase[0]
+    cut = [unwrapped_parts(curve, [name == phase for name in names]) for curve in curves]
+    told = [mode for mode, parts in zip(modes, cut, strict=True) for _ in parts]
+    return Path([part for parts in cut for part in parts], told, np.reshape([curve[-1] for curve in ends], (-1, 2)))
+
+
+@singledispatch
+def readings_of(shown: Any, instrument: Callable[[Any], Mapping[str, Any]]) -> Mapping[str, Any]:
+    """Return observables of a solution or a motion by name.
+
+    Parameters
+    ----------
+    shown : PeriodicOrbit, Equilibrium, Trajectory or another
+        The solution.
+    instrument : callable
+        Returns what an instrument shows of an orbit, by name.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem, find_equilibrium
+    >>> found = find_equilibrium(HybridSystem.smooth({"x": "a - x"}, {"a": 2.0}), x0=[1.0])
+    >>> readings_of(found, dict)
+    {'x': 2.0, 'stable': True, 'mode': 'smooth', 'regular': True, 'a': 2.0}
+    """
+    return {}
+
+
+@readings_of.register
+def _(orbit: PeriodicOrbit, instrument: Callable[[Any], Mapping[str, Any]]) -> Mapping[str, Any]:
+    path = " ".join(":".join(pair) for pair in orbit.signature)
+    names = [*orbit.system.states, *orbit.system.output_names]
+    texts = [f"{kind}({name})" for name in names for kind in (*EXTREMES, "mean")]
+    texts += [f"{kind}({name}, 1)" for name in names[:1] for kind in ("amplitude", "phase")]
+    own = {"period": orbit.period, "signature": path, **orbit.observe(*texts)}
+    return {**instrument(orbit), **own, **orbit.parameters}
+
+
+@readings_of.register
+def _(solution: Solution, instrument: Callable[[Any], Mapping[str, Any]]) -> Mapping[str, Any]:
+    return {**solution.row(), **solution.parameters}
+
+
+@readings_of.register
+def _(motion: Trajectory, instrument: Callable[[Any], Mapping[str, Any]]) -> Mapping[str, Any]:
+    ends = zip(motion.system.all_states, motion.x_end.tolist(), strict=True)
+    return {**{f"{name} at the end": x for name, x in ends}, "events": len(motion.events), **motion.parameters}
+
+
+def observable_of(name: str, system: HybridSystem | Map) -> str:
+    """Return the observable that a name of an axis means for one motion, as ``"max(z)"`` for ``"max_z"``."""
+    extreme, _, whose = name.partition("_")
+    known = (*system.states, *system.output_names)
+    return f"{extreme}({whose})" if extreme in EXTREMES and whose in known else name
+
+
+def quantity_of(solution: Any, name: str) -> float:
+    """Return a quantity of a solution, named as a column of a branch.
+
+    Parameters
+    ----------
+    solution : PeriodicOrbit, Equilibrium or another
+        The solution.
+    name : str
+        A parameter, a state at phase 0, an extreme such as ``max_x``, or what else its kind knows.
+
+    Raises
+    ------
+    InputError
+        The solution has no such quantity.
+    """
+    states = solution.system.states
+    if name in solution.parameters:
+        return float(solution.parameters[name])
+    if name in states:
+        return float(solution.x0[states.index(name)])
+    side, _, rest = observable_of(name, solution.system).partition("(")
+    if side in EXTREMES and (whose := rest.removesuffix(")")) in states:
+        return float(solution.extremes[EXTREMES.index(side)][states.index(whose)])
+    return _observed(solution, name)
+
+
+@singledispatch
+def _observed(solution: Any, name: str) -> float:
+    raise InputError("axis", name, "a parameter, a state or an extreme of it")
+
+
+@_observed.register
+def _(orbit: PeriodicOrbit, name: str) -> float:
+    told = observable_of(name, orbit.system)
+    return float(orbit.period if name == "period" else orbit.observe(told)[told])

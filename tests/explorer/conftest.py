@@ -1,0 +1,116 @@
+"""Sessions of a ball on a table and of a chemical oscillator, and an application that is no saltus.afm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+
+import pytest
+
+import saltus
+from saltus.explorer.application import Application
+from saltus.explorer.session import Session, new_folder
+from saltus.explorer.steps import Continue, FindEquilibrium, FindOrbit, Follow, Move, Place, Sweep, Switch
+from saltus.explorer.subjects import Subject, of_system
+from systems import ball_on_table as table
+
+
+def make(key: str) -> Subject:
+    """Return the model of the toy application."""
+    return of_system(table(), key)
+
+
+def readings(orbit) -> dict[str, float]:
+    """Return what a clock beside the table shows."""
+    return {"beats": 1.0 / orbit.period}
+
+
+def films(system) -> bool:
+    """Return whether it is the ball."""
+    return system.states == ("z", "v")
+
+
+def film(orbit, path: str, progress) -> Path:
+    """Write down what would be filmed."""
+    Path(path).write_text(f"{orbit.period:.6f}")
+    return Path(path)
+
+
+def _at_once(called: Callable[[], Coroutine]) -> None:
+    with pytest.raises(StopIteration):  # it has ended, and waits for nothing
+        called().send(None)
+
+
+@pytest.fixture
+def heard(monkeypatch) -> None:
+    """Call at once what listens to widgets: without a server Panel makes a loop for each call, and leaves it open."""
+    monkeypatch.setattr("param.parameterized.async_executor", _at_once)
+
+
+@pytest.fixture(scope="session")
+def toys() -> Application:
+    return Application({"table": "A ball on a table", "bench": "The same"}, make, readings, films, film)
+
+
+@pytest.fixture(scope="session")
+def taken_steps(ball_on_table):
+    """Return steps of a session with the ball, and their results: an orbit, its branch, a locus, a sweep, a motion."""
+    steps = {
+        "orbit1": FindOrbit(parameters={"a": 1.2}, x0=(0.6, 3.1, 0.5)),
+        "branch1": Continue(place=Place(of="orbit1"), parameter="a", bounds=(0.9, 1.8)),
+        "locus1": Follow(
+            place=Place(of="branch1", label="SN1"), parameters=("a", "e"), bounds=((0.1, 3.0), (0.3, 0.7))
+        ),
+        "sweep1": Sweep(parameter="a", bounds=(1.15, 1.2), count=2, x0=(0.6, 3.1)),
+        "motion1": Move(parameters={"a": 1.1}, x0=(0.6, 3.1, 0.5), periods=3),
+    }
+    results: dict = {}
+    for name, step in steps.items():
+        results[name] = step.run(ball_on_table, results, False)
+    return steps, results
+
+
+@pytest.fixture(scope="session")
+def results(taken_steps):
+    return taken_steps[1]
+
+
+@pytest.fixture(scope="session")
+def rests():
+    """Return a chemical oscillator's equilibrium, its branch through a Hopf point, and the cycles that begin there."""
+    field = {"x": "A - (B + 1)*x + x**2*y", "y": "B*x - x**2*y"}
+    system = saltus.HybridSystem(("x", "y"), {"A": 1.0, "B": 1.5}, {"reaction": saltus.Mode(field)})
+    steps = {
+        "equilibrium1": FindEquilibrium(x0=(1.0, 1.5)),
+        "branch1": Continue(place=Place(of="equilibrium1"), parameter="B", bounds=(1.0, 3.0), of="equilibrium"),
+        "branch2": Switch(place=Place(of="branch1", label="HB1"), parameter="B", bounds=(1.5, 3.0), of="orbit"),
+    }
+    found: dict = {}
+    for name, step in steps.items():
+        found[name] = step.run(system, found, False)
+    return steps, found
+
+
+def _session(folder, steps, results) -> Session:
+    made = Session(of_system(next(iter(results.values())).system), new_folder(folder))
+    for name, step in steps.items():
+        assert made.add(step, results[name]).name == name
+    return made
+
+
+@pytest.fixture
+def session(tmp_path, taken_steps) -> Session:
+    """Return a session with all results of the ball, not yet written."""
+    return _session(tmp_path, *taken_steps)
+
+
+@pytest.fixture
+def still(tmp_path, rests) -> Session:
+    """Return a session with equilibria, not yet written."""
+    return _session(tmp_path, *rests)
+
+
+@pytest.fixture
+def empty(tmp_path, ball_on_table) -> Session:
+    """Return a session of the ball without a result."""
+    return Session(of_system(ball_on_table), new_folder(tmp_path))

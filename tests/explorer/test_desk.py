@@ -1,0 +1,209 @@
+"""A desk hands steps to a companion and takes results in; the companion here answers as it is told."""
+
+import pytest
+
+from saltus.companion import Message
+from saltus.errors import SaltusError
+from saltus.explorer import desk as desks
+from saltus.explorer.desk import Desk, Listener
+from saltus.explorer.session import Session
+from saltus.explorer.tasks import Outcome, take, warm
+from saltus.progress import Progress
+
+
+class Told:
+    """A companion without a process."""
+
+    def __init__(self, prepare=None) -> None:
+        self.pieces: dict[int, tuple] = {}
+        self.stopped: list[int] = []
+        self.said: list[Message] = []
+        self.ended = 0
+        self.started = 0
+
+    def start(self) -> None:
+        self.started += 1
+
+    def submit(self, function, *arguments) -> int:
+        self.pieces[len(self.pieces) + 1] = (function, *arguments)
+        return len(self.pieces)
+
+    def heard(self) -> list[Message]:
+        said, self.said = self.said, []
+        return said
+
+    def stop(self, key: int) -> None:
+        self.stopped.append(key)
+
+    def end(self) -> None:
+        self.ended += 1
+
+
+class Ear(Listener):
+    """What a page would hear."""
+
+    def __init__(self) -> None:
+        self.entries: list[str] = []
+        self.work: list[tuple] = []
+        self.lines: list[tuple[str, bool]] = []
+        self.gone = False
+
+    def added(self, entry) -> None:
+        self.entries.append(entry.name)
+
+    def progressed(self, what, progress) -> None:
+        self.work.append((what.partition(":")[0], progress))
+
+    def told(self, line, *, error=False) -> None:
+        self.lines.append((line, error))
+
+    def left(self) -> None:
+        self.gone = True
+
+
+@pytest.fixture
+def desk(empty, toys, monkeypatch) -> Desk:
+    monkeypatch.setattr(desks, "Companion", Told)
+    made = Desk(toys, empty)
+    made.taken_by(Ear())
+    return made
+
+
+def test_a_step_is_handed_over_as_plain_data_with_what_it_needs(desk, taken_steps):
+    steps, results = taken_steps
+    desk.session.add(steps["orbit1"], results["orbit1"])
+    desk.session.add(steps["sweep1"], results["sweep1"])
+    desk.run(steps["branch1"])
+    function, definition, plain, needed = desk._companion.pieces[1]
+    assert (function, definition) == (take, desk.session.subject.definition)
+    assert plain == steps["branch1"].model_dump()
+    assert needed == {"orbit1": results["orbit1"]}
+    assert desk.busy
+    assert desk.listener.work == [("branch", None)]
+
+
+def test_a_result_is_added_told_and_written_when_there_is_time(desk, taken_steps):
+    steps, results = taken_steps
+    done = []
+    desk.run(steps["orbit1"], done.append)
+    desk._companion.said = [Message(1, "result", Outcome(results["orbit1"], 0.5, ("a note",)))]
+    desk.listen()
+    assert desk.listener.entries == [entry.name for entry in done] == ["orbit1"]
+    assert desk.listener.lines == [("a note", False)]
+    assert not desk.busy
+    assert desk.listener.work[-1] == ("", None)
+    assert not [*desk.session.folder.glob("*.nc")]
+    desk.write()
+    assert Session.reopened(desk.session.folder).results == {"orbit1": results["orbit1"]}
+
+
+def test_a_better_result_takes_the_place_of_another(desk, taken_steps):
+    steps, results = taken_steps
+    desk.session.add(steps["motion1"], results["motion1"])
+    desk.run(steps["motion1"], replaces="motion1")
+    desk._companion.said = [Message(1, "result", Outcome(results["motion1"], 2.0, ()))]
+    desk.listen()
+    assert [(entry.name, entry.seconds) for entry in desk.session.entries] == [("motion1", 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "content", "line"),
+    [
+        ("error", "it does not converge", ("it does not converge", True)),
+        ("stopped", None, ("stopped before there was anything to keep", False)),
+    ],
+)
+def test_work_without_a_result_is_told(desk, taken_steps, kind, content, line):
+    desk.run(taken_steps[0]["orbit1"])
+    desk._companion.said = [Message(1, kind, content)]
+    desk.listen()
+    assert desk.listener.lines == [line]
+    assert (desk.session.entries, desk.busy) == ([], False)
+
+
+def test_progress_is_told_and_what_is_forgotten_is_not(desk, taken_steps):
+    desk.run(taken_steps[0]["branch1"])
+    progress = Progress(3, 10, 1.0, "points")
+    desk._companion.said = [Message(1, "progress", progress), Message(9, "error", "of a piece long gone")]
+    desk.listen()
+    assert desk.listener.work == [("branch", None), ("branch", progress)]
+    assert desk.listener.lines == []
+    assert desk.busy
+
+
+def test_work_is_stopped_from_behind_so_that_nothing_begins_meanwhile(desk, taken_steps):
+    for name in ("orbit1", "sweep1"):
+        desk.run(taken_steps[0][name])
+    desk.stop()
+    assert desk._companion.stopped == [2, 1]
+
+
+def test_a_process_that_is_ended_begins_anew(desk, taken_steps):
+    desk.run(taken_steps[0]["orbit1"])
+    desk.kill()
+    assert (desk.busy, desk._companion.ended, desk._companion.started) == (False, 1, 1)
+    assert desk.listener.lines == [("the work was ended", False)]
+
+
+def test_a_wish_comes_before_loading_ahead(desk, taken_steps):
+    desk.warm()
+    assert desk._companion.pieces[1][0] is warm
+    assert not desk.busy
+    desk.run(taken_steps[0]["orbit1"])
+    assert desk._companion.stopped == [1]
+    desk.run(taken_steps[0]["sweep1"])
+    assert desk._companion.stopped == [1]
+
+
+def test_the_application_films(desk, results, toys):
+    filmed = []
+    desk.film(results["orbit1"], filmed.append)
+    function, orbit, path = desk._companion.pieces[1]
+    assert function is toys.film
+    desk._companion.said = [Message(1, "result", function(orbit, path, progress=False))]
+    desk.listen()
+    assert filmed == [desk.session.folder / "film.gif"]
+    assert filmed[0].read_text() == "6.283185"
+    assert desk.session.entries == []
+
+
+def test_a_page_that_is_left_hears_so(desk):
+    before = desk.listener
+    desk.taken_by(Ear())
+    assert before.gone
+    assert not desk.listener.gone
+
+
+def test_a_system_without_processes_is_told(desk, taken_steps, monkeypatch):
+    def refused(*arguments):
+        raise SaltusError("no further process")
+
+    monkeypatch.setattr(desk._companion, "submit", refused)
+    monkeypatch.setattr(desk._companion, "start", refused)
+    desk.start()
+    desk.run(taken_steps[0]["orbit1"])
+    assert desk.listener.lines == [("no further process", True)] * 2
+    assert not desk.busy
+
+
+def test_a_folder_that_cannot_be_written_is_told(desk, taken_steps, tmp_path):
+    steps, results = taken_steps
+    desk.run(steps["orbit1"])
+    desk._companion.said = [Message(1, "result", Outcome(results["orbit1"], 0.5, ()))]
+    desk.listen()
+    desk.session.folder = tmp_path / "gone"
+    desk.close()
+    (line, error), *_ = desk.listener.lines
+    assert line.startswith("the session is not kept: ")
+    assert error
+    assert desk._companion.ended == 1
+
+
+def test_what_was_undone_meanwhile_is_not_written(desk, taken_steps):
+    steps, results = taken_steps
+    desk.run(steps["orbit1"])
+    desk._companion.said = [Message(1, "result", Outcome(results["orbit1"], 0.5, ()))]
+    desk.listen()
+    desk.session.undo()
+    desk.write()
+    assert not [*desk.session.folder.glob("*.nc")]

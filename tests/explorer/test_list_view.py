@@ -1,0 +1,58 @@
+"""The list of results: a line for each, and a box that hides it."""
+
+import re
+
+import pytest
+
+from saltus.explorer.list_view import ListView, line_of
+
+pytestmark = pytest.mark.usefixtures("heard")
+
+
+def grey(number: int) -> str:
+    """Return the colour of a curve in these tests."""
+    return f"#00000{number}"
+
+
+def test_a_line_tells_what_a_result_is_and_why_it_ended(session):
+    entry = session.entry("branch1")
+    line = line_of(entry, "#123456")
+    assert 'style="background:#123456"' in line
+    assert f"<b>branch1</b> Branch of ball on a table: {len(entry.result)} orbits" in line
+    assert re.search(r'<span class="end">[^<]+</span>', line)
+    assert "saltus.continue_orbit(orbit1, &#x27;a&#x27;, (0.9, 1.8))" in line
+
+
+def test_only_curves_have_a_colour(session):
+    coloured = [entry.name for entry in session.entries if "swatch" in line_of(entry, "#123456")]
+    assert coloured == ["branch1", "locus1", "sweep1"]
+
+
+def test_notes_and_reasons_are_written_as_text(session):
+    step, result = session.entries[0].step, session.entries[0].result
+    entry = session.add(step, result, 61.0, ("<i>slow</i>",))
+    line = line_of(entry, "", "<b>other axes</b>")
+    assert '<span class="note">&lt;i&gt;slow&lt;/i&gt;</span>' in line
+    assert '<span class="note">not on these axes: &lt;b&gt;other axes&lt;/b&gt;</span>' in line
+    assert '<span class="time">1 min' in line
+    assert 'class="end"' not in line
+
+
+def test_an_empty_list_says_what_to_do(empty):
+    shown = ListView(empty, lambda: None)
+    shown.show(grey, {})
+    assert len(shown.panel) == 1
+    assert "Find an orbit" in shown.panel[0].object
+
+
+def test_a_box_hides_a_result_and_shows_it_again(session):
+    changes: list[set[str]] = []
+    shown = ListView(session, lambda: changes.append(set(session.settings.hidden)))
+    session.settings.hidden.add("locus1")
+    shown.show(grey, {"sweep1": "no z"})
+    boxes = [row[0] for row in shown.panel]
+    assert [box.value for box in boxes] == [True, True, False, True, True]
+    boxes[1].value = False
+    boxes[2].value = True
+    assert changes == [{"branch1", "locus1"}, {"branch1"}]
+    assert ["not on these axes" in row[1].object for row in shown.panel] == [False, False, False, True, False]

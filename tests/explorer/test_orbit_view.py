@@ -1,0 +1,90 @@
+"""The selected solution: its curves, its multipliers, its numbers, and errors in words."""
+
+import numpy as np
+import pytest
+
+from saltus.explorer.orbit_view import OrbitView
+
+pytestmark = pytest.mark.usefixtures("heard")
+
+
+@pytest.fixture
+def lines() -> list[str]:
+    return []
+
+
+def viewed(session, lines, toys, name: str = "") -> OrbitView:
+    """Return the view of a result."""
+    made = OrbitView(session, lines.append, toys.readings)
+    if name:
+        made.show(session.results[name], f"<b>{name}</b>")
+    return made
+
+
+def test_nothing_is_shown_where_nothing_is_selected(session, lines, toys):
+    view = viewed(session, lines, toys)
+    assert "click on a branch" in view.title.object
+    assert view._sources["portrait"][0].data["xs"] == []
+    assert (view._values.data["x"], view._numbers.object, view._readings.object) == ([], "", "")
+
+
+def test_an_orbit_has_a_portrait_and_a_series(session, lines, toys):
+    view = viewed(session, lines, toys, "orbit1")
+    orbit = session.results["orbit1"]
+    curves, events = view._sources["series"]
+    assert curves.data["mode"] == ["flight"] * len(curves.data["xs"])
+    assert max(max(xs) for xs in curves.data["xs"]) == pytest.approx(orbit.period)
+    assert len(events.data["x"]) == 1
+    heights = np.concatenate(view._sources["portrait"][0].data["xs"])
+    assert heights.max() == pytest.approx(orbit.max["z"], rel=1e-3)  # at 400 points
+    assert view._portrait.x_range.start < heights.min() < heights.max() < view._portrait.x_range.end
+    assert lines == []
+
+
+def test_multipliers_lie_about_the_unit_circle(session, lines, toys):
+    view = viewed(session, lines, toys, "orbit1")
+    found = session.results["orbit1"].multipliers
+    assert view._circle.title.text == "Floquet multipliers"
+    assert np.array_equal(view._values.data["x"], found.real)
+    assert view._circle.x_range.end == view._circle.y_range.end == -view._circle.x_range.start
+    assert view._numbers.object.count("|·|") == len(found)
+
+
+def test_an_equilibrium_is_a_dot_with_eigenvalues(still, lines, toys):
+    view = viewed(still, lines, toys, "equilibrium1")
+    curves, places = view._sources["portrait"]
+    assert curves.data["xs"] == []
+    assert (places.data["x"], places.data["y"]) == (pytest.approx([1.0]), pytest.approx([1.5]))
+    assert view._circle.title.text == "Eigenvalues"
+    assert len(view._values.data["x"]) == 2
+
+
+def test_a_motion_has_no_multipliers(session, lines, toys):
+    view = viewed(session, lines, toys, "motion1")
+    assert view._values.data["x"] == []
+    assert view._circle.title.text == ""
+    assert "z at the end" in view._readings.object
+    assert len(view._sources["series"][1].data["x"]) == np.sum(session.results["motion1"].events["kind"] == "event")
+
+
+def test_an_instrument_shows_an_orbit(session, lines, toys):
+    assert "<th>beats</th><td>0.159154943</td>" in viewed(session, lines, toys, "orbit1")._readings.object
+
+
+def test_other_quantities_are_drawn_and_kept(session, lines, toys):
+    view = viewed(session, lines, toys, "orbit1")
+    view._axes[2].value = "z**2"
+    assert session.settings.planes == ("z", "v", "z**2")
+    squares = np.concatenate(view._sources["series"][0].data["ys"])
+    heights = np.concatenate(view._sources["portrait"][0].data["xs"])
+    assert squares == pytest.approx(heights**2)
+    assert view._series.yaxis.axis_label == "z**2"
+    assert (session.folder / "session.json").is_file()
+
+
+def test_a_wrong_quantity_is_told_and_draws_nothing(session, lines, toys):
+    view = viewed(session, lines, toys, "orbit1")
+    view._axes[0].value = "__import__('os')"
+    assert any("__import__" in line for line in lines)
+    assert view._sources["portrait"][0].data["xs"] == []
+    assert view._sources["series"][0].data["xs"] != []

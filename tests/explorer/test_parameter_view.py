@@ -1,0 +1,121 @@
+"""Parameters and start: fields and sliders, what a definition allows, sets of values."""
+
+import param
+import pytest
+
+import saltus
+from saltus.explorer.parameter_view import ParameterView, range_of
+from saltus.explorer.session import Session
+from saltus.explorer.subjects import of_system
+from systems import afm
+
+pytestmark = pytest.mark.usefixtures("heard")
+
+
+@pytest.fixture
+def shown(empty):
+    """Return the view of a session and the changes that it tells."""
+    changes: list[dict[str, float]] = []
+    return ParameterView(empty, lambda: changes.append(empty.changed())), changes
+
+
+def bounded(tmp_path, **given) -> Session:
+    """Return a session of a spring whose stiffness has bounds."""
+    modes = {"free": saltus.Mode({"x": "v", "v": "-k*x"})}
+    spring = saltus.HybridSystem(("x", "v"), {"k": 2.0, "c": 0.0, "n": -4.0}, modes, **given)
+    return Session(of_system(spring), tmp_path)
+
+
+def slide(field, place: int) -> None:
+    """Move a slider and let it go."""
+    with param.edit_constant(field._slider):
+        field._slider.param.update(value=place, value_throttled=place)
+
+
+def test_a_number_is_taken_and_moves_the_slider(shown, empty):
+    view, changes = shown
+    field = view._fields["a"]
+    field._number.value = 1.65
+    assert changes == [{"a": 1.65}]
+    assert field._slider.value == 150  # of 200 steps from 0 to 2.2
+    assert empty.settings.parameters["a"] == 1.65
+
+
+def test_a_slider_moves_the_number(shown):
+    view, changes = shown
+    slide(view._fields["a"], 50)
+    assert view._fields["a"]._number.value == pytest.approx(0.55)
+    assert changes == [{"a": 0.55}]
+
+
+def test_a_value_that_is_not_allowed_is_put_back(tmp_path):
+    session, changes = bounded(tmp_path, parameter_bounds={"k": (1.0, 3.0)}, positive=("k",)), []
+    field = ParameterView(session, lambda: changes.append(1))._fields["k"]
+    for wrong in (3.5, 0.5, -1.0, None):
+        field._number.value = wrong
+        assert field._number.value == 2.0
+    assert changes == []
+    field._number.value = 3.0
+    assert session.settings.parameters["k"] == 3.0
+
+
+def test_a_slider_never_makes_a_positive_parameter_zero(tmp_path):
+    session = bounded(tmp_path, positive=("k",))
+    field = ParameterView(session, lambda: None)._fields["k"]
+    slide(field, 0)
+    assert 0.0 < session.settings.parameters["k"] <= 4.0 / 200
+
+
+def test_a_range_is_that_of_the_subject_or_about_the_value_within_bounds(tmp_path, toys):
+    session = bounded(tmp_path, parameter_bounds={"k": (1.0, 3.0)})
+    assert range_of(session, "k") == (1.0, 3.0)
+    assert range_of(session, "c") == (-1.0, 1.0)
+    assert range_of(session, "n") == (-8.0, 0.0)
+    session.subject = session.subject._replace(ranges={"k": (1.5, 2.5)})
+    assert range_of(session, "k") == (1.5, 2.5)
+
+
+def test_the_start_is_taken(shown, empty):
+    view, changes = shown
+    view._starts[1].value = 3.5
+    assert empty.settings.x0 == (0.0, 3.5)
+    assert changes == [{}]
+
+
+def test_the_start_has_a_phase_where_the_session_has_one(empty):
+    empty.settings.x0 = (0.6, 3.1, 0.5)
+    view = ParameterView(empty, lambda: None)
+    assert [field.name for field in view._starts] == ["z", "v", "θ"]
+
+
+def test_a_mode_is_chosen_where_there_are_several(tmp_path, shown):
+    assert not shown[0]._mode.visible
+    session = Session(of_system(afm()), tmp_path)
+    view = ParameterView(session, lambda: None)
+    assert view._mode.visible
+    view._mode.value = "contact"
+    assert session.settings.mode == "contact"
+    view._mode.value = ""
+    assert session.settings.mode is None
+
+
+def test_a_set_of_values_comes_back_by_its_name(shown, empty):
+    view, changes = shown
+    view._fields["e"]._number.value = 0.25
+    view._starts[0].value = 0.7
+    view._named.value_input = " low "
+    view._save()
+    view._fields["e"]._number.value = 0.75
+    view._starts[0].value = 0.0
+    view._chosen.value = "low"
+    assert (empty.settings.parameters["e"], empty.settings.x0) == (0.25, (0.7, 0.0))
+    assert (view._fields["e"]._number.value, view._starts[0].value) == (0.25, 0.7)
+    assert view._chosen.value == "saved sets"
+    assert changes[-1] == {"e": 0.25}
+
+
+def test_a_set_without_a_name_is_not_saved(shown, empty):
+    view, changes = shown
+    view._named.value_input = "  "
+    view._save()
+    assert (empty.settings.sets, changes) == ({}, [])

@@ -1,0 +1,43 @@
+"""What a companion does: a step of plain data gives a result, its time and its warnings."""
+
+import warnings
+
+import pytest
+
+from saltus.errors import InputError
+from saltus.explorer import tasks
+from saltus.explorer.steps import FindOrbit
+from saltus.explorer.subjects import definition_of
+
+
+def test_a_step_of_plain_data_gives_the_result_of_its_call(taken_steps, ball_on_table):
+    steps, results = taken_steps
+    found = tasks.take(definition_of(ball_on_table), steps["motion1"].model_dump(), {}, False)
+    assert found.result == results["motion1"]
+    assert found.seconds > 0.0
+    assert found.notes == ()
+
+
+def test_warnings_are_notes_each_once(taken_steps, ball_on_table, monkeypatch):
+    def run(self, system, results, progress):
+        for text, kind in (("slow", RuntimeWarning), ("old", DeprecationWarning), ("slow", RuntimeWarning)):
+            with warnings.catch_warnings():
+                warnings.simplefilter("always")
+                warnings.warn(text, kind, stacklevel=1)
+        return taken_steps[1]["orbit1"]
+
+    monkeypatch.setattr(FindOrbit, "run", run)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        found = tasks.take(definition_of(ball_on_table), taken_steps[0]["orbit1"].model_dump(), {}, False)
+    assert found.notes == ("slow",)
+
+
+def test_what_is_no_step_is_refused(ball_on_table):
+    with pytest.raises(InputError, match="step = "):
+        tasks.take(definition_of(ball_on_table), {"kind": "erase"}, {}, False)
+
+
+def test_a_step_whose_result_is_missing_is_refused(taken_steps, ball_on_table):
+    with pytest.raises(InputError, match="result = 'orbit1': must be found first"):
+        tasks.take(definition_of(ball_on_table), taken_steps[0]["branch1"].model_dump(), {}, False)

@@ -1,0 +1,72 @@
+"""Widgets: each is found by its class, and tells a change to whoever listens."""
+
+import pytest
+
+from saltus.explorer import widgets
+
+pytestmark = pytest.mark.usefixtures("heard")
+
+
+@pytest.mark.parametrize(
+    ("made", "value"),
+    [
+        (lambda: widgets.number("a", 1.0, 90, "mine"), 2.5),
+        (lambda: widgets.count("n", 3, 90, (2, 9), "mine"), 4),
+        (lambda: widgets.slider(10, 200, 90, "mine"), 20),
+        (lambda: widgets.choice("c", ["up", "down"], "up", 90, "mine"), "down"),
+        (lambda: widgets.choice("c", {"above": "up", "below": "down"}, "up", 90, "mine"), "down"),
+        (lambda: widgets.quantity("q", ["x", "v"], "x", 90, "mine"), "mean(x)"),
+        (lambda: widgets.checkbox(True, "mine"), False),
+        (lambda: widgets.text("mine", "a name", 90), "near the fold"),
+    ],
+)
+def test_a_change_is_told_with_the_new_value(made, value):
+    widget, heard = made(), []
+    widgets.on_change(widget, heard.append)
+    assert "mine" in widget.css_classes
+    widget.value = value
+    widget.value = value
+    assert heard == [value]
+
+
+def test_a_click_is_told():
+    made, heard = widgets.button("Go", "go", kind="primary", tip="and come back"), []
+    widgets.on_click(made, lambda: heard.append("clicked"))
+    made.clicks += 1
+    assert heard == ["clicked"]
+    assert (made.button_type, made.css_classes) == ("primary", ["go"])
+
+
+def test_a_count_stays_between_its_ends():
+    assert (widgets.count("n", 3, 90, (2, 9), "n").start, widgets.count("n", 3, 90, (2, 9), "n").end) == (2, 9)
+
+
+def test_a_file_is_made_when_it_is_asked_for():
+    asked = []
+    made = widgets.download("NetCDF", "session.nc", lambda: asked.append("content"))
+    assert made.css_classes == ["download-nc"]
+    assert asked == []
+
+
+def test_only_netcdf_is_uploaded():
+    assert widgets.upload("open-session").accept == ".nc"
+
+
+def test_parts_in_a_row_are_aligned_below_but_texts_in_the_middle():
+    field, told = widgets.number("a", 1.0, 90), widgets.html("text", "<b>a</b>")
+    made = widgets.row(field, told, name="both")
+    assert [*made] == [field, told]
+    assert (field.align, told.align, made.css_classes) == ("end", "center", ["both"])
+    assert widgets.row(field, wrap=True).align_items == "flex-end"
+
+
+def test_parts_of_a_page_take_the_room_that_there_is():
+    assert widgets.column(widgets.bar()).sizing_mode == "stretch_width"
+    assert widgets.column(high=True).sizing_mode == "stretch_both"
+    assert widgets.beside().sizing_mode == "stretch_width"
+    assert not widgets.bar().visible
+
+
+def test_tabs_are_named():
+    made = widgets.tabs(Orbit=widgets.html("one"), Film=widgets.film())
+    assert made._names == ["Orbit", "Film"]
