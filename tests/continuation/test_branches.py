@@ -25,7 +25,9 @@ def refuse(message):
 
 
 def test_a_start_that_is_no_orbit():
-    with pytest.raises(InputError, match="orbit = 3: must be a PeriodicOrbit; find_orbit and solve_orbit give one"):
+    with pytest.raises(
+        InputError, match="orbit = 3: must be a PeriodicOrbit or a MapOrbit; find_orbit and solve_orbit give one"
+    ):
         continue_orbit(3, "a", (0.0, 1.0))
 
 

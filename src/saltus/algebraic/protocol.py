@@ -19,6 +19,8 @@ class AlgebraicProblem(Protocol):
     ----------
     n : int
         Number of equations.
+    period : int
+        Number of points whose states are the unknowns x, one after the other; 1 but for cycles of maps.
     p : ndarray, shape (parameters,)
         All parameters.
     active : sequence of int
@@ -30,6 +32,7 @@ class AlgebraicProblem(Protocol):
     """
 
     n: int
+    period: int
     p: NDArray[np.float64]
     active: Sequence[int]
     scales: NDArray[np.float64]

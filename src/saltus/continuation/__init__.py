@@ -1,6 +1,6 @@
 """Branches and loci of periodic orbits by pseudo-arclength continuation."""
 
-from saltus.continuation.branches import continue_orbit
+from saltus.continuation.branches import continue_branch, continue_equilibrium, continue_orbit
 from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.loci import continue_locus
 from saltus.continuation.many.diagram import DiagramOptions, diagram
@@ -18,7 +18,6 @@ from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.results.map_locus import MapLocus
 from saltus.continuation.results.orbit_curve import OrbitCurve
 from saltus.continuation.results.special_points import SpecialPoint, SpecialPoints
-from saltus.continuation.runs.equilibrium import continue_equilibrium
 from saltus.continuation.runs.options import BranchOptions
 from saltus.continuation.switching import grazing_orbits, switch_branch
 
@@ -39,6 +38,7 @@ __all__ = [
     "SpecialPoint",
     "SpecialPoints",
     "StepControl",
+    "continue_branch",
     "continue_equilibrium",
     "continue_family",
     "continue_locus",

@@ -1,38 +1,29 @@
-"""Continuation of branches: periodic orbits along one parameter, through grazings into other signatures."""
+"""Continuation of branches along one parameter: orbits, equilibria, orbits of maps, other kinds."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from typing import Any, overload
 
-import numpy as np
-
 from saltus import checks
 from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.core.interest import Interest
-from saltus.continuation.core.monitor import BIFURCATIONS
-from saltus.continuation.core.zero_problem import Point
-from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.results.branch import Branch
+from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.results.map_curve import MapBranch
-from saltus.continuation.runs.map import continue_cycle
-from saltus.continuation.runs.options import (
-    asked_types,
-    read_events,
-    read_interval,
-    read_range,
-    read_stops,
-    read_varied,
-    unit_of,
-)
-from saltus.continuation.runs.orbit import BranchRun
+from saltus.continuation.runs.equilibrium import EquilibriumRun
+from saltus.continuation.runs.map import CycleRun
+from saltus.continuation.runs.options import asked_types, read_stops, unit_of
 from saltus.continuation.runs.quantity import QuantityRun
-from saltus.continuation.runs.two_sided import OneSide, join, traced
+from saltus.continuation.runs.run import Asked, branch_run
+from saltus.equilibria import Equilibrium
 from saltus.maps import MapOrbit
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.progress import Report, Reporter
 
-__all__ = ["continue_orbit"]
+__all__ = ["continue_branch", "continue_equilibrium", "continue_orbit"]
+
+_KINDS = (QuantityRun, EquilibriumRun, CycleRun)  # each is registered with `branch_run` where it is defined
 
 
 @overload
@@ -136,55 +127,124 @@ def continue_orbit(
     >>> print(f"{swings.period[0]:.9f} {swings.period[-1]:.9f}")
     6.287114549 16.155539372
     """
-    if isinstance(orbit, MapOrbit):
-        return continue_cycle(
-            orbit, parameter, bounds, steps=steps, directions=directions, events=events, stop_at=stop_at,
-            progress=progress,
-        )  # fmt: skip
-    control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
-    checks.instance("orbit", orbit, PeriodicOrbit)
-    reporter = Reporter(progress)
-    varied = read_varied(orbit, parameter)
-    if varied is None:
-        value = orbit.parameters[parameter]
-        low, high = read_interval(orbit, parameter, bounds, directions)
-    else:
-        value = varied.value(orbit.problem(), orbit.unknowns)
-        low, high = read_range(parameter, value, bounds, directions)
-    events = checks.mapping("events", events, "names to values, as {'gap': 0.02}, or to 'extremum'")
-    wanted = read_events(orbit, parameter, events)
-    stops = read_stops(stop_at, [*BIFURCATIONS, *([] if varied is None else ["TP"]), *asked_types(events)])
-    scale = unit_of(low, high, value)
-    interest = Interest(low / scale, high / scale, scale, wanted)
-    kind = BranchRun if varied is None else QuantityRun
-    run = kind(orbit, parameter, interest, control, stops, reporter)
-    start = run.begin()
-    with reporter:
-        halves = traced(start, run.begin, run.trace, directions)
-    options = run.options([low, high], directions, events)
-    return _assemble(orbit, parameter, scale, start, halves, run, options)
-
-
-def _assemble(
-    orbit: PeriodicOrbit,
-    parameter: str,
-    scale: float,
-    start: tuple[OrbitZeroProblem, Point],
-    halves: list[OneSide],
-    run: BranchRun,
-    options: dict[str, Any],
-) -> Branch:
-    joined = join(start, halves, "branch")
-    return Branch(
-        system=orbit.system,
-        parameter=parameter,
-        parameters=dict(orbit.parameters),
-        values=np.array([p.parameter * scale for _, p in joined.rows]),
-        special_points=joined.special_points((parameter,)),
-        rejected=run.rejected(),
-        options=options,
-        tolerance=orbit.tolerance,
-        fixed=run.fixed,
-        freed=np.array([run.freed(*row) for row in joined.rows]),
-        **joined.fields(),
+    checks.instance("orbit", orbit, PeriodicOrbit | MapOrbit)  # type: ignore[arg-type]
+    branch: Branch | MapBranch = continue_branch(
+        orbit, parameter, bounds, steps=steps, directions=directions, events=events, stop_at=stop_at, progress=progress
     )
+    return branch
+
+
+def continue_equilibrium(
+    equilibrium: Equilibrium,
+    parameter: str,
+    bounds: tuple[float, float],
+    *,
+    steps: StepControl | None = None,
+    directions: str = "both",
+    events: Mapping[str, float | str] | None = None,
+    stop_at: str | Iterable[str] = (),
+    progress: bool | Report = False,
+) -> EquilibriumBranch:
+    """Return the branch of equilibria through an equilibrium, as one parameter varies.
+
+    Saddle-nodes (SN), Hopf points (HB), branch points (BP) and boundary equilibria (BE) are located by Newton's method.
+    At a BE the branch goes on in the neighbouring mode, where the field is continuous; else it ends.
+    docs/theory/equilibria.md derives the test functions.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+        Where the branch starts.
+    parameter : str
+        The parameter that varies.
+    bounds : (float, float)
+        Interval of the parameter; the start must lie in it.
+    steps : StepControl, optional
+        Sizes of steps and their limits. With ``at_grazing="pass"`` the branch goes on in the same mode at a BE, its
+        equilibria virtual.
+    directions : {"both", "up", "down"}
+        Which way the parameter goes at the start.
+    events : mapping of str to float or "extremum", optional
+        Users' events: ``{"x": 0.5}`` records where a state, an output or the parameter passes the value. ``{"x":
+        "extremum"}`` records where the state or output has an extremum along the branch, of type ``EX``.
+    stop_at : str or iterable of str, optional
+        Types of special points, as ``"HB"`` or a key of `events`; the branch ends at the first.
+    progress : bool or callable
+        True for a bar on stderr, or a function called with a `saltus.Progress` after each point.
+
+    Returns
+    -------
+    EquilibriumBranch
+        All points found, however the branch ended: `stopped` says why. An interrupt (Ctrl-C) ends it likewise.
+
+    Raises
+    ------
+    InputError
+        A name, bounds or an option that cannot be used.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem, Mode, find_equilibrium
+    >>> brusselator = HybridSystem(
+    ...     ("x", "y"), {"A": 1.0, "B": 1.5}, {"flow": Mode({"x": "A - (B + 1)*x + x**2*y", "y": "B*x - x**2*y"})}
+    ... )
+    >>> branch = continue_equilibrium(find_equilibrium(brusselator, x0=[1.0, 1.0]), "B", (1.0, 3.0))
+    >>> branch["HB1"].parameters["B"], branch["HB1"].normal_form.criticality
+    (2.0, 'supercritical')
+    """
+    checks.instance("equilibrium", equilibrium, Equilibrium)
+    branch: EquilibriumBranch = continue_branch(
+        equilibrium, parameter, bounds, steps=steps, directions=directions, events=events, stop_at=stop_at,
+        progress=progress,
+    )  # fmt: skip
+    return branch
+
+
+def continue_branch(
+    start: Any,
+    parameter: str,
+    bounds: tuple[float, float],
+    *,
+    steps: StepControl | None = None,
+    directions: str = "both",
+    events: Mapping[str, float | str] | None = None,
+    stop_at: str | Iterable[str] = (),
+    progress: bool | Report = False,
+) -> Any:
+    """Return the branch through a solution of any kind; `continue_orbit` describes the arguments.
+
+    Parameters
+    ----------
+    start : Solution
+        Where the branch starts; `branch_run` knows its kind.
+    parameter, bounds, steps, directions, events, stop_at, progress
+        As `continue_orbit` takes them.
+
+    Returns
+    -------
+    SolutionCurve
+        A `Branch`, an `EquilibriumBranch`, a `MapBranch`, or the branch of another kind.
+
+    Raises
+    ------
+    InputError
+        A name, bounds or an option that cannot be used, or no solution.
+
+    Examples
+    --------
+    >>> from saltus import HybridSystem, find_equilibrium
+    >>> fold = HybridSystem.smooth({"x": "a - x**2"}, {"a": 1.0})
+    >>> branch = continue_branch(find_equilibrium(fold, x0=[1.0]), "a", (-1.0, 4.0))
+    >>> print(f"{abs(branch['SN1'].parameters['a']):.6f}")
+    0.000000
+    """
+    control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
+    reporter = Reporter(progress)
+    kind = branch_run(start, parameter)
+    low, high, value = kind.interval(start, parameter, bounds, directions)
+    events = checks.mapping("events", events, "names to values, as {'gap': 0.02}, or to 'extremum'")
+    unit = unit_of(low, high, value)
+    interest = Interest(low / unit, high / unit, unit, kind.wanted(start, parameter, events))
+    stops = read_stops(stop_at, [*kind.types, *asked_types(events)])
+    run = kind(start, parameter, interest, Asked(control, directions, stops, reporter))
+    return run.branch(run.options([low, high], events))

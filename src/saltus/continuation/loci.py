@@ -1,36 +1,30 @@
-"""Continuation of loci: critical orbits and equilibria along two parameters."""
+"""Continuation of loci: critical orbits, equilibria and orbits of maps along two parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import cast, overload
+from typing import Any, overload
 
 from saltus import checks
 from saltus.continuation.core.arclength import StepControl
-from saltus.continuation.core.monitor import BIFURCATIONS
 from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.results.locus import Locus
 from saltus.continuation.results.map_locus import MapLocus
-from saltus.continuation.results.special_points import SpecialPoint
+from saltus.continuation.results.special_points import MEANING, SpecialPoint
 from saltus.continuation.runs.equilibrium_locus import EquilibriumLocusRun
 from saltus.continuation.runs.map_locus import CycleLocusRun
-from saltus.continuation.runs.options import (
-    CYCLE_LOCI,
-    EQUILIBRIUM_LOCI,
-    read_parameters,
-    read_start,
-    read_steps,
-    read_stops,
-)
+from saltus.continuation.runs.options import read_plane, read_steps, read_stops
 from saltus.continuation.runs.orbit_locus import OrbitLocusRun
+from saltus.continuation.runs.run import Asked, TwoParameterRun, locus_run
 from saltus.equilibria import Equilibrium
+from saltus.errors import InputError
 from saltus.maps import MapOrbit
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.progress import Report, Reporter
 
 __all__ = ["continue_locus"]
 
-_STOPS = ("CP", "GPD", "CH", "R1", "R2", "R3", "R4", "FF", "TP", *BIFURCATIONS)  # types that `stop_at` may name
+_KINDS = (OrbitLocusRun, EquilibriumLocusRun, CycleLocusRun)  # each is registered with `locus_run` where it is defined
 
 
 @overload
@@ -140,20 +134,29 @@ def continue_locus(
     """
     control = read_steps(steps, "a locus")
     reporter = Reporter(progress)
-    orbit, kind = read_start(start, type)
-    names, intervals = read_parameters(orbit, parameters, bounds)
+    solution, point = (start.solution, start) if isinstance(start, SpecialPoint) else (start, None)
+    run = locus_run(solution)
+    kind = _type_of(point, solution, run, type)
+    plane = read_plane(solution, parameters, bounds)
     checks.chosen("directions", directions, ("both", "up", "down"))
-    if isinstance(orbit, Equilibrium):
-        stops = read_stops(stop_at, ("CP", "BT", "GH", "ZH", "HH", "TP", *EQUILIBRIUM_LOCI))
-        begin = cast("SpecialPoint[Equilibrium] | Equilibrium", start)
-        at_rest = EquilibriumLocusRun(begin, orbit, names, intervals, kind, control, stops, reporter)
-        return at_rest.locus(tuple(parameters), directions)
-    if isinstance(orbit, MapOrbit):
-        stops = read_stops(stop_at, (*_STOPS[:9], *CYCLE_LOCI))
-        of_map = CycleLocusRun(start, orbit, names, intervals, kind, control, stops, reporter)
-        return of_map.locus(tuple(parameters), directions)
-    stops = read_stops(stop_at, _STOPS)
-    first = cast("SpecialPoint | PeriodicOrbit", start)
-    return OrbitLocusRun(first, orbit, names, intervals, kind, control, stops, reporter).locus(
-        tuple(parameters), directions
-    )
+    asked = Asked(control, directions, read_stops(stop_at, run.points), reporter)
+    return run(point, solution, kind, plane, asked).locus()  # type: ignore[no-any-return]
+
+
+def _type_of(point: SpecialPoint[Any] | None, solution: Any, run: type[TwoParameterRun], given: str | None) -> str:
+    """Return the type of the locus that starts at a special point, or at a solution."""
+    if given is not None:
+        checks.chosen("type", given, run.types)
+    run.check(solution)
+    if given is not None:
+        return given
+    if point is None:
+        name = type(solution).__name__
+        what = f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
+        raise InputError("start", what, f"a special point, or {solution.noun} with its type", "type='SN'")
+    kind = run.loci.get(point.type, point.locus if point.type == "TP" else None)
+    if kind is None:
+        allowed = f"a point of type {', '.join(run.loci)}"
+        hint = "no locus belongs to " + ("this type" if point.type in MEANING else "a user's event")
+        raise InputError("start", point.type, allowed, hint)
+    return kind

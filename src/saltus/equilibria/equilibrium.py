@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["Equilibrium", "equilibrium_at", "faults_of"]
+__all__ = ["Equilibrium", "faults_of"]
 
 _ON_SURFACE = 1e-9  # event function, over its variation with the states' sizes, up to which a state lies on the surface
 _ASIDE = 1e-3  # change of a parameter, over its value, beside a point at which all eigenvalues may vanish
@@ -112,6 +112,41 @@ class Equilibrium(Solution):
         """The kind in words, as ``stable focus`` or ``saddle (1 unstable)``."""
         return kind_of(self.eigenvalues)
 
+    @property
+    def unknowns(self) -> NDArray[np.float64]:
+        """Unknowns of the equations: the state."""
+        return self.state
+
+    @classmethod
+    def from_unknowns(cls, problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> Self:
+        """Return the equilibrium with given unknowns.
+
+        Parameters
+        ----------
+        problem : EquilibriumProblem
+            The equations.
+        u : ndarray, shape (n + active,)
+            The unknowns.
+        sizes : ndarray, shape (n,)
+            Typical sizes of the states.
+
+        Returns
+        -------
+        Equilibrium
+            As the unknowns are, solved or not: `residual` says how well.
+        """
+        J = problem.evaluate(u)[1]
+        p = problem.parameters_at(u)
+        return cls(
+            system=problem.system,
+            parameters=dict(zip(problem.system.parameter_names, p.tolist(), strict=True)),
+            mode=problem.system.mode_names[problem.mode],
+            state=u[: problem.n],
+            eigenvalues=eigenvalues(J[:, : problem.n]),
+            residual=problem.rounding(u, J, sizes),
+            reasons=tuple(faults_of(problem, u, sizes)),
+        )
+
     def problem(self, *active: str) -> EquilibriumProblem:
         """Return the equations, with some parameters among the unknowns.
 
@@ -194,21 +229,6 @@ def _complex(real: NDArray[np.float64], imaginary: NDArray[np.float64]) -> NDArr
 
 def _short(value: complex) -> str:
     return f"{value.real:.6g}" if value.imag == 0.0 else f"{value.real:.6g}{value.imag:+.6g}i"
-
-
-def equilibrium_at(problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> Equilibrium:
-    """Return the equilibrium with the unknowns `u`; `sizes` are those of the states, shape (n,)."""
-    J = problem.evaluate(u)[1]
-    p = problem.parameters_at(u)
-    return Equilibrium(
-        system=problem.system,
-        parameters=dict(zip(problem.system.parameter_names, p.tolist(), strict=True)),
-        mode=problem.system.mode_names[problem.mode],
-        state=u[: problem.n],
-        eigenvalues=eigenvalues(J[:, : problem.n]),
-        residual=problem.rounding(u, J, sizes),
-        reasons=tuple(faults_of(problem, u, sizes)),
-    )
 
 
 def faults_of(problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> list[str]:

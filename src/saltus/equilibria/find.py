@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus.algebraic.newton import solve_zero, why_none
-from saltus.equilibria.equilibrium import Equilibrium, equilibrium_at
+from saltus.equilibria.equilibrium import Equilibrium
 from saltus.equilibria.problem import EquilibriumProblem, check_autonomous
 from saltus.errors import ConvergenceError
 from saltus.flow.motion import starting_mode
@@ -84,7 +84,7 @@ def solve_equilibrium(problem: EquilibriumProblem, x: NDArray[np.float64]) -> Eq
     u, sizes, iteration = solve_zero(problem, x, "equilibrium", "there may be no equilibrium in this mode")
     if problem.circles.size:
         u, sizes, iteration = solve_zero(problem, -wrapped(-u, problem.circles), "equilibrium", "")
-    found = equilibrium_at(problem, u, np.maximum(sizes, np.abs(u)))
+    found = Equilibrium.from_unknowns(problem, u, np.maximum(sizes, np.abs(u)))
     if not found.residual <= _RESIDUAL:
         raise ConvergenceError("equilibrium", found.residual, iteration, why_none(problem.evaluate(u)[1]))
     return found

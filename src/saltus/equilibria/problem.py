@@ -37,7 +37,7 @@ class EquilibriumProblem:
     scales: NDArray[np.float64] = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self) -> None:
-        self.n = len(self.system.states)
+        self.n, self.period = len(self.system.states), 1
         self.circles = self.system.angle_places
         self.p = self.p.copy()
         self._active = np.array(self.active, dtype=np.int64)

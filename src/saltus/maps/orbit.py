@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["MapOrbit", "cycle_at", "faults_of", "itinerary_of"]
+__all__ = ["MapOrbit", "faults_of", "itinerary_of"]
 
 _ON_BORDER = 1e-9  # condition, over its variation with the states' sizes, up to which a point lies on the border
 _SHOWN = 4  # points that a `repr` lists
@@ -118,6 +118,40 @@ class MapOrbit(Solution):
         ]
         turns = np.rint(gaps / TURN).astype(np.int64).sum(axis=0).tolist()
         return dict(zip((s for s in self.system.states if s in self.system.angles), turns, strict=True))
+
+    @property
+    def unknowns(self) -> NDArray[np.float64]:
+        """Unknowns of the equations: all points, one after the other."""
+        return self.points.ravel()
+
+    @classmethod
+    def from_unknowns(cls, problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> Self:
+        """Return the cycle with given unknowns.
+
+        Parameters
+        ----------
+        problem : CycleProblem
+            The equations.
+        u : ndarray, shape (n + active,)
+            The unknowns.
+        sizes : ndarray, shape (n,)
+            Typical sizes of the points.
+
+        Returns
+        -------
+        MapOrbit
+            As the unknowns are, solved or not: `residual` says how well.
+        """
+        system, p = problem.system, problem.parameters_at(u)
+        return cls(
+            system=system,
+            parameters=dict(zip(system.parameter_names, p.tolist(), strict=True)),
+            points=problem.points(u),
+            itinerary=tuple(system.piece_names[k] for k in problem.itinerary),
+            multipliers=multipliers_of(problem.slopes(u)[1]),
+            residual=problem.rounding(u, problem.evaluate(u)[1], sizes),
+            reasons=tuple(faults_of(problem, u, sizes)),
+        )
 
     def problem(self, *active: str) -> CycleProblem:
         """Return the equations, with some parameters among the unknowns.
@@ -234,20 +268,6 @@ def itinerary_of(system: Map, names: object, argument: str = "itinerary") -> tup
     if not listed:
         raise InputError(argument, names, "a piece for each point")
     return tuple(system.piece_names.index(checks.chosen(argument, name, system.piece_names)) for name in listed)
-
-
-def cycle_at(problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> MapOrbit:
-    """Return the cycle with the unknowns `u`; `sizes` are those of the points, shape (n,)."""
-    system, p = problem.system, problem.parameters_at(u)
-    return MapOrbit(
-        system=system,
-        parameters=dict(zip(system.parameter_names, p.tolist(), strict=True)),
-        points=problem.points(u),
-        itinerary=tuple(system.piece_names[k] for k in problem.itinerary),
-        multipliers=multipliers_of(problem.slopes(u)[1]),
-        residual=problem.rounding(u, problem.evaluate(u)[1], sizes),
-        reasons=tuple(faults_of(problem, u, sizes)),
-    )
 
 
 def faults_of(problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]) -> list[str]:

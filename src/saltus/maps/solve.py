@@ -12,7 +12,7 @@ from saltus.algebraic.newton import solve_zero, state_sizes
 from saltus.errors import ConvergenceError, DefinitionError, InputError
 from saltus.maps.code import code_of
 from saltus.maps.iterates import path_from
-from saltus.maps.orbit import MapOrbit, cycle_at, itinerary_of
+from saltus.maps.orbit import MapOrbit, itinerary_of
 from saltus.maps.problem import CycleProblem
 from saltus.system.angles import wrapped
 
@@ -101,7 +101,7 @@ def _converged(problem: CycleProblem, points: NDArray[np.float64]) -> MapOrbit:
     u = wrapped(u, problem.circles)
     sizes = sizes_of(problem, u)
     problem, u = _least(problem, u, sizes)
-    found = cycle_at(problem, u, sizes[: problem.n])
+    found = MapOrbit.from_unknowns(problem, u, sizes[: problem.n])
     if not found.residual <= _RESIDUAL:
         raise ConvergenceError("cycle", found.residual, iterations, none)
     return found

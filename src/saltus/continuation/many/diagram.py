@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import checks
-from saltus.continuation.branches import continue_orbit
+from saltus.continuation.branches import continue_branch
 from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.results.diagram import Diagram, DiagramBranch, Origin, Place, kind_of, place_of
 from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.results.map_curve import MapBranch
-from saltus.continuation.runs.equilibrium import continue_equilibrium
 from saltus.continuation.switching import other_solutions
 from saltus.equilibria import Equilibrium, find_equilibrium
 from saltus.equilibria.problem import check_autonomous
@@ -245,12 +244,8 @@ class _Run:
         report: bool | Report = False if self.reporter.report is None else told
         branch: DiagramBranch
         try:
-            if isinstance(start, Equilibrium):
-                steps = self.options.equilibria
-                branch = continue_equilibrium(start, self.parameter, self.bounds, steps=steps, progress=report)
-            else:
-                steps = self.options.orbits
-                branch = continue_orbit(start, self.parameter, self.bounds, steps=steps, progress=report)
+            steps = self.options.equilibria if isinstance(start, Equilibrium) else self.options.orbits
+            branch = continue_branch(start, self.parameter, self.bounds, steps=steps, progress=report)
         except InputError as error:
             self.failures.append(f"{origin.label or 'the start'} of branch {origin.parent}: {error}")
             return ""

@@ -19,6 +19,7 @@ from saltus.continuation.core.faint import faint_step, resolved
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.returning import crosses_back, may_return
 from saltus.continuation.core.zero_problem import Event, Examined, Point, hermite
+from saltus.continuation.problems.extents import in_lockstep
 from saltus.continuation.problems.watching import slope
 from saltus.system.angles import wrapped
 
@@ -134,13 +135,13 @@ class AlgebraicZeroProblem(ABC):
         return True
 
     def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return weights: states in their sizes, 1 for the parameter."""
-        return np.append(1.0 / self.sizes**2, 1.0)
+        """Return weights: states in their sizes, of several points the mean, 1 for the parameter."""
+        return np.append(1.0 / (self.problem.period * self.sizes**2), 1.0)
 
     def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how far the unknowns are from those of the start, shape (n,)."""
+        """Return how far the unknowns are from those of the start, shape (n,); the same for all points."""
         assert self._origin is not None
-        return np.asarray(np.abs(u[: self.n] - self._origin))
+        return in_lockstep(np.abs(u[: self.n] - self._origin), self.problem.period)
 
     def scale(self) -> NDArray[np.float64]:
         """Return typical sizes of the unknowns."""

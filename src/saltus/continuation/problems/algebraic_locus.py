@@ -16,6 +16,7 @@ import numpy as np
 from saltus.continuation.core.faint import faint_step, resolved
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Event, Examined, Point
+from saltus.continuation.problems.extents import in_lockstep
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -83,9 +84,9 @@ class AlgebraicLocusProblem(ABC):
         """Return the events without those that are no points of codimension two."""
 
     def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how far the unknowns are from those of the start, shape (n,)."""
+        """Return how far the unknowns are from those of the start, shape (n,); the same for all points."""
         assert self._origin is not None
-        return np.asarray(np.abs(u[: self.n] - self._origin))
+        return in_lockstep(np.abs(u[: self.n] - self._origin), self.problem.period)
 
     def unknowns(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the unknowns of the solution, shape (n + 2,): states and parameters."""
@@ -126,8 +127,9 @@ class AlgebraicLocusProblem(ABC):
         return np.concatenate([self.sizes, np.ones(self.condition.extra + 2)])
 
     def metric(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return weights: states in their sizes, none for the condition's unknowns, 1 for each parameter."""
-        return np.concatenate([1.0 / self.sizes**2, np.zeros(self.condition.extra), [1.0, 1.0]])
+        """Return weights as those of a branch, none for the condition's unknowns, 1 for each parameter."""
+        own = 1.0 / (self.problem.period * self.sizes**2)
+        return np.concatenate([own, np.zeros(self.condition.extra), [1.0, 1.0]])
 
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return monitors, data and fault of a point."""

@@ -52,18 +52,18 @@ def beyond_border(
             continue
         beyond = _piece_beyond(problem, i, gradient, u, sizes)
         if beyond is None:
-            return Crossing("", problem.itinerary, None, -inwards, "beyond it the same piece holds, or none")
+            return Crossing("", problem, None, -inwards, "beyond it the same piece holds, or none")
         itinerary[i] = beyond
     beside = problem.along(tuple(itinerary))
     F, J = beside.evaluate(u)
     own, n = problem.evaluate(u)[1], problem.n
     terms = (np.abs(J[:, :n]) + np.abs(own[:, :n])) @ sizes
     if not np.all(np.abs(F) <= CONTINUOUS * np.maximum(terms, 1e-12 * terms.max())):
-        return Crossing("", beside.itinerary, None, -inwards, "the map jumps there")
+        return Crossing("", beside, None, -inwards, "the map jumps there")
     # each branch's parameter, where its point moves to the side of its own piece
     sides = [slope_of(own[:, :n], own, inwards), slope_of(J[:, :n], J, -inwards)]
     kind = "" if 0.0 in sides else PERSISTS if sides[0] * sides[1] < 0.0 else FOLDS
-    return Crossing(kind, beside.itinerary, u.copy(), -inwards)
+    return Crossing(kind, beside, u.copy(), -inwards)
 
 
 def _piece_beyond(

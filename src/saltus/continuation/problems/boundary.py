@@ -36,8 +36,8 @@ class Crossing:
     ----------
     kind : str
         ``persistence``, ``nonsmooth fold``, or empty where neither is told.
-    beside : int or tuple of int
-        The neighbouring mode, or the neighbouring itinerary of a map.
+    beside : AlgebraicProblem
+        The equations of the neighbouring mode, or of the neighbouring itinerary of a map.
     u : ndarray, shape (n + 1,), or None
         The equilibrium in the neighbouring mode; None where there is none.
     outwards : ndarray, shape (n + 1,)
@@ -85,7 +85,7 @@ def beyond_boundary(
     way = float(leaves.direction) or float(np.sign(gradient @ tangent)) or 1.0
     inwards = -way * gradient
     if mode == problem.mode:
-        return Crossing("", mode, None, -inwards, f"beyond it {leaves.name} resets the state")
+        return Crossing("", problem, None, -inwards, f"beyond it {leaves.name} resets the state")
     beside = problem.in_mode(mode)
     landed = problem.reset(transition, u)
     F, J = beside.evaluate(landed)
@@ -96,12 +96,12 @@ def beyond_boundary(
         # each branch's parameter, where its own event function grows to its regular side
         sides = [slope_of(A, own, inwards), slope_of(J[:, :n], J, -inwards)]
         kind = "" if 0.0 in sides else PERSISTS if sides[0] * sides[1] < 0.0 else FOLDS
-        return Crossing(kind, mode, landed, -inwards)
+        return Crossing(kind, beside, landed, -inwards)
     if np.array_equal(landed, u):
         weight = float(inwards[:n] @ np.linalg.lstsq(A, F, rcond=None)[0])
         kind = "" if weight == 0.0 else PERSISTS if weight < 0.0 else FOLDS
-        return Crossing(kind, mode, None, -inwards, "the field jumps: what goes on is a pseudo-equilibrium")
-    return Crossing("", mode, None, -inwards, f"its reset by {leaves.name} is no equilibrium")
+        return Crossing(kind, beside, None, -inwards, "the field jumps: what goes on is a pseudo-equilibrium")
+    return Crossing("", beside, None, -inwards, f"its reset by {leaves.name} is no equilibrium")
 
 
 def slope_of(A: NDArray[np.float64], J: NDArray[np.float64], inwards: NDArray[np.float64]) -> float:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from saltus.algebraic.protocol import AlgebraicProblem
 
-__all__ = ["extents"]
+__all__ = ["extents", "in_lockstep"]
 
 _NEAR = 1e-2  # share of a state's modulus below which its size on a branch is not chosen
 _BESIDE = 0.1  # share of its way below which a state is next to 0
@@ -32,10 +32,22 @@ _APART = 0.25  # difference of two logarithms up to which a share is known
 def extents(problem: AlgebraicProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the sizes at the start of a curve, shape (n,): how far the parameters move the unknowns, and their moduli.
 
+    Those of a state are the same at all points of a cycle.
+
     A state may be large and yet hardly move, as a temperature in kelvins: its size is then how far it moves. Next to a
     fold a state may be next to 0 by chance: its size is then how far it goes along its response to the parameter, as
     far as the equations hardly bend.
     """
+    return in_lockstep(_extents(problem, u), problem.period)
+
+
+def in_lockstep(sizes: NDArray[np.float64], period: int) -> NDArray[np.float64]:
+    """Return the largest size of each state along a cycle, for all its points, shape (n,)."""
+    return np.tile(sizes.reshape(period, -1).max(axis=0), period)
+
+
+def _extents(problem: AlgebraicProblem, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return `extents` of each unknown by itself."""
     J = problem.evaluate(u)[1]
     n, x = problem.n, np.abs(u[: problem.n])
     sizes = state_sizes(problem, u, J)

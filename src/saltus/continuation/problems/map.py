@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from saltus.maps.problem import CycleProblem
 
-__all__ = ["CYCLE_POINTS", "CycleData", "CycleZeroProblem", "grows_without_bound", "in_lockstep", "rotates"]
+__all__ = ["CYCLE_POINTS", "CycleData", "CycleZeroProblem", "grows_without_bound", "rotates"]
 
 _PD = Monitor("PD")  # product of 1 + mu
 _TR = Monitor("TR")  # product of the pairs' products less 1
@@ -60,14 +60,6 @@ class CycleZeroProblem(AlgebraicZeroProblem):
     faint = MappingProxyType({_PD: FAINT, _TR: FAINT})
     vanishing = "the cycle does not close there"
     problem: CycleProblem
-
-    def metric(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return weights: the points' mean in sizes of the states, 1 for the parameter."""
-        return np.append(1.0 / (self.problem.period * self.sizes**2), 1.0)
-
-    def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See `AlgebraicZeroProblem.grown`; the same for all points."""
-        return in_lockstep(super().grown(u), self.problem.period)
 
     def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> CycleData:
         """See `AlgebraicZeroProblem.data`."""
@@ -140,11 +132,6 @@ def grows_without_bound(
     """
     grown = float(np.max(sizes / first)) > _GROWN and bool(np.all(np.abs(rates) < _RESTS))
     return "the cycle grows without bound" if grown else None
-
-
-def in_lockstep(sizes: NDArray[np.float64], period: int) -> NDArray[np.float64]:
-    """Return the largest size of each state along a cycle, for all its points, shape (n,)."""
-    return np.tile(sizes.reshape(period, -1).max(axis=0), period)
 
 
 def rotates(values: NDArray[np.complex128]) -> bool:

@@ -18,7 +18,7 @@ from saltus.algebraic.conditions import Singular
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Event, Point
 from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem
-from saltus.continuation.problems.map import in_lockstep, rotates
+from saltus.continuation.problems.map import rotates
 from saltus.maps.critical import OnBorder, Rotation
 from saltus.maps.normal_forms import flip_terms, fold_terms, null_vectors, rotation_terms
 from saltus.maps.orbit import faults_of
@@ -75,15 +75,6 @@ class CycleLocusProblem(AlgebraicLocusProblem):
     )
     vanishing = "the cycle does not close there"
     problem: CycleProblem
-
-    def metric(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return weights: the points' mean in sizes of the states, 1 for each parameter."""
-        own = 1.0 / (self.problem.period * self.sizes**2)
-        return np.concatenate([own, np.zeros(self.condition.extra), [1.0, 1.0]])
-
-    def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See `AlgebraicLocusProblem.grown`; the same for all points."""
-        return in_lockstep(super().grown(u), self.problem.period)
 
     def borders(self, point: Point) -> dict[Monitor, float]:
         """See `AlgebraicLocusProblem.borders`."""

@@ -18,7 +18,6 @@ from saltus.continuation.results.algebraic_curve import (
 from saltus.continuation.results.curve_files import complex_table
 from saltus.continuation.results.special_points import SpecialPoints
 from saltus.equilibria import Equilibrium
-from saltus.equilibria.equilibrium import equilibrium_at
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.system import HybridSystem
 from saltus.system.plain import all_parameters, held_parameters, held_system
@@ -95,7 +94,7 @@ class EquilibriumCurve(AlgebraicCurve[Equilibrium]):
         """
         i, p = self._at_point(index)
         problem = EquilibriumProblem(self.system, int(self.mode[i]), p)
-        return equilibrium_at(problem, np.array(self.states[i]), np.abs(self.states).max(axis=0))
+        return Equilibrium.from_unknowns(problem, np.array(self.states[i]), np.abs(self.states).max(axis=0))
 
     def to_xarray(self) -> xr.Dataset:
         """Return the curve as a Dataset: points against ``point``, special points against ``special``."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self, final
 import numpy as np
 
 from saltus.contents import Contents, as_json
-from saltus.continuation.problems.map import in_lockstep
+from saltus.continuation.problems.extents import in_lockstep
 from saltus.continuation.results.algebraic_curve import (
     AlgebraicCurve,
     held_varied,
@@ -23,7 +23,7 @@ from saltus.continuation.results.curve_files import complex_table
 from saltus.continuation.results.parameters import OneParameter
 from saltus.continuation.results.special_points import SpecialPoints
 from saltus.errors import InputError
-from saltus.maps.orbit import MapOrbit, cycle_at, itinerary_of
+from saltus.maps.orbit import MapOrbit, itinerary_of
 from saltus.maps.problem import CycleProblem
 from saltus.maps.solve import solve_cycle
 from saltus.system.maps import Map
@@ -144,7 +144,7 @@ class MapCurve(AlgebraicCurve[MapOrbit]):
         i, p = self._at_point(index)
         problem = CycleProblem(self.system, self.forms[self.form[i]], p)
         sizes = in_lockstep(np.abs(self.points).max(axis=0).ravel(), self.period)
-        return cycle_at(problem, self.points[i].ravel().copy(), sizes)
+        return MapOrbit.from_unknowns(problem, self.points[i].ravel().copy(), sizes)
 
     def to_xarray(self) -> xr.Dataset:
         """Return the curve as a Dataset: cycles against ``point``, special points against ``special``."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from saltus.continuation.problems.map import in_lockstep
+from saltus.continuation.problems.extents import in_lockstep
 from saltus.continuation.results.map_curve import MapCurve
 from saltus.continuation.results.parameters import TwoParameters
 from saltus.maps.orbit import MapOrbit

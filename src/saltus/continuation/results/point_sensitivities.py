@@ -18,7 +18,6 @@ import numpy as np
 
 from saltus.continuation.problems.critical_points import CriticalOrbit, critical_cycle, critical_equilibrium
 from saltus.continuation.problems.extents import extents
-from saltus.continuation.problems.map import in_lockstep
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import InputError
@@ -163,7 +162,7 @@ def _(solution: MapOrbit, place: Place) -> tuple[NDArray[np.float64], str]:
     p, active = system.parameter_vector(solution.parameters), [system.parameter_names.index(name) for name in names]
     problem = CycleProblem(system, itinerary_of(system, solution.itinerary), p, active, np.ones(len(names)))
     u = np.append(solution.points.ravel(), p[active])
-    sizes = in_lockstep(extents(problem, u), problem.period) if place.sizes is None else place.sizes
+    sizes = extents(problem, u) if place.sizes is None else place.sizes
     return _moved(problem, u, sizes, place, names, partial(critical_cycle, place.kind, solution, problem)), ""
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-__all__ = ["Solved", "SpecialPoint", "SpecialPoints"]
+__all__ = ["MEANING", "Solved", "SpecialPoint", "SpecialPoints"]
 
 if TYPE_CHECKING:
     from typing_extensions import TypeVar
@@ -38,7 +38,7 @@ else:
     Solved = TypeVar("Solved", bound=Solution)
 
 # What each type of special point means, in a `repr`.
-_MEANING = {
+MEANING = {
     "SN": "saddle-node (fold)",
     "PD": "period doubling (flip)",
     "TR": "torus (Neimark-Sacker)",
@@ -259,7 +259,7 @@ class SpecialPoint(Generic[Solved]):
         return xr.Dataset({along: ("parameter", slopes, attributes)}, {"parameter": list(others)})
 
     def __repr__(self) -> str:
-        meaning = f", {_MEANING[self.type]}" if self.type in _MEANING else ""
+        meaning = f", {MEANING[self.type]}" if self.type in MEANING else ""
         if self.type == "HB" and not self.solution.at_rest:
             meaning += ": the cycle shrinks to an equilibrium"
         if self.multiplicity > 1:

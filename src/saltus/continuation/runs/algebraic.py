@@ -1,9 +1,8 @@
-"""One continuation of equilibria, or of cycles of a map, along a parameter: its start, its directions, its events."""
+"""A branch of solutions of algebraic equations under way: its start, its events, through borders."""
 
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -15,21 +14,22 @@ from saltus.continuation.core.arclength import RESTS, StepControl, follow
 from saltus.continuation.core.multiple import crossing_point
 from saltus.continuation.core.zero_problem import Event, Point, correct, start_point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, closes
+from saltus.continuation.problems.extents import extents
 from saltus.continuation.runs.options import read_value
-from saltus.continuation.runs.run import Going, OneParameterRun
-from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, join, traced, turned
+from saltus.continuation.runs.run import Asked, Going, OneParameterRun, Wanted
+from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, turned
 from saltus.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import NDArray
 
+    from saltus.algebraic.protocol import AlgebraicProblem
+    from saltus.continuation.core.interest import Interest
     from saltus.continuation.problems.boundary import Crossing
-    from saltus.equilibria.equilibrium import Equilibrium
-    from saltus.maps.orbit import MapOrbit
 
-__all__ = ["AlgebraicRun", "read_point_events"]
+__all__ = ["AlgebraicRun", "algebraic_columns"]
 
 _AT_START = 1e-10  # test function, over its usual size, up to which a start is critical
 _BESIDE = 1e-3  # arclength from a multiple point at which the branch is regular
@@ -50,68 +50,60 @@ _MOST_GROWN = 1e100  # size of a state, over that at the start, up to which a br
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
-def read_point_events(
-    solution: Equilibrium | MapOrbit, parameter: str, events: Mapping[str, float | str]
-) -> tuple[tuple[str, str, float | None], ...]:
-    """Return (name, kind, value) for each user's event; kind is ``parameter``, ``state`` or ``output``.
-
-    The value is None where an extremum is asked for.
-    """
-    system, found = solution.system, []
-    kinds = dict.fromkeys(system.output_names, "output") | dict.fromkeys(system.states, "state")
-    kinds |= {parameter: "parameter"}
-    for name, given in events.items():
-        value = read_value(name, given)
-        if name not in kinds:
-            raise InputError("events", name, f"one of {', '.join(kinds)}", nearest(name, kinds))
-        if value is None and name == parameter:
-            raise InputError("events", name, "a state or an output", "where the branch turns in it is an SN")
-        found.append((name, kinds[name], value))
-    return tuple(found)
+def algebraic_columns(joined: BothSides) -> dict[str, Any]:
+    """Return the fields of `AlgebraicCurve` that a branch and a locus of any kind fill in the same way."""
+    data = [point.examined.data for _, point in joined.rows]
+    return {
+        "stable": np.array([d.stable for d in data]),
+        "regular": np.array([not d.reasons for d in data]),
+        "residual": np.array([point.residual for _, point in joined.rows]),
+    }
 
 
 class AlgebraicRun(OneParameterRun):
-    """One call of a continuation of solutions of an `AlgebraicProblem`.
-
-    Parameters
-    ----------
-    solution : Equilibrium or MapOrbit
-        Where the branch starts.
-    *options
-        As `OneParameterRun` takes them.
-    """
+    """One call of `continue_branch` from a solution of an `AlgebraicProblem`; see `OneParameterRun`."""
 
     odd = AlgebraicZeroProblem.odd
+    zero_problem: ClassVar[type[AlgebraicZeroProblem]]  # how the equations are followed
+    result: ClassVar[type[Any]]  # what comes back
+    columns = staticmethod(algebraic_columns)  # its fields that tell of solutions
     what: ClassVar[str]  # what a branch consists of
-    border: ClassVar[str]  # type of special points at which the solutions belong to another mode or piece
-    at_border: ClassVar[str]  # what such a point is
+    border: ClassVar[str] = ""  # type of special points at which the solutions belong to another mode or piece
+    at_border: ClassVar[str] = ""  # what such a point is
 
-    def __init__(self, solution: Any, *options: Any) -> None:
-        super().__init__(*options)
-        self.solution = solution
+    def __init__(self, solution: Any, name: str, interest: Interest, asked: Asked) -> None:
+        super().__init__(solution, name, interest, asked)
         self.first_sizes: NDArray[np.float64] = np.empty(0)
         self._blunt: set[int] = set()  # numbers of the points before folds that Newton's method does not find
         self._marks: list[tuple[NDArray[np.float64], float]] = []  # sizes and parameter since it rests, at doublings
 
-    @abstractmethod
-    def equations(self, form: Any, u: NDArray[np.float64], sizes: NDArray[np.float64] | None) -> AlgebraicZeroProblem:
-        """Return the zero problem of a mode or an itinerary near `u`, the unknowns of the given sizes."""
+    @classmethod
+    def wanted(cls, start: Any, name: str, events: Mapping[str, float | str]) -> tuple[Wanted, ...]:
+        """See `OneParameterRun.wanted`; kind is ``parameter``, ``state`` or ``output``."""
+        system, found = start.system, []
+        kinds = dict.fromkeys(system.output_names, "output") | dict.fromkeys(system.states, "state")
+        kinds |= {name: "parameter"}
+        for key, given in events.items():
+            value = read_value(key, given)
+            if key not in kinds:
+                raise InputError("events", key, f"one of {', '.join(kinds)}", nearest(key, kinds))
+            if value is None and key == name:
+                raise InputError("events", key, "a state or an output", "where the branch turns in it is an SN")
+            found.append((key, kinds[key], value))
+        return tuple(found)
 
-    @abstractmethod
-    def given(self) -> tuple[Any, NDArray[np.float64]]:
-        """Return the mode or the itinerary of the start, and its unknowns without the parameter."""
+    def branch(self, options: dict[str, Any]) -> Any:
+        """See `OneParameterRun.branch`."""
+        joined = self.joined()
+        return self.result(**self.fields(joined, options), **self.columns(joined))
 
-    @abstractmethod
-    def solution_at(self, branch: Any, u: NDArray[np.float64]) -> Any:
-        """Return the solution with the unknowns `u`."""
-
-    @abstractmethod
     def crossing(self, branch: Any, event: Event) -> tuple[str, Crossing]:
         """Return what is met at a border, and what goes on there."""
+        raise NotImplementedError
 
-    @abstractmethod
     def inside(self, branch: Any, event: Any) -> float:
         """Return the sign of a border's monitor function on the regular side."""
+        return 1.0
 
     def returned(self, half: OneSide, branch: Any, point: Point) -> bool:
         """Return whether a branch has come back to a border at which it was before, on the same side of it."""
@@ -162,39 +154,28 @@ class AlgebraicRun(OneParameterRun):
         """Return the start of a branch in all forms in which the branch may come back to it."""
         return [origin]
 
-    def joined(self, directions: str) -> BothSides:
-        """Return the branch in both directions."""
-        start = self.begin(directions)
-        with self.reporter:
-            halves = traced(start, lambda: self.begin(directions), self.trace, directions)
-        return join(start, halves, "branch")
+    def equations(
+        self, problem: AlgebraicProblem, u: NDArray[np.float64], sizes: NDArray[np.float64] | None = None
+    ) -> AlgebraicZeroProblem:
+        """Return the zero problem of equations near `u`, the unknowns of the given sizes."""
+        return self.zero_problem(problem, extents(problem, u) if sizes is None else sizes, self.interest)
 
-    def branch_fields(self, joined: BothSides) -> dict[str, Any]:
-        """Return the fields of a branch that do not depend on the kind of its solutions."""
-        return {
-            "system": self.solution.system,
-            "parameter": self.name,
-            "parameters": dict(self.solution.parameters),
-            "values": np.array([self.scale * point.parameter for _, point in joined.rows]),
-            "special_points": joined.special_points((self.name,)),
-            "rejected": self.rejected(),
-        }
-
-    def begin(self, directions: str) -> tuple[AlgebraicZeroProblem, Point]:
-        """Return the equations and the first point, its tangent towards growing parameter."""
+    def begin(self) -> tuple[AlgebraicZeroProblem, Point]:
+        """See `_Run.begin`."""
         self._marks, self._blunt = [], set()
-        form, x = self.given()
-        u = np.append(x, self.start_value(self.solution.parameters))
-        branch = self.equations(form, u, None)
+        problem = self.solution.problem(self.name)
+        problem.scales[0] = self.scale
+        u = np.append(self.solution.unknowns, self.start_value(self.solution.parameters))
+        branch = self.equations(problem, u)
         try:
             point = start_point(branch, u)
         except (ValueError, np.linalg.LinAlgError) as error:
             raise self.irregular(self.what, self.solution.parameters[self.name], error) from None
         point.examined = branch.examine(point, None)
         self.first_sizes = branch.sizes.copy()
-        return branch, self._aside(branch, point, directions)
+        return branch, self._aside(branch, point)
 
-    def _aside(self, branch: AlgebraicZeroProblem, point: Point, directions: str) -> Point:
+    def _aside(self, branch: AlgebraicZeroProblem, point: Point) -> Point:
         """Return a start that is not critical: a critical one is moved a little, away from where the branch goes.
 
         Where the parameter rests, as at a fold, the start is moved until the parameter moves.
@@ -204,7 +185,7 @@ class AlgebraicRun(OneParameterRun):
                     and name.kind != "SN" and (abs(value) < _AT_START or math.isnan(value))]  # fmt: skip
         if not critical and not rests:
             return point
-        sign = 1.0 if directions == "down" else -1.0
+        sign = 1.0 if self.asked.directions == "down" else -1.0
         for length in (_ASIDE, *_FURTHER) if rests else (_ASIDE,):
             moved = self._moved(branch, turned(point, sign, self.odd), length)
             if moved is not None and (not rests or abs(float(moved.tangent[-1])) > RESTS):
@@ -245,51 +226,34 @@ class AlgebraicRun(OneParameterRun):
         # a branch may start next to a fold
         return bool(beyond.size > 0 and (before.size == 0 or before[-1] * beyond[0] > 0.0))
 
-    def piece(
-        self,
-        half: OneSide,
-        branch: AlgebraicZeroProblem,
-        point: Point,
-        start: tuple[AlgebraicZeroProblem, Point],
-        first: float | None,
-    ) -> str | Going:
-        """Follow the solutions of one mode or itinerary; see `OneParameterRun.piece`."""
-        last = point
-        ahead = partial(branch.ahead, self.control)
-        for item in follow(branch, point, self.control, log=self.log, first_step=first, ahead=ahead):
-            if isinstance(item, str):
-                return f"{self.place(last)}: {item}"
-            if isinstance(item, Event):
-                if (end := self._event(half, branch, item)) is not None:
-                    return end
-                continue
-            starts = self.starts(*start) if branch is start[0] else []
-            met = (closes(origin, last, item, self.control, branch.problem.circles) for origin in starts)
-            if (same := next((origin for origin in met if origin is not None), None)) is not None:
-                half.points.append((branch, same))
-                half.closed = True
-                share = float(item.weights @ ((same.u - last.u) * (item.u - last.u))) / (item.arc - last.arc)
-                # the step leads beyond the start, where the branch was before
-                half.specials = [found for found in half.specials if found.arc < last.arc + share]
-                return "the branch is closed"
-            if (end := self.keep(half, branch, item)) is not None:
-                return end
-            last = item
-            if (end := self.unbounded(item)) is not None:
-                return f"{self.place(item)}: {end}"
-        raise AssertionError("follow ends with a reason")
+    def ahead(self, piece: AlgebraicZeroProblem) -> Callable[[Point, Point, float], tuple[list[Point], float]]:
+        """See `_Run.ahead`."""
+        return partial(piece.ahead, self.control)
 
-    def _event(self, half: OneSide, branch: AlgebraicZeroProblem, event: Event) -> str | Going | None:
-        kind, point = event.name.kind, event.point
-        if kind in ("low", "high"):
-            return self.at_bound(half, branch, point, kind)
-        if (end := self.ended(branch, point, kind)) is not None:
-            half.points.append((branch, point))
-            return f"{self.place(point)}: {end}"
-        if kind in ("event", "EX"):
-            name, of, stop = self.asked(event.name)
-            half.specials.append(replace(self.found(name, branch, event, half), of=of))
-            return self.end_at(half, branch, point, stop)
+    def closes(self, half: OneSide, piece: AlgebraicZeroProblem, last: Point, point: Point) -> bool:
+        """See `_Run.closes`."""
+        begun, origin = half.start
+        starts = self.starts(begun, origin) if piece is begun else []
+        met = (closes(origin, last, point, self.control, piece.problem.circles) for origin in starts)
+        same = next((origin for origin in met if origin is not None), None)
+        if same is None:
+            return False
+        half.points.append((piece, same))
+        share = float(point.weights @ ((same.u - last.u) * (point.u - last.u))) / (point.arc - last.arc)
+        # the step leads beyond the start, where the branch was before
+        half.specials = [found for found in half.specials if found.arc < last.arc + share]
+        return True
+
+    def arrived(self, half: OneSide, piece: AlgebraicZeroProblem, point: Point) -> str | None:
+        """See `_Run.arrived`."""
+        end = self.unbounded(point)
+        return None if end is None else f"{self.place(point)}: {end}"
+
+    def special(self, half: OneSide, branch: AlgebraicZeroProblem, event: Event) -> str | Going | None:
+        """See `OneParameterRun.special`."""
+        point = event.point
+        if (end := self.ended(branch, point, event.name.kind)) is not None:
+            return self.ends(half, branch, point, end)
         name = kind = branch.type_of(event.name)
         blunt = False  # whether Newton's method finds no fold at an SN
         count = branch.multiplicity(point.examined.data.values, kind)
@@ -316,12 +280,10 @@ class AlgebraicRun(OneParameterRun):
         if kind != self.border:
             half.specials.append(self.found(name, branch, event, half))
             if kind == "BP" and (end := self.closed_up(branch, point)) is not None:
-                half.points.append((branch, point))
-                return f"{self.place(point)}: {end}"
+                return self.ends(half, branch, point, end)
             return self.end_at(half, branch, point, name)
         if self.returned(half, branch, point):
-            half.points.append((branch, point))
-            return f"{self.place(point)}: {self.at_border}, from which on the branch is followed already"
+            return self.ends(half, branch, point, f"{self.at_border}, from which on the branch is followed already")
         of, crossing = self.crossing(branch, event)
         half.specials.append(replace(self.found(name, branch, event, half), of=of, kind=crossing.kind))
         if (end := self.end_at(half, branch, point, name)) is not None:
@@ -383,7 +345,7 @@ class AlgebraicRun(OneParameterRun):
     def found(self, name: str, branch: AlgebraicZeroProblem, event: Event, half: OneSide) -> Found:
         """Return a special point of one direction, behind the points found so far."""
         point = event.point
-        solution = self.solution_at(branch, point.u)
+        solution = type(self.solution).from_unknowns(branch.problem, point.u, branch.sizes)
         p = {**solution.parameters, self.name: self.value(point)}
         tangent = None
         if name == "BP":  # it is undetermined at the point itself: the last point's is taken

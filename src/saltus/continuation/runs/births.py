@@ -17,7 +17,6 @@ from saltus.continuation.problems.equilibrium import EquilibriumZeroProblem
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.runs.branching import other_branches, parameter_scale
 from saltus.equilibria import Equilibrium
-from saltus.equilibria.equilibrium import equilibrium_at
 from saltus.equilibria.find import solve_equilibrium
 from saltus.equilibria.normal_forms import HopfTerms, check_no_zero, hopf_terms
 from saltus.equilibria.problem import EquilibriumProblem
@@ -204,6 +203,6 @@ def other_equilibria(
     problem = equilibrium.problem(parameter)
     u = np.append(equilibrium.state, equilibrium.parameters[parameter])
     return [
-        equilibrium_at(problem, without_rounding(problem, found, sizes), sizes)
+        Equilibrium.from_unknowns(problem, without_rounding(problem, found, sizes), sizes)
         for found, sizes in other_branches(problem, u, tangent, EquilibriumZeroProblem, known)
     ]

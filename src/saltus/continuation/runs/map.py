@@ -1,111 +1,53 @@
-"""Continuation of fixed points and cycles of maps along one parameter, across borders of pieces."""
+"""A branch of fixed points and cycles of maps under way, across borders of pieces."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus import checks
-from saltus.continuation.core.arclength import StepControl
-from saltus.continuation.core.interest import Interest
 from saltus.continuation.problems.border import TOGETHER, beyond_border
-from saltus.continuation.problems.extents import extents
-from saltus.continuation.problems.map import CYCLE_POINTS, CycleZeroProblem, in_lockstep
+from saltus.continuation.problems.map import CYCLE_POINTS, CycleZeroProblem
 from saltus.continuation.results.map_curve import MapBranch
-from saltus.continuation.runs.algebraic import AlgebraicRun, read_point_events
-from saltus.continuation.runs.options import asked_types, checked_interval, read_stops, unit_of
-from saltus.maps.orbit import MapOrbit, cycle_at, itinerary_of
-from saltus.maps.problem import CycleProblem
-from saltus.progress import Report, Reporter
+from saltus.continuation.runs.algebraic import AlgebraicRun, algebraic_columns
+from saltus.continuation.runs.run import branch_run
+from saltus.maps.orbit import MapOrbit
 from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from saltus.continuation.core.monitor import Monitor
     from saltus.continuation.core.zero_problem import Event, Point
     from saltus.continuation.problems.boundary import Crossing
     from saltus.continuation.runs.two_sided import BothSides, OneSide
 
-__all__ = ["continue_cycle", "cycle_fields"]
+__all__ = ["CycleRun", "cycle_columns"]
 
 _RETURNED = 1e-8  # distance, in the states' sizes and the parameter's unit, up to which two border collisions are one
 _HALVED = 1e-5  # distance of a cycle's halves, in the states' sizes, at which the period halves
 
 
-def continue_cycle(
-    orbit: MapOrbit,
-    parameter: str,
-    bounds: tuple[float, float],
-    *,
-    steps: StepControl | None = None,
-    directions: str = "both",
-    events: Mapping[str, float | str] | None = None,
-    stop_at: str | Iterable[str] = (),
-    progress: bool | Report = False,
-) -> MapBranch:
-    """Return the branch of cycles through a cycle; `continue_orbit` describes the arguments."""
-    control = StepControl() if steps is None else checks.instance("steps", steps, StepControl)
-    reporter = Reporter(progress)
-    system = orbit.system
-    low, high = checked_interval(system, orbit.parameters, parameter, bounds, directions)
-    events = checks.mapping("events", events, "names to values, as {'x': 0.5}, or to 'extremum'")
-    scale = unit_of(low, high, orbit.parameters[parameter])
-    interest = Interest(low / scale, high / scale, scale, read_point_events(orbit, parameter, events))
-    stops = read_stops(stop_at, [*CYCLE_POINTS, *asked_types(events)])
-    run = _CycleRun(orbit, parameter, interest, control, stops, reporter)
-    joined = run.joined(directions)
-    return MapBranch(
-        options=run.options([low, high], directions, events), **run.branch_fields(joined), **cycle_fields(joined)
-    )
-
-
-def cycle_fields(joined: BothSides) -> dict[str, Any]:
+def cycle_columns(joined: BothSides) -> dict[str, Any]:
     """Return the fields of `MapCurve` that a branch and a locus fill in the same way."""
     forms = list(dict.fromkeys(piece.problem.itinerary for piece, _ in joined.rows))
-    data = [point.examined.data for _, point in joined.rows]
-    return {
+    return algebraic_columns(joined) | {
         "points": np.array([piece.problem.points(point.u) for piece, point in joined.rows]),
-        "multipliers": np.array([d.values for d in data]),
-        "stable": np.array([d.stable for d in data]),
-        "regular": np.array([not d.reasons for d in data]),
+        "multipliers": np.array([point.examined.data.values for _, point in joined.rows]),
         "forms": tuple(forms),
         "form": np.array([forms.index(piece.problem.itinerary) for piece, _ in joined.rows]),
-        "residual": np.array([point.residual for _, point in joined.rows]),
-        "arclength": np.array(joined.arcs) - joined.arcs[0],
-        "stopped": joined.stopped,
     }
 
 
-class _CycleRun(AlgebraicRun):
-    """One call of `continue_cycle`."""
+class CycleRun(AlgebraicRun):
+    """One call of `continue_branch` from a cycle of a map; see `AlgebraicRun`."""
 
     solution: MapOrbit
+    zero_problem = CycleZeroProblem
+    result = MapBranch
+    columns = staticmethod(cycle_columns)
+    types = CYCLE_POINTS
     what = "cycle"
     border = "BC"
     at_border = "border collision"
-
-    def equations(
-        self, form: tuple[int, ...], u: NDArray[np.float64], sizes: NDArray[np.float64] | None
-    ) -> CycleZeroProblem:
-        """See `AlgebraicRun.equations`; `form` is the itinerary."""
-        system = self.solution.system
-        p, index = system.parameter_vector(self.solution.parameters), system.parameter_names.index(self.name)
-        problem = CycleProblem(system, form, p, [index], np.array([self.scale]))
-        if sizes is None:
-            sizes = in_lockstep(extents(problem, u), problem.period)
-        return CycleZeroProblem(problem, sizes, self.interest)
-
-    def given(self) -> tuple[tuple[int, ...], NDArray[np.float64]]:
-        """See `AlgebraicRun.given`."""
-        return itinerary_of(self.solution.system, self.solution.itinerary), self.solution.points.ravel().copy()
-
-    def solution_at(self, branch: CycleZeroProblem, u: NDArray[np.float64]) -> MapOrbit:
-        """See `AlgebraicRun.solution_at`."""
-        return cycle_at(branch.problem, u, branch.sizes)
 
     def crossing(self, branch: CycleZeroProblem, event: Event) -> tuple[str, Crossing]:
         """See `AlgebraicRun.crossing`."""
@@ -114,15 +56,11 @@ class _CycleRun(AlgebraicRun):
         texts = [text for conditions in problem.system.conditions.values() for text in conditions]
         return texts[guard - len(problem.system.pieces)], found
 
-    def inside(self, branch: CycleZeroProblem, event: Monitor) -> float:
-        """See `AlgebraicRun.inside`."""
-        return 1.0
-
     def returned(self, half: OneSide, branch: CycleZeroProblem, point: Point) -> bool:
         """See `AlgebraicRun.returned`; another of the cycle's points may be the first one by then."""
-        here, sizes = self.solution_at(branch, point.u), branch.sizes[: branch.problem.states]
+        here = MapOrbit.from_unknowns(branch.problem, point.u, branch.sizes)
+        sizes = branch.sizes[: branch.problem.states]
         for old in (found.solution for found in half.specials if found.name == self.border):
-            assert isinstance(old, MapOrbit)
             near = abs(old.parameters[self.name] - self.value(point)) <= _RETURNED * self.scale
             for k in range(here.period if near else 0):
                 turned = (*old.itinerary[k:], *old.itinerary[:k])
@@ -163,3 +101,8 @@ class _CycleRun(AlgebraicRun):
         gaps = wrapped(points[:half] - points[half:], problem.system.angle_places)
         apart = float(np.max(np.abs(gaps) / sizes))
         return "the period halves" if apart < _HALVED else None
+
+
+@branch_run.register
+def _(start: MapOrbit, parameter: str) -> type[CycleRun]:
+    return CycleRun

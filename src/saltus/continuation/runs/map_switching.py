@@ -10,7 +10,7 @@ from saltus.continuation.results.special_points import SpecialPoint
 from saltus.continuation.runs.branching import everywhere, other_branches, parameter_scale, stepped
 from saltus.errors import ConvergenceError, InputError
 from saltus.maps.normal_forms import null_vectors
-from saltus.maps.orbit import MapOrbit, cycle_at
+from saltus.maps.orbit import MapOrbit
 from saltus.maps.solve import sizes_of
 from saltus.system.angles import wrapped
 
@@ -42,7 +42,8 @@ def other_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
         if np.allclose(apart, 0.0, rtol=0.0, atol=1e-5 * float(np.abs(u[:-1]).max())):
             return [_single(orbit)]
     return [
-        cycle_at(problem, *found) for found in other_branches(problem, u, point.tangent, CycleZeroProblem, point.scale)
+        MapOrbit.from_unknowns(problem, *found)
+        for found in other_branches(problem, u, point.tangent, CycleZeroProblem, point.scale)
     ]
 
 
@@ -59,7 +60,7 @@ def _single(orbit: MapOrbit) -> MapOrbit:
     for _ in range(3):
         F, J = problem.evaluate(u)
         u = u - np.linalg.solve(J, F)
-    return cycle_at(problem, u, sizes_of(problem, u))
+    return MapOrbit.from_unknowns(problem, u, sizes_of(problem, u))
 
 
 def doubled_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
@@ -81,7 +82,7 @@ def doubled_cycles(point: SpecialPoint[MapOrbit]) -> list[MapOrbit]:
     found = branches_at(
         doubled.evaluate, start, np.append(known, 1.0), np.concatenate([own, own, [1.0]]), "doubled cycle"
     )
-    return [cycle_at(doubled, v, known) for v in found]
+    return [MapOrbit.from_unknowns(doubled, v, known) for v in found]
 
 
 def doubled_cycle(point: SpecialPoint[MapOrbit], level: int = 0) -> MapOrbit:
@@ -104,7 +105,7 @@ def doubled_cycle(point: SpecialPoint[MapOrbit], level: int = 0) -> MapOrbit:
         if isinstance(found, str):
             reason = found
             continue
-        doubled = cycle_at(problem, found, sizes)
+        doubled = MapOrbit.from_unknowns(problem, found, sizes)
         if doubled.regular or not orbit.regular:
             return doubled
         reason = "; ".join(doubled.reasons)

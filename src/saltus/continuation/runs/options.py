@@ -9,12 +9,9 @@ from typing import Any
 
 from saltus import checks
 from saltus.continuation.core.arclength import StepControl
-from saltus.continuation.core.monitor import BIFURCATIONS
 from saltus.continuation.problems.watching import EXTREMUM
 from saltus.continuation.results.special_points import SpecialPoint
-from saltus.equilibria import Equilibrium
 from saltus.errors import InputError, nearest
-from saltus.maps import MapOrbit
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.quantities import Quantity, read_quantity
 from saltus.system import HybridSystem, Map
@@ -22,14 +19,13 @@ from saltus.system import HybridSystem, Map
 __all__ = [
     "ROUNDING",
     "BranchOptions",
+    "Plane",
     "asked_types",
     "check_along_parameter",
     "checked_interval",
     "read_events",
-    "read_interval",
-    "read_parameters",
+    "read_plane",
     "read_range",
-    "read_start",
     "read_steps",
     "read_stops",
     "read_value",
@@ -41,26 +37,24 @@ ROUNDING = 1e-9  # share of a parameter's interval by which a start may miss a b
 _DIRECTIONS = ("both", "up", "down")  # ways that the parameter may go at the start
 _TYPES = "types of special points"  # what messages ask for in `stop_at`
 
-# The locus that starts at a special point of each type, if none is named.
-_LOCI = {
-    "SN": "SN", "PD": "PD", "TR": "TR", "BP": "BP", "GR": "GR", "CP": "SN", "GPD": "PD", "CH": "TR", "R1": "SN",
-    "R2": "PD", "R3": "TR", "R4": "TR", "FF": "SN",
-}  # fmt: skip
 
-EQUILIBRIUM_LOCI = ("SN", "HB", "BE")  # types of special points of equilibria that have loci
-_EQUILIBRIUM_LOCI = {"SN": "SN", "HB": "HB", "BE": "BE", "CP": "SN", "BT": "HB", "GH": "HB", "ZH": "SN", "HH": "HB"}
+@dataclass(frozen=True)
+class Plane:
+    """Two parameters that vary along a locus.
 
-CYCLE_LOCI = ("SN", "PD", "TR", "BC")  # types of special points of cycles of maps that have loci
-_CYCLE_LOCI = {
-    "SN": "SN", "PD": "PD", "TR": "TR", "BC": "BC", "CP": "SN", "GPD": "PD", "CH": "TR", "R1": "SN", "R2": "PD",
-    "R3": "TR", "R4": "TR", "FF": "SN",
-}  # fmt: skip
+    Attributes
+    ----------
+    names : tuple of str
+        In the system's order.
+    intervals : tuple of (float, float)
+        Their intervals.
+    order : tuple of str
+        The names in the order that the user gave.
+    """
 
-_NAMES = {
-    Equilibrium: ("an Equilibrium", "an equilibrium"),
-    PeriodicOrbit: ("a PeriodicOrbit", "an orbit"),
-    MapOrbit: ("a MapOrbit", "a cycle"),
-}  # how a message names a start that is no special point
+    names: tuple[str, str]
+    intervals: tuple[tuple[float, float], tuple[float, float]]
+    order: tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -121,13 +115,6 @@ def read_steps(steps: object, what: str) -> StepControl:
     if control.at_grazing != "switch":
         raise InputError("StepControl.at_grazing", control.at_grazing, "left out", f"{what} ends at a grazing")
     return control
-
-
-def read_interval(
-    orbit: PeriodicOrbit, parameter: str, bounds: tuple[float, float], directions: str
-) -> tuple[float, float]:
-    """Return the interval of a parameter for the branch through an orbit; see `checked_interval`."""
-    return checked_interval(orbit.system, orbit.parameters, parameter, bounds, directions)
 
 
 def checked_interval(
@@ -235,42 +222,9 @@ def check_along_parameter(name: str, point: SpecialPoint[Any]) -> None:
         raise InputError(name, f"a point along {point.varied[0]!r}", "a point of a branch along a parameter", hint)
 
 
-def read_start(start: SpecialPoint[Any] | PeriodicOrbit | Equilibrium | MapOrbit, kind: str | None) -> tuple[Any, str]:
-    """Return the solution at which a locus starts, and the type of the locus."""
-    solution = start.solution if isinstance(start, SpecialPoint) else start
-    known: tuple[str, ...]
-    known, loci = BIFURCATIONS, _LOCI
-    if isinstance(solution, Equilibrium):
-        known, loci = EQUILIBRIUM_LOCI, _EQUILIBRIUM_LOCI
-    if isinstance(solution, MapOrbit):
-        known, loci = CYCLE_LOCI, _CYCLE_LOCI
-    if kind is not None:
-        checks.chosen("type", kind, known)
-    if isinstance(solution, PeriodicOrbit) and solution.fixed is not None and solution.fixed.family:
-        raise InputError("start", "one of a family of orbits", "an orbit that is isolated at its parameters")
-    if isinstance(start, PeriodicOrbit | Equilibrium | MapOrbit):
-        if kind is None:
-            what, word = _NAMES[type(start)]
-            raise InputError("start", what, f"a special point, or {word} with its type", "type='SN'")
-        return start, kind
-    checks.instance("start", start, SpecialPoint)
-    if kind is None:
-        kind = loci.get(start.type, start.locus if start.type == "TP" else None)
-    if kind is None:
-        allowed = f"a point of type {', '.join(loci)}"
-        known_type = start.type in {*_LOCI, *_EQUILIBRIUM_LOCI, "TP", "EX"}
-        hint = "no locus belongs to " + ("this type" if known_type else "a user's event")
-        raise InputError("start", start.type, allowed, hint)
-    return solution, kind
-
-
-def read_parameters(
-    orbit: PeriodicOrbit | Equilibrium | MapOrbit,
-    parameters: tuple[str, str],
-    bounds: Mapping[str, tuple[float, float]],
-) -> tuple[tuple[str, str], tuple[tuple[float, float], tuple[float, float]]]:
-    """Return the two names in the system's order, and their intervals."""
-    known = orbit.system.parameter_names
+def read_plane(solution: Any, parameters: tuple[str, str], bounds: Mapping[str, tuple[float, float]]) -> Plane:
+    """Return the two parameters of the locus through a solution, checked."""
+    known = solution.system.parameter_names
     pair = checks.listed("parameters", parameters, "two names, as ('A', 'w')", most=2)
     if len(pair) != 2:
         raise InputError("parameters", parameters, "two names, as ('A', 'w')")
@@ -285,13 +239,13 @@ def read_parameters(
     intervals = []
     for name in (first, second):
         low, high = checks.interval(f"bounds[{name!r}]", given[name], finite=True)
-        lowest, highest = orbit.system.allowed(name)
+        lowest, highest = solution.system.allowed(name)
         if low < lowest or high > highest:
             allowed = f"within [{lowest:g}, {highest:g}], where {name} may lie"
             raise InputError(f"bounds[{name!r}]", bounds[name], allowed)
         slack = ROUNDING * (high - low)
-        if not low - slack <= orbit.parameters[name] <= high + slack:
-            wanted = f"an interval that holds the start, {name} = {orbit.parameters[name]:g}"
+        if not low - slack <= solution.parameters[name] <= high + slack:
+            wanted = f"an interval that holds the start, {name} = {solution.parameters[name]:g}"
             raise InputError(f"bounds[{name!r}]", bounds[name], wanted)
         intervals.append((low, high))
-    return (first, second), (intervals[0], intervals[1])
+    return Plane((first, second), (intervals[0], intervals[1]), (pair[0], pair[1]))

@@ -1,15 +1,15 @@
-"""One call of `continue_orbit`: both directions of a branch from its start, through grazings into other signatures."""
+"""A branch of periodic orbits under way: its start, its events, through grazings into other signatures."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from saltus.continuation.core.arclength import StepControl, follow
-from saltus.continuation.core.monitor import Monitor, at_grazing
+from saltus.continuation.core.monitor import BIFURCATIONS, Monitor, at_grazing
 from saltus.continuation.core.zero_problem import SAME, Event, Examined, Point, start_point
 from saltus.continuation.problems.ends.closure import passes
 from saltus.continuation.problems.ends.period_halving import halved
@@ -27,9 +27,11 @@ from saltus.continuation.problems.ends.unbounded import (
 from saltus.continuation.problems.grazing import Neighbour, neighbour
 from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
-from saltus.continuation.runs.run import OneParameterRun
+from saltus.continuation.results.branch import Branch
+from saltus.continuation.runs.options import read_events
+from saltus.continuation.runs.run import Going, OneParameterRun, Wanted
 from saltus.continuation.runs.to_homoclinic import end_unbounded
-from saltus.continuation.runs.two_sided import Found, OneSide, turned
+from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, turned
 from saltus.errors import InputError
 from saltus.orbits.critical import solve_branch_point
 from saltus.orbits.cuts import cut, stretched
@@ -45,7 +47,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["BranchRun"]
+__all__ = ["OrbitRun", "orbit_columns"]
 
 _TOUCHING = 1e-13  # value given to a monitor function that vanishes at the start: its admissible side
 _SHRUNK = 1e-6  # ranges of a cycle's states, over those on its branch, up to which it is an equilibrium
@@ -53,15 +55,30 @@ _TOGETHER = 1e-9  # duration, over the period, up to which a contact ends at the
 _NEAR = 1e-3  # distance in arclength between a branch point and the zero of its determinant
 
 
-class BranchRun(OneParameterRun):
-    """One call of `continue_orbit`: start and options, which both directions share."""
+class OrbitRun(OneParameterRun):
+    """One call of `continue_branch` from a periodic orbit; see `OneParameterRun`."""
 
     odd = OrbitZeroProblem.odd
 
-    def __init__(self, orbit: PeriodicOrbit, *options: Any) -> None:
-        super().__init__(*options)
-        self.orbit = orbit
-        self.fixed: Fixed | None = None
+    types: ClassVar[tuple[str, ...]] = BIFURCATIONS
+    solution: PeriodicOrbit
+    fixed: Fixed | None = None
+
+    @classmethod
+    def wanted(cls, start: PeriodicOrbit, name: str, events: Mapping[str, float | str]) -> tuple[Wanted, ...]:
+        """See `OneParameterRun.wanted`."""
+        return read_events(start, name, events)
+
+    def branch(self, options: dict[str, Any]) -> Branch:
+        """See `OneParameterRun.branch`."""
+        joined = self.joined()
+        return Branch(
+            tolerance=self.solution.tolerance,
+            fixed=self.fixed,
+            freed=np.array([self.freed(*row) for row in joined.rows]),
+            **self.fields(joined, options),
+            **orbit_columns(joined),
+        )
 
     def freed(self, branch: OrbitZeroProblem, point: Point) -> float:
         """Return the freed parameter at a point; NaN where none is freed."""
@@ -69,9 +86,9 @@ class BranchRun(OneParameterRun):
 
     def equations(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
         """Return the zero problem of a signature near `u`."""
-        p, index = self.orbit.system.parameter_vector(self.orbit.parameters), self.orbit.system.parameter_names
-        scale, tolerance = np.array([self.scale]), self.orbit.tolerance
-        problem = OrbitProblem(self.orbit.system, signature, p, [index.index(self.name)], scale, tolerance)
+        p, index = self.solution.system.parameter_vector(self.solution.parameters), self.solution.system.parameter_names
+        scale, tolerance = np.array([self.scale]), self.solution.tolerance
+        problem = OrbitProblem(self.solution.system, signature, p, [index.index(self.name)], scale, tolerance)
         problem.start(u)
         return self.zero_problem(problem, u)
 
@@ -81,8 +98,8 @@ class BranchRun(OneParameterRun):
 
     def first(self) -> tuple[OrbitZeroProblem, NDArray[np.float64]]:
         """Return equations and unknowns of the orbit at which the branch starts."""
-        u = np.append(self.orbit.unknowns, self.start_value(self.orbit.parameters))
-        return self.equations(self.orbit.form, u), u
+        u = np.append(self.solution.unknowns, self.start_value(self.solution.parameters))
+        return self.equations(self.solution.form, u), u
 
     def start(self, branch: OrbitZeroProblem, u: NDArray[np.float64]) -> Point:
         """Return the first point of the branch."""
@@ -105,9 +122,7 @@ class BranchRun(OneParameterRun):
         """Return equations and point of the equilibrium a few steps ahead to which orbits shrink, or None."""
         return equilibrium_ahead(branch, before, point)
 
-    def _cut(
-        self, half: OneSide, branch: OrbitZeroProblem, item: Point
-    ) -> tuple[OrbitZeroProblem, Point, float] | str | None:
+    def _cut(self, half: OneSide, branch: OrbitZeroProblem, item: Point) -> Going | str | None:
         """Return the branch with its orbits cut into more pieces, a point and a step; None where no cut is due.
 
         Where more pieces are needed than are allowed, this is told.
@@ -165,7 +180,7 @@ class BranchRun(OneParameterRun):
 
     def _check_events(self, found: Examined) -> None:
         """Raise `InputError` where an event asks for a quantity that is no number on part of the first orbit."""
-        system, survey = self.orbit.system, found.data.survey
+        system, survey = self.solution.system, found.data.survey
         names = (*system.all_states, *system.output_names)
         for i, (name, kind, value) in enumerate(self.interest.events):
             known = found.monitors.get(Monitor("EX" if value is None else "event", i), 0.0)
@@ -176,53 +191,42 @@ class BranchRun(OneParameterRun):
 
     def advice(self) -> str:
         """Return what to do where a branch along a parameter starts at an orbit of a family."""
-        family = self.orbit.fixed is not None and self.orbit.fixed.family
+        family = self.solution.fixed is not None and self.solution.fixed.family
         return "the orbit is one of a family: vary a quantity, as 'period'" if family else ""
 
-    def piece(
-        self,
-        half: OneSide,
-        branch: OrbitZeroProblem,
-        point: Point,
-        start: tuple[OrbitZeroProblem, Point],
-        first: float | None,
-    ) -> str | tuple[OrbitZeroProblem, Point, float]:
-        """Follow the orbits of one signature; see `OneParameterRun.piece`."""
-        last = point
-        for item in follow(branch, point, self.control, log=self.log, first_step=first):
-            if isinstance(item, str):
-                if (slowed := grazing_ahead(half.points)) is not None and (
-                    end := self._event(half, branch, slowed)
-                ) is not None:
-                    return end
-                if (grown := grows_at_last(half.points)) is not None:
-                    return self._unbounded(half, grown)
-                return f"{self.place(last)}: {self._why(branch, half, item)}"
-            if isinstance(item, Event):
-                end = self._event(half, branch, item)
-                if end is not None:
-                    return end
-                continue
-            same = branch.problem.signature == start[0].problem.signature and not (
-                branch is start[0] and last.arc == 0.0
-            )
-            if same and passes(branch, branch.problem, start[1], last, item, self.control, branch.active_at):
-                half.points.append((start[0], start[1]))
-                half.closed = True
-                return "the branch is closed"
-            end = self.keep(half, branch, item)
-            if (rest := self.shrinks(branch, last, item)) is not None:
-                return self._shrunk(half, *rest)
-            if end is not None:
-                return end
-            last = item
-            if (grown := grows_for_ever(half.points)) is not None:
-                return self._unbounded(half, grown)
-            if (swollen := swells_for_ever(half.points)) is not None:
-                return f"{self.place(item)}: {swollen}"
-            if (finer := self._cut(half, branch, item)) is not None:
-                return finer
-        raise AssertionError("follow ends with a reason")
+    def stuck(self, half: OneSide, piece: OrbitZeroProblem, last: Point, reason: str) -> str | Going:
+        """See `_Run.stuck`."""
+        slowed = grazing_ahead(half.points)
+        if slowed is not None and (end := self.event(half, piece, slowed)) is not None:
+            return end
+        if (grown := grows_at_last(half.points)) is not None:
+            return self._unbounded(half, grown)
+        return f"{self.place(last)}: {self._why(piece, half, reason)}"
+
+    def closes(self, half: OneSide, piece: OrbitZeroProblem, last: Point, point: Point) -> bool:
+        """See `_Run.closes`."""
+        begun, origin = half.start
+        if piece.problem.signature != begun.problem.signature or (piece is begun and last.arc == 0.0):
+            return False
+        met = passes(piece, piece.problem, origin, last, point, self.control, piece.active_at)
+        if met:
+            half.points.append(half.start)
+        return met
+
+    def keep(self, half: OneSide, piece: OrbitZeroProblem, last: Point, point: Point) -> str | None:
+        """See `_Run.keep`: a branch ends at the equilibrium to which its orbits shrink."""
+        end = super().keep(half, piece, last, point)
+        if (rest := self.shrinks(piece, last, point)) is not None:
+            return self._shrunk(half, *rest)
+        return end
+
+    def arrived(self, half: OneSide, piece: OrbitZeroProblem, point: Point) -> str | Going | None:
+        """See `_Run.arrived`."""
+        if (grown := grows_for_ever(half.points)) is not None:
+            return self._unbounded(half, grown)
+        if (swollen := swells_for_ever(half.points)) is not None:
+            return f"{self.place(point)}: {swollen}"
+        return self._cut(half, piece, point)
 
     def _why(self, branch: OrbitZeroProblem, half: OneSide, item: str) -> str:
         """Return why no step succeeds behind the last point; `item` if nothing better is known."""
@@ -242,44 +246,37 @@ class BranchRun(OneParameterRun):
         """End a branch at the Hopf point that is its last point."""
         orbit = self.orbit_of(piece, end)
         half.specials.append(Found("HB", orbit, _amplitude(orbit), len(half.points), end.arc))
-        half.points.append((piece, end))
-        return f"{self.place(end)}: the cycle shrinks to an equilibrium"
+        return self.ends(half, piece, end, "the cycle shrinks to an equilibrium")
 
-    def _event(
-        self, half: OneSide, branch: OrbitZeroProblem, event: Event
-    ) -> str | tuple[OrbitZeroProblem, Point, float] | None:
-        kind = event.name.kind
+    def at_bound(self, half: OneSide, piece: OrbitZeroProblem, point: Point, kind: str) -> str:
+        """See `OneParameterRun.at_bound`."""
+        if (swollen := swells_at_last(half.points)) is not None:
+            return f"{self.place(half.points[-1][1])}: {swollen}"
+        return super().at_bound(half, piece, point, kind)
+
+    def special(self, half: OneSide, branch: OrbitZeroProblem, event: Event) -> str | Going | None:
+        """See `OneParameterRun.special`."""
         point = event.point
-        if kind in ("low", "high"):
-            if (swollen := swells_at_last(half.points)) is not None:
-                return f"{self.place(half.points[-1][1])}: {swollen}"
-            return self.at_bound(half, branch, point, kind)
-        if kind in ("event", "EX"):
-            name, of, stop = self.asked(event.name)
-            half.specials.append(replace(self._found(name, branch, event, half), of=of))
-            return self.end_at(half, branch, point, stop)
         name = "GR" if at_grazing(event.name) else type_of(event.name)
         if name == "BP" and (birth := self.halved(branch, point)) is not None:
-            half.specials.append(self._found(name, branch, replace(event, point=birth), half))
-            half.points.append((branch, birth))
-            return f"{self.place(birth)}: the period halves"
+            half.specials.append(self.found(name, branch, replace(event, point=birth), half))
+            return self.ends(half, branch, birth, "the period halves")
         if name != "GR":
             if name == "BP":
                 event = replace(event, point=self.sharpened(branch, point))
-            half.specials.append(self._found(name, branch, event, half))
+            half.specials.append(self.found(name, branch, event, half))
             return self.end_at(half, branch, event.point, name)
         if any(s.name == "GR" and abs(s.arc - point.arc) < 1e-9 for s in half.specials):
             return None
         if self._is_point(half, branch, point):
             point.examined = _as_before(point.examined, half.points[-1][1].examined.data)
-            half.specials.append(self._found("BE", branch, event, half))
-            half.points.append((branch, point))
-            return f"{self.place(point)}: the cycle shrinks to a boundary equilibrium"
+            half.specials.append(self.found("BE", branch, event, half))
+            return self.ends(half, branch, point, "the cycle shrinks to a boundary equilibrium")
         if self.control.at_grazing == "pass":
-            half.specials.append(self._found(name, branch, event, half))
+            half.specials.append(self.found(name, branch, event, half))
             return self.end_at(half, branch, point, name)
         found = neighbour(branch.problem, _leaving(branch, event), point.u)
-        half.specials.append(self._found(name, branch, event, half))
+        half.specials.append(self.found(name, branch, event, half))
         if isinstance(found, Neighbour) and len(found.signature) < len(branch.problem.signature.heads):
             fewer = self.equations(found.signature, found.u)
             orbit = orbit_at(fewer.problem, found.u, fewer.problem.resolve(found.u)[1])
@@ -301,7 +298,8 @@ class BranchRun(OneParameterRun):
         own = point.examined.data.survey
         return bool(np.all(own.highs[:n] - own.lows[:n] <= _SHRUNK * largest))
 
-    def _found(self, name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
+    def found(self, name: str, branch: OrbitZeroProblem, event: Event, half: OneSide) -> Found:
+        """See `OneParameterRun.found`."""
         point, orbit = event.point, self.orbit_of(branch, event.point)
         value = event.value
         if name == "PD":
@@ -316,7 +314,7 @@ class BranchRun(OneParameterRun):
             tangent = np.append(tangent[: branch.problem.size], tangent[-1])
         return Found(name, orbit, value, len(half.points), point.arc, tangent=tangent)
 
-    def _switch(self, found: Neighbour, old: Point) -> str | tuple[OrbitZeroProblem, Point, float]:
+    def _switch(self, found: Neighbour, old: Point) -> str | Going:
         """Return equations, point and step to go on with in the neighbouring signature, or why no branch does.
 
         The point is a first admissible orbit beyond the grazing.
@@ -344,6 +342,29 @@ class BranchRun(OneParameterRun):
                     item.arc = old.arc + math.sqrt(float(point.weights @ (item.u - point.u) ** 2))
                     return branch, item, min(self.control.initial, 1e-3)
         return f"{self.place(old)}: grazing, no admissible orbit beyond it"
+
+
+def orbit_columns(joined: BothSides) -> dict[str, Any]:
+    """Return the fields of `OrbitCurve` that a branch and a locus fill in the same way."""
+    first = joined.rows[0][0].problem
+    states, n = len(first.system.states), first.n
+    forms = list(dict.fromkeys(piece.problem.signature for piece, _ in joined.rows))
+    data = [point.examined.data for _, point in joined.rows]
+    return {
+        "x0": np.array([d.survey.x0[:states] for d in data]),
+        "multipliers": np.array([d.multipliers for d in data]),
+        "stable": np.array([d.unstable == 0 for d in data]),
+        "admissible": np.array([d.survey.admissible for d in data]),
+        "period": np.array([point.u[n : piece.problem.size : n + 1].sum() for piece, point in joined.rows]),
+        "residual": np.array([d.survey.residual for d in data]),
+        "lows": np.array([d.survey.lows for d in data]),
+        "highs": np.array([d.survey.highs for d in data]),
+        "means": np.array([d.survey.means for d in data]),
+        "harmonics": np.array([d.survey.harmonics for d in data]),
+        "forms": tuple(forms),
+        "form": np.array([forms.index(piece.problem.signature) for piece, _ in joined.rows]),
+        "unknowns": tuple(point.u[: piece.problem.size] for piece, point in joined.rows),
+    }
 
 
 # Survey of a grazing from which a step is tried: its orbit passes as inadmissible, so the step's end may be so too.

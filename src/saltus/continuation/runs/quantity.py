@@ -1,10 +1,10 @@
-"""One call of `continue_orbit` along a quantity of the orbits, as their maximum or period."""
+"""A branch of periodic orbits along a quantity of theirs, as their maximum or period, under way."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from saltus.continuation.core.zero_problem import Point, start_point
 from saltus.continuation.problems.ends.shrinking import at_rest, centre_ahead
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.quantity import QuantityZeroProblem
-from saltus.continuation.runs.orbit import BranchRun
+from saltus.continuation.runs.options import read_range, read_varied
+from saltus.continuation.runs.orbit import OrbitRun
+from saltus.continuation.runs.run import Asked, branch_run
 from saltus.continuation.runs.two_sided import OneSide
 from saltus.errors import InputError
 from saltus.orbits.fixing import Wish, unfolded_at
@@ -31,11 +33,13 @@ if TYPE_CHECKING:
 __all__ = ["QuantityRun"]
 
 
-class QuantityRun(BranchRun):
-    """One call of `continue_orbit` along a quantity: start and options, which both directions share."""
+class QuantityRun(OrbitRun):
+    """One call of `continue_branch` along a quantity of periodic orbits; see `OneParameterRun`."""
 
-    def __init__(self, orbit: PeriodicOrbit, parameter: str, interest: Interest, *options: Any) -> None:
-        super().__init__(orbit, parameter, interest, *options)
+    types = (*OrbitRun.types, "TP")
+
+    def __init__(self, orbit: PeriodicOrbit, parameter: str, interest: Interest, asked: Asked) -> None:
+        super().__init__(orbit, parameter, interest, asked)
         assert orbit.fixed is not None
         self.quantity = read_quantity(orbit.system, parameter)
         free = orbit.fixed.free
@@ -46,19 +50,27 @@ class QuantityRun(BranchRun):
         self._home = float(u[-1])
         self._freed = orbit.fixed
 
+    @classmethod
+    def interval(
+        cls, start: PeriodicOrbit, name: str, bounds: tuple[float, float], directions: str
+    ) -> tuple[float, float, float]:
+        """See `OneParameterRun.interval`."""
+        value = read_quantity(start.system, name).value(start.problem(), start.unknowns)
+        return *read_range(name, value, bounds, directions), value
+
     def first(self) -> tuple[OrbitZeroProblem, NDArray[np.float64]]:
         """Return equations and unknowns of the orbit at which the branch starts."""
-        inner = np.append(self.orbit.unknowns, self._home)
+        inner = np.append(self.solution.unknowns, self._home)
         value = self.quantity.value(self._known.problem, inner) / self.scale
         self.fixed = replace(self._freed, quantity=self.name, value=value * self.scale)
         u = np.append(inner, self.met(value))
-        return self.equations(self.orbit.form, u), u
+        return self.equations(self.solution.form, u), u
 
     def equations(self, signature: Signature, u: NDArray[np.float64]) -> OrbitZeroProblem:
         """Return the zero problem of a signature near `u`."""
-        p = self.orbit.system.parameter_vector(self.orbit.parameters)
-        tolerance = self.orbit.tolerance
-        problem = OrbitProblem(self.orbit.system, signature, p, self._active, self._scales, tolerance)
+        p = self.solution.system.parameter_vector(self.solution.parameters)
+        tolerance = self.solution.tolerance
+        problem = OrbitProblem(self.solution.system, signature, p, self._active, self._scales, tolerance)
         problem.start(u)
         return self.zero_problem(problem, u)
 
@@ -116,3 +128,8 @@ class QuantityRun(BranchRun):
             return math.nan
         inner = self._home if self._freed.family else float(point.u[branch.problem.size])
         return inner * float(self._scales[0])
+
+
+@branch_run.register
+def _(start: PeriodicOrbit, parameter: str) -> type[OrbitRun]:
+    return OrbitRun if read_varied(start, parameter) is None else QuantityRun

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
     from saltus.continuation.core.monitor import Monitor
     from saltus.continuation.problems.ends.connection import Homoclinic
-    from saltus.equilibria import Equilibrium
-    from saltus.maps import MapOrbit
-    from saltus.orbits.orbit import PeriodicOrbit
 
 __all__ = ["BothSides", "Found", "OneSide", "join", "traced", "turned"]
 
@@ -33,8 +30,8 @@ class Found:
     ----------
     name : str
         Type, or the name of a user's event.
-    solution : PeriodicOrbit, Equilibrium or MapOrbit
-        An orbit in the signature in which it is shown, an equilibrium, or a cycle of a map.
+    solution : Solution
+        The solution there; an orbit in the signature in which it is shown.
     value : float
         Test function.
     after : int
@@ -46,7 +43,7 @@ class Found:
     """
 
     name: str
-    solution: PeriodicOrbit | Equilibrium | MapOrbit
+    solution: Any
     value: float
     after: int
     arc: float
@@ -62,8 +59,26 @@ _AT_END = 1e-6  # distance from a curve's end, in arclength, up to which a turn 
 
 @dataclass
 class OneSide:
-    """Points and special points of one direction of a curve, and why it ended."""
+    """Points and special points of one direction of a curve, and why it ended.
 
+    Attributes
+    ----------
+    start : (piece, point)
+        Equations and point at which the curve starts.
+    first : Point
+        The same point, its tangent in this direction.
+    points : list of (piece, point)
+        Equations and point of each further point.
+    specials : list of Found
+        Special points, in order.
+    stopped : str
+        Why the direction ended; empty while it is followed.
+    closed, interrupted : bool
+        Whether it came back to its start; whether the user ended it.
+    """
+
+    start: tuple[Any, Point]
+    first: Point
     points: list[Any] = field(default_factory=list)
     specials: list[Found] = field(default_factory=list)
     stopped: str = ""
@@ -110,29 +125,9 @@ class BothSides:
             )  # fmt: skip
         return SpecialPoints(points, varied)
 
-    def fields(self) -> dict[str, Any]:
-        """Return the fields of `OrbitCurve` that a branch and a locus fill in the same way."""
-        states = len(self.rows[0][0].problem.system.states)
-        forms = list(dict.fromkeys(piece.problem.signature for piece, _ in self.rows))
-        data = [point.examined.data for _, point in self.rows]
-        n = self.rows[0][0].problem.n
-        return {
-            "x0": np.array([d.survey.x0[:states] for d in data]),
-            "multipliers": np.array([d.multipliers for d in data]),
-            "stable": np.array([d.unstable == 0 for d in data]),
-            "admissible": np.array([d.survey.admissible for d in data]),
-            "period": np.array([point.u[n : piece.problem.size : n + 1].sum() for piece, point in self.rows]),
-            "residual": np.array([d.survey.residual for d in data]),
-            "arclength": np.array(self.arcs) - self.arcs[0],
-            "lows": np.array([d.survey.lows for d in data]),
-            "highs": np.array([d.survey.highs for d in data]),
-            "means": np.array([d.survey.means for d in data]),
-            "harmonics": np.array([d.survey.harmonics for d in data]),
-            "forms": tuple(forms),
-            "form": np.array([forms.index(piece.problem.signature) for piece, _ in self.rows]),
-            "unknowns": tuple(point.u[: piece.problem.size] for piece, point in self.rows),
-            "stopped": self.stopped,
-        }
+    def ends(self) -> dict[str, Any]:
+        """Return the fields of a curve of any kind that tell of its length and its ends."""
+        return {"arclength": np.array(self.arcs) - self.arcs[0], "stopped": self.stopped}
 
 
 def traced(

@@ -17,9 +17,9 @@ from saltus import (
     find_orbit,
 )
 from saltus.continuation.problems.ends.unbounded import levels_off
-from saltus.equilibria.equilibrium import equilibrium_at
+from saltus.equilibria import Equilibrium
 from saltus.equilibria.problem import EquilibriumProblem
-from saltus.maps.orbit import cycle_at
+from saltus.maps.orbit import MapOrbit
 from saltus.maps.problem import CycleProblem
 
 CLOCK = HybridSystem(
@@ -148,7 +148,7 @@ def test_a_branch_that_starts_at_a_fold_at_0_or_next_to_it_has_the_fold(field, a
     formulas, at = FOLDS[field]
     p, x = at(aside)
     problem = EquilibriumProblem(HybridSystem.smooth(formulas, {"p": p}), 0, np.array([p]))
-    start = equilibrium_at(problem, np.array(x), np.ones(len(x)))
+    start = Equilibrium.from_unknowns(problem, np.array(x), np.ones(len(x)))
     middle = at(0.0)[0]
     branch = continue_equilibrium(start, "p", (middle - 1.0, middle + 1.0), steps=StepControl(largest=largest))
     (fold,) = branch.special_points
@@ -162,7 +162,7 @@ def test_a_branch_that_starts_at_a_fold_at_0_or_next_to_it_has_the_fold(field, a
 def test_a_branch_that_starts_next_to_a_branch_point_at_0_has_the_branch_point(field, at, aside):
     system = HybridSystem.smooth({"x": field, "y": "1 - y"}, {"p": aside**at})
     problem = EquilibriumProblem(system, 0, np.array([aside**at]))
-    start = equilibrium_at(problem, np.array([aside, 1.0]), np.ones(2))
+    start = Equilibrium.from_unknowns(problem, np.array([aside, 1.0]), np.ones(2))
     (point,) = continue_equilibrium(start, "p", (-1.0, 1.0)).special_points
     assert point.type == "BP"
     assert point.parameters["p"] == pytest.approx(0.0, abs=1e-9)
@@ -172,7 +172,7 @@ def test_a_branch_that_starts_next_to_a_branch_point_at_0_has_the_branch_point(f
 def test_a_branch_of_a_map_that_starts_next_to_its_fold_has_the_fold(aside):
     tent = Map(("x", "y"), {"p": 0.0}, {"x": "x + p - x**2", "y": "x - y/2"})
     problem = CycleProblem(tent, (0,), np.array([aside**2]))
-    start = cycle_at(problem, np.array([aside, 2.0 / 3.0 * aside]), np.ones(2))
+    start = MapOrbit.from_unknowns(problem, np.array([aside, 2.0 / 3.0 * aside]), np.ones(2))
     (fold,) = continue_orbit(start, "p", (-0.5, 0.5)).special_points
     assert fold.type == "SN"
     assert fold.parameters["p"] == pytest.approx(0.0, abs=1e-10)

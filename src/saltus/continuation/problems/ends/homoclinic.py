@@ -24,7 +24,7 @@ from saltus.continuation.problems.ends.homoclinic_problem import (
     tangent_spaces,
 )
 from saltus.continuation.problems.ends.unbounded import period_of
-from saltus.equilibria.equilibrium import equilibrium_at
+from saltus.equilibria import Equilibrium
 from saltus.equilibria.spectrum import NEUTRAL
 from saltus.orbits.signature import CLOSED_END, CUT_END
 from saltus.system.angles import wrapped
@@ -137,7 +137,7 @@ def homoclinic_of(
     rest: EquilibriumProblem, state: NDArray[np.float64], value: float, sizes: NDArray[np.float64]
 ) -> Homoclinic:
     """Return the result's data of an equilibrium."""
-    return Homoclinic(equilibrium_at(rest, np.append(state, value), sizes))
+    return Homoclinic(Equilibrium.from_unknowns(rest, np.append(state, value), sizes))
 
 
 def _table(piece: OrbitZeroProblem, point: Point) -> _Cycle:
