@@ -79,8 +79,16 @@ def frozen(array: Any, dtype: Any = np.float64) -> Any:
     return copy
 
 
+_DEFINED: dict[str, type[Result]] = {}  # kinds of results that have been defined, wherever they are
+
+
 class Result(ABC):
     """Base of all results; each can be saved to NetCDF and read back equal, without the model at hand."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Make the kind known to `load`, also where its module is not one of saltus."""
+        super().__init_subclass__(**options)
+        _DEFINED.setdefault(cls.__name__, cls)
 
     @abstractmethod
     def to_xarray(self) -> xr.Dataset:
@@ -381,6 +389,8 @@ def _opened(path: Path) -> Result:
 
 def _home(kind: Any, path: Path) -> Any:
     """Return the class of a kind of result."""
-    if not isinstance(kind, str) or kind not in _HOMES:
-        raise InputError("path", str(path), "a file written by saltus")
-    return getattr(importlib.import_module(_HOMES[kind]), kind)
+    if isinstance(kind, str) and kind in _HOMES:
+        return getattr(importlib.import_module(_HOMES[kind]), kind)
+    if isinstance(kind, str) and kind in _DEFINED:
+        return _DEFINED[kind]
+    raise InputError("path", str(path), "a file written by saltus", "or by a program that defines its kind of result")

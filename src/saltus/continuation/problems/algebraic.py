@@ -6,11 +6,10 @@ docs/theory/equilibria.md, "Test functions", and docs/theory/cycles.md derive th
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from saltus.continuation.core.returning import crosses_back, may_return
 from saltus.continuation.core.zero_problem import Event, Examined, Point, hermite
 from saltus.continuation.problems.extents import in_lockstep
 from saltus.continuation.problems.watching import slope
+from saltus.equilibria.spectrum import FAINT, eigenvalues, multiplicity, pair_product, unstable_count
 from saltus.system.angles import wrapped
 
 if TYPE_CHECKING:
@@ -29,12 +29,13 @@ if TYPE_CHECKING:
     from saltus.continuation.core.arclength import StepControl
     from saltus.continuation.core.interest import Interest
 
-__all__ = ["AlgebraicData", "AlgebraicZeroProblem", "closes"]
+__all__ = ["AlgebraicZeroProblem", "PointData", "closes", "has_pair"]
 
 _LOW = Monitor("low")  # parameter less its lower bound
 _HIGH = Monitor("high")  # parameter less its upper bound
 _SN = Monitor("SN")  # parameter's component of the tangent
 _BP = Monitor("BP")  # determinant of the bordered Jacobian
+_HB = Monitor("HB")  # product of the sums of two eigenvalues
 
 # Where several values become critical at once, products of them may keep their sign. Then one of the values itself is
 # watched: its distance from being critical, by its place among the values in the order of their growth.
@@ -42,6 +43,7 @@ _ZEROS = Monitor("zeros")  # values that belong to a BP
 _FLIPS = Monitor("flips")  # values that belong to a PD
 _PAIRS = Monitor("pairs")  # complex pairs
 
+_SHARE = 1e-3  # of the eigenvalues at the start, which gives a unit where all of them vanish at once
 _RESIDUAL = 1e-8  # most residual of a point, over the sizes of its terms
 _SHORT = 1e-5  # arclength of a step up to which several critical values may be passed in it
 _CLOSING = 3.0  # first steps of a curve, in arclength, within which it cannot close
@@ -52,28 +54,22 @@ _ROUNDED = 1e-9  # growth up to which it is rounding
 _BACK = "events: a value becomes critical within the step and returns"
 
 
-class AlgebraicData(Protocol):
-    """Data of a point: eigenvalues or multipliers, the number of unstable ones, why the solution is virtual."""
+@dataclass(frozen=True)
+class PointData:
+    """Data of a point: eigenvalues, the number of unstable ones, why the solution is virtual."""
 
-    @property
-    def values(self) -> NDArray[np.complex128]:
-        """Eigenvalues, or multipliers."""
-
-    @property
-    def unstable(self) -> int:
-        """How many are unstable."""
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """Why the solution is virtual."""
+    values: NDArray[np.complex128]
+    unstable: int
+    reasons: tuple[str, ...] = ()
 
     @property
     def stable(self) -> bool:
-        """Whether all of them are stable."""
+        """Whether all eigenvalues have negative real parts."""
+        return self.unstable == 0 and bool(np.all(self.values.real < 0.0))
 
 
-class AlgebraicZeroProblem(ABC):
-    """Solutions of an `AlgebraicProblem` as a `ZeroProblem`.
+class AlgebraicZeroProblem:
+    """Solutions of an `AlgebraicProblem` as a `ZeroProblem`, with the eigenvalues of the Jacobian.
 
     Parameters
     ----------
@@ -88,11 +84,12 @@ class AlgebraicZeroProblem(ABC):
     singular = frozenset({_BP, _ZEROS})
     odd = frozenset({_SN, _BP})  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
-    critical: ClassVar[tuple[str, ...]]  # kinds of monitor functions at whose zeros something bifurcates
-    single: ClassVar[tuple[str, ...]]  # those at which one value becomes critical
-    paired: ClassVar[Monitor]  # that at which a pair of them does
-    faint: ClassVar[Mapping[Monitor, float]]  # values of monitor functions up to which they are rounding
-    vanishing: ClassVar[str]  # the fault of a point that is no solution
+    critical: ClassVar[tuple[str, ...]] = ("SN", "BP", "HB")  # kinds of monitor functions at whose zeros it bifurcates
+    single: ClassVar[tuple[str, ...]] = ("SN", "BP")  # those at which one value becomes critical
+    paired: ClassVar[Monitor] = _HB  # that at which a pair of them does
+    # values of monitor functions up to which they are rounding
+    faint: ClassVar[Mapping[Monitor, float]] = MappingProxyType({_HB: FAINT})
+    vanishing: ClassVar[str] = "the equations do not vanish there"  # the fault of a point that is no solution
 
     def __init__(self, problem: Any, sizes: NDArray[np.float64], interest: Interest) -> None:
         self.problem, self.interest, self.n = problem, interest, problem.n
@@ -103,27 +100,41 @@ class AlgebraicZeroProblem(ABC):
         self._rank = 0  # place of the value that is watched where several become critical at once
         self._counts = 0, 0  # of unstable values at the ends of the last step
         self._apart: tuple[int, ...] = ()  # the same of real values and of pairs
+        self._unit = 0.0  # modulus of eigenvalues
         self._crossed: int | None = None  # change of the number of unstable values in the last step, if it is known
 
-    @abstractmethod
-    def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> AlgebraicData:
-        """Return the data of a point."""
+    def reasons(self, u: NDArray[np.float64]) -> tuple[str, ...]:
+        """Return why a solution is virtual."""
+        return ()
 
-    @abstractmethod
+    def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> PointData:
+        """Return the data of a point."""
+        values = eigenvalues(J[:, : self.n])
+        return PointData(values, unstable_count(values), self.reasons(u))
+
     def own_monitors(self, point: Point, values: NDArray[np.complex128]) -> dict[Monitor, float]:
         """Return the monitor functions that only this kind of solution has."""
+        return {_HB: pair_product(values)} if self.n > 1 else {}
 
-    @abstractmethod
     def own_monitor(self, name: Monitor, point: Point) -> float:
         """Return one of them at a point that may be corrected roughly only."""
+        return pair_product(self.spectrum(point.u))
 
-    @abstractmethod
     def observed(self, index: int, point: Point) -> float:
-        """Return the quantity of a user's event that is no parameter."""
+        """Return the quantity of a user's event that is no parameter: a state or an output, at the first point."""
+        name, kind, _ = self.interest.events[index]
+        system = self.problem.system
+        if kind == "state":
+            return float(point.u[system.states.index(name)])
+        return float(self.outputs(point.u)[system.output_names.index(name)])
 
-    @abstractmethod
+    def outputs(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the outputs at a solution, at its first point, shape (outputs,)."""
+        raise NotImplementedError
+
     def is_pair(self, values: NDArray[np.complex128]) -> bool:
         """Return whether the pair that is critical where `paired` vanishes is a complex one."""
+        return has_pair(values)
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the equations and their derivatives."""
@@ -147,21 +158,26 @@ class AlgebraicZeroProblem(ABC):
         """Return typical sizes of the unknowns."""
         return np.append(self.sizes, 1.0)
 
-    @abstractmethod
     def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return eigenvalues or multipliers."""
+        """Return eigenvalues or multipliers; NaN where the Jacobian is not finite."""
+        A = self.problem.evaluate(u)[1][:, : self.n]
+        return eigenvalues(A) if np.all(np.isfinite(A)) else np.full(self.n, math.nan + 0j)
 
     def spectra(self, places: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return eigenvalues or multipliers at many places, in any order, shape (places, n)."""
         return np.array([self.spectrum(u) for u in places])
 
-    @abstractmethod
     def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return for each value how fast its direction grows, 0 where it is critical."""
+        """Return for each value how fast its direction grows, 0 where it is critical.
 
-    @abstractmethod
+        It is the real part, over the largest modulus at the start.
+        """
+        self._unit = self._unit or float(np.abs(values).max(initial=0.0))
+        return np.asarray(values.real / (self._unit or 1.0))
+
     def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
         """Return how many values or pairs are critical at once at a point of a type."""
+        return multiplicity(values, kind, _SHARE * self._unit)
 
     def examine(self, point: Point, before: Point | None) -> Examined:
         """Return monitors, data and fault of a point."""
@@ -302,7 +318,7 @@ class AlgebraicZeroProblem(ABC):
         """Return whether more than one bifurcation lies in a step."""
         return sum(name.kind in self.critical for name in names) > 1
 
-    def _fault(self, point: Point, before: Point, monitors: dict[Monitor, float], data: AlgebraicData) -> str | None:
+    def _fault(self, point: Point, before: Point, monitors: dict[Monitor, float], data: PointData) -> str | None:
         """Return the reason why a point may not follow the point before, or None if it may."""
         known = before.examined.monitors
         short = point.arc - before.arc < _SHORT
@@ -315,7 +331,7 @@ class AlgebraicZeroProblem(ABC):
         }
         if before.examined.data is None:
             return None if short else before.examined.fault
-        old: AlgebraicData = before.examined.data
+        old: PointData = before.examined.data
         ends = np.sort(self.growth(old.values)), np.sort(self.growth(data.values))
         near = bool(may_return(*ends))
         if near and not short and self._crosses_back(before, point, *ends):
@@ -369,13 +385,13 @@ class AlgebraicZeroProblem(ABC):
             return frozenset()
         return frozenset({self.paired, Monitor(self.type_of(name))})
 
-    def _watch(self, before: Point, monitors: dict[Monitor, float], data: AlgebraicData, *, needed: bool) -> None:
+    def _watch(self, before: Point, monitors: dict[Monitor, float], data: PointData, *, needed: bool) -> None:
         """Add the middle one of the values that become critical in a step to the monitor functions at both ends.
 
         Where it is not needed, since the test function of pairs changes its sign, a real value is added: two equal ones
         change that sign as well.
         """
-        old: AlgebraicData = before.examined.data
+        old: PointData = before.examined.data
         self._rank = min(old.unstable, data.unstable) + abs(data.unstable - old.unstable) // 2
         ends = []
         for values in (old.values, data.values):
@@ -408,3 +424,14 @@ def closes(origin: Point, last: Point, new: Point, control: StepControl, circles
     if not (aside < 20.0 * control.deviation and aside < 0.5 * math.sqrt(length)):
         return None
     return replace(origin, u=last.u + away) if circles.size else origin
+
+
+def has_pair(values: NDArray[np.complex128]) -> bool:
+    """Return whether the two eigenvalues whose sum is least, over their moduli, are a complex pair."""
+    best, pair = math.inf, False
+    for i in range(values.size):
+        for j in range(i + 1, values.size):
+            share = abs(values[i] + values[j]) / max(abs(values[i]) + abs(values[j]), 1e-300)
+            if share < best:
+                best, pair = share, abs(values[i].imag) > 0.0 and abs(values[j].imag) > 0.0
+    return pair

@@ -6,8 +6,8 @@ docs/theory/equilibria.md, "Loci", derives the equations and lists the monitor f
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -17,21 +17,56 @@ from saltus.continuation.core.faint import faint_step, resolved
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.extents import in_lockstep
+from saltus.equilibria.spectrum import eigenvalues, unstable_count
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["AlgebraicLocusProblem"]
+__all__ = ["AlgebraicLocusProblem", "LocusData"]
 
 _TURNS = (Monitor("TP", 0), Monitor("TP", 1))  # turning points of the two parameters
 _BOUNDS = (Monitor("low", 0), Monitor("high", 0), Monitor("low", 1), Monitor("high", 1))  # ends of their intervals
 
+_CP = Monitor("CP")  # coefficient of the normal form of a saddle-node
 _CONSTANT = 1e-9  # component of the tangent below which a parameter is constant along a locus
 _RESIDUAL = 1e-8  # most residual of a point, over the sizes of its terms
 _LONG = 2.0  # length of the null vector from which on its borders are taken anew
 
 
-class AlgebraicLocusProblem(ABC):
+@dataclass(frozen=True)
+class LocusData:
+    """Data of a point of a locus.
+
+    Attributes
+    ----------
+    values : ndarray of complex
+        Eigenvalues, or multipliers.
+    unstable : int
+        How many are unstable; critical ones are not counted.
+    reasons : tuple of str
+        Why the solution is virtual.
+    coefficient : float
+        Coefficient of the normal form; NaN where the type of the locus has none.
+    frequency : float
+        Imaginary part of the critical pair of eigenvalues, in radians per unit of time; NaN where there is none.
+    angle : float
+        Angle of the critical pair of multipliers, in radians; NaN where there is none.
+    """
+
+    values: NDArray[np.complex128]
+    unstable: int
+    reasons: tuple[str, ...] = ()
+    coefficient: float = math.nan
+    frequency: float = math.nan
+    angle: float = math.nan
+
+    @property
+    def stable(self) -> bool:
+        """Whether all values but the critical ones are stable."""
+        return self.unstable == 0
+
+
+class AlgebraicLocusProblem:
     """Critical equilibria, or cycles, as a `ZeroProblem` whose last two unknowns are the parameters.
 
     The state comes first, then the unknowns of the condition, then the two parameters in units of their intervals. The
@@ -55,7 +90,7 @@ class AlgebraicLocusProblem(ABC):
     odd = frozenset(_TURNS)  # monitor functions that change sign with the tangent's direction
     noise: Mapping[Monitor, float] = MappingProxyType({})
     faint: Mapping[Monitor, float] = MappingProxyType({})  # values of monitor functions up to which they are rounding
-    vanishing: ClassVar[str]  # the fault of a point that is no solution
+    vanishing: ClassVar[str] = "the equations do not vanish there"  # the fault of a point that is no solution
 
     def __init__(
         self,
@@ -71,17 +106,39 @@ class AlgebraicLocusProblem(ABC):
         self.rows: NDArray[np.float64] | None = None
         self._units: dict[Monitor, float] = {}
 
-    @abstractmethod
     def borders(self, point: Point) -> dict[Monitor, float]:
         """Return the monitor functions of borders at which the locus ends."""
+        return {}
 
-    @abstractmethod
-    def special(self, point: Point) -> tuple[dict[Monitor, float], Any]:
-        """Return the monitors of codimension-two points and the data of a point."""
+    def reasons(self, u: NDArray[np.float64]) -> tuple[str, ...]:
+        """Return why a solution is virtual."""
+        return ()
 
-    @abstractmethod
+    def special(self, point: Point) -> tuple[dict[Monitor, float], LocusData]:
+        """Return the monitors of codimension-two points and the data of a point; on a locus of saddle-nodes here."""
+        u = self.unknowns(point.u)
+        values = eigenvalues(self.problem.evaluate(u)[1][:, : self.n])
+        q, p = self.condition.right, self.condition.left
+        bend = float(p @ self.problem.second(u, np.append(q, [0.0, 0.0]))[:, : self.n] @ q)
+        twist = float(p @ q)
+        unit = q / float(np.linalg.norm(q))
+        coefficient = 0.5 * bend / (twist * float(np.linalg.norm(q))) if twist != 0.0 else math.inf
+        if unit[np.argmax(np.abs(unit))] < 0.0:
+            coefficient = -coefficient
+        rest = np.delete(values, np.argmin(np.abs(values)))
+        monitors = {_CP: bend / self.unit(_CP, bend)}
+        return monitors, LocusData(values, unstable_count(rest), self.reasons(u), coefficient)
+
     def sort_out(self, events: list[Event]) -> list[Event] | str:
         """Return the events without those that are no points of codimension two."""
+        for event in events:
+            if event.point.examined.data is None:
+                return f"location: {event.point.examined.fault}"
+        return [event for event in events if self.is_special(event)]
+
+    def is_special(self, event: Event) -> bool:
+        """Return whether something happens at the zero of a monitor function."""
+        return True
 
     def grown(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far the unknowns are from those of the start, shape (n,); the same for all points."""

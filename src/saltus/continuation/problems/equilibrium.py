@@ -5,8 +5,6 @@ docs/theory/equilibria.md, "Test functions", derives the monitor functions.
 
 from __future__ import annotations
 
-import math
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,9 +12,8 @@ import numpy as np
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
-from saltus.continuation.problems.stretches import PointData, Stretch, spectra
+from saltus.continuation.problems.stretches import Stretch, spectra
 from saltus.equilibria.equilibrium import faults_of
-from saltus.equilibria.spectrum import FAINT, eigenvalues, multiplicity, pair_product, unstable_count
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,14 +22,12 @@ if TYPE_CHECKING:
     from saltus.continuation.core.interest import Interest
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["CRITICAL", "EquilibriumZeroProblem", "has_pair", "row_units"]
+__all__ = ["CRITICAL", "EquilibriumZeroProblem", "row_units"]
 
-_HB = Monitor("HB")  # product of the sums of two eigenvalues
 _DOMAIN = Monitor("domain")  # domain function of the mode
 
 # test functions that must keep their signs where many steps are taken at once
 _QUIET = tuple(Monitor(kind) for kind in ("SN", "BP", "HB", "low", "high"))
-_SHARE = 1e-3  # of the eigenvalues at the start, which gives a unit where all of them vanish at once
 CRITICAL = ("SN", "BP", "HB", "BE")  # kinds of monitor functions at whose zeros something bifurcates
 
 
@@ -48,16 +43,12 @@ class EquilibriumZeroProblem(AlgebraicZeroProblem):
     """Equilibria of one mode as a `ZeroProblem`; see `AlgebraicZeroProblem`."""
 
     critical = CRITICAL
-    single = ("SN", "BP")
-    paired = _HB
-    faint = MappingProxyType({_HB: FAINT})
     vanishing = "the field does not vanish there"
     problem: EquilibriumProblem
 
     def __init__(self, problem: EquilibriumProblem, sizes: NDArray[np.float64], interest: Interest) -> None:
         super().__init__(problem, sizes, interest)
         self.rows: NDArray[np.float64] | None = None
-        self._unit = 0.0  # modulus of eigenvalues
         self._guarded = problem.system.modes[problem.system.mode_names[problem.mode]].domain is not None
 
     def evaluate(self, u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -67,60 +58,30 @@ class EquilibriumZeroProblem(AlgebraicZeroProblem):
             self.rows = row_units(J * self.scale()) / float(self.sizes.max())
         return F / self.rows, J / self.rows[:, None]
 
-    def data(self, u: NDArray[np.float64], J: NDArray[np.float64]) -> PointData:
-        """See `AlgebraicZeroProblem.data`."""
-        values = eigenvalues(J[:, : self.n])
-        return PointData(values, unstable_count(values), tuple(faults_of(self.problem, u, self.sizes)))
+    def reasons(self, u: NDArray[np.float64]) -> tuple[str, ...]:
+        """See `AlgebraicZeroProblem.reasons`."""
+        return tuple(faults_of(self.problem, u, self.sizes))
 
     def own_monitors(self, point: Point, values: NDArray[np.complex128]) -> dict[Monitor, float]:
         """See `AlgebraicZeroProblem.own_monitors`."""
         names = [Monitor("BE", transition=k) for k in self.problem.ways_out]
         names += [_DOMAIN] if self._guarded else []
-        found = {name: self.own_monitor(name, point) for name in names}
-        if self.n > 1:
-            found[_HB] = pair_product(values)
-        return found
+        return {name: self.own_monitor(name, point) for name in names} | super().own_monitors(point, values)
 
     def own_monitor(self, name: Monitor, point: Point) -> float:
         """See `AlgebraicZeroProblem.own_monitor`."""
         if name.kind == "HB":
-            return pair_product(self.spectrum(point.u))
+            return super().own_monitor(name, point)
         if name.kind == "domain":
             return self.problem.guard(self.problem.mode, point.u)
         return self.over_unit(name, *self.problem.event(name.transition, point.u))
-
-    def spectrum(self, u: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """See `AlgebraicZeroProblem.spectrum`; NaN where the Jacobian is not finite."""
-        A = self.problem.evaluate(u)[1][:, : self.n]
-        return eigenvalues(A) if np.all(np.isfinite(A)) else np.full(self.n, math.nan + 0j)
 
     def spectra(self, places: NDArray[np.float64]) -> NDArray[np.complex128]:
         """See `AlgebraicZeroProblem.spectra`."""
         return spectra(self.problem, places)
 
-    def growth(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """See `AlgebraicZeroProblem.growth`: real parts, over the largest modulus at the start."""
-        self._unit = self._unit or float(np.abs(values).max(initial=0.0))
-        return np.asarray(values.real / (self._unit or 1.0))
-
-    def multiplicity(self, values: NDArray[np.complex128], kind: str) -> int:
-        """See `AlgebraicZeroProblem.multiplicity`."""
-        return multiplicity(values, kind, _SHARE * self._unit)
-
-    def is_pair(self, values: NDArray[np.complex128]) -> bool:
-        """See `AlgebraicZeroProblem.is_pair`."""
-        return has_pair(values)
-
-    def observed(self, index: int, point: Point) -> float:
-        """See `AlgebraicZeroProblem.observed`."""
-        name, kind, _ = self.interest.events[index]
-        system = self.problem.system
-        if kind == "state":
-            return float(point.u[system.states.index(name)])
-        return float(self.outputs(point.u)[system.output_names.index(name)])
-
     def outputs(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the outputs at an equilibrium, shape (outputs,)."""
+        """See `AlgebraicZeroProblem.outputs`."""
         compiled = self.problem.compiled
         out = np.empty(compiled.n_outputs)
         p = compiled.extended(self.problem.parameters_at(u))
@@ -143,14 +104,3 @@ class EquilibriumZeroProblem(AlgebraicZeroProblem):
             self.sizes = found.sizes[kept - 1].copy()
             step = float(found.numbers[kept, 4]) if kept < found.taken else found.step
         return points, step
-
-
-def has_pair(values: NDArray[np.complex128]) -> bool:
-    """Return whether the two eigenvalues whose sum is least, over their moduli, are a complex pair."""
-    best, pair = math.inf, False
-    for i in range(values.size):
-        for j in range(i + 1, values.size):
-            share = abs(values[i] + values[j]) / max(abs(values[i]) + abs(values[j]), 1e-300)
-            if share < best:
-                best, pair = share, abs(values[i].imag) > 0.0 and abs(values[j].imag) > 0.0
-    return pair

@@ -7,17 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus.algebraic.conditions import Singular
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Event, Point
-from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem
-from saltus.continuation.problems.equilibrium import has_pair, row_units
+from saltus.continuation.problems.algebraic import has_pair
+from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem, LocusData
+from saltus.continuation.problems.equilibrium import row_units
 from saltus.equilibria.critical import Hopf
 from saltus.equilibria.equilibrium import faults_of
 from saltus.equilibria.normal_forms import lyapunov_coefficient
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from saltus.algebraic.conditions import Condition
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["EquilibriumLocusData", "EquilibriumLocusProblem"]
+__all__ = ["EquilibriumLocusProblem"]
 
 _CP = Monitor("CP")  # coefficient of the normal form of a saddle-node
 _BT = Monitor("BT")  # product of both null vectors on an SN locus, squared frequency on an HB locus
@@ -38,32 +37,6 @@ _ZH = Monitor("ZH")  # what makes the other of a zero and an imaginary pair
 _HH = Monitor("HH")  # product of the sums of two eigenvalues, without that of the critical pair
 
 _SLOW = 1e-6  # squared frequency, over the squared size of the Jacobian, below which l1 is rounding, as at a BT
-
-
-@dataclass(frozen=True)
-class EquilibriumLocusData:
-    """Data of a point of a locus.
-
-    Attributes
-    ----------
-    values, unstable, reasons
-        As in `PointData`; critical eigenvalues are not counted as unstable.
-    frequency : float
-        Imaginary part of the critical pair on an HB locus, in radians per unit of time; NaN on other loci.
-    coefficient : float
-        Coefficient of the normal form on an SN or HB locus; NaN on a BE locus.
-    """
-
-    values: NDArray[np.complex128]
-    unstable: int
-    reasons: tuple[str, ...]
-    frequency: float = math.nan
-    coefficient: float = math.nan
-
-    @property
-    def stable(self) -> bool:
-        """Whether all eigenvalues but the critical ones have negative real parts."""
-        return self.unstable == 0
 
 
 class EquilibriumLocusProblem(AlgebraicLocusProblem):
@@ -84,14 +57,18 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
                 found[name] = height / self.unit(name, float(np.abs(gradient[: self.n]) @ self.sizes))
         return found
 
-    def special(self, point: Point) -> tuple[dict[Monitor, float], EquilibriumLocusData]:
-        """Return the monitors of codimension-two points and the data of a point."""
+    def reasons(self, u: NDArray[np.float64]) -> tuple[str, ...]:
+        """See `AlgebraicLocusProblem.reasons`."""
+        return tuple(faults_of(self.problem, u, self.sizes))
+
+    def special(self, point: Point) -> tuple[dict[Monitor, float], LocusData]:
+        """See `AlgebraicLocusProblem.special`."""
+        if self.kind == "SN":
+            return self._on_saddle_nodes(point)
         u = self.unknowns(point.u)
         J = self.problem.evaluate(u)[1]
         values = eigenvalues(J[:, : self.n])
-        reasons = tuple(faults_of(self.problem, u, self.sizes))
-        if self.kind == "SN":
-            return self._on_saddle_nodes(u, values, reasons)
+        reasons = self.reasons(u)
         if self.kind == "HB":
             return self._on_hopf_points(point, u, J, values, reasons)
         sign, log = np.linalg.slogdet(J[:, : self.n])
@@ -100,32 +77,20 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
         monitors = {singular: float(sign) * math.exp(min(float(log) - self._units[singular], 600.0))}
         if self.n > 1:
             monitors[pairs] = pair_product(values)
-        return monitors, EquilibriumLocusData(values, unstable_count(values), reasons)
+        return monitors, LocusData(values, unstable_count(values), reasons)
 
     def units_of_rows(self, J: NDArray[np.float64]) -> NDArray[np.float64]:
         """See `AlgebraicLocusProblem.units_of_rows`."""
         return row_units(J * np.append(self.sizes, [1.0, 1.0])) / float(self.sizes.max())
 
-    def _on_saddle_nodes(
-        self, u: NDArray[np.float64], values: NDArray[np.complex128], reasons: tuple[str, ...]
-    ) -> tuple[dict[Monitor, float], EquilibriumLocusData]:
-        condition = self.condition
-        assert isinstance(condition, Singular)
-        q, p = condition.right, condition.left
-        bend = float(p @ self.problem.second(u, np.append(q, [0.0, 0.0]))[:, : self.n] @ q)
-        null = int(np.argmin(np.abs(values)))
-        twist = float(p @ q)
-        monitors = {_CP: bend / self.unit(_CP, bend)}
+    def _on_saddle_nodes(self, point: Point) -> tuple[dict[Monitor, float], LocusData]:
+        monitors, data = super().special(point)
+        q, p, values = self.condition.right, self.condition.left, data.values
         if self.n > 1:
-            monitors[_BT] = twist / float(np.linalg.norm(p * self.sizes) * np.linalg.norm(q / self.sizes))
+            monitors[_BT] = float(p @ q) / float(np.linalg.norm(p * self.sizes) * np.linalg.norm(q / self.sizes))
         if self.n > 2:
-            monitors[_ZH] = pair_product(values, (null,))
-        unit = q / float(np.linalg.norm(q))
-        coefficient = 0.5 * bend / (twist * float(np.linalg.norm(q))) if twist != 0.0 else math.inf
-        if unit[np.argmax(np.abs(unit))] < 0.0:
-            coefficient = -coefficient
-        rest = np.delete(values, null)
-        return monitors, EquilibriumLocusData(values, unstable_count(rest), reasons, coefficient=coefficient)
+            monitors[_ZH] = pair_product(values, (int(np.argmin(np.abs(values))),))
+        return monitors, data
 
     def _on_hopf_points(
         self,
@@ -134,7 +99,7 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
         J: NDArray[np.float64],
         values: NDArray[np.complex128],
         reasons: tuple[str, ...],
-    ) -> tuple[dict[Monitor, float], EquilibriumLocusData]:
+    ) -> tuple[dict[Monitor, float], LocusData]:
         condition = self.condition
         assert isinstance(condition, Hopf)
         k = float(point.u[self.n + condition.extra - 1]) * condition.unit
@@ -157,23 +122,16 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
             monitors[_ZH] = product / self.unit(_ZH, product)
         if rest.size > 1:
             monitors[_HH] = pair_product(values, pair)
-        return monitors, EquilibriumLocusData(values, unstable_count(rest), reasons, w, l1)
+        return monitors, LocusData(values, unstable_count(rest), reasons, l1, w)
 
-    def sort_out(self, events: list[Event]) -> list[Event] | str:
-        """Return the events without those at which two real eigenvalues differ in sign alone."""
-        kept = []
-        for event in events:
-            if event.point.examined.data is None:
-                return f"location: {event.point.examined.fault}"
-            values = event.point.examined.data.values
-            if event.name == _ZH and self.kind == "SN":
-                values = np.delete(values, np.argmin(np.abs(values)))
-            elif event.name == _HH:
-                w = event.point.examined.data.frequency
-                values = np.delete(values, np.argsort(np.abs(np.abs(values) - w) + np.abs(values.real))[:2])
-            elif event.name != Monitor("HB"):
-                kept.append(event)
-                continue
-            if has_pair(values):
-                kept.append(event)
-        return kept
+    def is_special(self, event: Event) -> bool:
+        """See `AlgebraicLocusProblem.is_special`: not where two real eigenvalues differ in sign alone."""
+        values = event.point.examined.data.values
+        if event.name == _ZH and self.kind == "SN":
+            values = np.delete(values, np.argmin(np.abs(values)))
+        elif event.name == _HH:
+            w = event.point.examined.data.frequency
+            values = np.delete(values, np.argsort(np.abs(np.abs(values) - w) + np.abs(values.real))[:2])
+        elif event.name != Monitor("HB"):
+            return True
+        return has_pair(values)

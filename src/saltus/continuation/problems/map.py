@@ -6,7 +6,6 @@ docs/theory/cycles.md, "Test functions", derives the monitor functions.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Point
-from saltus.continuation.problems.algebraic import AlgebraicZeroProblem
+from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, PointData
 from saltus.maps.orbit import faults_of
 from saltus.maps.spectrum import FAINT, flip_product, multiplicity, multipliers_of, pair_product, unstable_count
 
@@ -34,13 +33,8 @@ _RESTS = 1e-5  # change of each parameter per unit of arclength, below which suc
 CYCLE_POINTS = ("SN", "PD", "TR", "BP", "BC")  # types of special points of a branch of cycles
 
 
-@dataclass(frozen=True)
-class CycleData:
+class CycleData(PointData):
     """Data of a point: multipliers, the number of unstable ones, why the cycle is virtual."""
-
-    values: NDArray[np.complex128]
-    unstable: int
-    reasons: tuple[str, ...]
 
     @property
     def stable(self) -> bool:
@@ -105,17 +99,13 @@ class CycleZeroProblem(AlgebraicZeroProblem):
         """See `AlgebraicZeroProblem.is_pair`."""
         return rotates(values)
 
-    def observed(self, index: int, point: Point) -> float:
-        """See `AlgebraicZeroProblem.observed`; the quantity at the first point."""
-        name, kind, _ = self.interest.events[index]
-        system, compiled = self.problem.system, self.problem.compiled
-        x = np.ascontiguousarray(self.problem.points(point.u)[0])
-        if kind == "state":
-            return float(x[system.states.index(name)])
+    def outputs(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `AlgebraicZeroProblem.outputs`."""
+        compiled = self.problem.compiled
         out = np.empty(compiled.n_outputs)
-        p = compiled.extended(self.problem.parameters_at(point.u))
-        compiled.call("outputs", self.problem.itinerary[0], 0, x, p, out)
-        return float(out[system.output_names.index(name)])
+        p = compiled.extended(self.problem.parameters_at(u))
+        compiled.call("outputs", self.problem.itinerary[0], 0, np.ascontiguousarray(self.problem.points(u)[0]), p, out)
+        return out
 
 
 def grows_without_bound(

@@ -8,7 +8,6 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,7 @@ import numpy as np
 from saltus.algebraic.conditions import Singular
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Event, Point
-from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem
+from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem, LocusData
 from saltus.continuation.problems.map import rotates
 from saltus.maps.critical import OnBorder, Rotation
 from saltus.maps.normal_forms import flip_terms, fold_terms, null_vectors, rotation_terms
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
 
     from saltus.maps.problem import CycleProblem
 
-__all__ = ["CycleLocusData", "CycleLocusProblem"]
+__all__ = ["CycleLocusProblem"]
 
 _CP = Monitor("CP")  # coefficient of the normal form of a saddle-node
 _GPD = Monitor("GPD")  # that of a period doubling
@@ -38,32 +37,6 @@ _FF = Monitor("FF")  # what makes the other of the multipliers 1 and -1
 _TWISTS = {"SN": Monitor("R1"), "PD": Monitor("R2")}  # product of both null vectors
 _ANGLES = {Monitor("R1"): 1.0, Monitor("R2"): -1.0, Monitor("R3"): -0.5, Monitor("R4"): 0.0}  # their cosines
 _TR = Monitor("TR")  # pairs on the unit circle, on a locus of border collisions
-
-
-@dataclass(frozen=True)
-class CycleLocusData:
-    """Data of a point of a locus.
-
-    Attributes
-    ----------
-    values, unstable, reasons
-        As in `CycleData`; critical multipliers are not counted as unstable.
-    angle : float
-        Angle of the critical pair on a TR locus, in radians; NaN on other loci.
-    coefficient : float
-        Coefficient of the normal form on an SN, PD or TR locus; NaN on a BC locus.
-    """
-
-    values: NDArray[np.complex128]
-    unstable: int
-    reasons: tuple[str, ...]
-    angle: float = math.nan
-    coefficient: float = math.nan
-
-    @property
-    def stable(self) -> bool:
-        """Whether all multipliers but the critical ones lie inside the unit circle."""
-        return self.unstable == 0
 
 
 class CycleLocusProblem(AlgebraicLocusProblem):
@@ -89,11 +62,15 @@ class CycleLocusProblem(AlgebraicLocusProblem):
             found[name] = height / self._units[name]
         return found
 
-    def special(self, point: Point) -> tuple[dict[Monitor, float], CycleLocusData]:
+    def reasons(self, u: NDArray[np.float64]) -> tuple[str, ...]:
+        """See `AlgebraicLocusProblem.reasons`."""
+        return tuple(faults_of(self.problem, u, self.sizes))
+
+    def special(self, point: Point) -> tuple[dict[Monitor, float], LocusData]:
         """See `AlgebraicLocusProblem.special`."""
         u = self.unknowns(point.u)
         J, values = self.problem.evaluate(u)[1], multipliers_of(self.problem.slopes(u)[1])
-        reasons = tuple(faults_of(self.problem, u, self.sizes))
+        reasons = self.reasons(u)
         if isinstance(self.condition, Singular):
             return self._on_single(u, J, values, reasons)
         if isinstance(self.condition, Rotation):
@@ -101,11 +78,11 @@ class CycleLocusProblem(AlgebraicLocusProblem):
         monitors = {Monitor("SN"): fold_product(values), Monitor("PD"): flip_product(values)}
         if values.size > 1:
             monitors[_TR] = pair_product(values)
-        return monitors, CycleLocusData(values, unstable_count(values), reasons)
+        return monitors, LocusData(values, unstable_count(values), reasons)
 
     def _on_single(
         self, u: NDArray[np.float64], J: NDArray[np.float64], values: NDArray[np.complex128], reasons: tuple[str, ...]
-    ) -> tuple[dict[Monitor, float], CycleLocusData]:
+    ) -> tuple[dict[Monitor, float], LocusData]:
         """Return monitors and data where one multiplier is 1 or -1."""
         q, p = self.condition.right, self.condition.left
         fold = self.kind == "SN"
@@ -129,7 +106,7 @@ class CycleLocusProblem(AlgebraicLocusProblem):
         if fold and head[np.argmax(np.abs(head))] < 0.0:
             coefficient = -coefficient
         rest = np.delete(values, critical)
-        return monitors, CycleLocusData(values, unstable_count(rest), reasons, coefficient=coefficient)
+        return monitors, LocusData(values, unstable_count(rest), reasons, coefficient=coefficient)
 
     def _on_rotations(
         self,
@@ -138,7 +115,7 @@ class CycleLocusProblem(AlgebraicLocusProblem):
         J: NDArray[np.float64],
         values: NDArray[np.complex128],
         reasons: tuple[str, ...],
-    ) -> tuple[dict[Monitor, float], CycleLocusData]:
+    ) -> tuple[dict[Monitor, float], LocusData]:
         """Return monitors and data where a pair is on the unit circle."""
         monitors = {name: cosine - goal for name, goal in _ANGLES.items()}
         angle, coefficient = math.nan, math.nan
@@ -154,11 +131,8 @@ class CycleLocusProblem(AlgebraicLocusProblem):
         monitors[_CH] = weighed / self.unit(_CH, weighed) if math.isfinite(weighed) else math.nan
         order = np.argsort(np.abs(np.abs(values) - 1.0) + np.abs(values.real - cosine))
         rest = np.delete(values, order[:2])
-        return monitors, CycleLocusData(values, unstable_count(rest), reasons, angle, coefficient)
+        return monitors, LocusData(values, unstable_count(rest), reasons, coefficient, angle=angle)
 
-    def sort_out(self, events: list[Event]) -> list[Event] | str:
-        """See `AlgebraicLocusProblem.sort_out`: without pairs of real multipliers whose product is 1."""
-        for event in events:
-            if event.point.examined.data is None:
-                return f"location: {event.point.examined.fault}"
-        return [event for event in events if event.name != _TR or rotates(event.point.examined.data.values)]
+    def is_special(self, event: Event) -> bool:
+        """See `AlgebraicLocusProblem.is_special`: not where the product of two real multipliers is 1."""
+        return event.name != _TR or rotates(event.point.examined.data.values)

@@ -5,7 +5,6 @@ docs/theory/equilibria.md, "Many steps at once", explains what must not happen o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from saltus.continuation.core.arclength import RESTS
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.returning import first_return
 from saltus.continuation.core.zero_problem import Examined, Point, cubic
+from saltus.continuation.problems.algebraic import PointData
 from saltus.equilibria.spectrum import FAINT, NEUTRAL
 
 if TYPE_CHECKING:
@@ -24,24 +24,10 @@ if TYPE_CHECKING:
     from saltus.continuation.core.interest import Interest
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["PointData", "Stretch", "spectra"]
+__all__ = ["Stretch", "spectra"]
 
 _MOST = 256  # points of one stretch
 _BENT = 2.0  # factor on the curvature of a test function when two zeros within a step are suspected
-
-
-@dataclass(frozen=True)
-class PointData:
-    """Data of a point: eigenvalues, the number of unstable ones, why the equilibrium is virtual."""
-
-    values: NDArray[np.complex128]
-    unstable: int
-    reasons: tuple[str, ...]
-
-    @property
-    def stable(self) -> bool:
-        """Whether all eigenvalues have negative real parts."""
-        return self.unstable == 0 and bool(np.all(self.values.real < 0.0))
 
 
 class Stretch:

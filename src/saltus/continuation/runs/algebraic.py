@@ -64,10 +64,11 @@ class AlgebraicRun(OneParameterRun):
     """One call of `continue_branch` from a solution of an `AlgebraicProblem`; see `OneParameterRun`."""
 
     odd = AlgebraicZeroProblem.odd
-    zero_problem: ClassVar[type[AlgebraicZeroProblem]]  # how the equations are followed
+    zero_problem: ClassVar[type[AlgebraicZeroProblem]] = AlgebraicZeroProblem  # how the equations are followed
     result: ClassVar[type[Any]]  # what comes back
     columns = staticmethod(algebraic_columns)  # its fields that tell of solutions
-    what: ClassVar[str]  # what a branch consists of
+    types: ClassVar[tuple[str, ...]] = AlgebraicZeroProblem.critical
+    what: ClassVar[str] = "solution"  # what a branch consists of
     border: ClassVar[str] = ""  # type of special points at which the solutions belong to another mode or piece
     at_border: ClassVar[str] = ""  # what such a point is
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from saltus.algebraic.conditions import Singular
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.algebraic import closes
 from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem
@@ -31,18 +31,21 @@ class AlgebraicLocusRun(TwoParameterRun):
     """One call of `continue_locus` from a solution of an `AlgebraicProblem`; see `TwoParameterRun`."""
 
     odd = AlgebraicLocusProblem.odd
-    zero_problem: ClassVar[type[AlgebraicLocusProblem]]  # how the equations are followed
+    zero_problem: ClassVar[type[AlgebraicLocusProblem]] = AlgebraicLocusProblem  # how the equations are followed
     result: ClassVar[type[Any]]  # what comes back
     columns = staticmethod(algebraic_columns)  # its fields that tell of solutions
-    codimension_two: ClassVar[tuple[str, ...]]  # types of special points that a start may be
+    loci: ClassVar[Mapping[str, str]] = MappingProxyType({"SN": "SN", "CP": "SN"})
+    types: ClassVar[tuple[str, ...]] = ("SN",)
+    codimension_two: ClassVar[tuple[str, ...]] = ("CP",)  # types of special points that a start may be
+    points: ClassVar[tuple[str, ...]] = ("CP", "TP", "SN")
     ends_at: ClassVar[Mapping[str, str]] = MappingProxyType({})  # special points at which a locus ends, and why
     first_sizes: NDArray[np.float64]  # sizes of the unknowns at the start, known when the first point is
 
-    @abstractmethod
     def condition(
         self, problem: Any, u: NDArray[np.float64], sizes: NDArray[np.float64]
     ) -> tuple[Any, NDArray[np.float64]]:
         """Return the condition of the locus, and a guess of its further unknowns."""
+        return Singular(problem, u, sizes), np.empty(0)
 
     def end(self, kind: str) -> str | None:
         """Return why the locus ends at a special point of some type; None where it does not."""
