@@ -22,7 +22,7 @@ period: float = orbit.period
 branch: saltus.results.Branch = saltus.continue_orbit(orbit, "A", (0.05, 0.5), steps=StepControl(largest=0.01))
 options = saltus.options.BranchOptions(StepControl(at_grazing="pass"), events={"max_z": 1.2}, stop_at=("PD", "max_z"))
 family: saltus.results.Family = saltus.continue_family(orbit, "A", {"e": [0.6, 0.7]}, (0.05, 0.5), options=options)
-doubled: saltus.results.PeriodicOrbit = saltus.switch_branch(branch["PD1"])
+doubled: saltus.results.PeriodicOrbit = saltus.switch_branch(branch["PD1"], to=saltus.results.PeriodicOrbit)
 signatures: list[saltus.results.PeriodicOrbit] = saltus.grazing_orbits(branch["GR1"])
 cascade: saltus.results.Cascade = saltus.follow_cascade(branch["PD1"], (0.05, 0.5), progress=True)
 saltus.continue_orbit(orbit, "A", (0.05, 0.5), progress=lambda progress: print(progress.done, progress.text))
@@ -39,8 +39,8 @@ spectrum = saltus.lyapunov_spectrum(ball, None, [1.0, 0.0], average=saltus.Avera
 rest = saltus.find_equilibrium(ball, x0=[1.0, 0.0], mode="flight")
 eigenvalues: NDArray[np.complex128] = rest.eigenvalues
 rests: saltus.results.EquilibriumBranch = saltus.continue_equilibrium(rest, "g", (0.5, 2.0), stop_at="HB")
-born: saltus.results.PeriodicOrbit = saltus.switch_branch(rests["HB1"])
-back: saltus.results.Equilibrium = saltus.switch_branch(branch["HB1"])
+born: saltus.results.PeriodicOrbit = saltus.switch_branch(rests["HB1"], to=saltus.results.PeriodicOrbit)
+back: saltus.results.PeriodicOrbit | saltus.results.Equilibrium = saltus.switch_branch(branch["HB1"])
 criticality: str = rests["HB1"].normal_form.criticality
 folds: saltus.results.EquilibriumLocus = saltus.continue_locus(
     rests["SN1"], ("g", "e"), {"g": (0.0, 1.0), "e": (0.0, 1.0)}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Any, overload
+from functools import partial, singledispatch
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from saltus.orbits.problem import OrbitProblem
 from saltus.orbits.resting import RESTING
 from saltus.orbits.signature import CLOSED_END, CUT_END, DIRECTION, DURATION, MEAN_END, PHASE_END, WHOLE, Signature
 from saltus.orbits.soundness import sound_orbit
+from saltus.solution import Solution
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,13 +44,18 @@ _ALONE = 1e-6  # change of the motion, over its size, up to which it is the same
 _ALIKE = 1e-9  # difference of a cosine from 1 up to which two branches have the same direction
 
 
+Wanted = TypeVar("Wanted", bound=Solution)
+
+
 @overload
 def switch_branch(point: SpecialPoint[MapOrbit], which: int = 0) -> MapOrbit: ...
 @overload
-def switch_branch(point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium], which: int = 0) -> Any: ...
 def switch_branch(
-    point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium] | SpecialPoint[MapOrbit], which: int = 0
-) -> Any:
+    point: SpecialPoint[PeriodicOrbit] | SpecialPoint[Equilibrium], which: int = 0
+) -> PeriodicOrbit | Equilibrium: ...
+@overload
+def switch_branch(point: SpecialPoint[Any], which: int = 0, *, to: type[Wanted]) -> Wanted: ...
+def switch_branch(point: SpecialPoint[Any], which: int = 0, *, to: type[Solution] = Solution) -> Solution:
     """Return a solution of the other branch that meets the point's own branch at a special point.
 
     docs/theory/loci.md, "Other branches", derives the directions for orbits, docs/theory/equilibria.md those for
@@ -63,6 +69,9 @@ def switch_branch(
     which : int
         Which of the other branches, from 0 on. There are several where several directions cross at once, as by
         symmetry: at a BP of equilibria, and at a BP or PD of a map. Of periodic orbits one is given then.
+    to : type
+        The class of the solution that is wanted, as ``PeriodicOrbit``; type checkers know by it what comes back. By
+        default any: the point's type decides.
 
     Returns
     -------
@@ -76,7 +85,7 @@ def switch_branch(
     Raises
     ------
     InputError
-        A point of another type, or fewer other branches than `which` asks for.
+        A point of another type, fewer other branches than `which` asks for, or a solution of another class than `to`.
     ConvergenceError
         No orbit of the other branch was found.
 
@@ -97,26 +106,52 @@ def switch_branch(
     (2, True, True)
     """
     checks.instance("point", point, SpecialPoint)
-    chosen, found = checks.count("which", which, 0), other_solutions(point)
+    chosen, found = checks.count("which", which, 0), other_solutions(point.solution, point)
     if chosen >= len(found):
         reason = f"so many other branches meet at {point.label}"
-        if isinstance(point.solution, PeriodicOrbit) and point.multiplicity > 1:
+        if len(found) < point.multiplicity:
             reason = (
                 f"{point.multiplicity} multipliers are critical at {point.label}, and of orbits one branch is given; "
                 "break the symmetry a little, or solve an orbit beside the point"
             )
         raise InputError("which", which, f"less than {len(found)}", reason)
-    return found[chosen]
+    return checks.instance(f"solution beside {point.label}", found[chosen], to)
 
 
-def other_solutions(point: SpecialPoint[Any]) -> list[Any]:
-    """Return a solution of each other branch at a special point; see `switch_branch`."""
-    if isinstance(point.solution, MapOrbit):
-        return list(other_cycles(point))
-    if isinstance(point.solution, Equilibrium):
-        return _from_equilibrium(point, point.solution)
+@singledispatch
+def other_solutions(solution: Solution, point: SpecialPoint[Any]) -> list[Any]:
+    """Return a solution of each other branch at a special point; each kind of solution registers its own way.
+
+    Parameters
+    ----------
+    solution : Solution
+        That of the point.
+    point : SpecialPoint
+        As `switch_branch` takes it.
+
+    Returns
+    -------
+    list of Solution
+
+    Raises
+    ------
+    InputError
+        No other branch meets there.
+    ConvergenceError
+        No solution of another branch was found.
+    """
+    raise InputError("point", point.type, f"one of {solution.noun} with other branches", "no other branch meets there")
+
+
+@other_solutions.register
+def _(solution: MapOrbit, point: SpecialPoint[Any]) -> list[Any]:
+    return list(other_cycles(point))
+
+
+@other_solutions.register
+def _(solution: PeriodicOrbit, point: SpecialPoint[Any]) -> list[Any]:
     if point.type == "HB":
-        return [equilibrium_of_cycle(point.solution)]
+        return [equilibrium_of_cycle(solution)]
     check_along_parameter("point", point)
     if point.type == "GR":
         _, *others = grazing_orbits(point)
@@ -130,16 +165,14 @@ def other_solutions(point: SpecialPoint[Any]) -> list[Any]:
     raise InputError("point", point.type, "of type PD, BP, GR or HB", "no other branch meets there")
 
 
-def _from_equilibrium(
-    point: SpecialPoint[Equilibrium], equilibrium: Equilibrium
-) -> list[PeriodicOrbit] | list[Equilibrium]:
-    """Return the other solutions at a special point of equilibria."""
+@other_solutions.register
+def _(solution: Equilibrium, point: SpecialPoint[Any]) -> list[Any]:
     parameter = point.varied[0]
-    sizes = np.ones(equilibrium.state.size) if point.scale is None else np.maximum(point.scale, 1e-300)
+    sizes = np.ones(solution.state.size) if point.scale is None else np.maximum(point.scale, 1e-300)
     if point.type == "HB":
-        return [cycle_born(equilibrium, parameter, sizes)]
+        return [cycle_born(solution, parameter, sizes)]
     if point.type == "BP":
-        return other_equilibria(equilibrium, parameter, point.tangent, sizes)
+        return other_equilibria(solution, parameter, point.tangent, sizes)
     raise InputError("point", point.type, "of type HB or BP", "no other branch meets there")
 
 

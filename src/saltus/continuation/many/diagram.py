@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,15 +13,14 @@ from saltus import checks
 from saltus.continuation.branches import continue_branch
 from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.results.diagram import Diagram, DiagramBranch, Origin, Place, kind_of, place_of
-from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
-from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.switching import other_solutions
 from saltus.equilibria import Equilibrium, find_equilibrium
 from saltus.equilibria.problem import check_autonomous
 from saltus.errors import InputError, SaltusError
 from saltus.maps import MapOrbit
-from saltus.orbits import PeriodicOrbit, solve_orbit
+from saltus.orbits import solve_orbit
 from saltus.progress import Progress, Report, Reporter
+from saltus.solution import Solution
 from saltus.system import HybridSystem, Map
 from saltus.system.angles import wrapped
 
@@ -131,8 +131,7 @@ def diagram(
     >>> [len(branch) > 9 for branch in found], [point.label for point in found.special_points]
     ([True, True], ['HB1'])
     """
-    if not isinstance(system, Map):
-        check_autonomous(checks.instance("system", system, HybridSystem))
+    near = solution_near(system)
     chosen = DiagramOptions() if options is None else checks.instance("options", options, DiagramOptions)
     low, high = checks.interval("bounds", bounds, finite=True)
     values = system.resolve(parameters)
@@ -143,7 +142,7 @@ def diagram(
     )
     reporter = Reporter(progress)
     run = _Run(system, parameter, (low, high), chosen, reporter)
-    solved = [_solution_near(system, values, state) for state in starts]
+    solved = [near(system, values, state) for state in starts]
     with reporter:
         stopped = run.trace(solved)
     told = {
@@ -157,13 +156,21 @@ def diagram(
     return Diagram(system, parameter, tuple(run.branches), tuple(run.origins), tuple(run.failures), stopped, told)
 
 
-def _solution_near(
-    system: HybridSystem | Map, parameters: Mapping[str, float], state: NDArray[np.float64]
-) -> Equilibrium | MapOrbit:
-    """Return the equilibrium, or the fixed point of a map, near a state."""
-    if isinstance(system, Map):
-        return solve_orbit(system, parameters, x0=state)
-    return find_equilibrium(system, parameters, state)
+@singledispatch
+def solution_near(system: object) -> Callable[..., Any]:
+    """Return what solves for the solution near a state at which a diagram of a kind of system starts."""
+    raise InputError("system", system, "a HybridSystem or a Map")
+
+
+@solution_near.register
+def _(system: HybridSystem) -> Callable[..., Equilibrium]:
+    check_autonomous(system)
+    return find_equilibrium
+
+
+@solution_near.register
+def _(system: Map) -> Callable[..., MapOrbit]:
+    return lambda system, parameters, state: solve_orbit(system, parameters, x0=state)
 
 
 @dataclass
@@ -185,7 +192,7 @@ class _Run:
         self._unsolved: list[tuple[Place, str]] = []  # where they are not, and why
         self._waiting: list[tuple[int, SpecialPoint[Any]]] = []
 
-    def trace(self, starts: list[Equilibrium | MapOrbit]) -> str:
+    def trace(self, starts: list[Solution]) -> str:
         """Follow all branches; return why the search ended."""
         try:
             for start in starts:
@@ -207,12 +214,12 @@ class _Run:
             self.failures += [told for _, told in self._unsolved]
         return f"all branches to depth {self.options.depth}"
 
-    def _others(self, parent: int, point: SpecialPoint[Any]) -> list[Equilibrium | PeriodicOrbit | MapOrbit]:
+    def _others(self, parent: int, point: SpecialPoint[Any]) -> list[Solution]:
         """Return a solution of each other branch at a special point, of those that begin within the bounds."""
         told = f"{point.label} of branch {parent}"
         self.reporter.step(0, f"branches at {told}")
         try:
-            found = other_solutions(point)
+            found = other_solutions(point.solution, point)
         except SaltusError as error:
             if point.multiplicity > 1:  # another branch may lead to the same place
                 self._unsolved.append((place_of(point, self.parameter), f"{told}: {error}"))
@@ -232,9 +239,7 @@ class _Run:
                 self.failures.append(f"{told}: {text}")
         return kept
 
-    def _follow(
-        self, start: Equilibrium | PeriodicOrbit | MapOrbit, origin: Origin, *, perhaps_known: bool = False
-    ) -> str:
+    def _follow(self, start: Solution, origin: Origin, *, perhaps_known: bool = False) -> str:
         """Follow the branch through a solution; return why the search must end, or an empty text."""
         index = len(self.branches)
 
@@ -244,7 +249,7 @@ class _Run:
         report: bool | Report = False if self.reporter.report is None else told
         branch: DiagramBranch
         try:
-            steps = self.options.equilibria if isinstance(start, Equilibrium) else self.options.orbits
+            steps = self.options.equilibria if start.at_rest else self.options.orbits
             branch = continue_branch(start, self.parameter, self.bounds, steps=steps, progress=report)
         except InputError as error:
             self.failures.append(f"{origin.label or 'the start'} of branch {origin.parent}: {error}")
@@ -293,18 +298,15 @@ class _Run:
             self._lies_on_a_branch(branch._solution(i)) for i in (len(branch) // 8, len(branch) - 1 - len(branch) // 8)
         )
 
-    def _lies_on_a_branch(self, start: Equilibrium | PeriodicOrbit | MapOrbit) -> bool:
+    def _lies_on_a_branch(self, start: Solution) -> bool:
         """Return whether an equilibrium or a fixed point lies on a branch that is known; of cycles this is not told."""
-        if isinstance(start, PeriodicOrbit) or (isinstance(start, MapOrbit) and start.period > 1):
+        state, highest = start.extremes
+        if np.any(state != highest):
             return False
         value = start.parameters[self.parameter]
-        state = start.x0
         for branch in self.branches:
-            if isinstance(branch, EquilibriumBranch):
-                states = branch.states
-            elif isinstance(branch, MapBranch) and branch.period == 1:
-                states = branch.x0
-            else:
+            states, highs = branch.extremes
+            if np.any(states != highs):
                 continue
             for i in range(len(branch) - 1):
                 first, last = branch.values[i], branch.values[i + 1]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
-from functools import partial
-from typing import Any, cast, overload
+from functools import partial, singledispatch
+from typing import Any, NamedTuple, overload
 
 from saltus import checks
-from saltus.continuation.branches import continue_orbit
+from saltus.continuation.branches import continue_branch
 from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.results.cascade import Cascade
 from saltus.continuation.results.map_cascade import MapCascade
@@ -17,7 +18,9 @@ from saltus.continuation.runs.options import check_along_parameter, checked_inte
 from saltus.continuation.switching import doubled_orbit
 from saltus.errors import ConvergenceError, InputError
 from saltus.maps import MapOrbit
+from saltus.orbits.orbit import PeriodicOrbit
 from saltus.progress import Progress, Report, Reporter
+from saltus.solution import Solution
 
 __all__ = ["follow_cascade"]
 
@@ -89,7 +92,7 @@ def follow_cascade(
     ...     [Transition("carry", "carry", "s - 1", 1, {"x": "r*x*(1 - x)", "s": "0"}, name="map")],
     ... )
     >>> orbit = solve_orbit(logistic, {}, [("carry", "map", [0.64, 0.0], 1.0)])
-    >>> branch = continue_orbit(orbit, "r", (2.5, 3.4))
+    >>> branch = continue_branch(orbit, "r", (2.5, 3.4))
     >>> cascade = follow_cascade(branch["PD1"], (2.5, 4.0), doublings=2)
     >>> [f"{value:.9f}" for value in cascade.values]
     ['3.000000000', '3.449489743', '3.544090360']
@@ -103,31 +106,68 @@ def follow_cascade(
     low, high = checked_interval(start.solution.system, start.parameters, name, bounds, "both")
     control = read_steps(steps, "a cascade")
     options = {"bounds": [low, high], "doublings": doublings, "steps": asdict(control)}
-    of_map = isinstance(start.solution, MapOrbit)
+    kind = doubling(start.solution)
     with Reporter(progress) as reporter:
-        branches, stopped = _followed(start, bounds, doublings, control, reporter)
-    if of_map:
-        return MapCascade(cast("SpecialPoint[MapOrbit]", start), tuple(branches), stopped, options)
-    return Cascade(cast("SpecialPoint", start), tuple(branches), stopped, options)
+        branches, stopped = _followed(start, kind, bounds, doublings, control, reporter)
+    found: Cascade | MapCascade = kind.cascade(start, tuple(branches), stopped, options)
+    return found
+
+
+class Doubling(NamedTuple):
+    """How the doublings of one kind of solution are followed.
+
+    Attributes
+    ----------
+    double : callable
+        Makes the solution of doubled period beside a PD, at a level of the cascade.
+    border : str
+        Type of special points beyond which doublings belong to other solutions.
+    cascade : type
+        What comes back.
+    """
+
+    double: Callable[[SpecialPoint[Any], int], Any]
+    border: str
+    cascade: type[Any]
+
+
+@singledispatch
+def doubling(solution: Solution) -> Doubling:
+    """Return how the doublings of a solution are followed; each kind that has any registers its own."""
+    raise InputError("start", solution.noun, "a PD of periodic orbits or of cycles of a map")
+
+
+@doubling.register
+def _(solution: PeriodicOrbit) -> Doubling:
+    return Doubling(doubled_orbit, "GR", Cascade)
+
+
+@doubling.register
+def _(solution: MapOrbit) -> Doubling:
+    return Doubling(doubled_cycle, "BC", MapCascade)
 
 
 def _followed(
-    start: SpecialPoint[Any], bounds: tuple[float, float], doublings: int, control: StepControl, reporter: Reporter
+    start: SpecialPoint[Any],
+    kind: Doubling,
+    bounds: tuple[float, float],
+    doublings: int,
+    control: StepControl,
+    reporter: Reporter,
 ) -> tuple[list[Any], str]:
     """Return the branches of doubled orbits, and the reason why the cascade ended."""
     branches: list[Any] = []
     name, point = start.varied[0], start
-    of_map = isinstance(start.solution, MapOrbit)
-    double: Any = doubled_cycle if of_map else doubled_orbit
     for level in range(doublings):
         try:
-            orbit = double(point, level)
+            orbit = kind.double(point, level)
         except ConvergenceError as error:
             return branches, str(error)
         report = partial(_told, reporter, 2 ** (level + 1)) if reporter.report is not None else False
         way = "up" if orbit.parameters[name] > point.parameters[name] else "down"
-        stops = ("PD", "BC" if of_map else "GR")
-        branch = continue_orbit(orbit, name, bounds, steps=control, directions=way, stop_at=stops, progress=report)
+        branch = continue_branch(
+            orbit, name, bounds, steps=control, directions=way, stop_at=("PD", kind.border), progress=report
+        )
         branches.append(branch)
         found = branch.special_points.of_type("PD")
         if not found:

@@ -111,7 +111,7 @@ def continue_family(
         orbit.system,
         parameter,
         table,
-        tuple(outcome if isinstance(outcome, Branch) else None for outcome in outcomes),
+        tuple(None if isinstance(outcome, str) else outcome for outcome in outcomes),
         {i: outcome for i, outcome in enumerate(outcomes) if isinstance(outcome, str)},
         dict(trial.options) | {"steps": asdict(options.steps)},
         _INTERRUPTED in outcomes,

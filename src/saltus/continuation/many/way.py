@@ -48,8 +48,8 @@ def carried(
         reached = _carry(sources[index], places[index], way, _HALVINGS)
         if isinstance(reached, str) and sources[index] is not orbit:
             again = _carry(orbit, places[index], way, _HALVINGS)
-            reached = again if isinstance(again, PeriodicOrbit) else reached
-        if isinstance(reached, PeriodicOrbit):
+            reached = reached if isinstance(again, str) else again
+        if not isinstance(reached, str):
             between = np.linalg.norm(rows - rows[index], axis=1)
             for i in left:
                 if between[i] < away[i]:
@@ -73,7 +73,7 @@ def _carry(
     if len(apart) > 1 and halvings:
         half = {name: 0.5 * (orbit.parameters[name] + place[name]) for name in apart}
         middle = _carry(orbit, half, options, halvings - 1)
-        if isinstance(middle, PeriodicOrbit):
+        if not isinstance(middle, str):
             return _carry(middle, place, options, halvings - 1)
     return reached
 

@@ -90,7 +90,7 @@ def cycle_born(equilibrium: Equilibrium, parameter: str, sizes: NDArray[np.float
         states = u[:n] + along + z * z * (terms.mean + (terms.double * turns**2).real) + shift * tangent[:n]
         rows = np.column_stack([states, np.full(pieces, 2.0 * math.pi / (w * pieces))])
         found = _corrected(problem, np.append(rows, u[n] + shift), along, scale)
-        if isinstance(found, PeriodicOrbit):
+        if not isinstance(found, str):
             return found
         reason = found
     raise ConvergenceError("cycle at the Hopf point", _AMPLITUDES[0], len(_AMPLITUDES), reason)
