@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Hashable
+
     from numpy.typing import NDArray
 
     from saltus.algebraic.protocol import AlgebraicProblem
 
-__all__ = ["Condition", "Singular", "solve_branch_point", "solve_saddle_node"]
+__all__ = ["Condition", "Singular", "Vanishing", "solve_branch_point", "solve_saddle_node"]
 
 _ITERATIONS = 12  # Newton steps to a critical point, at most
 _FAINT = 1e-12  # size of an equation's terms, over the largest, up to which it has no size of its own
@@ -106,6 +108,35 @@ class Singular:
         """See `Condition.adjust`."""
         right, left = self.right / self.sizes, self.left * self.sizes
         self._row, self._column = right / np.linalg.norm(right), left / np.linalg.norm(left)
+
+
+class Vanishing:
+    """A function of the unknowns vanishes, as an event function at a boundary equilibrium.
+
+    Parameters
+    ----------
+    function : callable
+        Takes the unknowns; returns its value, and its gradient in them.
+    place : hashable
+        By what the function is known, as the number of a transition.
+    """
+
+    extra, rows = 0, 1
+
+    def __init__(
+        self, function: Callable[[NDArray[np.float64]], tuple[float, NDArray[np.float64]]], place: Hashable
+    ) -> None:
+        self.function, self.place = function, place
+
+    def evaluate(
+        self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """See `Condition.evaluate`."""
+        value, gradient = self.function(u)
+        return np.array([value]), gradient[None, :], np.zeros((1, 0))
+
+    def adjust(self) -> None:
+        """Do nothing: there are no borders of a matrix."""
 
 
 def solve_saddle_node(

@@ -127,7 +127,7 @@ def continue_orbit(
     >>> print(f"{swings.period[0]:.9f} {swings.period[-1]:.9f}")
     6.287114549 16.155539372
     """
-    checks.instance("orbit", orbit, PeriodicOrbit | MapOrbit)  # type: ignore[arg-type]
+    checks.instance("orbit", orbit, PeriodicOrbit | MapOrbit)
     branch: Branch | MapBranch = continue_branch(
         orbit, parameter, bounds, steps=steps, directions=directions, events=events, stop_at=stop_at, progress=progress
     )

@@ -134,6 +134,7 @@ def continue_locus(
     """
     control = read_steps(steps, "a locus")
     reporter = Reporter(progress)
+    # a special point, or a solution of any kind with its type
     solution, point = (start.solution, start) if isinstance(start, SpecialPoint) else (start, None)
     run = locus_run(solution)
     kind = _type_of(point, solution, run, type)

@@ -1,6 +1,6 @@
-"""Hopf points and boundary equilibria as conditions: scalars with exact gradients beside the field's equations.
+"""Hopf points as a condition: scalars with exact gradients beside the field's equations.
 
-docs/theory/equilibria.md, "Loci", derives them.
+docs/theory/equilibria.md, "Loci", derives it.
 
 References
 ----------
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from saltus.equilibria.problem import EquilibriumProblem
 
-__all__ = ["Boundary", "Hopf"]
+__all__ = ["Hopf"]
 
 
 class Hopf:
@@ -89,30 +89,3 @@ class Hopf:
         self._first = shares @ basis
         self._second = np.array([-shares[1], shares[0]]) @ basis
         return np.append(self._first, extra[self.n])
-
-
-class Boundary:
-    """An event function of the mode vanishes at the equilibrium: a boundary equilibrium.
-
-    Parameters
-    ----------
-    problem : EquilibriumProblem
-        The equations, two parameters active.
-    transition : int
-        The transition whose event function it is.
-    """
-
-    extra, rows = 0, 1
-
-    def __init__(self, problem: EquilibriumProblem, transition: int) -> None:
-        self.problem, self.transition = problem, transition
-
-    def evaluate(
-        self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """See `Condition.evaluate`."""
-        value, gradient = self.problem.event(self.transition, u)
-        return np.array([value]), gradient[None, :], np.zeros((1, 0))
-
-    def adjust(self) -> None:
-        """Do nothing: there are no borders."""

@@ -1,7 +1,7 @@
-"""Conditions that make a cycle critical: a pair of multipliers on the unit circle, a point on a border.
+"""The condition that makes a cycle critical by a pair of multipliers on the unit circle.
 
-Those of a multiplier at 1 or -1 are `saltus.algebraic.conditions.Singular`.
-docs/theory/cycles.md, "Loci", derives them.
+Others are in `saltus.algebraic.conditions`.
+docs/theory/cycles.md, "Loci", derives it.
 
 References
 ----------
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from saltus.maps.problem import CycleProblem
 
-__all__ = ["OnBorder", "Rotation"]
+__all__ = ["Rotation"]
 
 
 class Rotation:
@@ -97,30 +97,3 @@ def _borders(
     share = share / np.linalg.norm(share)
     first, second = share @ right, np.array([-share[1], share[0]]) @ right
     return first, second, left @ (share / sizes)
-
-
-class OnBorder:
-    """A condition of a piece vanishes at one of the points: a border collision.
-
-    Parameters
-    ----------
-    problem : CycleProblem
-        The equations, two parameters active.
-    point, guard : int
-        The point, and the condition that vanishes there.
-    """
-
-    extra, rows = 0, 1
-
-    def __init__(self, problem: CycleProblem, point: int, guard: int) -> None:
-        self.problem, self.point, self.guard = problem, point, guard
-
-    def evaluate(
-        self, u: NDArray[np.float64], extra: NDArray[np.float64], J: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """See `saltus.algebraic.conditions.Condition.evaluate`."""
-        value, gradient = self.problem.border(self.point, self.guard, u)
-        return np.array([value]), gradient[None, :], np.zeros((1, 0))
-
-    def adjust(self) -> None:
-        """Do nothing: there are no borders of a matrix."""

@@ -14,10 +14,9 @@ from saltus.continuation.branches import continue_branch
 from saltus.continuation.core.arclength import StepControl
 from saltus.continuation.results.diagram import Diagram, DiagramBranch, Origin, Place, kind_of, place_of
 from saltus.continuation.switching import other_solutions
-from saltus.equilibria import Equilibrium, find_equilibrium
+from saltus.equilibria import find_equilibrium
 from saltus.equilibria.problem import check_autonomous
 from saltus.errors import InputError, SaltusError
-from saltus.maps import MapOrbit
 from saltus.orbits import solve_orbit
 from saltus.progress import Progress, Report, Reporter
 from saltus.solution import Solution
@@ -163,13 +162,13 @@ def solution_near(system: object) -> Callable[..., Any]:
 
 
 @solution_near.register
-def _(system: HybridSystem) -> Callable[..., Equilibrium]:
+def _(system: HybridSystem) -> Callable[..., Any]:
     check_autonomous(system)
     return find_equilibrium
 
 
 @solution_near.register
-def _(system: Map) -> Callable[..., MapOrbit]:
+def _(system: Map) -> Callable[..., Any]:
     return lambda system, parameters, state: solve_orbit(system, parameters, x0=state)
 
 

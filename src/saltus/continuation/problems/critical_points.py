@@ -7,16 +7,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial, singledispatch
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.algebraic.conditions import Singular
+from saltus.algebraic.conditions import Singular, Vanishing
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.problems.grazing import Neighbour, neighbour, touching
-from saltus.equilibria.critical import Boundary, Hopf
+from saltus.equilibria import Equilibrium
+from saltus.equilibria.critical import Hopf
 from saltus.errors import InputError
-from saltus.maps.critical import OnBorder, Rotation
+from saltus.maps import MapOrbit
+from saltus.maps.critical import Rotation
 from saltus.orbits.critical import TOUCHING, Branching, Critical, Grazing, TorusCondition, vanishing_segment
 from saltus.orbits.orbit import PeriodicOrbit
 from saltus.orbits.problem import OrbitProblem
@@ -26,12 +29,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from saltus.algebraic.conditions import Condition
-    from saltus.equilibria import Equilibrium
-    from saltus.equilibria.problem import EquilibriumProblem
-    from saltus.maps import MapOrbit
-    from saltus.maps.problem import CycleProblem
+    from saltus.solution import Solution
 
-__all__ = ["CriticalOrbit", "critical_cycle", "critical_equilibrium"]
+__all__ = ["CriticalOrbit", "critical_condition"]
 
 _CRITICAL = 1e-3  # distance of a start from its critical condition up to which it is taken for critical
 
@@ -164,33 +164,37 @@ class CriticalOrbit:
         return problem, u, Grazing(problem, *found)
 
 
-def critical_equilibrium(
-    kind: str,
-    solution: Equilibrium,
-    problem: EquilibriumProblem,
-    u: NDArray[np.float64],
-    sizes: NDArray[np.float64],
+@singledispatch
+def critical_condition(
+    solution: Solution, kind: str, problem: Any, u: NDArray[np.float64], sizes: NDArray[np.float64]
 ) -> tuple[Condition, NDArray[np.float64]]:
-    """Return the condition of an SN, HB or BE, and a guess of its further unknowns.
+    """Return the condition at which a solution of algebraic equations is critical, and a guess of its further unknowns.
 
     Parameters
     ----------
+    solution : Solution
+        The critical solution; each kind registers the conditions of its types. Of another kind it is a saddle-node.
     kind : str
         The type.
-    solution : Equilibrium
-        The critical equilibrium.
-    problem : EquilibriumProblem
+    problem : AlgebraicProblem
         Its equations, some parameters active.
     u : ndarray, shape (n + active,)
         Its unknowns.
     sizes : ndarray, shape (n,)
-        Typical sizes of the states.
+        Typical sizes of the unknowns.
 
     Raises
     ------
     InputError
-        The equilibrium is not critical.
+        The solution is not critical.
     """
+    return Singular(problem, u, sizes), np.empty(0)
+
+
+@critical_condition.register(Equilibrium)
+def _(
+    solution: Equilibrium, kind: str, problem: Any, u: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> tuple[Condition, NDArray[np.float64]]:
     values = solution.eigenvalues
     A = problem.evaluate(u)[1][:, : problem.n]
     top = max(float(np.linalg.norm(A * sizes / sizes[:, None], 2)), 1e-300)
@@ -218,7 +222,7 @@ def critical_equilibrium(
     if nearest is None or not heights[nearest] < _CRITICAL:
         least = math.inf if nearest is None else heights[nearest]
         raise InputError("start", f"{least:.3g} from the nearest surface", "an equilibrium on one", "a BE lies there")
-    return Boundary(problem, nearest), np.empty(0)
+    return Vanishing(partial(problem.event, nearest), nearest), np.empty(0)
 
 
 def _check_critical(kind: str, solution: Equilibrium, distance: float, wanted: str) -> None:
@@ -227,29 +231,10 @@ def _check_critical(kind: str, solution: Equilibrium, distance: float, wanted: s
         raise InputError("start", f"eigenvalues {found}", f"an equilibrium with {wanted}, as every {kind} has")
 
 
-def critical_cycle(
-    kind: str,
-    solution: MapOrbit,
-    problem: CycleProblem,
-    u: NDArray[np.float64],
-    sizes: NDArray[np.float64],
+@critical_condition.register(MapOrbit)
+def _(
+    solution: MapOrbit, kind: str, problem: Any, u: NDArray[np.float64], sizes: NDArray[np.float64]
 ) -> tuple[Condition, NDArray[np.float64]]:
-    """Return the condition of an SN, PD, TR or BC of a map, and a guess of its further unknowns.
-
-    Parameters
-    ----------
-    kind : str
-        The type.
-    solution : MapOrbit
-        The critical cycle.
-    problem, u, sizes
-        As `critical_equilibrium` takes them.
-
-    Raises
-    ------
-    InputError
-        The cycle is not critical.
-    """
     values = solution.multipliers
     if kind == "SN":
         _check_multipliers(kind, solution, float(np.abs(values - 1.0).min()), "a multiplier 1")
@@ -274,7 +259,7 @@ def critical_cycle(
     if not heights[nearest] < _CRITICAL:
         least = f"{heights[nearest]:.3g} from the nearest border"
         raise InputError("start", least, "a cycle with a point on one", "a BC lies there")
-    return OnBorder(problem, *nearest), np.empty(0)
+    return Vanishing(partial(problem.border, *nearest), nearest), np.empty(0)
 
 
 def _check_multipliers(kind: str, solution: MapOrbit, distance: float, wanted: str) -> None:

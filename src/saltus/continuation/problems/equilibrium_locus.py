@@ -25,7 +25,6 @@ from saltus.equilibria.spectrum import eigenvalues, pair_product, unstable_count
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from saltus.algebraic.conditions import Condition
     from saltus.equilibria.problem import EquilibriumProblem
 
 __all__ = ["EquilibriumLocusProblem"]
@@ -45,13 +44,12 @@ class EquilibriumLocusProblem(AlgebraicLocusProblem):
     noise: Mapping[Monitor, float] = MappingProxyType({_GH: 1e-9, _CP: 1e-10})
     vanishing = "the field does not vanish there"
     problem: EquilibriumProblem
-    condition: Condition
 
     def borders(self, point: Point) -> dict[Monitor, float]:
         """See `AlgebraicLocusProblem.borders`."""
         found = {}
         for k in self.problem.ways_out:
-            if k != getattr(self.condition, "transition", -1):
+            if k != getattr(self.condition, "place", -1):
                 name = Monitor("BE", transition=k)
                 height, gradient = self.problem.event(k, self.unknowns(point.u))
                 found[name] = height / self.unit(name, float(np.abs(gradient[: self.n]) @ self.sizes))

@@ -18,7 +18,7 @@ from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import Event, Point
 from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem, LocusData
 from saltus.continuation.problems.map import rotates
-from saltus.maps.critical import OnBorder, Rotation
+from saltus.maps.critical import Rotation
 from saltus.maps.normal_forms import flip_terms, fold_terms, null_vectors, rotation_terms
 from saltus.maps.orbit import faults_of
 from saltus.maps.spectrum import FAINT, flip_product, fold_product, multipliers_of, pair_product, unstable_count
@@ -53,8 +53,7 @@ class CycleLocusProblem(AlgebraicLocusProblem):
         """See `AlgebraicLocusProblem.borders`."""
         found, u = {}, self.unknowns(point.u)
         for i, guard, height in self.problem.heights(u):
-            condition = self.condition
-            if isinstance(condition, OnBorder) and (i, guard) == (condition.point, condition.guard):
+            if (i, guard) == getattr(self.condition, "place", None):
                 continue
             name = Monitor("BC", i, guard)
             if name not in self._units:

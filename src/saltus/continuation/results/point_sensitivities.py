@@ -11,28 +11,25 @@ in Numerical Methods for Bifurcation Problems, Birkhaeuser 1984, 355-367 (branch
 
 from __future__ import annotations
 
-from functools import partial, singledispatch
+from functools import singledispatch
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from saltus.continuation.problems.critical_points import CriticalOrbit, critical_cycle, critical_equilibrium
+from saltus.continuation.problems.critical_points import CriticalOrbit, critical_condition
 from saltus.continuation.problems.extents import extents
 from saltus.equilibria import Equilibrium
-from saltus.equilibria.problem import EquilibriumProblem
 from saltus.errors import InputError
-from saltus.maps.orbit import MapOrbit, itinerary_of
-from saltus.maps.problem import CycleProblem
+from saltus.maps.orbit import MapOrbit
 from saltus.orbits.critical import Branching, scaling
 from saltus.orbits.multiplier_slopes import ROUGH
 from saltus.orbits.orbit import PeriodicOrbit
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from saltus.algebraic.conditions import Condition
 
 __all__ = ["Place", "moved"]
 
@@ -146,39 +143,25 @@ def _moved_orbit(orbit: PeriodicOrbit, place: Place) -> NDArray[np.float64]:
 @moved.register(Equilibrium)
 def _(solution: Equilibrium, place: Place) -> tuple[NDArray[np.float64], str]:
     place.check(_EQUILIBRIA)
-    system, names = solution.system, place.active(solution.system.parameter_names)
-    p, active = system.parameter_vector(solution.parameters), [system.parameter_names.index(name) for name in names]
-    problem = EquilibriumProblem(system, system.mode_index(solution.mode), p, active, np.ones(len(names)))
-    u = np.append(solution.state, p[active])
-    sizes = extents(problem, u) if place.sizes is None else place.sizes
-    condition = partial(critical_equilibrium, place.kind, solution, problem)
-    return _moved(problem, u, sizes, place, names, condition), ""
+    return _moved(solution, place), ""
 
 
 @moved.register(MapOrbit)
 def _(solution: MapOrbit, place: Place) -> tuple[NDArray[np.float64], str]:
     place.check(_CYCLES)
-    system, names = solution.system, place.active(solution.system.parameter_names)
-    p, active = system.parameter_vector(solution.parameters), [system.parameter_names.index(name) for name in names]
-    problem = CycleProblem(system, itinerary_of(system, solution.itinerary), p, active, np.ones(len(names)))
-    u = np.append(solution.points.ravel(), p[active])
+    return _moved(solution, place), ""
+
+
+def _moved(solution: Equilibrium | MapOrbit, place: Place) -> NDArray[np.float64]:
+    """Return the derivatives at a special point of algebraic equations."""
+    names = place.active(solution.system.parameter_names)
+    problem = solution.problem(*names)
+    u = np.append(solution.unknowns, problem.p[list(problem.active)])
     sizes = extents(problem, u) if place.sizes is None else place.sizes
-    return _moved(problem, u, sizes, place, names, partial(critical_cycle, place.kind, solution, problem)), ""
-
-
-def _moved(
-    problem: EquilibriumProblem | CycleProblem,
-    u: NDArray[np.float64],
-    sizes: NDArray[np.float64],
-    place: Place,
-    names: tuple[str, ...],
-    critical: Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[Condition, NDArray[np.float64]]],
-) -> NDArray[np.float64]:
-    """Return the derivatives at a special point of algebraic equations; critical: makes the condition."""
     n, J = problem.n, problem.evaluate(u)[1]
     if place.kind == "SN":
         return _folded(J[:, :n] * sizes / sizes[:, None], J[:, n:] / sizes[:, None], place, names)
-    condition, extra = critical(u, sizes)
+    condition, extra = critical_condition(solution, place.kind, problem, u, sizes)
     _, gradient, further = condition.evaluate(u, extra, J)
     own, others = place.split(np.vstack([J[:, n:], gradient[:, n:]]), names)
     states = np.vstack([J[:, :n], gradient[:, :n]]) * sizes

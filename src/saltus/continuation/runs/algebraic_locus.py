@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from saltus.algebraic.conditions import Singular
 from saltus.continuation.core.zero_problem import Event, Examined, Point
 from saltus.continuation.problems.algebraic import closes
 from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem
+from saltus.continuation.problems.critical_points import critical_condition
 from saltus.continuation.problems.extents import extents
 from saltus.continuation.runs.algebraic import algebraic_columns
 from saltus.continuation.runs.run import TwoParameterRun
@@ -41,12 +41,6 @@ class AlgebraicLocusRun(TwoParameterRun):
     ends_at: ClassVar[Mapping[str, str]] = MappingProxyType({})  # special points at which a locus ends, and why
     first_sizes: NDArray[np.float64]  # sizes of the unknowns at the start, known when the first point is
 
-    def condition(
-        self, problem: Any, u: NDArray[np.float64], sizes: NDArray[np.float64]
-    ) -> tuple[Any, NDArray[np.float64]]:
-        """Return the condition of the locus, and a guess of its further unknowns."""
-        return Singular(problem, u, sizes), np.empty(0)
-
     def end(self, kind: str) -> str | None:
         """Return why the locus ends at a special point of some type; None where it does not."""
         return self.ends_at.get(kind)
@@ -71,7 +65,7 @@ class AlgebraicLocusRun(TwoParameterRun):
         u = np.append(self.solution.unknowns, self.start_values(problem.p[list(problem.active)]))
         known = None if self.start is None else self.start.scale
         sizes = extents(problem, u) if known is None else known
-        condition, extra = self.condition(problem, u, sizes)
+        condition, extra = critical_condition(self.solution, self.kind, problem, u, sizes)
         self.branch = self.zero_problem(problem, self.kind, condition, sizes, self.bounds)
         return np.concatenate([u[: problem.n], extra, u[-2:]])
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from saltus.continuation.problems.critical_points import critical_equilibrium
 from saltus.continuation.problems.equilibrium_locus import EquilibriumLocusProblem
 from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.runs.algebraic_locus import AlgebraicLocusRun
@@ -14,13 +13,8 @@ from saltus.continuation.runs.run import locus_run
 from saltus.equilibria import Equilibrium
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from saltus.algebraic.conditions import Condition
     from saltus.continuation.core.monitor import Monitor
     from saltus.continuation.core.zero_problem import Point
-    from saltus.equilibria.problem import EquilibriumProblem
 
 __all__ = ["EquilibriumLocusRun"]
 
@@ -58,12 +52,6 @@ class EquilibriumLocusRun(AlgebraicLocusRun):
         """See `_Run.passed`."""
         ended = self.kind == "HB" and point.examined.data.frequency == 0.0
         return f"BT: {self.ends_at['BT']}" if ended else None
-
-    def condition(
-        self, problem: EquilibriumProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
-    ) -> tuple[Condition, NDArray[np.float64]]:
-        """See `AlgebraicLocusRun.condition`."""
-        return critical_equilibrium(self.kind, self.solution, problem, u, sizes)
 
 
 @locus_run.register

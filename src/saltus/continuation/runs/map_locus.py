@@ -5,7 +5,6 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from saltus.continuation.problems.critical_points import critical_cycle
 from saltus.continuation.problems.map import grows_without_bound
 from saltus.continuation.problems.map_locus import CycleLocusProblem
 from saltus.continuation.results.map_locus import MapLocus
@@ -15,13 +14,8 @@ from saltus.continuation.runs.run import locus_run
 from saltus.maps.orbit import MapOrbit
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from saltus.algebraic.conditions import Condition
     from saltus.continuation.core.monitor import Monitor
     from saltus.continuation.core.zero_problem import Point
-    from saltus.maps.problem import CycleProblem
 
 __all__ = ["CycleLocusRun"]
 
@@ -67,12 +61,6 @@ class CycleLocusRun(AlgebraicLocusRun):
     def unbounded(self, point: Point) -> str | None:
         """See `AlgebraicLocusRun.unbounded`."""
         return grows_without_bound(self.branch.sizes, self.first_sizes, point.tangent[-2:])
-
-    def condition(
-        self, problem: CycleProblem, u: NDArray[np.float64], sizes: NDArray[np.float64]
-    ) -> tuple[Condition, NDArray[np.float64]]:
-        """See `AlgebraicLocusRun.condition`."""
-        return critical_cycle(self.kind, self.solution, problem, u, sizes)
 
 
 @locus_run.register

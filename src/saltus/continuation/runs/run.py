@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from saltus import checks
 from saltus.continuation.core.arclength import follow
 from saltus.continuation.core.monitor import Monitor
 from saltus.continuation.core.zero_problem import SAME, Event, start_point
+from saltus.continuation.results.special_points import SpecialPoint
 from saltus.continuation.runs.options import ROUNDING, Plane, checked_interval
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, join, traced, turned
 from saltus.errors import InputError
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
     from saltus.continuation.core.arclength import Failure, StepControl
     from saltus.continuation.core.interest import Interest
     from saltus.continuation.core.zero_problem import Examined, Point
-    from saltus.continuation.results.special_points import SpecialPoint
     from saltus.progress import Reporter
 
 __all__ = ["Asked", "Going", "OneParameterRun", "TwoParameterRun", "Wanted", "branch_run", "locus_run"]
@@ -200,7 +201,8 @@ def branch_run(start: object, parameter: str) -> type[OneParameterRun]:
 @singledispatch
 def locus_run(solution: object) -> type[TwoParameterRun]:
     """Return how a locus through a critical solution is followed; each kind of solution registers its own."""
-    raise InputError("start", solution, "a SpecialPoint, or a solution with the type of the locus")
+    checks.instance("start", solution, SpecialPoint)
+    raise AssertionError("a special point has a solution")
 
 
 class OneParameterRun(_Run):
