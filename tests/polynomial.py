@@ -21,7 +21,8 @@ from saltus.continuation.results.algebraic_curve import (
 from saltus.continuation.results.parameters import OneParameter, TwoParameters
 from saltus.continuation.runs.algebraic import AlgebraicRun, algebraic_columns
 from saltus.continuation.runs.algebraic_locus import AlgebraicLocusRun
-from saltus.continuation.runs.run import branch_run, locus_run
+from saltus.continuation.runs.one_parameter import branch_run
+from saltus.continuation.runs.two_parameters import locus_run
 from saltus.solution import Solution
 
 

@@ -13,9 +13,10 @@ from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.runs.equilibrium import EquilibriumRun
 from saltus.continuation.runs.map import CycleRun
+from saltus.continuation.runs.one_parameter import branch_run
 from saltus.continuation.runs.options import asked_types, read_stops, unit_of
 from saltus.continuation.runs.quantity import QuantityRun
-from saltus.continuation.runs.run import Asked, branch_run
+from saltus.continuation.runs.run import Asked
 from saltus.equilibria import Equilibrium
 from saltus.maps import MapOrbit
 from saltus.orbits.orbit import PeriodicOrbit

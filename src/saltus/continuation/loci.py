@@ -15,7 +15,8 @@ from saltus.continuation.runs.equilibrium_locus import EquilibriumLocusRun
 from saltus.continuation.runs.map_locus import CycleLocusRun
 from saltus.continuation.runs.options import read_plane, read_steps, read_stops
 from saltus.continuation.runs.orbit_locus import OrbitLocusRun
-from saltus.continuation.runs.run import Asked, TwoParameterRun, locus_run
+from saltus.continuation.runs.run import Asked
+from saltus.continuation.runs.two_parameters import TwoParameterRun, locus_run
 from saltus.equilibria import Equilibrium
 from saltus.errors import InputError
 from saltus.maps import MapOrbit

@@ -134,6 +134,11 @@ class Equilibrium(Solution):
         -------
         Equilibrium
             As the unknowns are, solved or not: `residual` says how well.
+
+        Raises
+        ------
+        ValueError
+            The unknowns are of another number.
         """
         J = problem.evaluate(u)[1]
         p = problem.parameters_at(u)

@@ -141,6 +141,11 @@ class MapOrbit(Solution):
         -------
         MapOrbit
             As the unknowns are, solved or not: `residual` says how well.
+
+        Raises
+        ------
+        ValueError
+            The unknowns are of another number.
         """
         system, p = problem.system, problem.parameters_at(u)
         return cls(

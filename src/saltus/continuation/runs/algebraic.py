@@ -15,8 +15,9 @@ from saltus.continuation.core.multiple import crossing_point
 from saltus.continuation.core.zero_problem import Event, Point, correct, start_point
 from saltus.continuation.problems.algebraic import AlgebraicZeroProblem, closes
 from saltus.continuation.problems.extents import extents
+from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_value
-from saltus.continuation.runs.run import Asked, Going, OneParameterRun, Wanted
+from saltus.continuation.runs.run import Asked, Going
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, turned
 from saltus.errors import InputError, nearest
 
@@ -162,7 +163,7 @@ class AlgebraicRun(OneParameterRun):
         return self.zero_problem(problem, extents(problem, u) if sizes is None else sizes, self.interest)
 
     def begin(self) -> tuple[AlgebraicZeroProblem, Point]:
-        """See `_Run.begin`."""
+        """See `Run.begin`."""
         self._marks, self._blunt = [], set()
         problem = self.solution.problem(self.name)
         problem.scales[0] = self.scale
@@ -228,11 +229,11 @@ class AlgebraicRun(OneParameterRun):
         return bool(beyond.size > 0 and (before.size == 0 or before[-1] * beyond[0] > 0.0))
 
     def ahead(self, piece: AlgebraicZeroProblem) -> Callable[[Point, Point, float], tuple[list[Point], float]]:
-        """See `_Run.ahead`."""
+        """See `Run.ahead`."""
         return partial(piece.ahead, self.control)
 
     def closes(self, half: OneSide, piece: AlgebraicZeroProblem, last: Point, point: Point) -> bool:
-        """See `_Run.closes`."""
+        """See `Run.closes`."""
         begun, origin = half.start
         starts = self.starts(begun, origin) if piece is begun else []
         met = (closes(origin, last, point, self.control, piece.problem.circles) for origin in starts)
@@ -246,7 +247,7 @@ class AlgebraicRun(OneParameterRun):
         return True
 
     def arrived(self, half: OneSide, piece: AlgebraicZeroProblem, point: Point) -> str | None:
-        """See `_Run.arrived`."""
+        """See `Run.arrived`."""
         end = self.unbounded(point)
         return None if end is None else f"{self.place(point)}: {end}"
 

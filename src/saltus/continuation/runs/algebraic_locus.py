@@ -16,7 +16,7 @@ from saltus.continuation.problems.algebraic_locus import AlgebraicLocusProblem
 from saltus.continuation.problems.critical_points import critical_condition
 from saltus.continuation.problems.extents import extents
 from saltus.continuation.runs.algebraic import algebraic_columns
-from saltus.continuation.runs.run import TwoParameterRun
+from saltus.continuation.runs.two_parameters import TwoParameterRun
 from saltus.continuation.runs.two_sided import Found, OneSide
 
 if TYPE_CHECKING:
@@ -84,14 +84,14 @@ class AlgebraicLocusRun(TwoParameterRun):
         return replace(found, monitors=monitors)
 
     def closes(self, half: OneSide, piece: AlgebraicLocusProblem, last: Point, point: Point) -> bool:
-        """See `_Run.closes`."""
+        """See `Run.closes`."""
         same = closes(half.start[1], last, point, self.control, piece.problem.circles)
         if same is not None:
             half.points.append((piece, same))
         return same is not None
 
     def arrived(self, half: OneSide, piece: AlgebraicLocusProblem, point: Point) -> str | None:
-        """See `_Run.arrived`."""
+        """See `Run.arrived`."""
         end = self.unbounded(point)
         return None if end is None else f"{self.place(point)}: {end}"
 

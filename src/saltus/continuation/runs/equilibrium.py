@@ -10,7 +10,7 @@ from saltus.continuation.problems.boundary import beyond_boundary
 from saltus.continuation.problems.equilibrium import CRITICAL, EquilibriumZeroProblem
 from saltus.continuation.results.equilibrium_branch import EquilibriumBranch
 from saltus.continuation.runs.algebraic import AlgebraicRun, algebraic_columns
-from saltus.continuation.runs.run import branch_run
+from saltus.continuation.runs.one_parameter import branch_run
 from saltus.equilibria import Equilibrium
 from saltus.equilibria.problem import check_autonomous
 

@@ -9,7 +9,7 @@ from saltus.continuation.problems.equilibrium_locus import EquilibriumLocusProbl
 from saltus.continuation.results.equilibrium_locus import EquilibriumLocus
 from saltus.continuation.runs.algebraic_locus import AlgebraicLocusRun
 from saltus.continuation.runs.equilibrium import equilibrium_columns
-from saltus.continuation.runs.run import locus_run
+from saltus.continuation.runs.two_parameters import locus_run
 from saltus.equilibria import Equilibrium
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class EquilibriumLocusRun(AlgebraicLocusRun):
         return self.solution.system.transitions[name.transition].name if name.kind == "BE" else ""
 
     def passed(self, piece: EquilibriumLocusProblem, point: Point) -> str | None:
-        """See `_Run.passed`."""
+        """See `Run.passed`."""
         ended = self.kind == "HB" and point.examined.data.frequency == 0.0
         return f"BT: {self.ends_at['BT']}" if ended else None
 

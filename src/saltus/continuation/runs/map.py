@@ -11,7 +11,7 @@ from saltus.continuation.problems.border import TOGETHER, beyond_border
 from saltus.continuation.problems.map import CYCLE_POINTS, CycleZeroProblem
 from saltus.continuation.results.map_curve import MapBranch
 from saltus.continuation.runs.algebraic import AlgebraicRun, algebraic_columns
-from saltus.continuation.runs.run import branch_run
+from saltus.continuation.runs.one_parameter import branch_run
 from saltus.maps.orbit import MapOrbit
 from saltus.system.angles import wrapped
 

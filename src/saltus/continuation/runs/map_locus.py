@@ -10,7 +10,7 @@ from saltus.continuation.problems.map_locus import CycleLocusProblem
 from saltus.continuation.results.map_locus import MapLocus
 from saltus.continuation.runs.algebraic_locus import AlgebraicLocusRun
 from saltus.continuation.runs.map import cycle_columns
-from saltus.continuation.runs.run import locus_run
+from saltus.continuation.runs.two_parameters import locus_run
 from saltus.maps.orbit import MapOrbit
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class CycleLocusRun(AlgebraicLocusRun):
         return texts[name.transition - len(system.pieces)] if name.kind == "BC" else ""
 
     def passed(self, piece: CycleLocusProblem, point: Point) -> str | None:
-        """See `_Run.passed`."""
+        """See `Run.passed`."""
         cosine = float(point.u[-3]) if self.kind == "TR" else 0.0
         return None if abs(cosine) < 1.0 else f"{'R1' if cosine > 0.0 else 'R2'}: {self.ends_at['R1']}"
 

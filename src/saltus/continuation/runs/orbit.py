@@ -28,8 +28,9 @@ from saltus.continuation.problems.grazing import Neighbour, neighbour
 from saltus.continuation.problems.orbit import OrbitData, OrbitZeroProblem
 from saltus.continuation.problems.twins import type_of
 from saltus.continuation.results.branch import Branch
+from saltus.continuation.runs.one_parameter import OneParameterRun, Wanted
 from saltus.continuation.runs.options import read_events
-from saltus.continuation.runs.run import Going, OneParameterRun, Wanted
+from saltus.continuation.runs.run import Going
 from saltus.continuation.runs.to_homoclinic import end_unbounded
 from saltus.continuation.runs.two_sided import BothSides, Found, OneSide, turned
 from saltus.errors import InputError
@@ -195,7 +196,7 @@ class OrbitRun(OneParameterRun):
         return "the orbit is one of a family: vary a quantity, as 'period'" if family else ""
 
     def stuck(self, half: OneSide, piece: OrbitZeroProblem, last: Point, reason: str) -> str | Going:
-        """See `_Run.stuck`."""
+        """See `Run.stuck`."""
         slowed = grazing_ahead(half.points)
         if slowed is not None and (end := self.event(half, piece, slowed)) is not None:
             return end
@@ -204,7 +205,7 @@ class OrbitRun(OneParameterRun):
         return f"{self.place(last)}: {self._why(piece, half, reason)}"
 
     def closes(self, half: OneSide, piece: OrbitZeroProblem, last: Point, point: Point) -> bool:
-        """See `_Run.closes`."""
+        """See `Run.closes`."""
         begun, origin = half.start
         if piece.problem.signature != begun.problem.signature or (piece is begun and last.arc == 0.0):
             return False
@@ -214,14 +215,14 @@ class OrbitRun(OneParameterRun):
         return met
 
     def keep(self, half: OneSide, piece: OrbitZeroProblem, last: Point, point: Point) -> str | None:
-        """See `_Run.keep`: a branch ends at the equilibrium to which its orbits shrink."""
+        """See `Run.keep`: a branch ends at the equilibrium to which its orbits shrink."""
         end = super().keep(half, piece, last, point)
         if (rest := self.shrinks(piece, last, point)) is not None:
             return self._shrunk(half, *rest)
         return end
 
     def arrived(self, half: OneSide, piece: OrbitZeroProblem, point: Point) -> str | Going | None:
-        """See `_Run.arrived`."""
+        """See `Run.arrived`."""
         if (grown := grows_for_ever(half.points)) is not None:
             return self._unbounded(half, grown)
         if (swollen := swells_for_ever(half.points)) is not None:

@@ -18,7 +18,7 @@ from saltus.continuation.problems.orbit_locus import LocusZeroProblem
 from saltus.continuation.results.locus import Locus
 from saltus.continuation.runs.field_roots import rooted_modes
 from saltus.continuation.runs.orbit import orbit_columns
-from saltus.continuation.runs.run import TwoParameterRun, locus_run
+from saltus.continuation.runs.two_parameters import TwoParameterRun, locus_run
 from saltus.continuation.runs.two_sided import Found, OneSide
 from saltus.errors import InputError
 from saltus.orbits.orbit import PeriodicOrbit, orbit_at
@@ -99,7 +99,7 @@ class OrbitLocusRun(TwoParameterRun):
         return float(np.max(np.abs(u - z) / np.maximum(self.branch.scale(), least)))
 
     def ready(self, piece: LocusZeroProblem, origin: Point) -> Point:
-        """See `_Run.ready`: the meshes are made for the located point, not for the guess of it."""
+        """See `Run.ready`: the meshes are made for the located point, not for the guess of it."""
         start = replace(origin, u=origin.u.copy(), tangent=origin.tangent.copy())
         piece.problem.start(piece.orbit(start.u))
         piece.evaluate(start.u)
@@ -107,12 +107,12 @@ class OrbitLocusRun(TwoParameterRun):
         return start
 
     def passed(self, piece: LocusZeroProblem, point: Point) -> str | None:
-        """See `_Run.passed`."""
+        """See `Run.passed`."""
         unfolded = self.kind == "BP" and abs(float(point.u[piece.problem.size])) > _UNFOLDED
         return "the branch point does not persist: the parameters unfold it" if unfolded else None
 
     def closes(self, half: OneSide, piece: LocusZeroProblem, last: Point, point: Point) -> bool:
-        """See `_Run.closes`; special points of the last step beyond the start are dropped."""
+        """See `Run.closes`; special points of the last step beyond the start are dropped."""
         met = last.arc > 0.0 and passes(piece, piece.problem, half.start[1], last, point, self.control)
         if not met:
             return False

@@ -14,9 +14,10 @@ from saltus.continuation.core.zero_problem import Point, start_point
 from saltus.continuation.problems.ends.shrinking import at_rest, centre_ahead
 from saltus.continuation.problems.orbit import OrbitZeroProblem
 from saltus.continuation.problems.quantity import QuantityZeroProblem
+from saltus.continuation.runs.one_parameter import branch_run
 from saltus.continuation.runs.options import read_range, read_varied
 from saltus.continuation.runs.orbit import OrbitRun
-from saltus.continuation.runs.run import Asked, branch_run
+from saltus.continuation.runs.run import Asked
 from saltus.continuation.runs.two_sided import OneSide
 from saltus.errors import InputError
 from saltus.orbits.fixing import Wish, unfolded_at
