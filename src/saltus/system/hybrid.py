@@ -6,10 +6,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 from saltus.system import compiled
-from saltus.system.definition import Definition
-from saltus.system.generated import source_file
+from saltus.system.compiled_definition import CompiledDefinition
 from saltus.system.parts import Mode, Transition, mapping_of
-from saltus.system.periodicity import check_angles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -18,19 +16,16 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from saltus.system.compiled import (
-        Compiled,
         CompiledGradients,
         CompiledLinear,
-        CompiledSecond,
         CompiledSeries,
-        CompiledThird,
         Formulas,
     )
 
 __all__ = ["HybridSystem", "Mode", "Transition"]
 
 
-class HybridSystem(Definition):
+class HybridSystem(CompiledDefinition):
     """A piecewise-smooth dynamical system, defined once and symbolically.
 
     Parameters
@@ -153,38 +148,9 @@ class HybridSystem(Definition):
         )  # fmt: skip
 
     def _prepare(self) -> None:
-        check_angles(self)
-        source_file(compiled.FLOW, self)
-        self._second: dict[tuple[int, ...], CompiledSecond] = {}
+        super()._prepare()
         self._series: dict[int, CompiledSeries | None] = {}
         self._gradients: dict[tuple[tuple[str, ...], Formulas], CompiledGradients] = {}
-
-    @cached_property
-    def compiled(self) -> Compiled:
-        """The compiled functions of this system (floor 2 and above call them by address)."""
-        return compiled.load(self)
-
-    def second(self, active: tuple[int, ...]) -> CompiledSecond:
-        """Return the compiled second derivatives in the state and in some parameters.
-
-        Parameters
-        ----------
-        active : tuple of int
-            Indices of the parameters, growing.
-
-        Returns
-        -------
-        CompiledSecond
-            Made once for each `active`.
-
-        Raises
-        ------
-        DefinitionError
-            SymPy cannot differentiate an expression twice.
-        """
-        if active not in self._second:
-            self._second[active] = compiled.load_second(self, active)
-        return self._second[active]
 
     def gradients(self, expressions: tuple[str, ...], formulas: Formulas = ()) -> CompiledGradients:
         """Return compiled expressions with their gradients in states and parameters.
@@ -209,11 +175,6 @@ class HybridSystem(Definition):
         if (expressions, formulas) not in self._gradients:
             self._gradients[expressions, formulas] = compiled.load_gradients(self, expressions, formulas)
         return self._gradients[expressions, formulas]
-
-    @cached_property
-    def third(self) -> CompiledThird:
-        """The compiled third derivatives of the fields in the state."""
-        return compiled.load_third(self)
 
     def series(self, order: int) -> CompiledSeries | None:
         """Return the compiled Taylor series of motions.

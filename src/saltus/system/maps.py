@@ -11,19 +11,16 @@ import numpy as np
 
 from saltus import checks
 from saltus.errors import DefinitionError
-from saltus.system import compiled
+from saltus.system.compiled_definition import CompiledDefinition
 from saltus.system.definition import Definition
 from saltus.system.expressions import text_of
-from saltus.system.generated import source_file
 from saltus.system.hybrid import HybridSystem
 from saltus.system.parts import Mode, clean_mode, listed, mapping_of, sequence_of
-from saltus.system.periodicity import check_angles
 from saltus.system.tiling import check_tiling, piece_at, pieces_error
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from saltus.system.compiled import Compiled, CompiledSecond, CompiledThird
 
 __all__ = ["SMOOTH", "Map", "Piece", "checked_system", "flowing"]
 
@@ -57,7 +54,7 @@ class Piece:
         return f"Piece({equations}{_where_text(conditions, '; where ')})"
 
 
-class Map(Definition):
+class Map(CompiledDefinition):
     """A map of the states to their next values, smooth or piecewise smooth, defined once and symbolically.
 
     Exactly one of `image` and `pieces` is given. The pieces cover the space of the states, and do not overlap. This is
@@ -155,9 +152,7 @@ class Map(Definition):
         return {key: Mode(piece.image) for key, piece in self.pieces.items()}
 
     def _prepare(self) -> None:
-        check_angles(self)
-        source_file(compiled.FLOW, self)
-        self._second: dict[tuple[int, ...], CompiledSecond] = {}
+        super()._prepare()
         if self.is_piecewise:
             check_tiling(self)
 
@@ -191,38 +186,6 @@ class Map(Definition):
             f"condition{k}": Mode({first: text, **dict.fromkeys(others, "0")}) for k, text in enumerate(texts)
         }  # fmt: skip
         return HybridSystem(self.states, self.parameters, modes, name=f"borders of {self.name or 'a map'}")
-
-    @cached_property
-    def third(self) -> CompiledThird:
-        """The compiled third derivatives of the images in the state."""
-        return compiled.load_third(self)
-
-    @cached_property
-    def compiled(self) -> Compiled:
-        """The compiled functions of this map: ``field`` is the image of a piece, ``vary`` its derivative."""
-        return compiled.load(self)
-
-    def second(self, active: tuple[int, ...]) -> CompiledSecond:
-        """Return the compiled second derivatives in the state and in some parameters.
-
-        Parameters
-        ----------
-        active : tuple of int
-            Indices of the parameters, growing.
-
-        Returns
-        -------
-        CompiledSecond
-            Made once for each `active`.
-
-        Raises
-        ------
-        DefinitionError
-            SymPy cannot differentiate an expression twice.
-        """
-        if active not in self._second:
-            self._second[active] = compiled.load_second(self, active)
-        return self._second[active]
 
     def piece_index(self, x: NDArray[np.float64], p: NDArray[np.float64]) -> int:
         """Return the index of the piece that holds at a state.

@@ -1,0 +1,57 @@
+"""A definition with the functions that are compiled from it, whatever its kind."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from saltus.system import compiled
+from saltus.system.definition import Definition
+from saltus.system.generated import source_file
+from saltus.system.periodicity import check_angles
+
+if TYPE_CHECKING:
+    from saltus.system.compiled import Compiled, CompiledSecond, CompiledThird
+
+__all__ = ["CompiledDefinition"]
+
+
+class CompiledDefinition(Definition):
+    """A definition of a hybrid system or a map with its compiled functions."""
+
+    def _prepare(self) -> None:
+        check_angles(self)
+        source_file(compiled.FLOW, self)
+        self._second: dict[tuple[int, ...], CompiledSecond] = {}
+
+    @cached_property
+    def compiled(self) -> Compiled:
+        """The compiled functions; of a map ``field`` is the image of a piece, and ``vary`` its derivative."""
+        return compiled.load(self)
+
+    @cached_property
+    def third(self) -> CompiledThird:
+        """The compiled third derivatives of fields or images in the state."""
+        return compiled.load_third(self)
+
+    def second(self, active: tuple[int, ...]) -> CompiledSecond:
+        """Return the compiled second derivatives in the state and in some parameters.
+
+        Parameters
+        ----------
+        active : tuple of int
+            Indices of the parameters, growing.
+
+        Returns
+        -------
+        CompiledSecond
+            Made once for each `active`.
+
+        Raises
+        ------
+        DefinitionError
+            SymPy cannot differentiate an expression twice.
+        """
+        if active not in self._second:
+            self._second[active] = compiled.load_second(self, active)
+        return self._second[active]
